@@ -1,5 +1,7 @@
 """How many trials a second fly: in lanes and on the bench, beside a SciPy loop of the same run."""
 
+import shutil
+import subprocess
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -59,6 +61,8 @@ controllers:
 _ROUNDS = 3
 _ON_BENCH = 16  # trials on each number of processes
 _COUNTED = 50_000_000  # numbers
+_C = Path(__file__).with_name("csa_flights.c")
+_FLAGS = "-O3 -march=native -mprefer-vector-width=512 -ffast-math -fopenmp-simd"
 
 
 def figures() -> dict[str, float]:
@@ -75,6 +79,9 @@ def figures() -> dict[str, float]:
     studies_scipy: the floor, the closed loop by solve_ivp, DOP853 with its default tolerances, tick
         by tick, in one process.
     studies_lanes_over_scipy: on two processes, over two of these.
+    studies_c, studies_lane_kernel_over_c: where gcc is there, csa_flights.c on one core, the same
+        equations in a loop that it makes vectors of, without sensors and all but two metrics, by
+        a scheme of order 4; and studies_lane_kernel over it.
     """
     with TemporaryDirectory() as folder:
         lanes = prepare(parse_study(_STUDY % "true", "benchmark", Path(folder)))
@@ -103,7 +110,25 @@ def figures() -> dict[str, float]:
     found["studies_machine_speed_up"] = _counting(2) / _counting(1)
     found["studies_scipy"] = _scipy(bench)
     found["studies_lanes_over_scipy"] = found["studies_lanes_2"] / (2.0 * found["studies_scipy"])
+    in_c = _in_c()
+    if in_c is not None:
+        found["studies_c"] = in_c
+        found["studies_lane_kernel_over_c"] = found["studies_lane_kernel"] / in_c
     return found
+
+
+def _in_c() -> float | None:
+    """Return the rate of the same flights in C; None: there is no gcc that makes them."""
+    gcc = shutil.which("gcc")
+    if gcc is None:
+        return None
+    with TemporaryDirectory() as folder:
+        made = Path(folder) / "flights"
+        command = [gcc, *_FLAGS.split(), str(_C), "-o", str(made), "-lmvec", "-lm"]
+        if subprocess.run(command, capture_output=True, check=False).returncode:
+            return None  # another processor or C library
+        flown = subprocess.run([made], capture_output=True, check=True, text=True)
+        return float(flown.stdout.split()[0])
 
 
 def _kernel(ready: Preparation) -> float:

@@ -55,3 +55,24 @@ def test_from_rest_wheels_store_what_the_craft_turns_with(seed: int) -> None:
     changes = (np.diff(np.sign(speeds[time >= 1.0]), axis=0) != 0.0).sum(axis=0)
     assert list(found["wheel_zero_crossings"].values()) == changes.tolist()
     assert changes.any()
+
+
+def test_a_wheel_at_rest_has_no_sign() -> None:
+    """What rounding leaves of a speed is none that crosses zero."""
+    wheel = {"w": {"axis": [1.0, 0.0, 0.0], "inertia": 0.03, "limit": 0.5}}
+    craft = read_testbed({"kind": "spacecraft", "wheels": wheel, "actuators": {}}, "here")
+    model = craft.model()
+    for size, crossings in ((1e-12, 0), (1e-6, 6)):
+        v = np.zeros((8, model.coordinates))
+        v[:, -1 - model.modes] = [10.0, *(size * (-1.0) ** np.arange(7))]
+        time, none = np.arange(8.0), np.zeros((8, 1))
+        aim = FlownManoeuvre(0.0, 1.0, None, np.zeros(1))
+        metric = Momentum(RunSetup(model.joint_names, aim, np.ones(1), craft))
+        q = np.tile(model.rest({}), (8, 1))
+        metric.add(
+            Block(np.arange(8), time, np.ones(8), q, v, none, none[:, :0], None,
+                  time >= 0.0, time >= 1.0)
+        )  # fmt: skip
+        found = metric.result(Ending([], [], True))
+        assert found["peak_wheel_speed"] == {"w": pytest.approx(10.0)}
+        assert found["wheel_zero_crossings"] == {"w": crossings}

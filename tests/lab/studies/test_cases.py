@@ -1,14 +1,16 @@
 """The trial of a sample is the one that its whole text describes."""
 
 from collections.abc import Callable
+from typing import Any
 
+import numpy as np
 import pytest
 
 from flexslew_lab.studies.cases import case_of, case_trial, changes_of, sample_table
 from flexslew_lab.studies.run import Preparation
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.overrides import overridden
-from flexslew_lab.trial.trial import trial_of_values
+from flexslew_lab.trial.trial import plan_of_trial, trial_of_values
 from flexslew_plant.errors import BadInput
 
 
@@ -31,3 +33,40 @@ def test_a_sample_that_is_not_allowed_is_refused_by_its_key(
     case = case_of(study, sample_table(study), 0)
     with pytest.raises(BadInput, match=r"testbed\.parameters\.length"):
         case_trial(study, case)
+
+
+@pytest.mark.parametrize("model", [None, {"modes": 2}, {}])
+def test_the_plan_of_a_spacecraft_in_a_study_is_that_of_its_trial(
+    study_of: Callable[..., Study], model: dict[str, Any] | None
+) -> None:
+    """A model that is left out counts with one frequency, {} with all; a study changes neither."""
+    beam = {"kind": "beam", "length": 6.0, "linear_density": 0.4, "bending_stiffness": 300.0}
+    plan = {
+        "method": "optimized_feedforward",
+        "goal": {"roll": 0.3},
+        "duration": 20.0,
+        "iterations": "paper",
+    }
+    wheel = {"axis": [1.0, 0.0, 0.0], "inertia": 0.05, "limit": 20.0}
+    trial = {
+        "duration": 25.0,
+        "period": 0.05,
+        "testbed": {
+            "kind": "spacecraft",
+            "appendages": {
+                "boom": {"hinge": {"place": [0.0, 0.5, 0.0]}, "shape": {**beam, "modes": 3}}
+            },
+            "actuators": {},
+            "wheels": {"roll": wheel},
+        },
+        "plan": plan | ({} if model is None else {"model": model}),
+        "controllers": {"pd_feedforward": {"kp": [30.0], "kd": [60.0]}},
+    }
+    study = study_of(
+        flown=trial, vary={"controllers.pd_feedforward.kd": {"relative": {"uniform": [-0.1, 0.1]}}}
+    )
+    own = plan_of_trial(trial_of_values(study.base, "test", study.trust))
+    flown = plan_of_trial(case_trial(study, case_of(study, sample_table(study), 0)))
+    assert own is not None
+    assert flown is not None
+    np.testing.assert_array_equal(flown.effort, own.effort)

@@ -5,11 +5,12 @@ import pytest
 from flexslew_lab.studies.flight import Flown, failed
 from flexslew_lab.studies.run import Preparation
 from flexslew_lab.studies.store import Store
+from flexslew_lab.studies.ways import Way
 from flexslew_plant.errors import BadInput, RunFault
 
 
 def result(number: int, value: float) -> Flown:
-    return Flown(number, {"peak_tip_deflection": value}, "ab" * 32, "ok", "", "bench")
+    return Flown(number, {"peak_tip_deflection": value}, "ab" * 32, "ok", "", Way.BENCH)
 
 
 @pytest.fixture

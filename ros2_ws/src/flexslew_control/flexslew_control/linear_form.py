@@ -2,9 +2,9 @@
 
 u(k) = f(k) + kp (q_d - q) + kd (q_d' - q') + K z(k) + H y(k) + s(k),
 s' = g(k) + ki (q_d - q) + G z(k) + (sat(u) - u) / T_t,
-with y the measured joints, their rates and the first tip, f and g from the reference alone, and
-z the state of an observer: see LinearObserver, KalmanForm and GainedFilter, whose z is its state
-and then its innovation, too.
+with y the measured joints, their rates and the first of the tips, f and g from the reference alone,
+and z the state of an observer: see LinearObserver, KalmanForm and GainedFilter, whose z is its
+state and then its innovation, too.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,10 @@ from flexslew_plant.testbeds.model import Model
 
 
 class LinearObserver(NamedTuple):
-    """z(k) = A z(k - 1) + B u(k - 1) + E y(k - 1) + c, from z(0) = S y(0)."""
+    """z(k) = A z(k - 1) + B u(k - 1) + E y(k - 1) + c, from z(0) = S y(0).
+
+    A, B, E and c may have an axis for ticks in front: those of k - 1 count.
+    """
 
     start: Matrix  # S, (k, l)
     state: Matrix  # A, (k, k)
@@ -37,7 +40,7 @@ class KalmanForm(NamedTuple):
 
 
 class LawForm(NamedTuple):
-    """The matrices of the equations above."""
+    """The matrices of the equations above; K, H and G may have an axis for ticks in front."""
 
     kp: Vector  # (m,)
     ki: Vector  # (m,)
@@ -89,10 +92,39 @@ def collocated_form(
         0.0 * demand,
         **integration._asdict(),
     )
-    nothing = LinearObserver(
-        np.zeros((0, 2 * m)), none[:0], none.T, np.zeros((0, 2 * m)), np.zeros(0)
-    )
-    return LinearForm(form, nothing)
+    return LinearForm(form, no_observer(2 * m, m))
+
+
+def observed_form(
+    from_state: Matrix,
+    from_output: Matrix,
+    demand: Matrix,
+    observer: LinearObserver,
+    gains: tuple[Vector, Vector] | None = None,
+) -> LinearForm:
+    """Return a law on an observer's state and on what is read, without an integral of its own.
+
+    Args:
+        from_state: K.
+        from_output: H.
+        demand: f, shape (ticks, m).
+        observer: whose state z is.
+        gains: kp and kd, (m,) each; None: zero.
+    """
+    m = demand.shape[1]
+    kp, kd = gains or (np.zeros(m), np.zeros(m))
+    none = np.zeros((m, from_state.shape[-1]))
+    law = LawForm(
+        kp, np.zeros(m), kd, from_state, from_output, none, demand, 0.0 * demand,
+        **no_integral(m)._asdict(),
+    )  # fmt: skip
+    return LinearForm(law, observer)
+
+
+def no_observer(outputs: int, m: int) -> LinearObserver:
+    """Return what knows nothing, for so many outputs and efforts."""
+    none = np.zeros((0, outputs))
+    return LinearObserver(none, np.zeros((0, 0)), np.zeros((0, m)), none, np.zeros(0))
 
 
 class OnDeviation(NamedTuple):

@@ -22,6 +22,7 @@ from flexslew_lab.studies.findings.summary import passed, summary
 from flexslew_lab.studies.flight import Flown, failed
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Criterion, Study
+from flexslew_lab.studies.ways import Way
 from flexslew_plant.arrays import Vector
 
 NAME = "residual_tip_deflection"
@@ -96,7 +97,7 @@ def stored(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., Any]
 
 
 def result(number: int, value: float | None) -> Flown:
-    return Flown(number, {NAME: value}, None, "ok", "", "bench")
+    return Flown(number, {NAME: value}, None, "ok", "", Way.BENCH)
 
 
 @pytest.mark.parametrize("loss", LOSSES)

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.flight import flown
+from flexslew_lab.studies.execution.worker import Job
+from flexslew_lab.studies.flight import Flown, flown
 from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.lanes.lane_trial import LaneIntake
+from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine, turned
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
@@ -101,25 +103,34 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
 
 
 @pytest.mark.parametrize(
-    "trial",
+    ("way", "trial"),
     [
-        {"controllers": {"output_feedback": {}}, "active": "output_feedback"},  # tracking (a)
-        {"sensors": {"joint_position": {"quantisation": 1e-5}}},
-        {"actuator": {"lag": 0.1}},
-        {"plan": None},
-        {
-            "controllers": {"pd_feedforward": {}, "collocated_pid": {}},
-            "schedule": [{"at": 1.0, "switch": "collocated_pid"}],
-        },
+        (
+            Way.SETTINGS,  # tracking (a)
+            {"controllers": {"output_feedback": {}}, "active": "output_feedback"},
+        ),
+        (Way.QUANTISED, {"sensors": {"joint_position": {"quantisation": 1e-5}}}),
+        (Way.MOTORS, {"actuator": {"lag": 0.1}}),
+        (Way.NO_PLAN, {"plan": None}),
+        (
+            Way.SCHEDULE,
+            {
+                "controllers": {"pd_feedforward": {}, "collocated_pid": {}},
+                "schedule": [{"at": 1.0, "switch": "collocated_pid"}],
+            },
+        ),
     ],
 )
-def test_what_lanes_do_not_know_is_left_to_the_bench(
-    prepared: Callable[..., Preparation], trial: dict[str, Any]
+def test_what_lanes_do_not_know_is_left_to_the_bench_which_says_why(
+    prepared: Callable[..., Preparation], way: Way, trial: dict[str, Any]
 ) -> None:
     ready = prepared(vary={"testbed.damping_ratio": {"uniform": [0.0, 0.1]}}, **trial)
     cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
     found = list(Lanes(ready.study, ready.plans).fly(cases))
-    assert [others for _, others in found] == [cases]
+    assert found == [([], [(case, way) for case in cases])]
+    results: list[Flown] = []
+    Job(ready.study, ready.plans).flyer().fly(cases[:1], results.extend)
+    assert [result.way for result in results] == [way]
 
 
 def test_a_step_to_the_goal_is_one_plan_for_all_benches(
@@ -132,7 +143,7 @@ def test_a_step_to_the_goal_is_one_plan_for_all_benches(
     require_equal(ready, [0, 1, 2])
     intake = LaneIntake(ready.study)
     trials = [intake.lane_trial(case_of(ready.study, ready.samples, k)) for k in range(3)]
-    assert len({trial.alike for trial in trials if trial}) == 1
+    assert len({trial.law for trial in trials if isinstance(trial, LaneTrial)}) == 1
 
 
 def test_a_result_does_not_depend_on_its_neighbours(prepared: Callable[..., Preparation]) -> None:
@@ -283,6 +294,60 @@ def test_a_filter_by_matrices_flies_in_lanes_as_on_the_bench(
     vary = {"testbed.damping_ratio": {"uniform": [0.0, 0.1]}}
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     require_equal(ready, [0, 3])
+
+
+RETARGETING: dict[str, tuple[dict[str, Any], str]] = {
+    "planned_gains": ({"tracking_time": 5.0}, "tracking_time"),
+    "disturbance_accommodating": ({"weights": {"state": 10.0}}, "weights.state"),
+    "modal_space": ({"weight": 0.01}, "weight"),
+}
+
+
+@pytest.mark.parametrize("law", RETARGETING)
+def test_laws_of_small_motions_fly_in_lanes_each_with_its_own_gains(
+    study_of: Callable[..., Study], law: str
+) -> None:
+    """At a limit that the load drives them to: the integrals stop there alike."""
+    own, key = RETARGETING[law]
+    trial = {
+        "duration": 1.5,
+        "period": 0.005,
+        "testbed": {"kind": "varying_oscillator", "effort_limit": [1.5]},
+        "plan": {"method": "retargeting", "duration": 1.5, "gains": "perturbation"},
+        "controllers": {law: own},
+        "active": law,
+        "sensors": {"joint_velocity": {"noise": 1e-3}},
+    }
+    vary = {f"controllers.{law}.{key}": {"relative": {"uniform": [-0.3, 0.3]}}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    require_equal(ready, [0, 1, 3])
+    case = case_of(ready.study, ready.samples, 0)
+    assert (flown(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
+
+
+@pytest.mark.parametrize("mode", ["tracking_a", "tracking_b"])
+def test_the_law_of_one_appendage_flies_in_lanes(study_of: Callable[..., Study], mode: str) -> None:
+    testbed: dict[str, Any] = deepcopy(CRAFT)
+    del testbed["wheels"]
+    axes = {"roll": [1.0, 0.0, 0.0], "pitch": [0.0, 1.0, 0.0], "yaw": [0.0, 0.0, 1.0]}
+    testbed["actuators"] = {
+        start + name: {"kind": "torque", "direction": axis, "limit": limit, **where}
+        for start, limit, where in (("", 50.0, {}), ("tip_", 5.0, {"appendage": "boom"}))
+        for name, axis in axes.items()
+    }
+    del testbed["actuators"]["tip_yaw"]  # the boom does not twist
+    law = {"mode": mode, "reaching_rate": 8.0, "appendage": {"name": "boom", "platform_gain": 20.0}}
+    trial = {
+        "duration": 3.0,
+        "testbed": testbed,
+        "plan": {"method": "reference_only", "goal": {"roll": 0.2}, "duration": 2.0},
+        "controllers": {"output_feedback": law},
+        "active": "output_feedback",
+        "sensors": {"tip_deflection": {"noise": 1e-4}},
+    }
+    rate = {"controllers.output_feedback.reaching_rate": {"uniform": [5.0, 10.0]}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=rate))
+    require_equal(ready, [0, 1, 3])
 
 
 def test_testbeds_of_one_size_share_one_kernel_and_kinds_do_not() -> None:

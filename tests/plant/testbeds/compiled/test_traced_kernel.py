@@ -41,13 +41,13 @@ def require_steps_of_the_model(model: Model, kernel: LaneKernel) -> None:
     x, u = np.array(states).T, np.array(efforts).T
     w = kernel.place(np.repeat(model.packed[:, None], LANES, axis=1))
     w[: x.size], w[x.size : x.size + u.size] = x.ravel(), u.ravel()
-    kernel.read(w)
+    kernel.read(LANES, w)
     joints = [
         w[at : at + model.joints * LANES].reshape(-1, LANES)
         for at in (kernel.rows.position, kernel.rows.rate)
     ]
     joints = [part.copy() for part in joints]
-    kernel.advance(0.3, 0.01, 1, w)
+    kernel.advance(0.3, 0.01, 1, LANES, w)
     for k in range(0, LANES, 7):
         expected = model.advance(x[:, k].copy(), u[:, k].copy(), 0.01, t=0.3)
         found = w[: x.size].reshape(x.shape)[:, k]

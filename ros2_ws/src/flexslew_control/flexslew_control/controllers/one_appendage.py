@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.controllers.design_model import Mask, held_step, inverse
-from flexslew_control.controllers.sliding_surface import LinearSystem
+from flexslew_control.controllers.sliding_surface import LinearSystem, SlidingDesign
 from flexslew_control.law import Estimate, Reference
+from flexslew_control.linear_form import LinearForm, LinearObserver, observed_form
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
 
@@ -112,6 +113,16 @@ class OneAppendage:
         force = (c.centrifugal @ spin) @ spin - c.tangential @ acceleration
         return np.concatenate((np.zeros(force.size), force / c.mass))
 
+    def linear_observer(self, outputs: int, references: list[Reference]) -> LinearObserver:
+        """Return `advanced` as matrices, for so many outputs of the bench, tick by tick."""
+        k, m, first = len(self.system.a), len(self.joints), 2 * self.count
+        effort, before = np.zeros((k, self.count)), np.zeros((k, outputs))
+        effort[:, self.joints] = self._step[:, k : k + m]
+        before[:, [first + row for row in self.rows]] = self._step[:, k + m + k :]
+        known = np.array([self.disturbance(reference) for reference in references])
+        held = known @ self._step[:, k + m : k + m + k].T
+        return LinearObserver(np.zeros((k, outputs)), self._step[:, :k], effort, before, held)
+
     def advanced(
         self, z: Vector, y: Vector, effort: Vector, gain: Matrix, reference: Reference | None
     ) -> Vector:
@@ -179,3 +190,33 @@ class OneAppendage:
         """Return the modes and their rates."""
         n = len(self.system.a) // 2
         return np.concatenate((estimate.position[-n:], estimate.velocity[-n:]))
+
+
+def appendage_form(
+    found: SlidingDesign, observed: OneAppendage, kappa: float, references: list[Reference]
+) -> LinearForm:
+    """Return the sliding law of one appendage as matrices; see LawEntry.
+
+    Args:
+        found: G, K_f and nu.
+        observed: what is controlled.
+        kappa: on the joints' rows [1/s].
+        references: tick by tick.
+    """
+    system, surface, count = observed.system, found.surface, observed.count
+    g_b = observed.effectiveness(np.zeros(len(system.a)), surface)
+    reaching = g_b @ (surface * (found.reaching_rate + kappa * observed.joint_rows))
+    innovation = g_b @ surface @ found.observer_gain
+    place = np.eye(count)[:, observed.joints]
+    pairs = [observed.nominal_state(reference) for reference in references]
+    nominal, slope = (np.array(column) for column in zip(*pairs, strict=True))
+    known = np.array([observed.disturbance(reference) for reference in references])
+    own = np.isin(np.arange(count), observed.joints)
+    planned = np.array([np.where(own, 0.0, reference.effort) for reference in references])
+    demand = planned + ((slope - known) @ (g_b @ surface).T + nominal @ reaching.T) @ place.T
+    of_state = innovation @ system.c - g_b @ surface @ system.a - reaching
+    of_output = np.zeros((count, 2 * count + 1 + max(observed.rows)))
+    of_output[:, [2 * count + row for row in observed.rows]] = place @ -innovation
+    observer = observed.linear_observer(of_output.shape[1], references)
+    gains = np.where(own, 0.0, observed.stiffness), np.where(own, 0.0, observed.damping)
+    return observed_form(place @ of_state, of_output, demand, observer, gains)

@@ -10,6 +10,7 @@ from flexslew_control.controllers.design_model import (
     ObservedModel,
     held_step,
 )
+from flexslew_control.controllers.one_appendage import OneAppendage, appendage_form
 from flexslew_control.controllers.sliding_surface import SlidingDesign
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman import KalmanFilter
@@ -157,8 +158,13 @@ _NOTHING = np.zeros(())
 def sliding_form(
     estimator: Estimator, law: SlidingLaw, references: list[Reference]
 ) -> LinearForm | None:
-    """Return output feedback with the linear model, tracking (b): (51) with D = 0."""
+    """Return output feedback with the linear model, tracking (b): (51) with D = 0.
+
+    Of one appendage in every mode: its D is known from the plan alone.
+    """
     observed = law.observed
+    if isinstance(observed, OneAppendage) and isinstance(estimator, SampledObserver):
+        return appendage_form(law.found, observed, law.attitude_gain, references)
     if not isinstance(observed, JointsAndModes) or not observed.linear:
         return None
     system, surface, m = observed.system, law.found.surface, observed.model.joints

@@ -152,6 +152,12 @@ def planner_of(settings: PlanSettings) -> PlannerEntry:
     return PLANNERS.get(settings.method, own)
 
 
+def planned_about_one_axis(settings: PlanSettings, plant: PlantDescription) -> bool:
+    """Return whether a section is planned about one axis; see Slewing.about_one_axis."""
+    make = planner_of(settings).make
+    return isinstance(make, Slewing) and make.about_one_axis(settings, plant)
+
+
 def other_method(settings: PlanSettings, method: str, source: str, **more: Any) -> PlanSettings:
     """Return the `plan` section of another method for the same manoeuvre.
 

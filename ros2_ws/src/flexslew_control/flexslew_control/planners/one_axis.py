@@ -119,12 +119,9 @@ def reduced(
             f"plan: goal: {', '.join(moving) or 'nothing'} moves; a spacecraft is planned about "
             "one axis at a time: give one joint, or an attitude where joints turn it in three axes"
         )
-    given = getattr(settings, "model", None)
-    changes = None if given is None else with_model_file(given, "plan: model")
-    count = (changes or {}).get("modes", 1 if changes is None else None)
+    count, kept = counted(getattr(settings, "model", None), "plan: model")
     if count is not None and (not isinstance(count, int) or count < 0):
         raise BadInput(f"plan: model: modes: {count!r} is not allowed: a number, or relevant")
-    kept = {key: value for key, value in (changes or {}).items() if key != "modes"}
     whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
     if isinstance(whole, Wheeled):
         whole = whole.wheeled()
@@ -133,6 +130,22 @@ def reduced(
         ends = tuple(np.array([at[name] for name in names]) for at in (first, first | goal))
         return eigenaxis(settings, plant, feedback, (ends[0], ends[1]), whole, count, share)
     return _about_joint(settings, plant, feedback, moving[0], whole, count)
+
+
+def counted(given: Any, place: str) -> tuple[Any, dict[str, Any]]:
+    """Return how many frequencies a `model` section counts with, None: all; and its other keys.
+
+    Args:
+        given: the section; None: it is left out, and one frequency counts.
+        place: names it in an error.
+
+    Raises:
+        BadInput: the file that it names cannot be used.
+    """
+    if given is None:
+        return 1, {}
+    changes = dict(with_model_file(given, place))
+    return changes.pop("modes", None), changes
 
 
 def _about_joint(

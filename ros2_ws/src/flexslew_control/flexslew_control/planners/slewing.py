@@ -93,11 +93,9 @@ class Slewing:
             PlanFailed: no such slew; the message carries the numbers.
             BadInput: the testbed is not moved by one effort per joint, or lacks what is named.
         """
-        if self.whole is not None and self.whole(settings) and in_three_axes(plant):
+        if self._of_whole(settings, plant):
             return self._as_whole(settings, plant, feedback, progress, law)
-        # a plan of one's own that is there already has no goal, and is of all joints
-        planned = getattr(settings, "goal", {}) is not None
-        if self.one_axis and planned and turns(plant):
+        if self.about_one_axis(settings, plant):
             return self._turned(settings, plant, feedback, progress, law)
         slew = slew_of(settings, plant, feedback, self.late_motors)
         limit = plant.effort_limit
@@ -171,6 +169,16 @@ class Slewing:
             if other is not None and other.tip_deflection < 0.5 * found.tip_deflection:
                 remedy = f"; track: planned leaves {other.tip_deflection:.3g} m"
         return told_by_law(plan, plant, found, law, remedy)
+
+    def about_one_axis(self, settings: Any, plant: PlantDescription) -> bool:
+        """Return whether a section is planned about one axis: one_axis.counted reads its model."""
+        # a plan of one's own that is there already has no goal, and is of all joints
+        planned = getattr(settings, "goal", {}) is not None
+        alone = self.one_axis and planned and turns(plant)
+        return alone and not self._of_whole(settings, plant)
+
+    def _of_whole(self, settings: Any, plant: PlantDescription) -> bool:
+        return self.whole is not None and self.whole(settings) and in_three_axes(plant)
 
     def _as_whole(
         self,

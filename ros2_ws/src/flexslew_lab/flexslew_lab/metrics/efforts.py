@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, by_joint
+from flexslew_plant.arrays import Vector
 
 
 class Efforts:
@@ -44,14 +45,23 @@ class Efforts:
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values."""
-        first, last = self.times or (0.0, 0.0)
-        mean = self.square_sum / (last - first) if last > first else self.square_sum
         return {
             "peak_effort": by_joint(self._setup, self.peak),
-            "rms_effort": by_joint(self._setup, np.sqrt(mean)),
+            "rms_effort": by_joint(self._setup, root_mean_square(self.square_sum, self.times)),
             "control_effort": self.integral,
             "saturated_time": self.saturated,
         }
+
+
+def root_mean_square(square_sum: Vector, times: tuple[float, float] | None) -> Vector:
+    """Return that of the efforts of one or more runs, (..., joints).
+
+    Args:
+        square_sum: of them over the time, (..., joints).
+        times: first and last [s]; None: there was no tick.
+    """
+    first, last = times or (0.0, 0.0)
+    return np.sqrt(square_sum / (last - first) if last > first else square_sum)
 
 
 EFFORTS = MetricEntry(Efforts)

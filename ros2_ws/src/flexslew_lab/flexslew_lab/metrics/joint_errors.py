@@ -5,8 +5,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, by_joint
+from flexslew_lab.metrics.metric import (
+    Block,
+    Ending,
+    FlownManoeuvre,
+    Key,
+    MetricEntry,
+    RunSetup,
+    by_joint,
+)
 from flexslew_plant.arrays import Vector
+from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 _NOWHERE = 1e-9  # moves below this are rounding [rad or m]
 
@@ -73,35 +82,12 @@ class JointErrors:
         return np.concatenate((modes, model.joint_state(x)[1], modal_rates))
 
     def _goal_error(self) -> float | None:
-        rate = self._setup.manoeuvre.rate
-        if rate is not None:
-            return self._in_motion(rate)
-        planned = self._setup.manoeuvre.displacement
-        move = np.where(planned == 0.0, -self.first, planned)  # of a step, from where it began
-        going = np.abs(move) > _NOWHERE
-        if not going.any() or not np.isfinite(self.residual).any():
-            return None
-        model = None if self._setup.testbed is None else self._setup.testbed.model()
-        if model is not None and model.attitude is not None and going.sum() > 1:
-            share = model.attitude.share(self.final, move)
-        else:
-            share = np.abs(self.final[going] / move[going])
-        error = float(share.max())
-        return error if np.isfinite(error) else None
-
-    def _in_motion(self, rate: Vector) -> float | None:
-        """Return the larger share of what is left of angle and rates, where the plan ends moving.
-
-        How far it has gone says little there: after a whole turn nothing is left of any error.
-        """
-        testbed = self._setup.testbed
+        testbed, manoeuvre = self._setup.testbed, self._setup.manoeuvre
         attitude = None if testbed is None else testbed.model().attitude
-        rows = np.array([self.final, self._last_rate - rate, rate])
-        left, off, whole = np.linalg.norm(
-            rows if attitude is None else attitude.turn_of(rows), axis=1
-        )
-        share = float(max(left, off / whole))
-        return share if np.isfinite(self.residual).any() and np.isfinite(share) else None
+        if not np.isfinite(self.residual).any():
+            return None
+        error = float(goal_errors(manoeuvre, attitude, self.first, self.final, self._last_rate))
+        return error if np.isfinite(error) else None
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values."""
@@ -111,6 +97,46 @@ class JointErrors:
             "goal_error": self._goal_error(),
             "terminal_error_norm": self.terminal,
         }
+
+
+def goal_errors(
+    manoeuvre: FlownManoeuvre,
+    attitude: AttitudeJoints | None,
+    first: Vector,
+    final: Vector,
+    rate: Vector,
+) -> Vector:
+    """Return the goal error of one or more runs, shape (...,) [-]; NaN: nothing moves.
+
+    Args:
+        manoeuvre: that they flew.
+        attitude: of one run, the joints that read it; None: there is none.
+        first: error of the joints at the start, (..., joints).
+        final: at the last tick, (..., joints).
+        rate: of the joints at the last tick, (..., joints).
+    """
+    if manoeuvre.rate is not None:
+        return _in_motion(manoeuvre.rate, attitude, final, rate)
+    planned = manoeuvre.displacement
+    move = np.where(planned == 0.0, -first, planned)  # of a step, from where it began
+    going = np.abs(move) > _NOWHERE
+    if attitude is not None and going.sum() > 1:
+        return np.asarray(attitude.share(final, move).max())
+    share = np.where(going, np.abs(final / np.where(going, move, 1.0)), -1.0).max(axis=-1)
+    return np.where(going.any(axis=-1), share, np.nan)
+
+
+def _in_motion(
+    goal: Vector, attitude: AttitudeJoints | None, final: Vector, rate: Vector
+) -> Vector:
+    """Return the larger share of what is left of angle and rates, where the plan ends moving.
+
+    How far it has gone says little there: after a whole turn nothing is left of any error.
+    """
+    rows = (final, rate - goal, goal)
+    turns = rows if attitude is None else tuple(map(attitude.turn_of, rows))
+    left, off, whole = (np.linalg.norm(turn, axis=-1) for turn in turns)
+    return np.asarray(np.maximum(left, off / whole))
 
 
 JOINT_ERRORS = MetricEntry(JointErrors)

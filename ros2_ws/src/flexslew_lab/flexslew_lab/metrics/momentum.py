@@ -9,6 +9,8 @@ from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetu
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
+_STILL = 1e-9  # of the peak: the speed of a wheel at rest, by rounding [-]
+
 
 class Momentum:
     """Implements Metric; says nothing of a testbed without wheels and gyros.
@@ -24,7 +26,8 @@ class Momentum:
         "wheel_zero_crossings": Key(
             "-",
             False,
-            "by wheel: how often its speed changes its sign after the manoeuvre's end",
+            "by wheel: how often its speed changes its sign after the manoeuvre's end; below 1e-9 "
+            "of its peak it has none",
         ),
         "peak_stored_momentum": Key(
             "N m s",
@@ -68,7 +71,9 @@ class Momentum:
         self._authority = min(self._authority, float(spins.authority.min()))
         for name, speed in spins.speeds.items():
             self._speed[name] = max(self._speed.get(name, 0.0), float(abs(speed).max()))
-            self._count(name, np.sign(speed[block.over]))
+            after = speed[block.over]
+            still = abs(after) <= _STILL * self._speed[name]
+            self._count(name, np.where(still, 0.0, np.sign(after)))
         self._stored = larger(self._stored, spins.stored)
         self._last = spins.stored[-1]
 

@@ -5,7 +5,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, by_joint
+from flexslew_lab.metrics.metric import (
+    Block,
+    Ending,
+    FlownManoeuvre,
+    Key,
+    MetricEntry,
+    RunSetup,
+    by_joint,
+)
 from flexslew_plant.arrays import Vector
 
 BAND = 0.02  # settling band, of the joint's commanded move [-]
@@ -63,13 +71,29 @@ class Settling:
         if m.goal is None:
             nowhere = by_joint(self._setup, np.full_like(self.outside, np.nan))
             return {"settling_time": nowhere, "overshoot": nowhere}
-        stays = self.outside < self.last_time
-        settled = np.where(stays, np.maximum(self.outside - m.start, 0.0), np.nan)
-        distance = np.where(m.displacement == 0.0, np.nan, np.abs(m.displacement))
+        settled = settling_times(m, self.outside, self.last_time)
         return {
             "settling_time": by_joint(self._setup, settled),
-            "overshoot": by_joint(self._setup, self.beyond / distance),
+            "overshoot": by_joint(self._setup, overshoots(m, self.beyond)),
         }
+
+
+def settling_times(manoeuvre: FlownManoeuvre, outside: Vector, last_time: float) -> Vector:
+    """Return when the joints of one or more runs have settled [s], NaN: never.
+
+    Args:
+        manoeuvre: that they flew.
+        outside: last times outside of the band, (..., joints) [s].
+        last_time: of the runs [s].
+    """
+    settled = np.maximum(outside - manoeuvre.start, 0.0)
+    return np.where(outside < last_time, settled, np.nan)
+
+
+def overshoots(manoeuvre: FlownManoeuvre, beyond: Vector) -> Vector:
+    """Return how far the joints went beyond the goal, (..., joints), as shares of their moves."""
+    move = manoeuvre.displacement
+    return np.asarray(beyond / np.where(move == 0.0, np.nan, np.abs(move)))
 
 
 SETTLING = MetricEntry(Settling)

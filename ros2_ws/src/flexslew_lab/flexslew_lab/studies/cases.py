@@ -8,6 +8,8 @@ import numpy as np
 import pyarrow as pa
 
 from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.planners import planned_about_one_axis
+from flexslew_control.planners.one_axis import counted
 from flexslew_lab.studies.experiment import found_by_flying
 from flexslew_lab.studies.sampling.methods import Samples, drawn
 from flexslew_lab.studies.study import EXPERIMENT, MANOEUVRE, Nominal, Study
@@ -17,6 +19,7 @@ from flexslew_lab.trial.trial import (
     Trial,
     feedback_of,
     law_of,
+    plant_of,
     trial_of_values,
     with_sections,
 )
@@ -220,10 +223,15 @@ def believing(
         controllers[name] = (own or {}) | belief
     plan = values["plan"]
     if plan is not None and "method" in plan:  # else a plan from its file
-        known = type(nominal.plan)
+        settings: Any = nominal.plan
+        known = type(settings)
         belief = {}
         if _has(known, "model"):
-            belief["model"] = model(plan.get("model"), "plan.model")
+            count, given = None, plan.get("model")
+            if planned_about_one_axis(settings, plant_of(nominal)):  # no key of its testbed
+                count, given = counted(given, f"{source}: plan.model")
+            belief["model"] = model(given or None, "plan.model")
+            belief["model"] |= {} if count is None else {"modes": count}
         if _has(known, "initial"):
             belief["initial"] = initial_positions(nominal.testbed) | (plan.get("initial") or {})
         feedback = feedback_of(nominal)

@@ -14,6 +14,7 @@ from flexslew_lab.run.in_process import fly
 from flexslew_lab.run.metrics_observer import MetricsObserver
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import (
     Trial,
     feedback_of,
@@ -40,7 +41,7 @@ class Flown(NamedTuple):
     trajectory_hash: str | None
     status: str  # ok or failed
     reason: str  # why it failed
-    way: str  # bench, or lanes where a kernel flew many at once
+    way: Way
 
 
 @dataclass
@@ -132,12 +133,12 @@ def flown(study: Study, case: Case, plans: Plans) -> Flown:
         return failed(case.number, one_line(error))
     if reason:
         return failed(case.number, reason)
-    return Flown(case.number, metrics, digest, "ok", "", "bench")
+    return Flown(case.number, metrics, digest, "ok", "", Way.BENCH)
 
 
 def failed(number: int, reason: str) -> Flown:
     """Return the result of a trial that has no metrics."""
-    return Flown(number, {}, None, "failed", reason, "bench")
+    return Flown(number, {}, None, "failed", reason, Way.BENCH)
 
 
 def _flown(

@@ -9,6 +9,8 @@ from flexslew_plant.errors import BadInput
 def overridden(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     """Return the keys of a file with some of them changed; nothing passed in is touched.
 
+    What no path leads through is that of `values`, and not copied.
+
     A path joins keys with dots; in a list the key is the number of the entry, from zero
     (`controllers.pd_feedforward.kp.1`). A key that has a dot of its own is found too. Sections
     that are not there are made, so whether a key exists is for the file's own validation to say.
@@ -20,7 +22,7 @@ def overridden(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any
     Raises:
         BadInput: a path is empty, leads through a single value, or to an entry that a list lacks.
     """
-    result: dict[str, Any] = _copied(values)
+    result = dict(values)
     for path, value in changes.items():
         _put(result, path, _copied(value))
     return result
@@ -41,12 +43,19 @@ def value_at(values: dict[str, Any], path: str) -> Any:
 
 
 def _copied(value: Any) -> Any:
-    """Return a copy in which nothing stands twice, as YAML's aliases do."""
+    """Return a copy of all containers."""
     if isinstance(value, dict):
         return {key: _copied(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [_copied(entry) for entry in value]
     return value
+
+
+def _shallow(value: Any) -> Any:
+    """Return a copy of a container with the same entries."""
+    if isinstance(value, dict):
+        return dict(value)
+    return list(value) if isinstance(value, list | tuple) else value
 
 
 def _put(values: dict[str, Any], path: str, value: Any) -> None:
@@ -56,7 +65,11 @@ def _put(values: dict[str, Any], path: str, value: Any) -> None:
 
 
 def _steps(values: Any, path: str, make: bool = False) -> Iterator[tuple[Any, Any]]:
-    """Yield each container on the way with the key to go on by; `make` puts in missing ones."""
+    """Yield each container on the way with the key to go on by.
+
+    `make` puts in missing ones and a copy of each: where one stands twice, as YAML's aliases do,
+    the other stays.
+    """
     rest = path.split(".")
     if not all(rest):
         raise BadInput(f"{path!r} is no path: join keys with single dots, as in testbed.modes")
@@ -71,6 +84,8 @@ def _steps(values: Any, path: str, make: bool = False) -> Iterator[tuple[Any, An
             place[key] = {}
         if not _holds(place, key):
             raise BadInput(f"{walked} is not there", path)
+        if make:
+            place[key] = _shallow(place[key])
         place = place[key]
 
 

@@ -9,7 +9,10 @@ import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.lqr import regulator
-from flexslew_control.controllers.retargeting.small_motion_laws import IntegralFeedback
+from flexslew_control.controllers.retargeting.small_motion_laws import (
+    IntegralFeedback,
+    integral_form,
+)
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.linear_design import require_controllable
@@ -90,5 +93,9 @@ def build(
 
 
 DISTURBANCE_ACCOMMODATING = LawEntry(
-    "disturbance_accommodating", DisturbanceAccommodating, build, follows_reference=False
+    "disturbance_accommodating",
+    DisturbanceAccommodating,
+    build,
+    follows_reference=False,
+    linear=integral_form,
 )

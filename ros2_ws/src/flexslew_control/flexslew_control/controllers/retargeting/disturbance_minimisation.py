@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry, PlanVariant
 from flexslew_control.controllers.retargeting.sampled_regulator import Design, held_regulator
-from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback
+from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback, state_form
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.linear_design import require_controllable
@@ -62,6 +62,7 @@ DISTURBANCE_MINIMISATION = LawEntry(
     DisturbanceMinimisation,
     build,
     follows_reference=False,
+    linear=state_form,
     compared={"design": "sampled"},
     plans=(PlanVariant("", {"feedforward": "disturbance_minimisation"}),),
 )

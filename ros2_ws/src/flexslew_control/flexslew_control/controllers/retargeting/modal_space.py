@@ -7,7 +7,7 @@ regulator of one mode with Q = diag(w^2, 1). What has no stiffness gets a feedba
 import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback
+from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback, state_form
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.shared_keys import WholeModel
@@ -79,4 +79,4 @@ def build(settings: ModalSpace, plant: PlantDescription) -> tuple[Estimator, Sta
     )
 
 
-MODAL_SPACE = LawEntry("modal_space", ModalSpace, build, follows_reference=False)
+MODAL_SPACE = LawEntry("modal_space", ModalSpace, build, follows_reference=False, linear=state_form)

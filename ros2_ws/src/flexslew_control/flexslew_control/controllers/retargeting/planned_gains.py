@@ -9,7 +9,10 @@ from flexslew_control.controllers.retargeting.disturbance_accommodating import (
     IntegralWeights,
     integral_gains,
 )
-from flexslew_control.controllers.retargeting.small_motion_laws import IntegralFeedback
+from flexslew_control.controllers.retargeting.small_motion_laws import (
+    IntegralFeedback,
+    integral_form,
+)
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.shared_keys import TrackingTime, WholeModel
@@ -52,6 +55,7 @@ PLANNED_GAINS = LawEntry(
     PlannedGains,
     build,
     follows_reference=False,
+    linear=integral_form,
     plans=tuple(
         PlanVariant(gains, {"gains": gains}) for gains in ("constant", "perturbation", "adiabatic")
     ),

@@ -5,7 +5,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexslew_control.controllers.at_rest import moves
-from flexslew_control.law import Estimate, Reference
+from flexslew_control.estimators.small_motion_observer import InvertedReadings
+from flexslew_control.law import Estimate, Estimator, Reference
+from flexslew_control.linear_form import (
+    LinearForm,
+    LinearObserver,
+    no_observer,
+    observed_form,
+)
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
@@ -76,14 +83,14 @@ class IntegralFeedback:
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
     ) -> None:
         """Choose the integral such that the next effort is nearest to `effort`."""
-        kp, kd, ki = self._three(reference)
+        kp, kd, ki = self.three(reference)
         rest = reference.effort - kp @ estimate.position - kd @ estimate.velocity - effort
         self._z = np.asarray(np.linalg.lstsq(ki, rest, rcond=None)[0], dtype=np.float64)
         self._before = np.zeros(0)  # the first effort is this one: nothing is integrated yet
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the efforts within the limit, shape (m,) [N m or N]."""
-        kp, kd, ki = self._three(reference)
+        kp, kd, ki = self.three(reference)
         x = estimate.position
         if measurement.tick == 0:
             self._z, self._before = np.zeros_like(x), np.zeros(0)
@@ -103,9 +110,55 @@ class IntegralFeedback:
             self._z = self._z + self.period / self.tracking_time * back
         return effort
 
-    def _three(self, reference: Reference) -> tuple[Matrix, Matrix, Matrix]:
+    def three(self, reference: Reference) -> tuple[Matrix, Matrix, Matrix]:
+        """Return Kp, Kd and Ki of a tick, shape (m, n) each."""
         gains = self.gains
         if self.planned and reference.gains.size:
             gains = reference.gains.reshape(len(self.limit), -1)
         n = gains.shape[1] // 3
         return gains[:, :n], gains[:, n : 2 * n], gains[:, 2 * n :]
+
+
+def state_form(
+    estimator: Estimator, law: StateFeedback, references: list[Reference]
+) -> LinearForm | None:
+    """Return the law as matrices; see LawEntry. None: the equations predict for it."""
+    if not isinstance(estimator, InvertedReadings):
+        return None
+    m, n = len(law.gain), len(estimator.inverse)
+    demand = np.array([reference.effort for reference in references])
+    of_output = -np.hstack(
+        (law.gain[:, :n] @ estimator.inverse, law.gain[:, n:] @ estimator.inverse)
+    )
+    return observed_form(np.zeros((m, 0)), of_output, demand, no_observer(2 * m, m))
+
+
+def integral_form(
+    estimator: Estimator, law: IntegralFeedback, references: list[Reference]
+) -> LinearForm | None:
+    """Return the law as matrices; see LawEntry. None: the equations predict for it.
+
+    The integral is z = s + x T / 2 with s(k + 1) = s(k) + T x(k) + g (demand - applied), and
+    s(0) = -x T / 2; g is what takes it back at the limits.
+    """
+    if not isinstance(estimator, InvertedReadings):
+        return None
+    h, inverse = law.period, estimator.inverse
+    n, m = inverse.shape
+    still = np.zeros((n, m))
+    demand = np.array([reference.effort for reference in references])
+    varying = law.planned and any(reference.gains.size for reference in references)
+    rows = []
+    for reference in references if varying else references[:1]:
+        kp, kd, ki = law.three(reference)
+        back = np.zeros((n, m))
+        if law.tracking_time is not None:
+            back = h / law.tracking_time * np.asarray(np.linalg.pinv(ki))
+        of_output = -np.hstack(((kp + 0.5 * h * ki) @ inverse, kd @ inverse))
+        before = np.hstack((h * inverse, still)) + back @ of_output
+        rows.append((-ki, of_output, np.eye(n) - back @ ki, -back, before, back))
+    of_state, of_output, state, effort, before, back = map(np.array, zip(*rows, strict=True))
+    start = np.hstack((-0.5 * h * inverse, still))
+    constant = (back @ demand[:, :, None])[:, :, 0]
+    observer = LinearObserver(start, state, effort, before, constant)
+    return observed_form(of_state, of_output, demand, observer)

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans, failed, flown
-from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.lanes.fleet import ForBench, Lanes
 from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 Report = Callable[[list[Flown]], None]
@@ -62,14 +63,14 @@ class Flyer:
             begin: told the number of a trial before it is flown alone.
         """
         if self._lanes is None:
-            self._one_by_one(cases, report, begin)
+            self._one_by_one([ForBench(case, Way.BENCH) for case in cases], report, begin)
             return
         for results, others in self._lanes.fly(cases):
             if results:
                 report(results)
             self._one_by_one(others, report, begin)
 
-    def _one_by_one(self, cases: Sequence[Case], report: Report, begin: Begin) -> None:
-        for case in cases:
+    def _one_by_one(self, cases: Sequence[ForBench], report: Report, begin: Begin) -> None:
+        for case, way in cases:
             begin(case.number)
-            report([flown(self.job.study, case, self.job.plans)])
+            report([flown(self.job.study, case, self.job.plans)._replace(way=way)])

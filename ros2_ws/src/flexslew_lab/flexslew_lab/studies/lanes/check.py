@@ -12,6 +12,7 @@ from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation, note
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
 
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 SHARE = 0.01  # of the trials, drawn at random
@@ -23,7 +24,7 @@ def chosen(study: Study, store: Store) -> list[int]:
     """Return the numbers of the trials that are flown again, the same for the same table."""
     first = next(iter(study.settings.criteria), "residual_tip_deflection")
     rows = store.table(["index", "way", first])
-    lanes = pc.equal(rows["way"], "lanes").to_numpy()
+    lanes = pc.equal(rows["way"], Way.LANES.value).to_numpy()
     numbers = rows["index"].to_numpy()[lanes]
     if not len(numbers):
         return []

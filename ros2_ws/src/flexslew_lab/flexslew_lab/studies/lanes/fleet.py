@@ -3,15 +3,24 @@
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexslew_control.controllers.controller import Controller
+from flexslew_control.law import Reference
 from flexslew_control.linear_form import KalmanForm, LinearForm
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.lanes.inputs import aim_of, errors_of, gains_of, schedule_of
+from flexslew_lab.studies.lanes.inputs import (
+    aim_of,
+    course_of,
+    errors_of,
+    gains_of,
+    schedule_of,
+)
+from flexslew_lab.studies.lanes.lane_laws import beside, by_lane, kind_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
 from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
@@ -20,6 +29,8 @@ from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_o
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
 from flexslew_lab.studies.lanes.turned import turned_joints
 from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
+from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import initial_state
@@ -31,6 +42,13 @@ _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
 
 
+class ForBench(NamedTuple):
+    """A trial that only the bench can fly."""
+
+    case: Case
+    way: Way  # the reason
+
+
 class _Prepared(NamedTuple):
     """What a group has in common."""
 
@@ -38,6 +56,7 @@ class _Prepared(NamedTuple):
     schedule: Schedule
     aim: Vector  # rows `tip` to `law_limit`
     goal: FlownManoeuvre
+    kind: Hashable  # laws for which it is equal may fly beside each other
 
 
 @dataclass
@@ -51,42 +70,48 @@ class Lanes:
 
     study: Study
     plans: Plans
-    _prepared: dict[Hashable, _Prepared | None] = field(init=False, default_factory=dict)
+    _prepared: dict[Hashable, _Prepared | Way] = field(init=False, default_factory=dict)
     _intake: LaneIntake = field(init=False)
+    _course: tuple[Hashable, Any] = field(init=False, default=(None, None))  # the newest
 
     def __post_init__(self) -> None:
         """Prepare to take cases."""
         self._intake = LaneIntake(self.study)
 
-    def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[Case]]]:
+    def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[ForBench]]]:
         """Yield results, and cases that have to be flown one by one."""
-        groups: dict[Hashable, list[LaneTrial]] = {}
+        groups: dict[Hashable, list[tuple[LaneTrial, _Prepared]]] = {}
         others = []
         for case in cases:
             lane = self._intake.lane_trial(case)
-            if lane is None:
-                others.append(case)
+            if isinstance(lane, Way):
+                others.append(ForBench(case, lane))
                 continue
-            group = groups.setdefault(lane.alike, [])
-            group.append(lane)
+            prepared = self._prepare(lane)
+            if isinstance(prepared, Way):
+                others.append(ForBench(case, prepared))
+                continue
+            key = lane.together, prepared.kind
+            group = groups.setdefault(key, [])
+            group.append((lane, prepared))
             if len(group) == LANES:
-                yield self._flown(groups.pop(lane.alike))
+                yield self._flown(*zip(*groups.pop(key), strict=True))
         for group in groups.values():
-            yield self._flown(group)
+            yield self._flown(*zip(*group, strict=True))
         if others:
             yield [], others
 
-    def _flown(self, group: list[LaneTrial]) -> tuple[list[Flown], list[Case]]:
-        first = group[0]
-        prepared = self._prepare(first)
-        if prepared is None:
-            return [], [lane.case for lane in group]
+    def _flown(
+        self, group: Sequence[LaneTrial], laws: Sequence[_Prepared]
+    ) -> tuple[list[Flown], list[ForBench]]:
+        first, prepared = group[0], laws[0]
+        forms = beside([law.form for law in laws])
         form, schedule = prepared.form.law, prepared.schedule
         model, kernel = first.model, first.kernel
-        states, outputs = form.from_state.shape[1], form.from_output.shape[1]
+        states, outputs = form.from_state.shape[-1], form.from_output.shape[-1]
         tips = len(model.appendages.names)
         sizes = Sizes(model.joints, model.modes, states, outputs, tips)
-        observer = beginning(prepared.form)
+        observer = beginning(prepared.form, forms.observers)
         lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
         packed = np.array([lane.model.packed for lane in lanes]).T
         at_rest = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
@@ -94,8 +119,10 @@ class Lanes:
         w = flat_zeros(rows.end)
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: at_rest.size] = at_rest.ravel()
-        w[rows.kp : rows.tip] = gains_of(lanes, form)
+        w[rows.kp : rows.tip] = gains_of(lanes, forms.laws)
         w[rows.tip : rows.residual_tip] = np.repeat(prepared.aim, LANES)
+        if model.appendages.rate is not None:
+            w[rows.tip_rate : rows.end] = np.repeat(model.appendages.rate, LANES)
         w[rows.outside : rows.terminal] = -np.inf
         recorded = isinstance(first.trial.testbed, Pointing)
         loop = partial(
@@ -104,7 +131,13 @@ class Lanes:
             first.trial.period,
             first.steps,
             schedule,
-            Matrices(*(np.ascontiguousarray(getattr(form, name)) for name in Matrices._fields)),
+            Matrices(
+                by_lane(forms.laws, "from_state", 2),
+                by_lane(forms.laws, "from_output", 2),
+                by_lane(forms.laws, "to_integral", 2),
+                by_lane(forms.laws, "demand", 1),
+                by_lane(forms.laws[:1], "integrand", 1),
+            ),
             form.integral,
             form.unwinding,
             errors_of(lanes, sizes.outputs, len(schedule.time)),
@@ -119,20 +152,20 @@ class Lanes:
         else:
             loop(0, len(schedule.time), np.empty((0, 0, 0)))
             found = LaneMetrics(first, rows, schedule, prepared.goal, at_rest[: model.joints])
-            measured = [partial(found.metrics, w, k) for k in range(len(group))]
+            measured = found.metrics(w).__getitem__
         results, lost = [], []
         far = np.abs(w[: at_rest.size].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
         for k, lane in enumerate(group):
             if far[k] < _FAR:
-                results.append(Flown(lane.case.number, measured[k](), None, "ok", "", "lanes"))
+                results.append(Flown(lane.case.number, measured(k), None, "ok", "", Way.LANES))
             else:
-                lost.append(lane.case)
+                lost.append(ForBench(lane.case, Way.FAR))
         return results, lost
 
     def _recorded(
-        self, group: list[LaneTrial], prepared: _Prepared, loop: Callable[..., None]
-    ) -> list[Callable[[], dict[str, float | None]]]:
-        """Fly a group that is measured from its truth; return what gives each trial's metrics."""
+        self, group: Sequence[LaneTrial], prepared: _Prepared, loop: Callable[..., None]
+    ) -> Callable[[int], dict[str, float | None]]:
+        """Fly a group that is measured from its truth; return what gives the metrics of each."""
         model, period = group[0].model, group[0].trial.period
         found = [RecordedMetrics(lane, prepared.goal) for lane in group]
         end = len(prepared.schedule.time)
@@ -143,39 +176,58 @@ class Lanes:
             stamps = stamps_of(first, last, period)
             for one, truth in zip(found, record, strict=False):
                 one.add(stamps, truth[: last - first])
-        return [one.metrics for one in found]
+        return lambda k: found[k].metrics()
 
-    def _prepare(self, lane: LaneTrial) -> _Prepared | None:
-        """Return what is common to all like this one; None if its law is not linear."""
-        if lane.alike in self._prepared:
-            return self._prepared[lane.alike]
+    def _prepare(self, lane: LaneTrial) -> _Prepared | Way:
+        """Return what is common to all like this one, or why the bench has to fly them."""
+        if lane.law not in self._prepared:
+            while len(self._prepared) >= _KEPT:
+                self._prepared.pop(next(iter(self._prepared)))
+            self._prepared[lane.law] = self._made(lane)
+        return self._prepared[lane.law]
+
+    def _made(self, lane: LaneTrial) -> _Prepared | Way:
         trial = lane.trial
         try:
             plan = self.plans.of(trial, lane.asked)
         except FlexslewError:
-            return None  # the bench says why
+            return Way.NOT_ALLOWED
         controller = controller_of(trial)
         if plan is None or controller.adopt(plan):
-            return None
-        ticks = round(trial.duration / trial.period)
-        references = [plan.reference(k) for k in range(ticks)]
-        linear = law_entry(trial).linear
-        form = linear and linear(controller.estimator, controller.law, references)
-        while len(self._prepared) >= _KEPT:
-            self._prepared.pop(next(iter(self._prepared)))
-        if form is None or not _heard(form, lane.model):
-            self._prepared[lane.alike] = None
-            return None
-        schedule = schedule_of(lane, plan, form.law, ticks)
-        made = _Prepared(form, schedule, *aim_of(lane, plan, form.law))
-        self._prepared[lane.alike] = made
-        return made
+            return Way.NOT_ALLOWED
+        key = lane.asked, round(trial.duration / trial.period)
+        if key != self._course[0]:
+            self._course = key, course_of(plan, key[1])
+        course = self._course[1]
+        form = form_of(trial, controller, course.references)
+        if isinstance(form, Way):
+            return form
+        aim, goal = aim_of(lane, plan, form.law)
+        return _Prepared(form, schedule_of(lane, course), aim, goal, kind_of(form))
 
 
-def _heard(form: LinearForm, model: Model) -> bool:
-    """Return whether the law listens to what lanes read: joints, and a tip moved by modes alone."""
+def form_of(trial: Trial, controller: Controller, references: list[Reference]) -> LinearForm | Way:
+    """Return the controller in charge of a trial as matrices, or why lanes do not fly it.
+
+    Args:
+        trial: that may fly in a lane.
+        controller: in charge of it.
+        references: of every tick.
+    """
+    linear = law_entry(trial).linear
+    form = linear and linear(controller.estimator, controller.law, references)
+    if form is None:
+        return Way.SETTINGS
+    way = _heard(form, trial.testbed.model())
+    return form if way is Way.LANES else way
+
+
+def _heard(form: LinearForm, model: Model) -> Way:
+    """Return LANES where the law listens to what they read: joints, and tips moved by modes."""
     if isinstance(form.observer, KalmanForm) and model.leading is not None:
-        return False  # its joints are no coordinates
+        return Way.ATTITUDE  # its joints are no coordinates
     sensors = model.appendages
-    tips = form.law.from_output.shape[1] > 2 * model.joints
-    return not tips or (sensors.rate is None and sensors.felt is None)
+    tips = form.law.from_output.shape[-1] > 2 * model.joints
+    exact = sensors.errors is None or not sensors.errors.any()
+    known = not tips or (sensors.felt is None and sensors.body is None and exact)
+    return Way.LANES if known else Way.TIPS

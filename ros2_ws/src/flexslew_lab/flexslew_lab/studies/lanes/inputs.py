@@ -1,9 +1,11 @@
 """What the lanes of a group are given: schedule, aim, gains, errors of the sensors."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexslew_control.law import Reference
 from flexslew_control.linear_form import LawForm
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
@@ -23,26 +25,38 @@ from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
 
 
-def schedule_of(lane: LaneTrial, plan: Plan, form: LawForm, ticks: int) -> Schedule:
-    """Return what is the same in every lane, tick by tick."""
-    trial = lane.trial
-    stamps = (stamp_of(k * trial.period) for k in range(ticks + 1))
+class LaneCourse(NamedTuple):
+    """A plan tick by tick."""
+
+    references: list[Reference]  # of every tick
+    time: Vector  # stamps, (ticks + 1,) [s]
+    over: NDArray[np.bool_]  # the manoeuvre is, (ticks + 1,)
+    started: NDArray[np.bool_]  # it has, (ticks + 1,)
+    position: Matrix  # of the joints, (ticks, joints)
+    velocity: Matrix
+
+
+def course_of(plan: Plan, ticks: int) -> LaneCourse:
+    """Return a plan tick by tick."""
+    references = [plan.reference(k) for k in range(ticks)]
+    stamps = (stamp_of(k * plan.period) for k in range(ticks + 1))
     time = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
-    return Schedule(
+    return LaneCourse(
+        references,
         time,
         time >= plan.start + plan.duration - 1e-9,
         time >= plan.start - 1e-9,
-        *_joint_references(plan, ticks),
-        np.ascontiguousarray(form.demand),
-        np.ascontiguousarray(form.integrand),
-        _disturbances(trial, lane.model, ticks),
+        np.array([r.position for r in references]),
+        np.array([r.velocity for r in references]),
     )
 
 
-def _joint_references(plan: Plan, ticks: int) -> tuple[Matrix, Matrix]:
-    """Return what the plan wants of the joints and of their rates, each (ticks, joints)."""
-    rows = [plan.reference(k) for k in range(ticks)]
-    return np.array([r.position for r in rows]), np.array([r.velocity for r in rows])
+def schedule_of(lane: LaneTrial, course: LaneCourse) -> Schedule:
+    """Return what is the same in every lane, tick by tick."""
+    return Schedule(
+        *course[1:],
+        _disturbances(lane.trial, lane.model, len(course.references)),
+    )
 
 
 def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
@@ -58,7 +72,7 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
 
 
 def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownManoeuvre]:
-    """Return what the metrics of a group are measured against: from `tip` on, and as a record."""
+    """Return what a group is measured against: rows from `tip` on, and as a record."""
     testbed = lane.trial.testbed
     goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
     assert goal.goal is not None
@@ -73,11 +87,12 @@ def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownMan
     return np.concatenate(rows), goal
 
 
-def gains_of(lanes: list[LaneTrial], form: LawForm) -> Vector:
-    """Return kp, ki and kd of every lane, flat."""
+def gains_of(lanes: list[LaneTrial], laws: list[LawForm]) -> Vector:
+    """Return kp, ki and kd of every lane, flat; laws: one for all lanes, or one for each."""
     own_gains = law_entry(lanes[0].trial).lane_gains
     if not own_gains:
-        return np.repeat(np.concatenate((form.kp, form.ki, form.kd)), LANES)
+        rows = np.array([np.concatenate((law.kp, law.ki, law.kd)) for law in laws])
+        return np.ascontiguousarray(np.broadcast_to(rows.T, (rows.shape[1], LANES))).ravel()
     found: dict[str, Vector] = {}
     columns = []
     for lane in lanes:

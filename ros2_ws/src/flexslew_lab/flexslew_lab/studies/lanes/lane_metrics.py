@@ -1,21 +1,21 @@
-"""From what the loop counted to the metrics of each trial, by the rule for all runs."""
+"""From what the loop counted to the metrics of all trials at once, by the rules for all runs."""
 
 import numpy as np
 
 from flexslew_lab.metrics.course import CourseMetric
-from flexslew_lab.metrics.efforts import Efforts
+from flexslew_lab.metrics.efforts import root_mean_square
 from flexslew_lab.metrics.epoch import merged
-from flexslew_lab.metrics.joint_errors import JointErrors
+from flexslew_lab.metrics.joint_errors import goal_errors
 from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, RunSetup
 from flexslew_lab.metrics.operator_changes import OperatorChanges
-from flexslew_lab.metrics.settling import Settling
+from flexslew_lab.metrics.settling import overshoots, settling_times
 from flexslew_lab.metrics.takeovers import Takeovers
-from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_lab.studies.flight import columns_of
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule
-from flexslew_lab.studies.lanes.rows import Rows, of_lane
+from flexslew_lab.studies.lanes.rows import Rows
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.compiled.lanes import LANES
 
 _ENDING = Ending([], [], True)
 
@@ -40,38 +40,65 @@ class LaneMetrics:
         at_rest: Matrix,
     ) -> None:
         assert aim.goal is not None
-        self._rows, self._goal, self._at_rest = rows, aim.goal, at_rest
-        self._ended = bool(schedule.over.any())
-        testbed, time = lane.trial.testbed, schedule.time
-        limit = np.array(testbed.effort_limit)
-        setup = RunSetup(lane.model.joint_names, aim, limit, testbed)
-        self._tip, self._errors = TipDeflection(setup), JointErrors(setup)
-        self._settling, self._efforts = Settling(setup), Efforts(setup)
-        self._joints = limit.size
+        self._goal = aim.goal
+        self._rows, self._of_kernel, self._aim = rows, lane.kernel.rows, aim
+        self._names, self._first = lane.model.joint_names, at_rest.T - aim.goal
+        self._ended, time = bool(schedule.over.any()), schedule.time
+        self._times = float(time[0]), float(time[-1])
+        testbed = lane.trial.testbed
+        setup = RunSetup(self._names, aim, np.array(testbed.effort_limit), testbed)
         course = CourseMetric(setup)
-        course.ticks = 0, len(time) - 1
-        self._efforts.times = course.times = float(time[0]), float(time[-1])
-        self._settling.last_time = float(time[-1])
-        self._measured = self._tip, self._errors, self._settling, self._efforts
+        course.ticks, course.times = (0, len(time) - 1), self._times
         self._alike = columns_of(
             merged((Takeovers(setup), OperatorChanges(setup), course), _ENDING)
         )
 
-    def metrics(self, w: Vector, k: int) -> dict[str, float | None]:
-        """Return the columns of the trial in lane k of the flown array."""
-        rows, m = self._rows, self._joints
-        tip, errors, settling, efforts = self._tip, self._errors, self._settling, self._efforts
-        tip.peak = float(w[rows.peak_tip + k])
-        settling.outside = of_lane(w, rows.outside, m, k)
-        settling.beyond = of_lane(w, rows.beyond, m, k)
-        errors.first = self._at_rest[:, k] - self._goal
-        errors.final = of_lane(w, 0, m, k) - self._goal
-        if self._ended:
-            tip.residual = float(w[rows.residual_tip + k])
-            errors.residual = of_lane(w, rows.residual, m, k)
-            errors.terminal = float(w[rows.terminal + k])
-        efforts.peak = of_lane(w, rows.peak_effort, m, k)
-        efforts.square_sum = of_lane(w, rows.square_sum, m, k)
-        efforts.integral = float(efforts.square_sum.sum())
-        efforts.saturated = float(w[rows.saturated + k])
-        return columns_of(merged(self._measured, _ENDING)) | self._alike
+    def metrics(self, w: Vector) -> list[dict[str, float | None]]:
+        """Return the columns of every lane of the flown array."""
+        with np.errstate(all="ignore"):
+            found = self._columns(w)
+        table = np.array(list(found.values())).T
+        known = np.isfinite(table).all(axis=1).tolist()
+        lanes = []
+        for row, whole in zip(table.tolist(), known, strict=True):
+            values = row if whole else [x if abs(x) < np.inf else None for x in row]
+            lanes.append({**dict(zip(found, values, strict=True)), **self._alike})
+        return lanes
+
+    def _columns(self, w: Vector) -> dict[str, Vector]:
+        """Return every column, shape (lanes,); what is not known is not finite."""
+        rows, aim, of_kernel = self._rows, self._aim, self._of_kernel
+
+        def one(begin: int) -> Vector:
+            return w[begin : begin + LANES]
+
+        def joints(begin: int) -> Matrix:
+            return w[begin : begin + len(self._names) * LANES].reshape(-1, LANES).T
+
+        after = 1.0 if self._ended else np.nan  # what counts after the end of the manoeuvre
+        final = joints(of_kernel.position) - self._goal
+        errors = goal_errors(aim, None, self._first, final, joints(of_kernel.rate))
+        squares = joints(rows.square_sum)
+        return {
+            "residual_tip_deflection": after * one(rows.residual_tip),
+            "peak_tip_deflection": one(rows.peak_tip),
+            **self._by_joint("residual_attitude_error", after * joints(rows.residual)),
+            **self._by_joint("final_error", final),
+            "goal_error": after * errors,
+            "terminal_error_norm": after * one(rows.terminal),
+            **self._by_joint(
+                "settling_time", settling_times(aim, joints(rows.outside), self._times[1])
+            ),
+            **self._by_joint("overshoot", overshoots(aim, joints(rows.beyond))),
+            **self._by_joint("peak_effort", joints(rows.peak_effort)),
+            **self._by_joint("rms_effort", root_mean_square(squares, self._times)),
+            "control_effort": squares.sum(axis=1),
+            "saturated_time": one(rows.saturated),
+        }
+
+    def _by_joint(self, name: str, values: Matrix) -> dict[str, Vector]:
+        """Return the columns of what each joint has, see columns_of."""
+        known = np.where(np.isfinite(values), values, np.nan)
+        parts = zip(self._names, known.T, strict=True)
+        largest: Vector = abs(known).max(axis=1)
+        return {name: largest} | {f"{name}.{joint}": part for joint, part in parts}

@@ -10,6 +10,7 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
 from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.hardware.actuator import ActuatorSettings
@@ -31,15 +32,19 @@ class LaneTrial(NamedTuple):
     model: Model
     kernel: LaneKernel
     steps: int  # of the kernel per tick
-    alike: Hashable  # trials for which it is equal may fly at once
+    law: Hashable  # trials for which it is equal have the same law, but for its lane_gains
+    together: Hashable  # trials for which it is equal may fly at once, if their laws may
 
 
 class _Common(NamedTuple):
     """What does not depend on the testbed, and what it was made from."""
 
     source: tuple[Any, ...]
-    asked: str
-    law: str
+    way: Way
+    noisy: tuple[bool, ...]  # by channel that a law may read: whether it errs
+    asked: str = ""
+    course: str = ""
+    law: str = ""
 
 
 class LaneIntake:
@@ -49,77 +54,85 @@ class LaneIntake:
         self._study = study
         self._common: dict[int, _Common] = {}  # newest by variant
 
-    def lane_trial(self, case: Case) -> LaneTrial | None:
-        """Return a case ready for a lane; None where only the bench can fly it."""
+    def lane_trial(self, case: Case) -> LaneTrial | Way:
+        """Return a case ready for a lane; a way where only the bench can fly it."""
         try:
             trial = case_trial(self._study, case)
-            if not _simple(trial):
-                return None
+            common = self._said(case.variant, trial)
             model = trial.testbed.model()
-            if trial.plan is None or not (_plain(trial, model) and _linear(trial)):
-                return None
+            way = common.way if common.way is not Way.LANES else way_of_testbed(trial)
+            if way is not Way.LANES:
+                return way
             bound = trial.testbed if knows_frequency(trial.testbed) else None
             kernel = traced_kernel(model, bound is not None) or lane_by_lane(model)
-            common = self._said(case.variant, trial)
         except FlexslewError:
-            return None  # the bench says why
+            return Way.NOT_ALLOWED
         fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
         steps = max(1, ceil(fast / kernel.reach))
-        noisy = tuple(bool(channel.noise or channel.bias) for channel in _read_channels(trial))
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
-        alike = (common.law, kernel.advance, steps, noisy, turned, tips)
-        return LaneTrial(case, trial, common.asked, model, kernel, steps, alike)
+        bench = (kernel.advance, steps, common.noisy, turned, tips)
+        law, together = (common.law, *bench), (common.course, *bench)
+        return LaneTrial(case, trial, common.asked, model, kernel, steps, law, together)
 
     def _said(self, variant: int, trial: Trial) -> _Common:
         testbed = trial.testbed
         source: tuple[Any, ...] = (trial.plan, trial.controllers, trial.active, trial.schedule)
-        source += (trial.period, trial.duration, type(testbed))
-        source += (testbed.effort_limit, testbed.initial)
+        source += (trial.period, trial.duration, trial.metrics, trial.allow_faults, trial.actuator)
+        source += (trial.sensors, type(testbed), testbed.effort_limit, testbed.initial)
         known = self._common.get(variant)
         if known is not None and known.source == source:
             return known
+        channels = _read_channels(trial)
+        noisy = tuple(bool(channel.noise or channel.bias) for channel in channels)
+        if (way := way_of_settings(trial)) is not Way.LANES:
+            self._common[variant] = _Common(source, way, noisy)
+            return self._common[variant]
         law, own = law_of(trial.active, trial.controllers[trial.active] or {})
         gains = CONTROLLERS[law].lane_gains
         own = {key: value for key, value in own.items() if key not in gains}
         asked = plan_key(trial)
-        shared = [law, own, asked, trial.duration, plain(trial.schedule), testbed.kind]
+        shared = [law, asked, trial.duration, plain(trial.schedule), testbed.kind]
         believes = not gains and not sets_every_key(own.get("model"), testbed)
-        if believes:
-            shared.append(plain(testbed))
-        common = _Common(source, asked, json.dumps(shared, sort_keys=True))
+        belief = plain(testbed) if believes else None
+        texts = (json.dumps(part, sort_keys=True) for part in (shared, [*shared, own, belief]))
+        common = _Common(source, way, noisy, asked, *texts)
         if not (believes or uses_testbed(plain(trial.plan), testbed)):
             self._common[variant] = common
         return common
 
 
-def _simple(trial: Trial) -> bool:
-    """Return whether motors, sensors, schedule and metrics are such as lanes know."""
-    if trial.metrics:
-        return False
+def way_of_settings(trial: Trial) -> Way:
+    """Return LANES, or what of a trial's settings only the bench knows."""
     s = trial.sensors
     channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
-    pushed = all(entry.disturbance is not None for entry in trial.schedule)
-    exact = all(channel.quantisation == 0.0 for channel in channels)
-    return trial.actuator == _EXACT and exact and pushed and not trial.allow_faults
-
-
-def _plain(trial: Trial, model: Model) -> bool:
-    """Return whether joints, drives and surroundings are such as lanes know."""
-    read = model.reading is None or model.kernels.reading is not None
-    straight = read and not model.one_way and model.outside is None
-    noisy = any(channel.noise for channel in _read_channels(trial))
-    return (
-        straight
-        and model.efforts == model.joints
-        and not (noisy and model.appendages.errors is not None)
-    )
-
-
-def _linear(trial: Trial) -> bool:
-    """Return whether the law may be linear; its entry's `linear` has the last word."""
     law, _ = law_of(trial.active, trial.controllers[trial.active] or {})
-    return law in CONTROLLERS and CONTROLLERS[law].linear is not None
+    obstacles = (
+        (bool(trial.metrics), Way.METRICS),
+        (trial.actuator != _EXACT, Way.MOTORS),
+        (any(channel.quantisation for channel in channels), Way.QUANTISED),
+        (trial.allow_faults, Way.SCHEDULE),
+        (any(entry.disturbance is None for entry in trial.schedule), Way.SCHEDULE),
+        (trial.plan is None, Way.NO_PLAN),
+        # its entry's `linear` has the last word
+        (law not in CONTROLLERS or CONTROLLERS[law].linear is None, Way.LAW),
+    )
+    return next((way for there, way in obstacles if there), Way.LANES)
+
+
+def way_of_testbed(trial: Trial) -> Way:
+    """Return LANES, or what of a trial's testbed only the bench knows."""
+    model = trial.testbed.model()
+    errors = model.appendages.errors is not None
+    noisy = errors and any(channel.noise for channel in _read_channels(trial))
+    obstacles = (
+        (model.reading is not None and model.kernels.reading is None, Way.JOINTS),
+        (bool(model.one_way), Way.THRUSTERS),
+        (model.outside is not None, Way.ORBIT),
+        (model.efforts != model.joints, Way.EFFORTS),
+        (noisy, Way.INSTRUMENTS),
+    )
+    return next((way for there, way in obstacles if there), Way.LANES)
 
 
 def law_entry(trial: Trial) -> LawEntry:

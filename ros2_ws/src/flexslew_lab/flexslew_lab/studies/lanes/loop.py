@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
+from flexslew_lab.studies.lanes.observers import LaneSignals, Observe, add_products
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.lanes.turned import about_reference
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
@@ -28,17 +28,17 @@ class Schedule(NamedTuple):
     started: NDArray[np.bool_]  # it has, (ticks + 1,)
     position: Matrix  # reference, (ticks, joints)
     velocity: Matrix
-    demand: Matrix  # f of linear_form, (ticks, joints)
-    integrand: Matrix  # g, (ticks, joints)
     disturbance: Matrix  # (ticks, joints)
 
 
 class Matrices(NamedTuple):
-    """The law's; see linear_form.LawForm."""
+    """The law's, by lane_laws.by_lane; see linear_form.LawForm."""
 
-    from_state: Matrix
-    from_output: Matrix
-    to_integral: Matrix
+    from_state: Tensor
+    from_output: Tensor
+    to_integral: Tensor
+    demand: Tensor
+    integrand: Tensor  # the same in all lanes
 
 
 Loop = Callable[..., None]
@@ -65,11 +65,12 @@ def lane_loop(
     )
     locate, position, velocity, mode = kernel.read, *of_kernel[1:4]
     reading, earlier, effort = rows.reading, rows.earlier, rows.applied
-    tip, about = rows.tip, about_reference(m, rows.reading, turns)
+    tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
+    about = about_reference(m, rows.reading, turns)
 
     @vectorised
     def read(k: int, error: Matrix, w: Vector) -> None:
-        """Write what the sensors say: joints, rates, perhaps the first tip."""
+        """Write what the sensors say: joints, rates, the first of the tips."""
         row = k if error.shape[0] > 1 else 0
         for i in range(ny * LANES):
             w[earlier + i] = w[reading + i]
@@ -81,8 +82,9 @@ def lane_loop(
             for lane in range(LANES):
                 at = error[row, i * LANES + lane]
                 for j in range(modes):
-                    share = w[tip + ((i - 2 * m) * modes + j) * LANES + lane]
-                    at += share * w[mode + j * LANES + lane]
+                    share = ((i - 2 * m) * modes + j) * LANES + lane
+                    at += w[tip + share] * w[mode + j * LANES + lane]
+                    at += w[tip_rate + share] * w[mode_rate + j * LANES + lane]
                 w[reading + i * LANES + lane] = at
 
     @vectorised
@@ -104,14 +106,14 @@ def lane_loop(
         last: int,
         record: Tensor,
     ) -> None:
-        ticks = schedule.demand.shape[0]
+        ticks = schedule.position.shape[0]
         signals = LaneSignals(
             w[reading : reading + ny * LANES],
             w[earlier : earlier + ny * LANES],
             w[effort : effort + m * LANES],
         )
         for k in range(first, last):
-            locate(w)
+            locate(filled, w)
             metrics(k, first, schedule, record, w)
             if k == ticks:
                 break
@@ -119,7 +121,7 @@ def lane_loop(
             about(w, turned, schedule.position[k], filled)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
             law(k, dt, schedule, matrices, integral, unwinding, z, w)
-            advance(k * dt, dt, steps, w)
+            advance(k * dt, dt, steps, filled, w)
 
     return cast(Loop, loop)
 
@@ -132,7 +134,7 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
         rows: of the group.
         sizes: of the group.
     """
-    m, nz, ny = sizes.joints, sizes.states, sizes.outputs
+    m = sizes.joints
     effort, reading, integral_sum = rows.applied, rows.reading, rows.integral
     kp, ki, kd, limit, law_limit = rows.kp, rows.ki, rows.kd, rows.limit, rows.law_limit
 
@@ -147,28 +149,30 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
         z: Vector,
         w: Vector,
     ) -> None:
+        demand_of, own = matrices.demand, matrices.demand.shape[2] > 1
         for i in range(m):
             row = i * LANES
-            base, requested = schedule.demand[k, i], schedule.position[k, i]
+            base, requested = demand_of[k, i, 0], schedule.position[k, i]
             turning, pushed = schedule.velocity[k, i], schedule.disturbance[k, i]
-            for at in range(row, row + LANES):
-                w[effort + at] = (
-                    base
-                    + w[kp + at] * (requested - w[reading + at])
-                    + w[kd + at] * (turning - w[reading + m * LANES + at])
-                )
-            for j in range(nz):
-                weight = matrices.from_state[i, j]
-                if weight != 0.0:
-                    for lane in range(LANES):
-                        w[effort + row + lane] += weight * z[j * LANES + lane]
-            for j in range(ny):
-                weight = matrices.from_output[i, j]
-                if weight != 0.0:
-                    for lane in range(LANES):
-                        w[effort + row + lane] += weight * w[reading + j * LANES + lane]
+            if own:
+                for lane in range(LANES):
+                    at = row + lane
+                    w[effort + at] = (
+                        demand_of[k, i, lane]
+                        + w[kp + at] * (requested - w[reading + at])
+                        + w[kd + at] * (turning - w[reading + m * LANES + at])
+                    )
+            else:
+                for at in range(row, row + LANES):
+                    w[effort + at] = (
+                        base
+                        + w[kp + at] * (requested - w[reading + at])
+                        + w[kd + at] * (turning - w[reading + m * LANES + at])
+                    )
+            add_products(matrices.from_state, k, i, z, 0, 1.0, w, effort + row)
+            add_products(matrices.from_output, k, i, w, reading, 1.0, w, effort + row)
             if integral:
-                rate = schedule.integrand[k, i]
+                rate = matrices.integrand[k, i, 0]
                 for at in range(row, row + LANES):
                     demand = w[effort + at] + w[integral_sum + at]
                     given = min(max(demand, -w[law_limit + at]), w[law_limit + at])
@@ -176,11 +180,7 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                     error = requested - w[reading + at]
                     w[effort + at] = given
                     w[integral_sum + at] += dt * (rate + w[ki + at] * error + back)
-                for j in range(nz):
-                    weight = dt * matrices.to_integral[i, j]
-                    if weight != 0.0:
-                        for lane in range(LANES):
-                            w[integral_sum + row + lane] += weight * z[j * LANES + lane]
+                add_products(matrices.to_integral, k, i, z, 0, dt, w, integral_sum + row)
             for at in range(row, row + LANES):
                 applied = min(max(w[effort + at], -w[limit + at]), w[limit + at])
                 w[effort + at] = applied

@@ -3,7 +3,7 @@
 z and readings are flat, row after row with LANES neighbours each, as in loop.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias, cast
 
@@ -12,7 +12,8 @@ import numpy as np
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman_tick import FilterBelief, kalman_tick
 from flexslew_control.linear_form import LinearForm, LinearObserver
-from flexslew_plant.arrays import Matrix, Vector, compiled, vectorised
+from flexslew_lab.studies.lanes.lane_laws import by_lane
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
 
@@ -38,12 +39,18 @@ class Beginning(NamedTuple):
     memory: Vector  # what it keeps besides, flat
 
 
-def beginning(form: LinearForm) -> Beginning:
-    """Return the observer of a controller, the same for all lanes."""
+def beginning(form: LinearForm, observers: Sequence[Any]) -> Beginning:
+    """Return the observer of a controller.
+
+    Args:
+        form: of the first lane.
+        observers: one for all lanes, or linear ones for each.
+    """
     found = form.observer
     if isinstance(found, LinearObserver):
-        k = len(found.constant)
-        matrices = LinearObserver(*map(np.ascontiguousarray, found))
+        k = found.constant.shape[-1]
+        sizes = zip(LinearObserver._fields, (2, 2, 2, 2, 1), strict=True)
+        matrices: Any = LinearObserver(*(by_lane(observers, name, d) for name, d in sizes))
         return Beginning(linear(k), matrices, np.zeros(k * LANES), np.empty(k * LANES))
     if isinstance(found, GainedFilter):
         outputs, k = found.output.shape
@@ -68,6 +75,35 @@ def _add_product(matrix: Matrix, given: Vector, out: Vector) -> None:
                     out[i * LANES + lane] += weight * given[j * LANES + lane]
 
 
+@vectorised
+def add_products(
+    weights: Tensor, k: int, i: int, given: Vector, first: int, by: float, out: Vector, to: int
+) -> None:
+    """Add by * weights[k, i, j] * given, row j after row from `first`, to the row of out at `to`.
+
+    weights is by lane_laws.by_lane. No views of it: each would cost as much as a product.
+    """
+    tick = min(k, weights.shape[0] - 1)
+    if weights.shape[3] == 1:
+        for j in range(weights.shape[2]):
+            weight = by * weights[tick, i, j, 0]
+            if weight != 0.0:
+                for lane in range(LANES):
+                    out[to + lane] += weight * given[first + j * LANES + lane]
+    else:
+        for j in range(weights.shape[2]):
+            for lane in range(LANES):
+                weight = by * weights[tick, i, j, lane]
+                out[to + lane] += weight * given[first + j * LANES + lane]
+
+
+@vectorised
+def _add_all(weights: Tensor, k: int, given: Vector, out: Vector) -> None:
+    """Add the products of all rows to the rows of out."""
+    for i in range(weights.shape[1]):
+        add_products(weights, k, i, given, 0, 1.0, out, i * LANES)
+
+
 @lru_cache
 def linear(states: int) -> Observe:
     """Return the observer whose matrices linear_form.LinearObserver holds."""
@@ -83,14 +119,19 @@ def linear(states: int) -> Observe:
         after: Vector,
         filled: int,
     ) -> None:
-        for i in range(states * LANES):
-            after[i] = law.constant[i // LANES] if k > 0 else 0.0
         if k == 0:
-            _add_product(law.start, signals.y, after)
+            for i in range(states * LANES):
+                after[i] = 0.0
+            _add_all(law.start, 0, signals.y, after)
         else:
-            _add_product(law.state, z, after)
-            _add_product(law.effort, signals.effort, after)
-            _add_product(law.before, signals.earlier, after)
+            tick = min(k, law.constant.shape[0]) - 1
+            unit = 1 if law.constant.shape[2] > 1 else 0
+            for i in range(states):
+                for lane in range(LANES):
+                    after[i * LANES + lane] = law.constant[tick, i, lane * unit]
+            _add_all(law.state, k - 1, z, after)
+            _add_all(law.effort, k - 1, signals.effort, after)
+            _add_all(law.before, k - 1, signals.earlier, after)
         for i in range(states * LANES):
             z[i] = after[i]
 

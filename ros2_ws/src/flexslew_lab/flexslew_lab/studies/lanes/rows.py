@@ -6,7 +6,6 @@ overlap, and loops over lanes become vector instructions without a look.
 
 from typing import NamedTuple
 
-from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 
@@ -16,7 +15,7 @@ class Sizes(NamedTuple):
     joints: int
     modes: int
     states: int  # z of linear_form
-    outputs: int  # that the law reads: joints, rates, perhaps the first tip
+    outputs: int  # that the law reads: joints, rates, the first of the tips
     appendages: int
 
 
@@ -45,16 +44,12 @@ class Rows(NamedTuple):
     peak_effort: int
     square_sum: int
     saturated: int
+    tip_rate: int  # what each mode's rate adds to each tip's reading
     end: int
 
 
 def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     """Return where everything begins in the array of such a group."""
     m, read, tip = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes
-    counts = (m, read, read, m, m, m, m, tip, m, m, m, m, m, 1, 1, m, m, m, 1, m, m, 1)
+    counts = (m, read, read, m, m, m, m, tip, m, m, m, m, m, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))
-
-
-def of_lane(w: Vector, begin: int, rows: int, lane: int) -> Vector:
-    """Return a view of what stands for one lane in so many rows."""
-    return w[begin + lane : begin + lane + rows * LANES : LANES]

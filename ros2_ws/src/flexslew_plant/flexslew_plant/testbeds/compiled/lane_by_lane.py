@@ -42,9 +42,9 @@ def _kernel(
     constants, position, rate = rows.end, rows.position, rows.rate
 
     @compiled
-    def advance(t: float, dt: float, steps: int, w: Vector) -> None:
+    def advance(t: float, dt: float, steps: int, filled: int, w: Vector) -> None:
         p, x, effort = np.empty(numbers), np.empty(states), np.empty(efforts)
-        for lane in range(LANES):
+        for lane in range(filled):
             for i in range(states):
                 x[i] = w[i * LANES + lane]
             for i in range(efforts):
@@ -59,10 +59,10 @@ def _kernel(
     if own is not None:
 
         @compiled
-        def read(w: Vector) -> None:
+        def read(filled: int, w: Vector) -> None:
             p, x = np.empty(numbers), np.empty(states)
             at, turning = np.empty(joints), np.empty(joints)
-            for lane in range(LANES):
+            for lane in range(filled):
                 for i in range(states):
                     x[i] = w[i * LANES + lane]
                 for i in range(numbers):

@@ -12,9 +12,10 @@ LANES = 64  # trials side by side
 
 _LINE = 8  # numbers in a line of the cache
 
-# (t, dt, steps, w): replaces the states by those dt after t [s] with the efforts held, in so many
-# equal steps. w is flat, rows of LANES: states [q, v], efforts, and what `place` puts after them
-Advance: TypeAlias = Callable[[float, float, int, Vector], None]
+# (t, dt, steps, filled, w): replaces the states by those dt after t [s] with the efforts held, in
+# so many equal steps, at least in the first `filled` lanes. w is flat, rows of LANES: states
+# [q, v], efforts, and what `place` puts after them
+Advance: TypeAlias = Callable[[float, float, int, int, Vector], None]
 
 
 class KernelRows(NamedTuple):
@@ -32,7 +33,8 @@ class LaneKernel(NamedTuple):
     """How a testbed flies in lanes."""
 
     advance: Advance
-    read: Callable[[Vector], None]  # writes the joints where they are no entries of the state
+    # (filled, w): writes the joints where they are no entries of the state
+    read: Callable[[int, Vector], None]
     rows: KernelRows
     size: int  # of its array
     place: Callable[[Matrix], Vector]  # its array at rest, from packed parameters, (P, LANES)
@@ -77,7 +79,7 @@ def rows_of(states: int, efforts: int, joints: int, modes: int, reads: bool) -> 
 
 
 @vectorised
-def nothing_to_read(w: Vector) -> None:
+def nothing_to_read(filled: int, w: Vector) -> None:
     """Leave the joints where they are: the first entries of q and v."""
 
 

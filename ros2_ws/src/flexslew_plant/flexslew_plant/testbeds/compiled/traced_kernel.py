@@ -110,7 +110,7 @@ def _kernel(model: Model, equations: NotedEquations, brisk: bool) -> LaneKernel 
         return written(name, tape, only, places, to, width, given)
 
     if reads:
-        read = _function("read", text("read", joints, rows.position, own, LANES, "w"))
+        read = _function("read", text("read", joints, rows.position, own, LANES, "filled, w"))
     end = rows.end + len(needs.constants) * LANES
     if few:
         step = _function("step", text("step", results, 0, own, LANES))
@@ -140,7 +140,7 @@ def _function(name: str, text: str) -> Any:
 @lru_cache
 def _whole(step: Callable[..., None]) -> Any:
     @vectorised
-    def advance(t: float, dt: float, steps: int, w: Vector) -> None:
+    def advance(t: float, dt: float, steps: int, filled: int, w: Vector) -> None:
         h = dt / steps
         for i in range(steps):
             step(t + i * h, h, w)
@@ -165,9 +165,9 @@ def _by_stages(slopes_of: Callable[..., None], scheme: _Scheme, work: _Work) -> 
     size, step_of = states * _BLOCK, _step(slopes_of, scheme, work)
 
     @vectorised
-    def advance(t: float, dt: float, steps: int, w: Vector) -> None:
+    def advance(t: float, dt: float, steps: int, filled: int, w: Vector) -> None:
         h = dt / steps
-        for lane in range(0, LANES, _BLOCK):
+        for lane in range(0, filled, _BLOCK):
             for i in range(given):
                 for k in range(_BLOCK):
                     w[x + i * _BLOCK + k] = w[i * LANES + lane + k]

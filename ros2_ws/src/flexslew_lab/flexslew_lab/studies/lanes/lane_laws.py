@@ -1,0 +1,50 @@
+"""Laws beside each other: the same in every lane, or one for each."""
+
+from collections.abc import Hashable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver
+from flexslew_plant.arrays import Tensor
+from flexslew_plant.testbeds.compiled.lanes import LANES
+
+
+class Beside(NamedTuple):
+    """The laws of a group, and their observers: one for all lanes, or one for each."""
+
+    laws: list[LawForm]
+    observers: list[Any]
+
+
+def kind_of(form: LinearForm) -> Hashable:
+    """Return what is equal for laws that may fly beside each other."""
+    if not isinstance(form.observer, LinearObserver):
+        return id(form)  # what a filter computes by tick is that of all lanes
+    law = form.law
+    shapes = tuple(np.shape(part) for part in (*law, *form.observer))
+    integrand = law.integrand.tobytes() if law.integral else b""
+    return shapes, law.integral, law.unwinding, law.limit.tobytes(), integrand
+
+
+def beside(forms: Sequence[LinearForm]) -> Beside:
+    """Return the laws of a group; the last one fills up."""
+    if all(form is forms[0] for form in forms):
+        return Beside([forms[0].law], [forms[0].observer])
+    lanes = [forms[min(k, len(forms) - 1)] for k in range(LANES)]
+    return Beside([form.law for form in lanes], [form.observer for form in lanes])
+
+
+def by_lane(parts: Sequence[Any], name: str, dimensions: int) -> Tensor:
+    """Return an array of laws or observers with an axis for ticks in front, one for lanes behind.
+
+    Either has one entry where all ticks, or all lanes, have the same.
+
+    Args:
+        parts: one for all lanes, or one for each.
+        name: of the field.
+        dimensions: of the field at one tick.
+    """
+    arrays = [getattr(part, name) for part in parts]
+    ticks = [array if array.ndim > dimensions else array[None] for array in arrays]
+    return np.ascontiguousarray(np.stack(ticks, axis=-1))

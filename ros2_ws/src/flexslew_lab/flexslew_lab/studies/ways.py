@@ -1,0 +1,26 @@
+"""By which way a trial of a study was flown: in lanes, or by the bench and why."""
+
+from enum import StrEnum
+
+
+class Way(StrEnum):
+    """How a trial was flown, as its row in the table has it."""
+
+    LANES = "lanes"
+    BENCH = "bench"  # nobody asked for lanes
+    NOT_ALLOWED = "bench: refused"  # it says why
+    METRICS = "bench: metrics of its own"
+    MOTORS = "bench: motors beyond their limits"
+    QUANTISED = "bench: quantised sensors"
+    SCHEDULE = "bench: switches or faults"
+    NO_PLAN = "bench: no plan"
+    JOINTS = "bench: joints that are read in another way"
+    EFFORTS = "bench: efforts that are no joints'"
+    THRUSTERS = "bench: thrusters"
+    ORBIT = "bench: an orbit"
+    INSTRUMENTS = "bench: noise beside instruments"
+    LAW = "bench: a law that is not linear"
+    SETTINGS = "bench: a law that is not linear with these settings"
+    TIPS = "bench: a law that reads instruments or rates of tips"
+    ATTITUDE = "bench: a Kalman filter in three axes"
+    FAR = "bench: a state without bounds"

@@ -1,0 +1,46 @@
+"""Which shipped trials fly in lanes, and why the others do not."""
+
+import numpy as np
+import pytest
+
+from flexslew_control.law import Reference
+from flexslew_lab.studies.lanes.fleet import form_of
+from flexslew_lab.studies.lanes.lane_trial import (
+    controller_of,
+    way_of_settings,
+    way_of_testbed,
+)
+from flexslew_lab.studies.ways import Way
+from flexslew_lab.trial.sources import read_trial, shipped_trials
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.arrays import NOTHING
+from flexslew_plant.testbeds import initial_positions
+
+FOR_THE_BENCH = {
+    "antenna_1": Way.SETTINGS,
+    "control_moment_gyros": Way.SETTINGS,  # gyroscopic, with an allocation
+    "observatory": Way.MOTORS,
+    "predictive_m1": Way.LAW,
+    "swap_demo": Way.SCHEDULE,
+}
+
+
+def way_of(trial: Trial) -> Way:
+    """Return how a study flies a trial, from a reference that rests."""
+    for way in (way_of_settings(trial), way_of_testbed(trial)):
+        if way is not Way.LANES:
+            return way
+    still = np.array(list(initial_positions(trial.testbed).values()))
+    references = [Reference(still, 0.0 * still, 0.0 * still, NOTHING)]
+    found = form_of(trial, controller_of(trial), references)
+    return found if isinstance(found, Way) else Way.LANES
+
+
+@pytest.mark.parametrize("name", [shipped.name for shipped in shipped_trials()])
+def test_every_shipped_trial_flies_in_lanes_but_for_those_with_a_reason(name: str) -> None:
+    trial, _ = read_trial(name, None)
+    assert way_of(trial) is FOR_THE_BENCH.get(name, Way.LANES)
+
+
+def test_who_needs_a_reason_is_shipped() -> None:
+    assert FOR_THE_BENCH.keys() <= {shipped.name for shipped in shipped_trials()}
