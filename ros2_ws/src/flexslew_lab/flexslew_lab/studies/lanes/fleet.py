@@ -23,7 +23,7 @@ from flexslew_lab.studies.lanes.inputs import (
 from flexslew_lab.studies.lanes.lane_laws import beside, by_lane, kind_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
-from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
+from flexslew_lab.studies.lanes.loop import Matrices, Schedule, Terms, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
@@ -125,19 +125,21 @@ class Lanes:
             w[rows.tip_rate : rows.end] = np.repeat(model.appendages.rate, LANES)
         w[rows.outside : rows.terminal] = -np.inf
         recorded = isinstance(first.trial.testbed, Pointing)
+        matrices = Matrices(
+            by_lane(forms.laws, "from_state", 2),
+            by_lane(forms.laws, "from_output", 2),
+            by_lane(forms.laws, "to_integral", 2),
+            by_lane(forms.laws, "demand", 1),
+            by_lane(forms.laws[:1], "integrand", 1),
+        )
+        turns, terms = model.attitude is not None, Terms.of(matrices)
         loop = partial(
-            lane_loop(kernel, sizes, observer.observe, recorded, model.attitude is not None),
+            lane_loop(kernel, sizes, terms, observer.observe, recorded, turns),
             w,
             first.trial.period,
             first.steps,
             schedule,
-            Matrices(
-                by_lane(forms.laws, "from_state", 2),
-                by_lane(forms.laws, "from_output", 2),
-                by_lane(forms.laws, "to_integral", 2),
-                by_lane(forms.laws, "demand", 1),
-                by_lane(forms.laws[:1], "integrand", 1),
-            ),
+            matrices,
             form.integral,
             form.unwinding,
             errors_of(lanes, sizes.outputs, len(schedule.time)),

@@ -41,12 +41,27 @@ class Matrices(NamedTuple):
     integrand: Tensor  # the same in all lanes
 
 
+class Terms(NamedTuple):
+    """Which of the law's products there are; a loop computes no others."""
+
+    own: bool  # each lane has a demand of its own
+    state: bool
+    output: bool
+    integral: bool
+
+    @classmethod
+    def of(cls, law: Matrices) -> "Terms":
+        """Return those of a law."""
+        products = (law.from_state, law.from_output, law.to_integral)
+        return cls(law.demand.shape[2] > 1, *(bool(product.any()) for product in products))
+
+
 Loop = Callable[..., None]
 
 
 @lru_cache
 def lane_loop(
-    kernel: LaneKernel, sizes: Sizes, observe: Observe, recorded: bool, turns: bool
+    kernel: LaneKernel, sizes: Sizes, terms: Terms, observe: Observe, recorded: bool, turns: bool
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
@@ -59,7 +74,7 @@ def lane_loop(
     """
     m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
     rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
-    advance, law = kernel.advance, _effort(of_kernel.effort, rows, sizes)
+    advance, law = kernel.advance, _effort(of_kernel.effort, rows, sizes, terms)
     metrics = (
         _recorded(of_kernel.effort, rows, sizes) if recorded else _measure(of_kernel, rows, sizes)
     )
@@ -126,15 +141,17 @@ def lane_loop(
     return cast(Loop, loop)
 
 
-def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+def _effort(total: int, rows: Rows, sizes: Sizes, terms: Terms) -> Callable[..., None]:
     """Return what writes the efforts of a tick and takes the integral to the next one.
 
     Args:
         total: where the efforts stand that the kernel holds.
         rows: of the group.
         sizes: of the group.
+        terms: of the law.
     """
     m = sizes.joints
+    own, from_state, from_output, to_integral = terms
     effort, reading, integral_sum = rows.applied, rows.reading, rows.integral
     kp, ki, kd, limit, law_limit = rows.kp, rows.ki, rows.kd, rows.limit, rows.law_limit
 
@@ -149,7 +166,7 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
         z: Vector,
         w: Vector,
     ) -> None:
-        demand_of, own = matrices.demand, matrices.demand.shape[2] > 1
+        demand_of = matrices.demand
         for i in range(m):
             row = i * LANES
             base, requested = demand_of[k, i, 0], schedule.position[k, i]
@@ -169,8 +186,10 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                         + w[kp + at] * (requested - w[reading + at])
                         + w[kd + at] * (turning - w[reading + m * LANES + at])
                     )
-            add_products(matrices.from_state, k, i, z, 0, 1.0, w, effort + row)
-            add_products(matrices.from_output, k, i, w, reading, 1.0, w, effort + row)
+            if from_state:
+                add_products(matrices.from_state, k, i, z, 0, 1.0, w, effort + row)
+            if from_output:
+                add_products(matrices.from_output, k, i, w, reading, 1.0, w, effort + row)
             if integral:
                 rate = matrices.integrand[k, i, 0]
                 for at in range(row, row + LANES):
@@ -180,7 +199,8 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                     error = requested - w[reading + at]
                     w[effort + at] = given
                     w[integral_sum + at] += dt * (rate + w[ki + at] * error + back)
-                add_products(matrices.to_integral, k, i, z, 0, dt, w, integral_sum + row)
+                if to_integral:
+                    add_products(matrices.to_integral, k, i, z, 0, dt, w, integral_sum + row)
             for at in range(row, row + LANES):
                 applied = min(max(w[effort + at], -w[limit + at]), w[limit + at])
                 w[effort + at] = applied
