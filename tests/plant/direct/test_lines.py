@@ -73,7 +73,7 @@ def test_nobody_answers_where_no_plant_listens(place: bytes) -> None:
 def test_questions_and_answers_pass_in_their_order(lines: Lines, place: bytes) -> None:
     line = greeted(lines, place)
     for k in range(20):
-        lines.send("pd", b"question %d" % k)
+        lines.send("pd", b"question %d" % k, eager=True)
     assert [line.receive() for _ in range(21)] == [*(b"question %d" % k for k in range(20)), None]
     line.send(answer(8))
     line.send(answer(9))
@@ -86,7 +86,7 @@ def test_a_controller_that_does_not_read_holds_nobody_up_and_misses_nothing(
     slow, quick = greeted(lines, place, "slow"), greeted(lines, place, "quick")
     questions = [b"%06d" % k + bytes(300) for k in range(LOOP_DEPTH // 2)]
     for question in questions:
-        lines.send("quick", question)
+        lines.send("quick", question, eager=True)
         assert quick.receive() == question
     heard: list[bytes] = []
     while len(heard) < len(questions):
@@ -135,7 +135,7 @@ def test_of_two_with_one_name_the_older_one_keeps_its_line(lines: Lines, place: 
     lines.look()
     assert younger.receive() is None
     assert younger.closed
-    lines.send("pd", b"question")
+    lines.send("pd", b"question", eager=True)
     assert older.receive() == b"question"
     older.close()
     assert list(lines.arrived()) == []

@@ -16,7 +16,7 @@ from flexslew_control.ros.calling import Calling
 from flexslew_plant import topics
 from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, stamp_of
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
+from flexslew_plant.ros.offers import is_heard, publish_if_heard, publisher, subscription
 
 _AT_ONCE = 0.005  # questions of a line answered before the graph is served again [wall s]
 _BUSY = 0.5  # after a question the next one is waited for on the line alone [wall s]
@@ -145,7 +145,7 @@ class Answering:
             if (question.epoch, question.tick) < self._heard_before:
                 return
             self._heard_before = None
-        line.expect(question.controller == self.name)
+        line.hurry(question.controller == self.name and not is_heard(self.sent[0]))
         self._answered(question, at, line)
 
     def _answered(

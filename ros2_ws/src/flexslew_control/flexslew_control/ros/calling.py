@@ -96,10 +96,10 @@ class Calling:
         """Return the next question; None: there is none yet, or the plant has hung up."""
         return None if self._line is None else self._line.receive(SLICE if wait else 0.0)
 
-    def expect(self, charge: bool) -> None:
-        """Know whether the next question will ask this controller, as far as can be told."""
+    def hurry(self, eager: bool) -> None:
+        """Wait awake for the next question, or not; see DirectLine."""
         if self._line is not None:
-            self._line.eager = charge
+            self._line.eager = eager
 
     def send(self, answer: bytes) -> None:
         """Send an answer."""

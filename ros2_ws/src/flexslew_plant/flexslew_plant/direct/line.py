@@ -30,7 +30,8 @@ class DirectLine:
         connected: the socket.
 
     Attributes:
-        eager: somebody waits for what this end makes of the next message.
+        eager: wait awake: somebody waits for what this end makes of the next message, and nobody
+            who hears copies of it needs the processor.
         closed: the other end is gone, or was not understood.
     """
 

@@ -51,10 +51,17 @@ class Lines:
         for line in list(self._strangers):
             self._greet(line)
 
-    def send(self, named: str, question: bytes) -> None:
-        """Ask: first the one that is named, then the others, who observe."""
+    def send(self, named: str, question: bytes, eager: bool) -> None:
+        """Ask: first the one that is named, then the others, who observe.
+
+        Args:
+            named: who is to answer.
+            question: as it goes over DDS.
+            eager: wait awake for the answer.
+        """
         first = self._lines.get(named)
         if first is not None:
+            first.eager = eager
             first.send(question)
         for line in self._lines.values():
             if line is not first:

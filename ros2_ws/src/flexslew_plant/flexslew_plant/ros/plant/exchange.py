@@ -21,7 +21,7 @@ from flexslew_plant.events import TransportChosen
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
+from flexslew_plant.ros.offers import is_heard, publish_if_heard, publisher, subscription
 
 _AT_ONCE = 0.005  # ticks flown by calls before the graph is served again [wall s]
 _LOOK_EVERY = 0.02  # for those who call [wall s]
@@ -85,9 +85,10 @@ class Exchange:
         """Send a question out."""
         self._asked = question.controller
         if self._lines:
-            data = measurement_bytes(question)
-            self._lines.send(question.controller, data)
-            publish_if_heard(self.questions, lambda: data)
+            data, heard = measurement_bytes(question), is_heard(self.questions)
+            self._lines.send(question.controller, data, eager=not heard)
+            if heard:
+                self.questions.publish(data)
             return
         publish_if_heard(self.questions, partial(measurement_bytes, question))
         if self._neighbour is not None:
