@@ -139,7 +139,7 @@ def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(
             )  # fmt: skip
             _swapped(one)
 
-    trial = slew(duration=900.0, rate=20.0, more=", lqr: {}")
+    trial = slew(duration=100.0, rate=5.0, more=", lqr: {}")
     flight = Flight(trial, tmp_path, 20, act)
     assert flight.outcome.exit_code == 3  # somebody was killed
     assert "lqr ended" in flight.outcome.message
