@@ -37,20 +37,26 @@ class WireBench:
         self.events: list[Any] = []
         self.truths: list[Truth] = []
         self.hosts: dict[str, ControllerHost] = {}
-        for name, values in trial.controllers.items():
-            law, own = law_of(name, values or {})
-            self.hosts[name] = self._host(name, law, own)
+        self._laws = {name: law_of(name, own or {}) for name, own in trial.controllers.items()}
+        for name in self._laws:
+            self.start(name)
+        self._asleep: dict[str, int] = {}  # who hears no question before which tick
         self._waiting: list[Measurement] = []
         self.observer: Observer | None = None
         self._tell()
 
-    def _host(self, name: str, law: str, values: dict[str, Any]) -> ControllerHost:
-        host = ControllerHost(name, values)
+    def start(self, name: str) -> None:
+        """Start a controller, or start it again in place of one that was killed."""
+        law, values = self._laws[name]
+        self.hosts[name] = host = ControllerHost(name, values)
         host.announce(
             lambda given: build_controller(name, law, given, self.plant, name),
             len(self.bench.appendages.names),
         )
-        return host
+
+    def sleep(self, name: str, ticks: int) -> None:
+        """Let a controller hear nothing for so many ticks."""
+        self._asleep[name] = self.bench.tick + ticks
 
     def fly(self, tick: int, deaf: Mapping[int, set[str]] | None = None) -> None:
         """Fly until the question of this tick is out, or the run rests.
@@ -82,6 +88,8 @@ class WireBench:
         for question in waiting:
             data = measurement_bytes(question)
             for name, host in self.hosts.items():
+                if question.tick < self._asleep.get(name, 0):
+                    continue
                 heard, at = measurement_from(data, self.bench.settings.period)
                 answer = host.observe(heard)
                 if answer is not None and self.observer is not None:

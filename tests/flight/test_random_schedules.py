@@ -1,4 +1,5 @@
-"""Random schedules of switches, tunings and missed ticks, live against the run from its log.
+"""Random schedules of switches, tunings, missed ticks, controllers that are killed and started
+again and others that hear nothing for a while: live against the run from its log.
 
 `--cases 1000` draws a thousand.
 """
@@ -61,6 +62,10 @@ def flown(folder: Path, rng: np.random.Generator, named: bool = True) -> WireBen
                     deaf = {at: {one for one in LAWS if one != name or rng.random() < 0.3}}
             elif what < 0.7 and name in TUNED:
                 bench.hosts[name].tune(TUNED[name])
+            elif what < 0.76:
+                bench.start(name)
+            elif what < 0.82:
+                bench.sleep(name, int(rng.integers(1, 6)))
             else:
                 first = bench.bench.tick + int(rng.integers(0, 4))
                 deaf = {first + k: {*LAWS} for k in range(int(rng.integers(1, 4)))}

@@ -9,6 +9,7 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.pd_feedforward import PdFeedforward
 from flexslew_control.law import Law, MeasuredJoints
 from flexslew_control.plan import Plan
+from flexslew_plant.events import EstimateBegan
 from flexslew_plant.measurement import Measurement
 
 JOINTS, PERIOD = ("base_yaw", "hub_pitch"), 0.01
@@ -122,6 +123,16 @@ def test_a_gap_and_a_new_epoch_start_the_estimator_again() -> None:
         one.observe(question(tick))
     one.observe(question(0, epoch=1))
     assert estimator.resets == [(0, 0), (0, 5), (1, 0)]
+    assert [(event.tick, event.what) for event in one.events] == [(5, EstimateBegan("a", False))]
+
+
+def test_one_that_comes_in_flight_says_where_its_estimator_begins() -> None:
+    one, successor = controller(), controller()
+    one.observe(question(3))
+    successor.take_over(one)
+    successor.observe(question(4))
+    assert [(event.tick, event.what) for event in one.events] == [(3, EstimateBegan("a", True))]
+    assert not successor.events
 
 
 def test_asked_again_about_the_same_tick_under_its_own_name_it_answers() -> None:
