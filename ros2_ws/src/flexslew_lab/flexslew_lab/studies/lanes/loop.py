@@ -41,7 +41,7 @@ class Matrices(NamedTuple):
     integrand: Tensor  # the same in all lanes
 
 
-class Terms(NamedTuple):
+class LawTerms(NamedTuple):
     """Which of the law's products there are; a loop computes no others."""
 
     own: bool  # each lane has a demand of its own
@@ -50,7 +50,7 @@ class Terms(NamedTuple):
     integral: bool
 
     @classmethod
-    def of(cls, law: Matrices) -> "Terms":
+    def of(cls, law: Matrices) -> "LawTerms":
         """Return those of a law."""
         products = (law.from_state, law.from_output, law.to_integral)
         return cls(law.demand.shape[2] > 1, *(bool(product.any()) for product in products))
@@ -61,7 +61,7 @@ Loop = Callable[..., None]
 
 @lru_cache
 def lane_loop(
-    kernel: LaneKernel, sizes: Sizes, terms: Terms, observe: Observe, recorded: bool, turns: bool
+    kernel: LaneKernel, sizes: Sizes, terms: LawTerms, observe: Observe, recorded: bool, turns: bool
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
@@ -141,7 +141,7 @@ def lane_loop(
     return cast(Loop, loop)
 
 
-def _effort(total: int, rows: Rows, sizes: Sizes, terms: Terms) -> Callable[..., None]:
+def _effort(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
     """Return what writes the efforts of a tick and takes the integral to the next one.
 
     Args:
