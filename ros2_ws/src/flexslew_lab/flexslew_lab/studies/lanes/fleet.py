@@ -23,7 +23,7 @@ from flexslew_lab.studies.lanes.inputs import (
 from flexslew_lab.studies.lanes.lane_laws import beside, by_lane, kind_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
-from flexslew_lab.studies.lanes.loop import Matrices, Schedule, LawTerms, lane_loop
+from flexslew_lab.studies.lanes.loop import LawTerms, Matrices, Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
