@@ -222,8 +222,7 @@ class Controller:
             if not follows:
                 self._hold = self._at_rest(measurement.joint_position)
                 if tick > 0:
-                    what = EstimateBegan(self.name, self._fresh)
-                    self._tell(what, measurement)
+                    self._tell(EstimateBegan(self.name, self._fresh), measurement)
             self._fresh = False
             seen = self._about_reference(measurement)
             if not follows:

@@ -168,9 +168,8 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
             if status.law == OUTPUT_FEEDBACK.name:  # older logs: when it had no other one
                 values.setdefault("observer", "steady")
             laws[name] = status.law, values
-    for _, what in reversed(
-        _told(bag, ControllerTuned)
-    ):  # what a status says last is what was tuned last
+    # what a status says last is what was tuned last
+    for _, what in reversed(_told(bag, ControllerTuned)):
         if what.controller in laws:
             laws[what.controller] = laws[what.controller][0], what.before
     return laws

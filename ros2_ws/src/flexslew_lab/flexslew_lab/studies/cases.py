@@ -231,7 +231,8 @@ def believing(
             if planned_about_one_axis(settings, plant_of(nominal)):  # no key of its testbed
                 count, given = counted(given, f"{source}: plan.model")
             belief["model"] = model(given or None, "plan.model")
-            belief["model"] |= {} if count is None else {"modes": count}
+            if count is not None:
+                belief["model"]["modes"] = count
         if _has(known, "initial"):
             belief["initial"] = initial_positions(nominal.testbed) | (plan.get("initial") or {})
         feedback = feedback_of(nominal)

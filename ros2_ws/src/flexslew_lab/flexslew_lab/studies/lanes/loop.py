@@ -171,21 +171,13 @@ def _effort(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[.
             row = i * LANES
             base, requested = demand_of[k, i, 0], schedule.position[k, i]
             turning, pushed = schedule.velocity[k, i], schedule.disturbance[k, i]
-            if own:
-                for lane in range(LANES):
-                    at = row + lane
-                    w[effort + at] = (
-                        demand_of[k, i, lane]
-                        + w[kp + at] * (requested - w[reading + at])
-                        + w[kd + at] * (turning - w[reading + m * LANES + at])
-                    )
-            else:
-                for at in range(row, row + LANES):
-                    w[effort + at] = (
-                        base
-                        + w[kp + at] * (requested - w[reading + at])
-                        + w[kd + at] * (turning - w[reading + m * LANES + at])
-                    )
+            for lane in range(LANES):
+                at = row + lane
+                w[effort + at] = (
+                    (demand_of[k, i, lane] if own else base)
+                    + w[kp + at] * (requested - w[reading + at])
+                    + w[kd + at] * (turning - w[reading + m * LANES + at])
+                )
             if from_state:
                 add_products(matrices.from_state, k, i, z, 0, 1.0, w, effort + row)
             if from_output:
