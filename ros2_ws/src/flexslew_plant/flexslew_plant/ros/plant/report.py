@@ -6,6 +6,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
+from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import SecondPlant
@@ -23,7 +24,7 @@ class PlantReport:
         node: the plant.
         session: that it runs.
         alive: signs of life.
-        progress: print the tick twice per second of wall time.
+        progress: print the tick twice per second of wall time, and the last one.
         heard: what must be heard.
     """
 
@@ -38,7 +39,7 @@ class PlantReport:
         self._node, self._session, self._alive = node, session, alive
         self._progress, self._heard = progress, heard
         self._dead = DeadNodes(node, alive.presence)
-        self._next = 0.0  # when to print again [wall s]
+        self._next, self._printed = 0.0, -1  # when to print again [wall s]; the last tick printed
         self._told: list[str] = []  # whom it waits for, as logged
         self._rivals: set[str] = set()  # younger plants
         self._met = 0.0  # an older plant [wall s]
@@ -62,9 +63,8 @@ class PlantReport:
         session = self._session
         for name in self._dead.poll(now):
             session.backlog.forget(name)
-        if self._progress and session.run.running and now >= self._next:
-            print(f"tick {session.bench.tick} of {session.bench.last_tick}", flush=True)
-            self._next = now + 0.5
+        if self._progress:
+            self._print_tick(now)
         rivals = {beat.node for beat in self._alive.presence.younger(self._alive.beat, now)}
         for name in sorted(rivals - self._rivals):
             session.bench.tell(SecondPlant(name))
@@ -75,6 +75,13 @@ class PlantReport:
                 self._node.get_logger().info(f"waiting for {', '.join(self._told)}")
         if now >= self._next_qos:
             self._warn_of_qos(now)
+
+    def _print_tick(self, now: float) -> None:
+        run, bench = self._session.run, self._session.bench
+        over = run.state == FINISHED and bench.tick != self._printed
+        if over or (run.running and now >= self._next):
+            print(f"tick {bench.tick} of {bench.last_tick}", flush=True)
+            self._next, self._printed = now + 0.5, bench.tick
 
     def _warn_of_qos(self, now: float) -> None:
         """Warn once of everybody who asks for a QoS that is not offered, whenever it comes."""
