@@ -2,7 +2,6 @@
 
 import struct
 from collections.abc import Callable
-from functools import partial
 from math import inf
 from time import monotonic
 from typing import Any
@@ -16,7 +15,8 @@ from flexslew_control.ros.calling import Calling
 from flexslew_plant import topics
 from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, stamp_of
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.ros.offers import is_heard, publish_if_heard, publisher, subscription
+from flexslew_plant.ros.copies import Copies
+from flexslew_plant.ros.offers import subscription
 
 _AT_ONCE = 0.005  # questions of a line answered before the graph is served again [wall s]
 _BUSY = 0.5  # after a question the next one is waited for on the line alone [wall s]
@@ -31,6 +31,7 @@ class Answering:
 
     Args:
         node: of the controller.
+        copies: of what it publishes.
         host: that is asked.
         observed: called with the tick of each question, after its answer.
         by_call: the plant shares this process and calls `answer` instead.
@@ -45,20 +46,21 @@ class Answering:
     def __init__(
         self,
         node: Node,
+        copies: Copies,
         host: ControllerHost,
         observed: Callable[[int], None],
         by_call: bool = False,
     ) -> None:
-        self._node, self._host, self._observed = node, host, observed
+        self._node, self._copies, self._host, self._observed = node, copies, host, observed
         self.period, self.silent = 0.01, False
-        self.sent = [publisher(node, t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
+        self.sent = [copies.publisher(t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
         self.heard: Subscription[Any] | None = None
         self._calling: Calling | None = None
         self._asked = -inf  # on the line [wall s]
         self._heard_before: tuple[int, int] | None = None  # what was heard when the line began
         if not by_call:
             self._listen()
-            self._calling = Calling(node, host.name, self.sent[0].topic_name)
+            self._calling = Calling(node, host.name, self.sent[0].publisher.topic_name)
 
     @property
     def name(self) -> str:
@@ -145,7 +147,7 @@ class Answering:
             if (question.epoch, question.tick) < self._heard_before:
                 return
             self._heard_before = None
-        line.hurry(question.controller == self.name and not is_heard(self.sent[0]))
+        line.hurry(question.controller == self.name and not self.sent[0].shared)
         self._answered(question, at, line)
 
     def _answered(
@@ -157,9 +159,10 @@ class Answering:
             if line is not None:
                 data = command_bytes(command, at)
                 line.send(data)
-                publish_if_heard(self.sent[0], lambda: data)
+                self.sent[0].publish(data)
             else:
-                publish_if_heard(self.sent[0], partial(command_bytes, command, at))
-            publish_if_heard(self.sent[1], partial(state_bytes, answer, at))
+                self.sent[0].publish_if_heard(lambda: command_bytes(answer.command, at))
+            self.sent[1].publish_if_heard(lambda: state_bytes(answer, at))
+            self._copies.send()
         self._observed(question.tick)
         return command

@@ -1,6 +1,7 @@
 """The `recorder` node: everything on the topics of the bench into one MCAP bag."""
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
@@ -14,6 +15,8 @@ from flexslew_lab.log.recording.recording_order import RecordingOrder, of_namesp
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_plant import topics
+from flexslew_plant.direct.inbox import Inbox
+from flexslew_plant.direct.names import RECORDER, address, direct
 from flexslew_plant.events import Fact, RecordingEnded, RecordingStarted, event_of
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
@@ -61,6 +64,7 @@ class Recorder:
         self._next_look = self._heard = 0.0  # for the plant; when something came [wall s]
         self._listener = HiddenListener(node, TOPICS)
         loop.own(self._listener.node)
+        self._inbox = self._listen_directly() if direct(os.environ) else None
         measurement = self._listener.subscriptions["/measurement"]
         serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
@@ -109,8 +113,20 @@ class Recorder:
         self._rebroadcast.poll(now, last)
         return len(messages)
 
+    def _listen_directly(self) -> Inbox:
+        """Return where those call who publish what is recorded."""
+        node, subscriptions = self.node, self._listener.subscriptions
+        questions = subscriptions["/measurement"].topic_name
+        beside = self._listener.node
+        return Inbox(
+            address(node.context.get_domain_id(), questions, RECORDER),
+            {subscription.topic_name: name for name, subscription in subscriptions.items()},
+            (beside.get_name(), beside.get_namespace()),
+        )
+
     def _arrived(self) -> Iterator[tuple[str, bytes]]:
-        for topic, data in self._listener.take():
+        heard = self._listener.take()
+        for topic, data in self._inbox.take(heard) if self._inbox else heard:
             self._heard = monotonic()
             self._watch.seen = self._watch.seen or topic == "/measurement"
             self._rebroadcast.hear(topic, data)

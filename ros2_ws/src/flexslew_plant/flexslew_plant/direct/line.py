@@ -16,7 +16,7 @@ SLICE = 0.002  # that a process waits for a message before it looks at the graph
 # that it asks again and again before it sleeps [wall s]: to be woken on another core takes longer
 # than a tick does, and most laws answer sooner
 _AWAKE = 0.0002
-_LARGEST = 1 << 15  # of a message [B]
+LARGEST = 1 << 15  # of a message [B]
 _TIME = struct.Struct("@ll")
 _PEER = struct.Struct("@3i")  # pid, uid, gid (unix(7), SO_PEERCRED)
 _PEERCRED = getattr(socket, "SO_PEERCRED", 17)
@@ -28,6 +28,7 @@ class DirectLine:
 
     Args:
         connected: the socket.
+        kept: messages for an end that takes none; of more the oldest are lost, as in DDS.
 
     Attributes:
         eager: wait awake: somebody waits for what this end makes of the next message, and nobody
@@ -35,12 +36,12 @@ class DirectLine:
         closed: the other end is gone, or was not understood.
     """
 
-    def __init__(self, connected: socket.socket) -> None:
+    def __init__(self, connected: socket.socket, kept: int = LOOP_DEPTH) -> None:
         connected.setblocking(True)
         wait = _TIME.pack(0, round(SLICE * 1e6))
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
         self._socket = connected
-        self._unsent: deque[bytes] = deque(maxlen=LOOP_DEPTH)  # as much as DDS would keep
+        self._unsent: deque[bytes] = deque(maxlen=kept)
         self._soon = False  # the last message that was waited for came within _AWAKE
         self.eager, self.closed = True, False
 
@@ -50,6 +51,11 @@ class DirectLine:
         size = _PEER.size
         _, user, _ = _PEER.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _PEERCRED, size))
         return bool(user == os.getuid())
+
+    @property
+    def unsent(self) -> int:
+        """How many messages the other end has still to take."""
+        return len(self._unsent)
 
     def send(self, data: bytes) -> None:
         """Send a message, or keep it until the other end takes more."""
@@ -89,7 +95,7 @@ class DirectLine:
             else:
                 if wait > 0.0:
                     select.select([self._socket], [], [], wait)
-                data = self._socket.recv(_LARGEST, _NOW)
+                data = self._socket.recv(LARGEST, _NOW)
         except BlockingIOError:
             return None
         except OSError:
@@ -108,12 +114,12 @@ class DirectLine:
         take = self._socket.recv
         while self._soon and self.eager:
             try:
-                return take(_LARGEST, _NOW)
+                return take(LARGEST, _NOW)
             except BlockingIOError:
                 self._soon = monotonic() < began + _AWAKE
                 os.sched_yield()  # whoever else has something to do goes first
         try:
-            return take(_LARGEST, 0)
+            return take(LARGEST, 0)
         finally:
             self._soon = monotonic() < began + _AWAKE
 
@@ -138,13 +144,13 @@ def facts(data: bytes) -> dict[str, Any]:
     return {}
 
 
-def call(address: bytes) -> DirectLine | None:
-    """Return a line to the plant that listens there, of this very user; None: nobody does."""
+def call(address: bytes, kept: int = LOOP_DEPTH) -> DirectLine | None:
+    """Return a line to who listens there, of this very user; None: nobody does."""
     connected = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         connected.setblocking(False)
         connected.connect(address)
-        line = DirectLine(connected)
+        line = DirectLine(connected, kept)
         if line.own_user:
             return line
     except OSError:

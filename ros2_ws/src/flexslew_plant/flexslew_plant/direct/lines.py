@@ -1,19 +1,17 @@
 """The plant's ends of all lines."""
 
-import socket
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from typing import TypeAlias
 
 from flexslew_plant.bench.wire import HEAD, command_from
 from flexslew_plant.direct.line import DirectLine, facts
+from flexslew_plant.direct.listener import Listener
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.topics import LOOP_DEPTH
 
 Key: TypeAlias = tuple[int, int]  # epoch and tick
 
-_WAITING = 16  # that call at the same moment
 CALLER, ANSWERS = "controller", "answers"  # facts that a caller says: its name, that it has begun
 EPOCH, TICK = "epoch", "tick"  # facts that the plant says: of the newest question before the line
 
@@ -30,24 +28,20 @@ class Lines:
     """
 
     def __init__(self, address: bytes, newest: Callable[[], Key]) -> None:
-        self._address, self._newest = address, newest
-        self._listener: socket.socket | None = None
+        self._newest, self._listener = newest, Listener(address)
         self._strangers: list[DirectLine] = []  # that have not said who they are
         self._lines: dict[str, DirectLine] = {}
         self._answers: dict[bytes, None] = {}  # as many as DDS would keep, the oldest first
         self.answering: set[str] = set()  # who answers on its line
-        self._listen()
 
     def look(self) -> None:
         """Take calls, and let go of who has hung up."""
-        if self._listener is None:
-            self._listen()
         for name in [name for name, line in self._lines.items() if line.closed]:
             del self._lines[name]
             self.answering.discard(name)
         for line in self._lines.values():
             line.flush()
-        self._strangers += self._calls()
+        self._strangers += self._listener.calls()
         for line in list(self._strangers):
             self._greet(line)
 
@@ -105,25 +99,6 @@ class Lines:
     def greeting(self) -> bool:
         """Somebody has called and does not answer on its line yet."""
         return bool(self._strangers) or len(self.answering) < len(self._lines)
-
-    def _listen(self) -> None:
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        try:
-            listener.bind(self._address)
-            listener.listen(_WAITING)
-            listener.setblocking(False)
-            self._listener = listener
-        except OSError:  # another plant that has not left yet
-            listener.close()
-
-    def _calls(self) -> Iterator[DirectLine]:
-        with suppress(OSError):
-            while self._listener is not None:
-                line = DirectLine(self._listener.accept()[0])
-                if line.own_user:
-                    yield line
-                else:
-                    line.close()
 
     def _greet(self, line: DirectLine) -> None:
         """Learn who calls, and say from which question on it will be asked here."""

@@ -1,4 +1,4 @@
-"""Where the plant of a bench listens, and whether direct lines are used at all."""
+"""Where the plant and the recorder of a bench listen, and whether direct lines are used at all."""
 
 import os
 from collections.abc import Mapping
@@ -8,6 +8,7 @@ from flexslew_plant.errors import BadInput
 
 SETTING = "FLEXSLEW_TRANSPORT"  # environment variable
 AUTO, DDS = "auto", "dds"
+RECORDER = "recorder"  # in place of a topic, which begins with a slash
 SOCKET = "socket"  # how a controller is asked, beside DDS
 
 
@@ -30,7 +31,7 @@ def address(domain: int, questions: str, answers: str) -> bytes:
     Args:
         domain: ROS_DOMAIN_ID.
         questions: absolute name of the topic of measurements, with namespace and remappings.
-        answers: the same of commands.
+        answers: the same of commands; RECORDER: the name of the recorder's socket instead.
     """
     bench = f"{os.getuid()} {domain} {questions} {answers}"
     return b"\0flexslew/" + sha256(bench.encode()).hexdigest()[:32].encode()

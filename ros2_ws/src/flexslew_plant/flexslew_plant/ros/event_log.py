@@ -5,6 +5,7 @@ from rclpy.node import Node
 from flexslew_plant import topics
 from flexslew_plant.events import Event, Level
 from flexslew_plant.refusal import one_line
+from flexslew_plant.ros.copies import Copied, Copies
 from flexslew_plant.ros.messages import event_message
 from flexslew_plant.ros.offers import publisher
 
@@ -14,14 +15,18 @@ class EventLog:
 
     Args:
         node: that says them.
+        copies: of what it publishes, if the recorder has its own way to them.
     """
 
-    def __init__(self, node: Node) -> None:
-        self._publisher, self._logger = publisher(node, topics.EVENTS), node.get_logger()
+    def __init__(self, node: Node, copies: Copies | None = None) -> None:
+        offer = (
+            copies.publisher(topics.EVENTS) if copies else Copied(publisher(node, topics.EVENTS))
+        )
+        self._offer, self._logger = offer, node.get_logger()
 
     def tell(self, event: Event) -> None:
         """Publish and log an event."""
-        self._publisher.publish(event_message(event))
+        self._offer.keep(event_message(event))
         words = one_line(f"t = {event.time:.2f} s: {event.message}")  # an operator's may be any
         # rclpy ties a severity to the line of the call
         if event.level == Level.INFO:

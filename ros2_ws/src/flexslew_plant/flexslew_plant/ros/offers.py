@@ -49,22 +49,6 @@ def publisher(node: Node, name: str) -> "Publisher[Any]":
     return node.create_publisher(message_class(topic.type), name, qos(topic))
 
 
-def publish_if_heard(publisher: "Publisher[Any]", message: Callable[[], bytes]) -> None:
-    """Write and publish a message where somebody listens; nothing else is kept for later ones.
-
-    Args:
-        publisher: of a topic that is not latched.
-        message: writes its CDR bytes.
-    """
-    if is_heard(publisher):
-        publisher.handle.publish_raw(message())
-
-
-def is_heard(publisher: "Publisher[Any]") -> bool:
-    """Return whether anybody listens; every tick asks, so by the handle, which is quicker."""
-    return bool(publisher.handle.get_subscription_count())
-
-
 def subscription(
     node: Node, name: str, callback: Callable[[Any], None], raw: bool = False, at: str = ""
 ) -> "Subscription[Any]":

@@ -11,12 +11,13 @@ from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import truth_bytes
 from flexslew_plant.measurement import EffortCommand, Measurement
+from flexslew_plant.ros.copies import Copies
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.node_process import run_node
-from flexslew_plant.ros.offers import is_heard, publisher, subscription
+from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.ros.plant.diagnostics import Diagnostics
 from flexslew_plant.ros.plant.display import Display
@@ -53,15 +54,17 @@ class Plant:
             self._missing,
             lambda: self._exchange.arrived(),
         )
-        self._exchange = Exchange(node, loop, self.session, self._take, neighbour)
+        self._copies = copies = Copies(node)
+        self._exchange = Exchange(node, copies, loop, self.session, self._take, neighbour)
         self.session.presence = self._alive.presence
-        self._truth, self._testbed = (publisher(node, t) for t in (topics.TRUTH, topics.TESTBED))
-        self._events, self._realtime = EventLog(node), RealTime(PLANT)
-        self.display = Display(node, bench, self._settings.display_rate)
+        self._truth, self._testbed = copies.publisher(topics.TRUTH), publisher(node, topics.TESTBED)
+        self._events, self._realtime = EventLog(node, copies), RealTime(PLANT)
+        self.display = Display(node, copies, bench, self._settings.display_rate)
         self.session.watched = lambda: self._said() or self.display.due(bench.tick)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
-        progress, heard = self._settings.progress, [self._exchange.questions, self._truth]
+        heard = [offer.publisher for offer in (self._exchange.questions, self._truth)]
+        progress = self._settings.progress
         self._report = PlantReport(node, self.session, self._alive, progress, heard)
         self._services = Services(node, self.session, self.statuses, loop)
         self._diagnostics = Diagnostics(node, self.session)
@@ -74,6 +77,7 @@ class Plant:
         now = monotonic()
         if self._report.is_duplicate(now):
             return NOTICE / 4
+        self._copies.look(now)
         self._exchange.look(now)
         wait = self.session.poll(now)
         self._realtime.want(self.session.pacing.paced)
@@ -87,6 +91,10 @@ class Plant:
         """Say that the run ends before its time."""
         self.session.interrupted()
         self._send()
+
+    def close(self) -> None:
+        """Let the recorder have everything."""
+        self._copies.close()
 
     def _send(self) -> None:
         """Publish what the session has to say."""
@@ -102,6 +110,7 @@ class Plant:
                 self.display.show(record)
             else:
                 self._events.tell(record)
+        self._copies.send()
         done = self.session.run.state == FINISHED and not self.loop.stopped
         if done and self._settings.exit_when_done:
             if failure := self.session.bench.failure:
@@ -110,7 +119,7 @@ class Plant:
 
     def _said(self) -> bool:
         """Return whether the truth is published, and heard."""
-        return self._settings.truth and is_heard(self._truth)
+        return self._settings.truth and self._truth.heard
 
     def _missing(self) -> list[str]:
         """Return who would not hear the first question."""
@@ -119,7 +128,7 @@ class Plant:
         if session.bench.tick or session.bench.epoch:  # who was lost on the way is not waited for
             listeners = tuple(n for n in listeners if not session.presence.silent(n, now))
         shown = [self._truth] * self._settings.truth + self.display.publishers
-        heard = [self._exchange.questions, *shown]
+        heard = [offer.publisher for offer in (self._exchange.questions, *shown)]
         return self._exchange.unheard(controllers) + unmatched(self.node, heard, listeners)
 
     def _take(self, command: EffortCommand) -> bool:

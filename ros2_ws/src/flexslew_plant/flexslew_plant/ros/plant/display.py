@@ -1,14 +1,13 @@
 """The display side of the plant node: standard topics that RViz, Foxglove and PlotJuggler draw."""
 
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from flexslew_msgs.msg import AppendageState
 from geometry_msgs.msg import Point, TransformStamped
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA, Header, String
@@ -20,7 +19,8 @@ from flexslew_plant.arrays import NOTHING, Indices, Vector
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.ros.offers import publish_if_heard, publisher
+from flexslew_plant.ros.copies import Copied, Copies
+from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.plant.instrument_display import InstrumentDisplay
 from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.template import Template
@@ -35,20 +35,21 @@ class Display:
 
     Args:
         node: the plant.
+        copies: of what it publishes.
         bench: whose truth is shown.
         rate: samples per simulated second; 0: nothing is shown.
     """
 
-    def __init__(self, node: Node, bench: Bench, rate: float) -> None:
+    def __init__(self, node: Node, copies: Copies, bench: Bench, rate: float) -> None:
         self._bench = bench
         self._prefix = f"{node.get_namespace()}/".lstrip("/")
         self.set_rate(rate)
-        self._clock = publisher(node, topics.CLOCK)
-        self._joints = publisher(node, topics.JOINT_STATES)
-        self._appendages = publisher(node, topics.APPENDAGE_STATES)
-        self._tf = publisher(node, topics.TF)
-        self._markers = publisher(node, topics.MARKERS)
-        self._platform = PlatformDisplay(node, self._prefix)
+        self._clock = copies.publisher(topics.CLOCK)
+        self._joints = copies.publisher(topics.JOINT_STATES)
+        self._appendages = copies.publisher(topics.APPENDAGE_STATES)
+        self._tf = copies.publisher(topics.TF)
+        self._markers = copies.publisher(topics.MARKERS)
+        self._platform = PlatformDisplay(copies, self._prefix)
         self._instruments = InstrumentDisplay(node, bench.appendages.instruments)
         self._draw(bench.testbed)
         static = publisher(node, topics.TF_STATIC)
@@ -67,7 +68,7 @@ class Display:
         return self._every > 0 and tick % self._every == 0
 
     @property
-    def publishers(self) -> list["Publisher[Any]"]:
+    def publishers(self) -> list[Copied]:
         """What is published at this rate."""
         samples = [self._clock, self._joints, self._appendages, self._tf, self._markers]
         return [*samples, *self._platform.publishers] if self._every else []
@@ -86,12 +87,12 @@ class Display:
         joints[2, : model.efforts] = truth.applied_effort[: model.joints]
         tips = (truth.tip_deflection, appendages.tip @ rates, appendages.curvature @ modes)
         bent = np.concatenate((*tips, modes, rates))
-        publish_if_heard(self._clock, lambda: shown.clock.filled(at, NOTHING))
-        publish_if_heard(self._joints, lambda: shown.joints.filled(at, joints.take(shown.named)))
-        publish_if_heard(self._appendages, lambda: shown.appendages.filled(at, bent))
-        publish_if_heard(self._tf, lambda: shown.frames.filled(at, self._moved(truth)))
+        self._clock.publish_if_heard(lambda: shown.clock.filled(at, NOTHING))
+        self._joints.publish_if_heard(lambda: shown.joints.filled(at, joints.take(shown.named)))
+        self._appendages.publish_if_heard(lambda: shown.appendages.filled(at, bent))
+        self._tf.publish_if_heard(lambda: shown.frames.filled(at, self._moved(truth)))
         self._platform.show(at, x, truth.applied_effort, truth.time)
-        publish_if_heard(self._markers, lambda: shown.lines.filled(at, self._drawn(truth)))
+        self._markers.publish_if_heard(lambda: shown.lines.filled(at, self._drawn(truth)))
 
     def sense(self, measurement: Measurement) -> None:
         """Publish what instruments read, at whatever rate the rest is shown."""

@@ -3,7 +3,6 @@
 import os
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
-from functools import partial
 from math import inf
 from time import monotonic
 from typing import Any, Protocol
@@ -19,9 +18,10 @@ from flexslew_plant.direct.lines import Lines
 from flexslew_plant.direct.names import DDS, SOCKET, address, direct
 from flexslew_plant.events import TransportChosen
 from flexslew_plant.measurement import EffortCommand, Measurement
+from flexslew_plant.ros.copies import Copies
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.offers import is_heard, publish_if_heard, publisher, subscription
+from flexslew_plant.ros.offers import subscription
 
 _AT_ONCE = 0.005  # ticks flown by calls before the graph is served again [wall s]
 _LOOK_EVERY = 0.02  # for those who call [wall s]
@@ -48,6 +48,7 @@ class Exchange:
 
     Args:
         node: the plant.
+        copies: of what it publishes.
         loop: that serves it.
         session: that asks.
         take: passes an answer on; returns whether the loop should poll at once.
@@ -58,6 +59,7 @@ class Exchange:
     def __init__(
         self,
         node: Node,
+        copies: Copies,
         loop: Loop,
         session: Session,
         take: Callable[[EffortCommand], bool],
@@ -71,26 +73,26 @@ class Exchange:
         self._since: dict[str, float] = {}  # when each was on a line, or seen at first [wall s]
         self._next_look = self._next_graph = 0.0  # [wall s]
         self._asked = ""
-        self.questions = publisher(node, topics.MEASUREMENT)
+        self.questions = copies.publisher(topics.MEASUREMENT)
         self._topic = node.resolve_topic_name(topics.EFFORT_COMMAND)
         self._lines: Lines | None = None
         if neighbour is None:
             self._listen()
             if direct(os.environ):
                 domain = node.context.get_domain_id()
-                where = address(domain, self.questions.topic_name, self._topic)
+                questions = self.questions.publisher.topic_name
+                where = address(domain, questions, self._topic)
                 self._lines = Lines(where, self._newest)
 
     def ask(self, question: Measurement) -> None:
         """Send a question out."""
         self._asked = question.controller
         if self._lines:
-            data, heard = measurement_bytes(question), is_heard(self.questions)
-            self._lines.send(question.controller, data, eager=not heard)
-            if heard:
-                self.questions.publish(data)
+            data = measurement_bytes(question)
+            self._lines.send(question.controller, data, eager=not self.questions.shared)
+            self.questions.publish(data)
             return
-        publish_if_heard(self.questions, partial(measurement_bytes, question))
+        self.questions.publish_if_heard(lambda: measurement_bytes(question))
         if self._neighbour is not None:
             self._unseen.append(question)
             self._loop.hurry()
@@ -154,7 +156,7 @@ class Exchange:
     def unheard(self, controllers: Collection[str]) -> list[str]:
         """Return which of these controllers a question would not reach now."""
         others = {*controllers} - {self._name} - self._direct
-        return unmatched(self._node, [self.questions], sorted(others))
+        return unmatched(self._node, [self.questions.publisher], sorted(others))
 
     @property
     def _name(self) -> str:

@@ -7,14 +7,13 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3, WrenchStamped
 from geometry_msgs.msg import Wrench as WrenchMessage
 from nav_msgs.msg import Odometry
-from rclpy.node import Node
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
 from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.wire import Stamp
-from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.copies import Copies
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.floating import CanFloat, Floating
@@ -29,16 +28,16 @@ class PlatformDisplay:
     "unknown", and `imu` has no linear acceleration. Twist, rates and wrench are along body axes.
 
     Args:
-        node: the plant.
+        copies: of what the plant publishes.
         prefix: of the names of frames.
     """
 
-    def __init__(self, node: Node, prefix: str) -> None:
+    def __init__(self, copies: Copies, prefix: str) -> None:
         self._prefix = prefix
         self._floating: Floating | None = None
-        self._imu = publisher(node, topics.IMU)
-        self._odometry = publisher(node, topics.ODOMETRY)
-        self._wrench = publisher(node, topics.WRENCH)
+        self._imu = copies.publisher(topics.IMU)
+        self._odometry = copies.publisher(topics.ODOMETRY)
+        self._wrench = copies.publisher(topics.WRENCH)
         self.publishers = [self._imu, self._odometry, self._wrench]
 
     def draw(self, testbed: Testbed) -> None:

@@ -1,0 +1,100 @@
+"""The recorder's ends of its lines: copies of what others publish, past DDS."""
+
+import struct
+from collections.abc import Iterable, Iterator, Mapping
+from struct import Struct
+
+from flexslew_plant.direct.line import DirectLine, facts
+from flexslew_plant.direct.listener import Listener
+from flexslew_plant.topics import LOOP_DEPTH
+
+TOPICS = "topics"  # fact that a caller says: absolute names of what it publishes
+# facts that the recorder says: the node that listens for it over DDS, and what it hears
+NODE, NAMESPACE, HEARD = "node", "namespace", "heard"
+PART = Struct("<BI")  # number of the topic, and how many bytes of CDR follow
+BOTH = 0x80  # beside the number of a topic: it goes over DDS, too
+
+
+class Inbox:
+    """Takes calls of publishers, and what they send: several parts at once, each PART and CDR.
+
+    The recorder hears all of it over DDS, too, as far as it is published there. Of a message that
+    goes both ways whichever comes first is yielded.
+
+    Args:
+        address: where to listen.
+        heard: what the recorder calls its topics, by their absolute names.
+        node: that listens over DDS, and its namespace.
+    """
+
+    def __init__(self, address: bytes, heard: Mapping[str, str], node: tuple[str, str]) -> None:
+        self._listener, self._heard = Listener(address), heard
+        self._node = dict(zip((NODE, NAMESPACE), node, strict=True))
+        self._strangers: list[DirectLine] = []  # that have not said what they publish
+        self._lines: dict[DirectLine, list[str]] = {}  # what the recorder calls their topics
+        self._shared: set[str] = set()  # topics of any line
+        # what came one way and is still to come the other: how often on a line less over DDS
+        self._once: dict[tuple[str, bytes], int] = {}
+
+    def take(self, over_dds: Iterable[tuple[str, bytes]]) -> Iterator[tuple[str, bytes]]:
+        """Yield what waits: topic, as the recorder calls it, and CDR.
+
+        Args:
+            over_dds: the same of what was taken from DDS before this.
+        """
+        self._strangers += self._listener.calls()
+        for line in list(self._strangers):
+            self._greet(line)
+        for line, names in list(self._lines.items()):
+            while (parts := line.receive()) is not None:
+                try:
+                    for number, data in split(parts):
+                        topic = names[number % BOTH]
+                        if number < BOTH or self._first(topic, data, 1):
+                            yield topic, data
+                except (struct.error, IndexError):  # nothing that a publisher says
+                    line.close()
+            if line.closed:
+                del self._lines[line]
+        for topic, data in over_dds:
+            if topic not in self._shared or self._first(topic, data, -1):
+                yield topic, data
+
+    def _first(self, topic: str, data: bytes, way: int) -> bool:
+        """Return whether this is not the other copy of what came before; +1: line, -1: DDS."""
+        key = topic, data
+        before = self._once.pop(key, 0)
+        if before + way:
+            self._once[key] = before + way
+        if len(self._once) > 2 * LOOP_DEPTH * len(self._shared):  # both ends of DDS keep so many
+            del self._once[next(iter(self._once))]
+        return before * way >= 0
+
+    def _greet(self, line: DirectLine) -> None:
+        """Learn what is published, and say what of it is heard."""
+        data = line.receive()
+        if data is None and not line.closed:
+            return
+        self._strangers.remove(line)
+        names = facts(data or b"").get(TOPICS)
+        if not isinstance(names, list) or len(names) > BOTH:
+            line.close()
+            return
+        heard = [name for name in names if name in self._heard]
+        line.say({**self._node, HEARD: heard})
+        self._lines[line] = [self._heard[name] for name in heard]
+        self._shared.update(self._lines[line])
+
+
+def split(parts: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield number and CDR of the parts of a message.
+
+    Raises:
+        struct.error: it ends within a PART.
+    """
+    at = 0
+    while at < len(parts):
+        number, size = PART.unpack_from(parts, at)
+        at += PART.size
+        yield number, parts[at : at + size]
+        at += size

@@ -1,0 +1,44 @@
+"""Where processes of one machine and user call."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import suppress
+
+from flexslew_plant.direct.line import DirectLine
+
+_WAITING = 16  # that call at the same moment
+
+
+class Listener:
+    """Takes calls; as long as another process listens there, it has none.
+
+    Args:
+        address: of the socket, see names.
+    """
+
+    def __init__(self, address: bytes) -> None:
+        self._address = address
+        self._socket: socket.socket | None = None
+        self._listen()
+
+    def calls(self) -> Iterator[DirectLine]:
+        """Yield a line to each process of this user that has called."""
+        if self._socket is None:
+            self._listen()
+        with suppress(OSError):
+            while self._socket is not None:
+                line = DirectLine(self._socket.accept()[0])
+                if line.own_user:
+                    yield line
+                else:
+                    line.close()
+
+    def _listen(self) -> None:
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            listener.bind(self._address)
+            listener.listen(_WAITING)
+            listener.setblocking(False)
+            self._socket = listener
+        except OSError:  # another one that has not left yet
+            listener.close()
