@@ -46,14 +46,29 @@ def transforms(names: list[str]) -> Any:
 ])  # fmt: skip
 def test_filling_in_is_building(kind: Any, make: Any, per_name: int, names: list[str]) -> None:
     build, generator = make(names), np.random.default_rng(len(names))
-    template = Template(build, per_name * len(names))
+    template = Template((build, per_name * len(names)))
     for sec, nanosec in ((0, 0), (7, 999_999_999), (-1, 5)):
         numbers = generator.standard_normal(per_name * len(names))
-        filled = template.filled(Stamp(sec, nanosec), numbers)
+        (filled,) = template.filled(Stamp(sec, nanosec), numbers)
         expected = build(Time(sec=sec, nanosec=nanosec), numbers.tolist())
         assert deserialize_message(filled, kind) == expected
 
 
+def test_several_messages_are_filled_in_at_once() -> None:
+    """Their sizes are no multiples of eight bytes."""
+    builds = [(joints(["a"]), 2), (transforms(["bc", "d"]), 2), (joints([]), 0), (joints(["e"]), 2)]
+    kinds = JointState, TFMessage, JointState, JointState
+    generator = np.random.default_rng(1)
+    template = Template(*builds)
+    for sec in (0, 3):
+        numbers = generator.standard_normal(6)
+        found = template.filled(Stamp(sec, 4), numbers)
+        parts = np.split(numbers, [2, 4, 4])
+        for kind, (build, _), data, part in zip(kinds, builds, found, parts, strict=True):
+            expected = build(Time(sec=sec, nanosec=4), part.tolist())
+            assert deserialize_message(data, kind) == expected
+
+
 def test_a_number_that_the_message_drops_is_an_error() -> None:
     with pytest.raises(RuntimeError, match="0 of 1 numbers"):
-        Template(lambda at, numbers: JointState(header=Header(stamp=at)), 1)
+        Template((joints(["a"]), 2), (lambda at, numbers: JointState(header=Header(stamp=at)), 1))

@@ -28,6 +28,7 @@ class HiddenListener:
     def __init__(self, node: Node, heard: Mapping[str, Topic]) -> None:
         self.node = Node(
             HIDDEN + node.get_name(),
+            context=node.context,
             namespace=node.get_namespace(),
             use_global_arguments=False,
             start_parameter_services=False,

@@ -62,6 +62,7 @@ class Recorder:
         self._told = self._recording.safe
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_look = self._heard = 0.0  # for the plant; when something came [wall s]
+        self._next_take = 0.0  # from DDS, which costs as much when nothing comes [wall s]
         self._listener = HiddenListener(node, TOPICS)
         loop.own(self._listener.node)
         self._inbox = self._listen_directly() if direct(os.environ) else None
@@ -104,7 +105,12 @@ class Recorder:
     def _take(self, last: bool = False) -> int:
         """Write what is due; return how many messages it was."""
         now = monotonic()
-        messages = self._order.take(self._arrived(), now, last)
+        over_dds = list(self._listener.take()) if last or now >= self._next_take else []
+        if over_dds:
+            self._next_take = now
+        elif now >= self._next_take:
+            self._next_take = now + _TAKE_EVERY
+        messages = self._order.take(self._arrived(over_dds), now, last)
         for message in messages:
             self._recording.write(message)
             self._tell_status()
@@ -124,9 +130,8 @@ class Recorder:
             (beside.get_name(), beside.get_namespace()),
         )
 
-    def _arrived(self) -> Iterator[tuple[str, bytes]]:
-        heard = self._listener.take()
-        for topic, data in self._inbox.take(heard) if self._inbox else heard:
+    def _arrived(self, over_dds: list[tuple[str, bytes]]) -> Iterator[tuple[str, bytes]]:
+        for topic, data in self._inbox.take(over_dds) if self._inbox else over_dds:
             self._heard = monotonic()
             self._watch.seen = self._watch.seen or topic == "/measurement"
             self._rebroadcast.hear(topic, data)

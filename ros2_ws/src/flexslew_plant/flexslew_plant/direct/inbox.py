@@ -80,7 +80,7 @@ class Inbox:
         if not isinstance(names, list) or len(names) > BOTH:
             line.close()
             return
-        heard = [name for name in names if name in self._heard]
+        heard = [name for name in names if isinstance(name, str) and name in self._heard]
         line.say({**self._node, HEARD: heard})
         self._lines[line] = [self._heard[name] for name in heard]
         self._shared.update(self._lines[line])
@@ -90,11 +90,12 @@ def split(parts: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield number and CDR of the parts of a message.
 
     Raises:
-        struct.error: it ends within a PART.
+        struct.error: it ends within a part.
     """
     at = 0
     while at < len(parts):
         number, size = PART.unpack_from(parts, at)
-        at += PART.size
-        yield number, parts[at : at + size]
-        at += size
+        at += PART.size + size
+        if at > len(parts):
+            raise struct.error
+        yield number, parts[at - size : at]

@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 
 from flexslew_plant import topics
-from flexslew_plant.direct.inbox import BOTH, HEARD, NAMESPACE, NODE, PART, TOPICS
+from flexslew_plant.direct.inbox import BOTH, HEARD, NAMESPACE, NODE, PART, TOPICS, split
 from flexslew_plant.direct.line import LARGEST, DirectLine, call, facts
 from flexslew_plant.direct.names import RECORDER, address, direct
 from flexslew_plant.ros.offers import publisher
@@ -37,6 +37,7 @@ class Copies:
         questions = node.resolve_topic_name(topics.MEASUREMENT)
         self._address = address(node.context.get_domain_id(), questions, RECORDER)
         self._offers: list[Copied] = []
+        self._heard: list[Copied] = []  # by the recorder on the line, by their numbers
         self._parts: list[bytes] = []  # of the next message on the line
         self._size = 0  # of these [B]
         self._line: DirectLine | None = None
@@ -59,9 +60,7 @@ class Copies:
                     names = [offer.publisher.topic_name for offer in self._offers]
                     self._line.say({TOPICS: names})
         elif line.closed:
-            self._line, self._listens = None, ("", "")
-            for offer in self._offers:
-                offer.number = -1
+            self._let_go()
         elif not self._listens[0]:
             self._begin(line)
         else:
@@ -69,15 +68,19 @@ class Copies:
             line.flush()
             if now >= self._next:
                 self._next = now + _LOOK
+                line.receive()  # which tells when the recorder is gone
                 self._choose()
 
     def send(self) -> None:
         """Send what was published since the last time."""
         if self._parts:
-            if self._line is not None:
-                self._line.send(b"".join(self._parts))
+            message = b"".join(self._parts)
             self._parts.clear()
             self._size = 0
+            if self._line is not None:
+                self._line.send(message)
+                if self._line.closed:
+                    self._send_over_dds(message)
 
     def close(self) -> None:
         """Stay until the recorder has taken everything."""
@@ -113,8 +116,23 @@ class Copies:
             return
         self._listens, self._next = (node, place), 0.0
         by_name = {offer.publisher.topic_name: offer for offer in self._offers}
-        for number, name in enumerate(heard):
-            by_name[name].number = number
+        self._heard = [by_name[name] for name in heard]
+        for number, offer in enumerate(self._heard):
+            offer.number = number
+
+    def _let_go(self) -> None:
+        """The recorder is gone, or this is none."""
+        self._line, self._listens, self._heard = None, ("", ""), []
+        for offer in self._offers:
+            offer.number = -1
+
+    def _send_over_dds(self, message: bytes) -> None:
+        """Publish what has not gone there: a recorder that follows a lost one hears it."""
+        heard = self._heard
+        self._let_go()
+        for number, data in split(message):
+            if number < BOTH:
+                heard[number].publish(data)
 
     def _choose(self) -> None:
         for offer in self._offers:

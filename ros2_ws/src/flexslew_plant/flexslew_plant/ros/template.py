@@ -16,37 +16,48 @@ _FIRST = -(2.0**900)  # the k-th number is marked by (k + 1) of these
 
 
 class Template:
-    """A message of ROS as bytes; building and serialising an object costs ten times as much.
+    """Messages of one stamp as bytes; to build and serialise objects costs ten times as much.
 
     Args:
-        build: from a stamp and numbers to the message; called once, with marks by which their
-            places in the bytes are found.
-        count: how many numbers.
+        parts: of each message how it is built from a stamp and numbers, and how many these are;
+            called once, with marks by which their places in the bytes are found.
 
     Raises:
-        RuntimeError: a number does not stand in the message, or stands there twice.
+        RuntimeError: a number does not stand in its message, or stands there twice.
     """
 
-    def __init__(self, build: Callable[[Time, list[float]], Any], count: int) -> None:
-        marks = [_FIRST * (k + 1) for k in range(count)]
-        data = serialize_message(build(Time(sec=_SEC, nanosec=_NANOSEC), marks))
-        self._bytes = bytearray(data)
-        body = memoryview(self._bytes)[_HEAD:]
-        size = len(body)
-        self._numbers = np.frombuffer(body[: size - size % 8], "<f8")
-        self._words = np.frombuffer(body[: size - size % 4], "<i4")
-        where = np.flatnonzero(np.isin(self._numbers, marks))
-        if len(where) != count:
-            raise RuntimeError(f"{len(where)} of {count} numbers found in the message")
+    def __init__(self, *parts: tuple[Callable[[Time, list[float]], Any], int]) -> None:
+        stamp = Time(sec=_SEC, nanosec=_NANOSEC)
+        first, self._slices = 0, []
+        buffer = bytearray()
+        for build, count in parts:
+            marks = [_FIRST * (k + 1) for k in range(first, first + count)]
+            data = serialize_message(build(stamp, marks))
+            found = int(np.isin(np.frombuffer(_whole(data[_HEAD:], 8), "<f8"), marks).sum())
+            if found != count:
+                raise RuntimeError(f"{found} of {count} numbers found in the message")
+            buffer += bytes((-len(buffer) - _HEAD) % 8)
+            self._slices.append(slice(len(buffer), len(buffer) + len(data)))
+            buffer += data
+            first += count
+        self._bytes = buffer
+        self._numbers = np.frombuffer(memoryview(buffer)[: len(buffer) // 8 * 8], "<f8")
+        self._words = np.frombuffer(memoryview(buffer)[: len(buffer) // 4 * 4], "<i4")
+        where = np.flatnonzero(np.isin(self._numbers, [_FIRST * (k + 1) for k in range(first)]))
         order = np.rint(self._numbers[where] / _FIRST).astype(int) - 1
         self._places = where[np.argsort(order)]
         self._sec, self._nanosec = (
             np.flatnonzero(self._words == mark) for mark in (_SEC, _NANOSEC)
         )
 
-    def filled(self, at: Stamp, numbers: Vector) -> bytes:
-        """Return the message with this stamp and these numbers, shape (count,)."""
+    def filled(self, at: Stamp, numbers: Vector) -> list[bytes]:
+        """Return the messages with this stamp and these numbers, those of the first one first."""
         self._words[self._sec] = at.sec
         self._words[self._nanosec] = at.nanosec
         self._numbers[self._places] = numbers
-        return bytes(self._bytes)
+        return [bytes(self._bytes[part]) for part in self._slices]
+
+
+def _whole(data: bytes, size: int) -> bytes:
+    """Return what of some bytes makes whole words of this size."""
+    return data[: len(data) // size * size]

@@ -1,6 +1,7 @@
 """How a testbed looks: robot description, frames and bent appendages, as plain numbers."""
 
 from collections.abc import Callable
+from math import cos, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -90,12 +91,13 @@ def turntable(
     """
     straight = np.zeros((POINTS, 3))
     straight[:, 0] = np.linspace(0.0, length, POINTS) + radius
+    opposite = np.array([-1.0, -1.0, 1.0])
     m = len(joints)
 
     def frames(q: Vector) -> list[Frame]:
         yaw, pitch = float(q[0]), float(q[1]) if m > 1 else 0.0
-        turned = (0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
-        pitched = (0.0, np.sin(pitch / 2), 0.0, np.cos(pitch / 2))
+        turned = (0.0, 0.0, sin(yaw / 2), cos(yaw / 2))
+        pitched = (0.0, sin(pitch / 2), 0.0, cos(pitch / 2))
         return [
             Frame("world", "base", (0.0, 0.0, HEIGHT), turned),
             Frame("base", "hub", (0.0, 0.0, 0.0), pitched),
@@ -104,7 +106,7 @@ def turntable(
     def lines(q: Vector) -> list[Matrix]:
         bent = straight.copy()
         bent[:, 1] = q[m:] @ shapes
-        return [bent, bent * (-1.0, -1.0, 1.0)]
+        return [bent, bent * opposite]
 
     seen = max(radius, 0.05 * length)
     inertials = [principal(max(each) / (0.4 * seen**2), each) for each in inertias]

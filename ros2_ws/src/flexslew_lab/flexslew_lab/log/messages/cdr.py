@@ -17,6 +17,7 @@ _CODES = {
     "uint16": "H", "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f",
     "float64": "d",
 }  # fmt: skip
+_STAMP = struct.Struct("<iI")
 _TIME = "builtin_interfaces/msg/Time"
 _STAMP_AT = {  # offset of the first stamp where it is not the first field
     "tf2_msgs/msg/TFMessage": 8,
@@ -105,13 +106,24 @@ def stamp_of(type_name: str, data: bytes, last: int) -> int:
         last: the latest known simulated time [ns].
 
     """
-    offset = stamp_offset(type_name)
+    return time_at(stamp_offset(type_name), data, last)
+
+
+def time_at(offset: int, data: bytes, last: int) -> int:
+    """Return the simulated time that a message carries [ns], or `last` where it has none.
+
+    Args:
+        offset: where it stands, see stamp_offset.
+        data: CDR bytes.
+        last: the latest known simulated time [ns].
+
+    """
     if offset == 0 or len(data) < offset + 8:
         return last
     if offset == 8 and data[4:8] == b"\x00\x00\x00\x00":  # a sequence with nothing in it
         return last
-    seconds, nanoseconds = struct.unpack_from("<iI", data, offset)
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+    seconds, nanoseconds = _STAMP.unpack_from(data, offset)
+    return int(seconds * 1_000_000_000 + nanoseconds)
 
 
 @lru_cache

@@ -10,6 +10,7 @@ from flexslew_plant.events import AnswerMissed
 PATIENCE = 1.0  # that an answer is waited for [wall s]
 _TICK_EPOCH_NAME = struct.Struct("<QII")  # the name's length last
 _PLACES = {"/measurement": 20, "/controller_state": 20, "/effort_command": 12}  # of these three
+FOLLOWED = frozenset({*_PLACES, "/events"})  # topics
 _ANSWERS = frozenset({"/effort_command", "/controller_state"})
 _MISSED = AnswerMissed.kind.encode() + b"\0"  # quicker than to decode every event
 _KEPT = 512  # ticks whose end is remembered
@@ -44,7 +45,7 @@ class OpenTicks:
         Args:
             epoch: to which it belongs.
             at: its simulated time in that epoch [ns].
-            topic: absolute name.
+            topic: absolute name, one of FOLLOWED.
             data: CDR.
             now: wall clock [s].
         """
@@ -53,8 +54,6 @@ class OpenTicks:
                 event = cdr.decode("flexslew_msgs/msg/Event", data)
                 if event.kind == AnswerMissed.kind:
                     self._close((int(event.epoch), int(event.tick)))
-            return
-        if topic not in _PLACES:
             return
         key, name = _key_and_name(topic, data)
         if topic == "/measurement":

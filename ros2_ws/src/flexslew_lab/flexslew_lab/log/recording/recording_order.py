@@ -7,8 +7,8 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.messages.cdr import decode, stamp_of
-from flexslew_lab.log.recording.open_ticks import PATIENCE, OpenTicks
+from flexslew_lab.log.messages.cdr import decode, stamp_offset, time_at
+from flexslew_lab.log.recording.open_ticks import FOLLOWED, PATIENCE, OpenTicks
 from flexslew_plant.topics import DISPLAYED
 
 _TICK_AND_EPOCH = struct.Struct("<QI")
@@ -19,6 +19,7 @@ _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
 _SURE = 15.0
 _DISPLAYED = tuple("/" + name.lstrip("/") for name in DISPLAYED)  # they have none
 _RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
+_STAMP = {topic: stamp_offset(known.type) for topic, known in TOPICS.items()}  # where it lies
 _UNHEARD = 0, -1  # epoch and time of a topic that never came
 _time, _by_time = itemgetter(0, 1), itemgetter(0, 1, 2)
 
@@ -62,19 +63,21 @@ class RecordingOrder:
             last: nothing will come any more.
         """
         horizon = self._horizon(now)
-        fresh = []
+        fresh, plant = [], self._plant
         for topic, data in messages:
-            at = stamp_of(TOPICS[topic].type, data, self.newest[1])
+            at = time_at(_STAMP[topic], data, self.newest[1])
             fresh.append((topic, at, data))
-            if topic in _OF_PLANT:
+            if topic in plant:
                 tick, epoch = tick_and_epoch(data)
-                self._plant[topic] = max(self._plant[topic], (epoch, at))
+                plant[topic] = max(plant[topic], (epoch, at))
                 if (epoch, at) >= self.newest:
                     self.newest, self.tick = (epoch, at), tick
+        wait, several = self._waiting.append, self.newest[0] > 0
         for topic, at, data in fresh:
-            epoch = self._epoch(topic, at, data)
-            self._waiting.append(Ordered(epoch, at, _RANK[topic], topic, data))
-            self._open.hear(epoch, at, topic, data, now)
+            epoch = self._epoch(topic, at, data) if several or topic in self._displayed else 0
+            wait(Ordered(epoch, at, _RANK[topic], topic, data))
+            if topic in FOLLOWED:
+                self._open.hear(epoch, at, topic, data, now)
         self._waiting.sort(key=_by_time)
         ready = len(self._waiting) if last else bisect_right(self._waiting, horizon, key=_time)
         unanswered = None if last else self._open.first(now)
@@ -100,8 +103,6 @@ class RecordingOrder:
             epoch = newest if at < before else epoch
             self._displayed[topic] = epoch, at
             return epoch
-        if not newest:
-            return 0
         if topic in _OF_PLANT or topic == "/controller_state":
             return min(newest, tick_and_epoch(data)[1])
         if topic in ("/effort_command", "/events"):

@@ -1,7 +1,6 @@
 """The display side of the plant node: standard topics that RViz, Foxglove and PlotJuggler draw."""
 
 from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -15,7 +14,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from flexslew_plant import topics
-from flexslew_plant.arrays import NOTHING, Indices, Vector
+from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.measurement import Measurement
@@ -26,6 +25,15 @@ from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.robot_model import Frame
+
+# in the order in which their numbers are written
+_SHOWN = (
+    topics.CLOCK,
+    topics.JOINT_STATES,
+    topics.APPENDAGE_STATES,
+    topics.TF,
+    topics.MARKERS,
+)
 
 
 class Display:
@@ -44,11 +52,7 @@ class Display:
         self._bench = bench
         self._prefix = f"{node.get_namespace()}/".lstrip("/")
         self.set_rate(rate)
-        self._clock = copies.publisher(topics.CLOCK)
-        self._joints = copies.publisher(topics.JOINT_STATES)
-        self._appendages = copies.publisher(topics.APPENDAGE_STATES)
-        self._tf = copies.publisher(topics.TF)
-        self._markers = copies.publisher(topics.MARKERS)
+        self._offers = [copies.publisher(name) for name in _SHOWN]
         self._platform = PlatformDisplay(copies, self._prefix)
         self._instruments = InstrumentDisplay(node, bench.appendages.instruments)
         self._draw(bench.testbed)
@@ -70,8 +74,7 @@ class Display:
     @property
     def publishers(self) -> list[Copied]:
         """What is published at this rate."""
-        samples = [self._clock, self._joints, self._appendages, self._tf, self._markers]
-        return [*samples, *self._platform.publishers] if self._every else []
+        return [*self._offers, *self._platform.publishers] if self._every else []
 
     def show(self, truth: Truth) -> None:
         """Publish this truth if it is due."""
@@ -79,34 +82,39 @@ class Display:
             return
         if self._bench.testbed is not self._testbed:  # an antenna has a new target
             self._draw(self._bench.testbed)
-        model, appendages, shown = self._bench.model, self._bench.appendages, self._shown
         at, x = stamp_of(truth.time), np.concatenate((truth.position, truth.velocity))
-        modes, rates = model.modal_state(x)
-        joints = np.zeros((3, model.joints))
-        joints[:2] = model.joint_state(x)
-        joints[2, : model.efforts] = truth.applied_effort[: model.joints]
-        tips = (truth.tip_deflection, appendages.tip @ rates, appendages.curvature @ modes)
-        bent = np.concatenate((*tips, modes, rates))
-        self._clock.publish_if_heard(lambda: shown.clock.filled(at, NOTHING))
-        self._joints.publish_if_heard(lambda: shown.joints.filled(at, joints.take(shown.named)))
-        self._appendages.publish_if_heard(lambda: shown.appendages.filled(at, bent))
-        self._tf.publish_if_heard(lambda: shown.frames.filled(at, self._moved(truth)))
+        heard = [offer.heard for offer in self._offers]
+        if any(heard):
+            messages = self._template.filled(at, self._numbers(truth, x))
+            for offer, data, listens in zip(self._offers, messages, heard, strict=True):
+                if listens:
+                    offer.publish(data)
         self._platform.show(at, x, truth.applied_effort, truth.time)
-        self._markers.publish_if_heard(lambda: shown.lines.filled(at, self._drawn(truth)))
 
     def sense(self, measurement: Measurement) -> None:
         """Publish what instruments read, at whatever rate the rest is shown."""
         self._instruments.show(measurement)
 
-    def _moved(self, truth: Truth) -> Vector:
-        """Return translations and rotations of the frames, one after the other."""
+    def _numbers(self, truth: Truth, x: Vector) -> Vector:
+        """Return what is shown of a state: joints, appendages, frames and points of lines."""
+        model, appendages = self._bench.model, self._bench.appendages
+        modes, rates = model.modal_state(x)
+        joints = np.zeros((3, model.joints))
+        joints[:2] = model.joint_state(x)
+        joints[2, : model.efforts] = truth.applied_effort[: model.joints]
         frames = self._moving(truth.position, truth.time)
-        return np.array([x for f in frames for x in (*f.translation, *f.rotation)])
-
-    def _drawn(self, truth: Truth) -> Vector:
-        """Return the points of the lines, one after the other."""
-        lines = self._scene.lines(truth.position)
-        return np.concatenate((NOTHING, *(line.ravel() for line in lines)))
+        return np.concatenate(
+            (
+                joints.take(self._named),
+                truth.tip_deflection,
+                appendages.tip.dot(rates),
+                appendages.curvature.dot(modes),
+                modes,
+                rates,
+                [number for f in frames for number in (*f.translation, *f.rotation)],
+                *(line.ravel() for line in self._scene.lines(truth.position)),
+            )
+        )
 
     def _moving(self, position: Vector, time: float) -> list[Frame]:
         """Return the frames that are not static."""
@@ -120,7 +128,7 @@ class Display:
         model, scene = testbed.model(), self._scene
         names = scene.joints if scene.joints is not None else model.joint_names
         named = [model.joint_names.index(name) for name in names]
-        places = np.arange(3 * model.joints).reshape(3, -1)[:, named].ravel()
+        self._named = np.arange(3 * model.joints).reshape(3, -1)[:, named].ravel()
         m, tips, n = len(named), len(model.appendages.names), model.modes
         rest = model.rest({})
         frames, lines = self._moving(rest, 0.0), scene.lines(rest)
@@ -166,13 +174,12 @@ class Display:
                 ]
             )
 
-        self._shown = _Shown(
-            places,
-            Template(lambda at, _: Clock(clock=at), 0),
-            Template(joints, 3 * m),
-            Template(appendages, 3 * tips + 2 * n),
-            Template(transforms, 7 * len(frames)),
-            Template(markers, sum(line.size for line in lines)),
+        self._template = Template(
+            (lambda at, _: Clock(clock=at), 0),
+            (joints, 3 * m),
+            (appendages, 3 * tips + 2 * n),
+            (transforms, 7 * len(frames)),
+            (markers, sum(line.size for line in lines)),
         )
 
     def _transform(self, frame: Frame, at: Time | None = None) -> TransformStamped:
@@ -183,17 +190,6 @@ class Display:
         place.x, place.y, place.z = map(float, frame.translation)
         turn.x, turn.y, turn.z, turn.w = map(float, frame.rotation)
         return transform
-
-
-class _Shown(NamedTuple):
-    """The messages of a testbed, and where its named joints stand among (position, ...) of all."""
-
-    named: Indices
-    clock: Template
-    joints: Template
-    appendages: Template
-    frames: Template
-    lines: Template
 
 
 def _parts(numbers: list[float], *sizes: int) -> list[list[float]]:

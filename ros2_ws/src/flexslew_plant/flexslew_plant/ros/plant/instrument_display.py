@@ -41,10 +41,10 @@ class InstrumentDisplay:
         self._shown: list[tuple[slice, Callable[[Stamp, Vector], None]]] = []
         for one in instruments:
             if isinstance(one, Gyro):
-                shown = Template(partial(_imu, one.name), 3)
+                shown = Template((partial(_imu, one.name), 3))
                 self._shown.append((channels(one), _sender(imu.publish, shown)))
             elif isinstance(one, StarTracker):
-                shown = Template(partial(_attitude, one.name), 4)
+                shown = Template((partial(_attitude, one.name), 4))
                 self._shown.append((channels(one), _sender(attitude.publish, shown)))
 
     def show(self, measurement: Measurement) -> None:
@@ -57,7 +57,7 @@ class InstrumentDisplay:
 
 def _sender(publish: Callable[[bytes], None], shown: Template) -> Callable[[Stamp, Vector], None]:
     """Return what publishes a reading."""
-    return lambda at, reading: publish(shown.filled(at, reading))
+    return lambda at, reading: publish(*shown.filled(at, reading))
 
 
 def _imu(name: str, at: Time, numbers: list[float]) -> Imu:

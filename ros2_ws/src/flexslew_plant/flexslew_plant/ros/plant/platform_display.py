@@ -1,7 +1,5 @@
 """The motion of a free platform in standard messages, for those without flexslew_msgs."""
 
-from typing import NamedTuple
-
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3, WrenchStamped
@@ -35,17 +33,15 @@ class PlatformDisplay:
     def __init__(self, copies: Copies, prefix: str) -> None:
         self._prefix = prefix
         self._floating: Floating | None = None
-        self._imu = copies.publisher(topics.IMU)
-        self._odometry = copies.publisher(topics.ODOMETRY)
-        self._wrench = copies.publisher(topics.WRENCH)
-        self.publishers = [self._imu, self._odometry, self._wrench]
+        shown = (topics.IMU, topics.ODOMETRY, topics.WRENCH)
+        self.publishers = [copies.publisher(name) for name in shown]
 
     def draw(self, testbed: Testbed) -> None:
         """Show this testbed from now on."""
         self._floating = testbed.floating() if isinstance(testbed, CanFloat) else None
         if self._floating is not None:
             world, body = self._prefix + "world", self._prefix + self._floating.frame
-            self._shown = _templates(world, body)
+            self._template = _template(world, body)
 
     def show(self, at: Stamp, x: Vector, effort: Vector, time: float) -> None:
         """Publish one sample.
@@ -60,21 +56,14 @@ class PlatformDisplay:
             return
         place, attitude, velocity, rate = self._floating.motion(x)
         force, torque = self._floating.wrench(x, effort, time)
-        imu, odometry, wrench = self._shown
-        moved = np.concatenate((place, attitude, velocity, rate))
-        self._imu.publish(imu.filled(at, np.concatenate((attitude, rate))))
-        self._odometry.publish(odometry.filled(at, moved))
-        self._wrench.publish(wrench.filled(at, np.concatenate((force, torque))))
+        moved = (place, attitude, velocity, rate)
+        numbers = np.concatenate((attitude, rate, *moved, force, torque))
+        for offer, data in zip(self.publishers, self._template.filled(at, numbers), strict=True):
+            offer.publish(data)
 
 
-class _Templates(NamedTuple):
-    imu: Template
-    odometry: Template
-    wrench: Template
-
-
-def _templates(world: str, body: str) -> _Templates:
-    """Return the messages of a platform with this frame in that one."""
+def _template(world: str, body: str) -> Template:
+    """Return imu, odometry and wrench of a platform with this frame in that one."""
 
     def imu(at: Time, numbers: list[float]) -> Imu:
         return Imu(
@@ -100,7 +89,7 @@ def _templates(world: str, body: str) -> _Templates:
             wrench=WrenchMessage(force=force, torque=torque),
         )
 
-    return _Templates(Template(imu, 7), Template(odometry, 13), Template(wrench, 6))
+    return Template((imu, 7), (odometry, 13), (wrench, 6))
 
 
 def _quaternion(numbers: list[float]) -> Quaternion:

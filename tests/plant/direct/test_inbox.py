@@ -1,0 +1,149 @@
+"""The recorder's ends of its lines: everything once, whichever way it comes, and strangers."""
+
+import os
+from itertools import count, repeat
+
+import numpy as np
+import pytest
+
+from flexslew_plant.direct.inbox import BOTH, PART, Inbox
+from flexslew_plant.direct.line import DirectLine, call, facts
+from flexslew_plant.direct.names import RECORDER, address
+from flexslew_plant.topics import LOOP_DEPTH
+
+numbers = count(1000 * os.getpid())  # of benches that nobody else has
+HEARD = {"/b/truth": "/truth", "/b/events": "/events"}
+
+
+@pytest.fixture
+def place() -> bytes:
+    return address(next(numbers), "/b/measurement", RECORDER)
+
+
+@pytest.fixture
+def inbox(place: bytes) -> Inbox:
+    return Inbox(place, HEARD, ("_recorder", "/b"))
+
+
+def part(number: int, data: bytes) -> bytes:
+    return PART.pack(number, len(data)) + data
+
+
+def greeted(inbox: Inbox, place: bytes, *names: str) -> DirectLine:
+    """Return a publisher's end after both have said who they are."""
+    line = call(place)
+    assert line is not None
+    line.say({"topics": list(names)})
+    assert list(inbox.take([])) == []
+    heard = [name for name in names if name in HEARD]
+    said = {"node": "_recorder", "namespace": "/b", "heard": heard}
+    assert facts(line.receive() or b"") == said
+    return line
+
+
+def test_parts_come_in_their_order_under_the_recorder_s_names(inbox: Inbox, place: bytes) -> None:
+    line = greeted(inbox, place, "/b/truth", "/b/elsewhere", "/b/events")
+    line.send(part(1, b"event") + part(0, b"") + part(0, b"truth"))
+    line.send(part(0, b"more"))
+    assert list(inbox.take([("/joint_states", b"over DDS")])) == [
+        ("/events", b"event"), ("/truth", b""), ("/truth", b"truth"), ("/truth", b"more"),
+        ("/joint_states", b"over DDS"),
+    ]  # fmt: skip
+
+
+def test_what_was_sent_before_the_end_of_a_publisher_is_taken(inbox: Inbox, place: bytes) -> None:
+    line = greeted(inbox, place, "/b/truth")
+    line.send(part(0, b"last words"))
+    line.close()
+    assert list(inbox.take([])) == [("/truth", b"last words")]
+    greeted(inbox, place, "/b/truth").send(part(0, b"next"))
+    assert list(inbox.take([])) == [("/truth", b"next")]
+
+
+def test_everything_comes_as_often_as_it_was_published(
+    inbox: Inbox, place: bytes, case: np.random.Generator
+) -> None:
+    line = greeted(inbox, place, "/b/truth")
+    published: list[bytes] = []
+    late: list[tuple[str, bytes]] = []  # what DDS has still to bring
+    queued: list[bytes] = []  # what the line has
+    taken: list[bytes] = []
+    for _ in range(300):
+        data = b"%d" % case.integers(20)  # a question is repeated now and then
+        published.append(data)
+        way = case.integers(3)  # the line alone, both, DDS alone: of a publisher without a line
+        if way < 2:
+            queued.append(part(BOTH * int(way), data))
+        if way > 0:
+            late.append(("/truth", data))
+        if case.random() < 0.3:
+            for _ in range(int(case.integers(len(queued) + 1))):
+                line.send(queued.pop(0))
+        if case.random() < 0.3:
+            arrived = [late.pop(0) for _ in range(int(case.integers(len(late) + 1)))]
+            taken += [found for _, found in inbox.take(arrived)]
+    for message in queued:
+        line.send(message)
+    taken += [found for _, found in inbox.take(late)]
+    # of the same bytes from two publishers one may be taken for the copy of the other
+    assert {*taken} == {*published}
+    alone = [data for data in published if published.count(data) == 1]
+    assert all(taken.count(data) == 1 for data in alone)
+
+
+def test_a_publisher_that_goes_both_ways_is_heard_once(
+    inbox: Inbox, place: bytes, case: np.random.Generator
+) -> None:
+    line = greeted(inbox, place, "/b/truth")
+    published = [b"%d" % case.integers(20) for _ in range(300)]
+    ways: list[list[bytes]] = [list(published), list(published)]  # line, DDS
+    taken: list[bytes] = []
+    while any(ways):
+        several = int(case.integers(1, 9))
+        for _ in range(int(case.integers(1, 9))):
+            if ways[0]:
+                line.send(part(BOTH, ways[0].pop(0)))
+        some, ways[1] = ways[1][:several], ways[1][several:]
+        taken += [data for _, data in inbox.take(zip(repeat("/truth"), some))]
+    assert sorted(taken) == sorted(published)
+    assert not inbox._once
+
+
+def test_what_never_comes_the_other_way_is_forgotten(inbox: Inbox, place: bytes) -> None:
+    greeted(inbox, place, "/b/truth")
+    for k in range(3 * LOOP_DEPTH):
+        assert list(inbox.take([("/truth", b"%d" % k)])) == [("/truth", b"%d" % k)]
+    assert len(inbox._once) <= 2 * LOOP_DEPTH
+
+
+@pytest.mark.parametrize(
+    "words",
+    [b"", b"?", b"[]", b"{}", b'{"topics": "/b/truth"}', b'{"topics": [1, null, {}]}'],
+)
+def test_whoever_says_nothing_of_the_kind_disturbs_nobody(
+    inbox: Inbox, place: bytes, words: bytes
+) -> None:
+    line, stranger = greeted(inbox, place, "/b/truth"), call(place)
+    assert stranger is not None
+    if words:
+        stranger.send(words)
+    line.send(part(0, b"one"))
+    assert list(inbox.take([])) == [("/truth", b"one")]
+    stranger.close()
+    line.send(part(0, b"two"))
+    assert list(inbox.take([])) == [("/truth", b"two")]
+
+
+@pytest.mark.parametrize(
+    "wrong", [b"?", part(7, b"data"), part(0, b"good") + b"\0\1", part(0, b"good")[:-1]]
+)
+def test_a_publisher_that_is_not_understood_is_let_go(
+    inbox: Inbox, place: bytes, wrong: bytes
+) -> None:
+    line, other = (greeted(inbox, place, "/b/truth") for _ in range(2))
+    line.send(wrong)
+    other.send(part(0, b"right"))
+    assert ("/truth", b"right") in list(inbox.take([]))
+    line.send(part(0, b"gone"))
+    other.send(part(0, b"there"))
+    assert list(inbox.take([])) == [("/truth", b"there")]

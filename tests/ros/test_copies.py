@@ -1,0 +1,187 @@
+"""Copies for the log: past DDS while the recorder alone listens, and always once in the log."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import pytest
+import rclpy
+from flexslew_msgs.msg import PlantState
+from flexslew_msgs.srv import SetRate
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.ros.hidden_listener import HiddenListener
+from flexslew_lab.run.domain import own_domain
+from flexslew_plant.direct.inbox import Inbox
+from flexslew_plant.direct.line import LARGEST
+from flexslew_plant.direct.names import RECORDER, SETTING, address
+from flexslew_plant.ros.copies import Copies
+from flexslew_plant.ros.offers import qos
+from flexslew_plant.topics import TOPICS, TRUTH
+
+from .bystander import beside
+from .flight import Flight, slew
+
+PATIENCE = 60.0  # on a busy machine [wall s]
+
+
+class Recorded:
+    """A node that publishes the truth, and what a recorder hears of it."""
+
+    def __init__(self, domain: int) -> None:
+        context = rclpy.Context()
+        context.init(domain_id=domain)
+        self.context, self.node = context, Node("publishing", context=context)
+        self.copies = Copies(self.node)
+        self.offer = self.copies.publisher(TRUTH)
+        self.listener: HiddenListener | None = None
+        self.over_dds: list[bytes] = []
+        self.others: list[bytes] = []
+        self.log: list[bytes] = []
+        self._executor = rclpy.executors.SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+
+    def record(self) -> None:
+        """Begin to listen, over DDS and directly."""
+        node = Node("recorder", context=self.context)
+        self.listener = HiddenListener(node, {"/truth": TOPICS[TRUTH]})
+        where = address(self.context.get_domain_id(), "/measurement", RECORDER)
+        self.inbox = Inbox(where, {"/truth": "/truth"}, ("_recorder", "/"))
+
+    def overhear(self) -> Any:
+        """Listen as anybody does."""
+        hear = self.others.append
+        return self.node.create_subscription(PlantState, TRUTH, hear, qos(TOPICS[TRUTH]), raw=True)
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        """Serve the graph, and record, until something is true."""
+        end = monotonic() + PATIENCE
+        while not condition():
+            assert monotonic() < end
+            self.copies.look(monotonic())
+            self._executor.spin_once(timeout_sec=0.01)
+            if self.listener is not None:
+                heard = list(self.listener.take())
+                self.over_dds += [data for _, data in heard]
+                self.log += [data for _, data in self.inbox.take(heard)]
+
+    def publish(self, tick: int, tips: int = 2) -> bytes:
+        data: bytes = serialize_message(PlantState(tick=tick, tip_deflection=[0.5] * tips))
+        self.offer.publish(data)
+        self.copies.send()
+        return data
+
+    def close(self) -> None:
+        if self.listener is not None:
+            self.listener.close()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def recorded(monkeypatch: pytest.MonkeyPatch) -> Iterator[Recorded]:
+    monkeypatch.setenv(SETTING, "auto")
+    with own_domain() as domain:
+        it = Recorded(domain)
+        try:
+            yield it
+        finally:
+            it.close()
+
+
+def alone_with_the_recorder(it: Recorded) -> None:
+    """Wait until nothing goes over DDS any more."""
+    it.record()
+    it.until(lambda: it.offer.count == 1 and not it.offer.shared)
+    assert it.offer.heard
+
+
+def test_for_the_recorder_alone_nothing_goes_over_dds(recorded: Recorded) -> None:
+    assert not recorded.offer.heard
+    alone_with_the_recorder(recorded)
+    sent = [recorded.publish(tick) for tick in range(50)]
+    recorded.until(lambda: len(recorded.log) >= 50)
+    until = monotonic() + 0.5
+    recorded.until(lambda: monotonic() > until)
+    assert recorded.log == sent
+    assert recorded.over_dds == []
+
+
+def test_who_else_listens_hears_all_and_the_log_has_it_once(recorded: Recorded) -> None:
+    alone_with_the_recorder(recorded)
+    before = recorded.publish(0)
+    other = recorded.overhear()
+    recorded.until(lambda: recorded.offer.count == 2)
+    sent = [recorded.publish(tick) for tick in range(1, 50)]
+    recorded.until(lambda: len(recorded.others) >= 49)
+    recorded.until(lambda: len(recorded.over_dds) >= 49)
+    assert recorded.others == sent
+    assert recorded.log == [before, *sent]
+    recorded.node.destroy_subscription(other)
+    recorded.until(lambda: not recorded.offer.shared)
+    after = recorded.publish(50)
+    recorded.until(lambda: recorded.log[-1] == after)
+    assert len(recorded.over_dds) == 49
+
+
+def test_a_message_too_large_for_the_line_goes_over_dds(recorded: Recorded) -> None:
+    alone_with_the_recorder(recorded)
+    sent = [recorded.publish(0), recorded.publish(1, LARGEST // 8), recorded.publish(2)]
+    recorded.until(lambda: len(recorded.log) == 3)
+    assert sorted(recorded.log) == sorted(sent)
+    assert recorded.over_dds == [sent[1]]
+
+
+def test_without_direct_lines_all_of_it_goes_over_dds(
+    recorded: Recorded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(SETTING, "dds")
+    recorded.copies = Copies(recorded.node)
+    recorded.offer = recorded.copies.publisher(TRUTH)
+    recorded.record()
+    recorded.until(lambda: recorded.offer.count == 1)
+    sent = [recorded.publish(tick) for tick in range(50)]
+    recorded.until(lambda: len(recorded.log) >= 50)
+    assert recorded.log == sent == recorded.over_dds
+
+
+def test_a_recorder_that_comes_again_is_found(recorded: Recorded) -> None:
+    alone_with_the_recorder(recorded)
+    assert recorded.listener is not None
+    recorded.listener.close()
+    recorded.listener = None
+    del recorded.inbox
+    recorded.until(lambda: not recorded.offer.heard)
+    alone_with_the_recorder(recorded)
+    sent = recorded.publish(7)
+    recorded.until(lambda: bool(recorded.log))
+    assert recorded.log == [sent]
+
+
+@pytest.mark.parametrize("transport", ["auto", "dds"])
+def test_a_log_has_every_tick_once_whoever_listens_in(
+    transport: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(SETTING, transport)
+    heard: list[int] = []
+
+    def overhear(pids: dict[str, int], domain: int) -> None:
+        with beside(domain) as one:
+            one.pass_by(1)
+            before = one.heard
+            one.pass_by(300)
+            heard.append(one.heard - before)
+            assert one.ask(SetRate, "set_rate", rate_factor=0.0).ok  # the rest as fast as it goes
+
+    trial = slew(duration=100.0, rate=10.0)
+    flight = Flight(trial, tmp_path, 20, overhear)
+    assert flight.outcome == (0, ""), flight.log
+    assert heard[0] >= 300
+    assert resim(flight.bag).identical
+    ticks = BagReader(flight.bag).columns("/truth", {"tick"})["tick"].tolist()
+    assert ticks == [*range(10001)]
+    assert flight.metrics["log_complete"]
