@@ -1,5 +1,7 @@
 """Copies for the log: past DDS while the recorder alone listens, and always once in the log."""
 
+import os
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import monotonic
@@ -8,7 +10,6 @@ from typing import Any
 import pytest
 import rclpy
 from flexslew_msgs.msg import PlantState
-from flexslew_msgs.srv import SetRate
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
@@ -16,7 +17,8 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.run.domain import own_domain
-from flexslew_plant.direct.inbox import Inbox
+from flexslew_plant.bench.wire import HEAD
+from flexslew_plant.direct.inbox import PART, Inbox
 from flexslew_plant.direct.line import LARGEST
 from flexslew_plant.direct.names import RECORDER, SETTING, address
 from flexslew_plant.ros.copies import Copies
@@ -25,6 +27,7 @@ from flexslew_plant.topics import TOPICS, TRUTH
 
 from .bystander import beside
 from .flight import Flight, slew
+from .lines import alone, every_tick
 
 PATIENCE = 60.0  # on a busy machine [wall s]
 
@@ -93,6 +96,10 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> Iterator[Recorded]:
             it.close()
 
 
+def part(number: int, data: bytes) -> bytes:
+    return PART.pack(number, len(data)) + data
+
+
 def alone_with_the_recorder(it: Recorded) -> None:
     """Wait until nothing goes over DDS any more."""
     it.record()
@@ -126,6 +133,25 @@ def test_who_else_listens_hears_all_and_the_log_has_it_once(recorded: Recorded) 
     after = recorded.publish(50)
     recorded.until(lambda: recorded.log[-1] == after)
     assert len(recorded.over_dds) == 49
+
+
+def test_a_second_recorder_of_the_same_name_hears_all(recorded: Recorded) -> None:
+    alone_with_the_recorder(recorded)
+    second = HiddenListener(Node("recorder", context=recorded.context), {"/truth": TOPICS[TRUTH]})
+    recorded.until(lambda: recorded.offer.count == 2)
+    until = monotonic() + 0.5
+    recorded.until(lambda: monotonic() > until)  # the graph is looked at
+    sent = [recorded.publish(tick) for tick in range(50)]
+    heard: list[bytes] = []
+
+    def hear() -> bool:
+        heard.extend(data for _, data in second.take())
+        return len(heard) >= 50
+
+    recorded.until(hear)
+    recorded.until(lambda: len(recorded.over_dds) >= 50)
+    assert heard == sent == recorded.log
+    second.close()
 
 
 def test_a_message_too_large_for_the_line_goes_over_dds(recorded: Recorded) -> None:
@@ -175,13 +201,45 @@ def test_a_log_has_every_tick_once_whoever_listens_in(
             before = one.heard
             one.pass_by(300)
             heard.append(one.heard - before)
-            assert one.ask(SetRate, "set_rate", rate_factor=0.0).ok  # the rest as fast as it goes
 
-    trial = slew(duration=100.0, rate=10.0)
+    trial = slew(duration=300.0)
     flight = Flight(trial, tmp_path, 20, overhear)
     assert flight.outcome == (0, ""), flight.log
     assert heard[0] >= 300
     assert resim(flight.bag).identical
     ticks = BagReader(flight.bag).columns("/truth", {"tick"})["tick"].tolist()
-    assert ticks == [*range(10001)]
+    assert ticks == [*range(30001)]
     assert flight.metrics["log_complete"]
+
+
+def test_strangers_on_the_recorder_s_socket_change_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(SETTING, "auto")
+    kept: list[socket.socket] = []
+    claim = b'{"topics": ["/measurement", "/truth", "/effort_command", "/events", "/tf"]}'
+    short = [part(number, HEAD + bytes(size)) for number in range(5) for size in (0, 3, 12)]
+
+    def call(domain: int, *words: bytes) -> None:
+        caller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        caller.connect(address(domain, "/measurement", RECORDER))
+        for word in words:
+            caller.send(word)
+        kept.append(caller)
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        call(domain)  # never says a word
+        call(domain, os.urandom(3000))
+        call(domain, claim, b"?")
+        call(domain, claim, *short)
+        call(domain, claim, part(3, HEAD + b"missed\0"))
+
+    trial = slew(duration=40.0)
+    flight = Flight(trial, tmp_path, 0, act)
+    for caller in kept:
+        caller.close()
+    assert flight.outcome == (0, ""), flight.log
+    assert len(kept) == 5
+    assert "left out of the log" in flight.log
+    assert flight.metrics["trajectory_hash"] == alone(trial, tmp_path)
+    every_tick(flight.bag, 4000)

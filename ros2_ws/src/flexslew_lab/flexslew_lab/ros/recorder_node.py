@@ -17,6 +17,7 @@ from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_plant import topics
 from flexslew_plant.direct.inbox import Inbox
 from flexslew_plant.direct.names import RECORDER, address, direct
+from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Fact, RecordingEnded, RecordingStarted, event_of
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
@@ -58,7 +59,7 @@ class Recorder:
         self._events = EventLog(node)
         self._status = publisher(node, topics.RECORDER_STATUS)
         self._rebroadcast = Rebroadcast(node)
-        self._order = RecordingOrder()
+        self._order, self._warned = RecordingOrder(), set[str]()  # of topics
         self._told = self._recording.safe
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_look = self._heard = 0.0  # for the plant; when something came [wall s]
@@ -111,6 +112,9 @@ class Recorder:
         elif now >= self._next_take:
             self._next_take = now + _TAKE_EVERY
         messages = self._order.take(self._arrived(over_dds), now, last)
+        for topic in self._order.garbled - self._warned:
+            self.node.get_logger().warning(f"left out of the log: a message on {topic} is not one")
+        self._warned |= self._order.garbled
         for message in messages:
             self._recording.write(message)
             self._tell_status()
@@ -135,8 +139,15 @@ class Recorder:
             self._heard = monotonic()
             self._watch.seen = self._watch.seen or topic == "/measurement"
             self._rebroadcast.hear(topic, data)
-            if topic not in _FRAMES or of_namespace(data, self.node.get_namespace()):
+            if topic not in _FRAMES or self._of_this_bench(topic, data):
                 yield topic, data
+
+    def _of_this_bench(self, topic: str, transforms: bytes) -> bool:
+        try:
+            return of_namespace(transforms, self.node.get_namespace())
+        except BadInput:
+            self._order.garbled.add(topic)
+            return False
 
     def _tell_status(self) -> None:
         """Tell the plant what is safe: it holds back rather than lose more than a second."""

@@ -4,6 +4,7 @@ import struct
 from collections.abc import Iterable, Iterator, Mapping
 from struct import Struct
 
+from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.line import DirectLine, facts
 from flexslew_plant.direct.listener import Listener
 from flexslew_plant.topics import LOOP_DEPTH
@@ -90,12 +91,12 @@ def split(parts: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield number and CDR of the parts of a message.
 
     Raises:
-        struct.error: it ends within a part.
+        struct.error: it ends within a part, or a part is no CDR.
     """
     at = 0
     while at < len(parts):
         number, size = PART.unpack_from(parts, at)
         at += PART.size + size
-        if at > len(parts):
+        if at > len(parts) or not parts.startswith(HEAD, at - size):
             raise struct.error
         yield number, parts[at - size : at]

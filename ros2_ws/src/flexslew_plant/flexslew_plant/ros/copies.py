@@ -135,12 +135,12 @@ class Copies:
                 heard[number].publish(data)
 
     def _choose(self) -> None:
-        for offer in self._offers:
-            count, name = offer.count, offer.publisher.topic_name
-            if offer.number >= 0 and count != offer.of_recorder:
-                infos = self._node.get_subscriptions_info_by_topic(name)
-                found = [(info.node_name, info.node_namespace) for info in infos]
-                offer.of_recorder = count if found == [self._listens] * count else -1
+        for offer in self._heard:
+            if not offer.shared:
+                continue
+            infos = self._node.get_subscriptions_info_by_topic(offer.publisher.topic_name)
+            listening = [(info.node_name, info.node_namespace) for info in infos]
+            offer.recorder_alone = listening == [self._listens]
 
 
 class Copied:
@@ -152,7 +152,7 @@ class Copied:
 
     Attributes:
         number: of the topic on the line to the recorder; -1: it is not heard there.
-        of_recorder: how many subscriptions there were when all of them were the recorder's.
+        recorder_alone: when it was looked at, the one subscription was the recorder's.
     """
 
     def __init__(
@@ -161,7 +161,7 @@ class Copied:
         add: Callable[[int, bytes], bool] = lambda number, data: False,
     ) -> None:
         self.publisher, self._handle, self._add = publisher, publisher.handle, add
-        self.number, self.of_recorder = -1, -1
+        self.number, self.recorder_alone = -1, False
 
     @property
     def count(self) -> int:
@@ -177,7 +177,7 @@ class Copied:
     def shared(self) -> bool:
         """Somebody listens over DDS who is not the recorder on its line."""
         count = self.count
-        return count > 0 and (self.number < 0 or count != self.of_recorder)
+        return count > 1 or (count == 1 and not (self.number >= 0 and self.recorder_alone))
 
     def publish(self, data: bytes) -> None:
         """Send CDR bytes to all who listen; nothing is kept for later ones."""

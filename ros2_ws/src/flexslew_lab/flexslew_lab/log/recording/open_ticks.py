@@ -12,7 +12,6 @@ _TICK_EPOCH_NAME = struct.Struct("<QII")  # the name's length last
 _PLACES = {"/measurement": 20, "/controller_state": 20, "/effort_command": 12}  # of these three
 FOLLOWED = frozenset({*_PLACES, "/events"})  # topics
 _ANSWERS = frozenset({"/effort_command", "/controller_state"})
-_MISSED = AnswerMissed.kind.encode() + b"\0"  # quicker than to decode every event
 _KEPT = 512  # ticks whose end is remembered
 
 Key = tuple[int, int]  # epoch and tick
@@ -48,12 +47,15 @@ class OpenTicks:
             topic: absolute name, one of FOLLOWED.
             data: CDR.
             now: wall clock [s].
+
+        Raises:
+            BadInput: it is not of the topic's type.
+            struct.error: the same.
         """
         if topic == "/events":
-            if _MISSED in data:
-                event = cdr.decode("flexslew_msgs/msg/Event", data)
-                if event.kind == AnswerMissed.kind:
-                    self._close((int(event.epoch), int(event.tick)))
+            event = cdr.decode("flexslew_msgs/msg/Event", data)
+            if event.kind == AnswerMissed.kind:
+                self._close((int(event.epoch), int(event.tick)))
             return
         key, name = _key_and_name(topic, data)
         if topic == "/measurement":

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, stamp_offset, time_at
 from flexslew_lab.log.recording.open_ticks import FOLLOWED, PATIENCE, OpenTicks
+from flexslew_plant.errors import BadInput
 from flexslew_plant.topics import DISPLAYED
 
 _TICK_AND_EPOCH = struct.Struct("<QI")
@@ -40,11 +41,16 @@ class RecordingOrder:
     The topics of one tick do not arrive at one moment, so what is newer than the newest message of
     the round before waits for the next one; and a tick waits until its answer is there, or known to
     be missed, or has been waited for long enough: see OpenTicks.
+
+    Attributes:
+        newest: epoch, and simulated time in it [ns].
+        tick: of that time.
+        garbled: topics of messages that were left out, since they are none of their type.
     """
 
     def __init__(self) -> None:
-        self.newest = 0, 0  # epoch, and simulated time in it [ns]
-        self.tick = 0  # of that time
+        self.newest, self.tick = (0, 0), 0
+        self.garbled: set[str] = set()
         self._displayed = dict.fromkeys(_DISPLAYED, (0, 0))  # epoch and time by topic
         self._waiting: list[Ordered] = []
         self._open = OpenTicks()
@@ -66,18 +72,26 @@ class RecordingOrder:
         fresh, plant = [], self._plant
         for topic, data in messages:
             at = time_at(_STAMP[topic], data, self.newest[1])
-            fresh.append((topic, at, data))
             if topic in plant:
-                tick, epoch = tick_and_epoch(data)
+                try:
+                    tick, epoch = tick_and_epoch(data)
+                except struct.error:
+                    self.garbled.add(topic)
+                    continue
                 plant[topic] = max(plant[topic], (epoch, at))
                 if (epoch, at) >= self.newest:
                     self.newest, self.tick = (epoch, at), tick
+            fresh.append((topic, at, data))
         wait, several = self._waiting.append, self.newest[0] > 0
         for topic, at, data in fresh:
-            epoch = self._epoch(topic, at, data) if several or topic in self._displayed else 0
+            try:
+                epoch = self._epoch(topic, at, data) if several or topic in self._displayed else 0
+                if topic in FOLLOWED:
+                    self._open.hear(epoch, at, topic, data, now)
+            except (struct.error, BadInput):
+                self.garbled.add(topic)
+                continue
             wait(Ordered(epoch, at, _RANK[topic], topic, data))
-            if topic in FOLLOWED:
-                self._open.hear(epoch, at, topic, data, now)
         self._waiting.sort(key=_by_time)
         ready = len(self._waiting) if last else bisect_right(self._waiting, horizon, key=_time)
         unanswered = None if last else self._open.first(now)
