@@ -15,8 +15,8 @@ from flexslew_control.ros.calling import Calling
 from flexslew_plant import topics
 from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, stamp_of
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.ros.copies import Copies
 from flexslew_plant.ros.offers import subscription
+from flexslew_plant.ros.outlets import Outlets
 
 _AT_ONCE = 0.005  # questions of a line answered before the graph is served again [wall s]
 _BUSY = 0.5  # after a question the next one is waited for on the line alone [wall s]
@@ -31,7 +31,7 @@ class Answering:
 
     Args:
         node: of the controller.
-        copies: of what it publishes.
+        outlets: of the node.
         host: that is asked.
         observed: called with the tick of each question, after its answer.
         by_call: the plant shares this process and calls `answer` instead.
@@ -46,14 +46,14 @@ class Answering:
     def __init__(
         self,
         node: Node,
-        copies: Copies,
+        outlets: Outlets,
         host: ControllerHost,
         observed: Callable[[int], None],
         by_call: bool = False,
     ) -> None:
-        self._node, self._copies, self._host, self._observed = node, copies, host, observed
+        self._node, self._outlets, self._host, self._observed = node, outlets, host, observed
         self.period, self.silent = 0.01, False
-        self.sent = [copies.publisher(t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
+        self.sent = [outlets.publisher(t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
         self.heard: Subscription[Any] | None = None
         self._calling: Calling | None = None
         self._asked = -inf  # on the line [wall s]
@@ -163,6 +163,6 @@ class Answering:
             else:
                 self.sent[0].publish_if_heard(lambda: command_bytes(answer.command, at))
             self.sent[1].publish_if_heard(lambda: state_bytes(answer, at))
-            self._copies.send()
+            self._outlets.send()
         self._observed(question.tick)
         return command

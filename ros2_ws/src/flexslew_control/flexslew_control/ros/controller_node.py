@@ -18,7 +18,6 @@ from flexslew_control.ros.tuning import Tuning
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
-from flexslew_plant.ros.copies import Copies
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -47,9 +46,9 @@ class ControllerNode:
         given = with_file(self._settings.law, given, f"node {node.get_name()}")
         self._host = ControllerHost(node.get_name(), given)
         self._next_look = 0.0
-        self._copies = Copies(node)
-        self._events = EventLog(node, self._copies)
-        self.answering = Answering(node, self._copies, self._host, self._observed, by_call)
+        outlets = loop.outlets(node)
+        self._events = EventLog(node, outlets)
+        self.answering = Answering(node, outlets, self._host, self._observed, by_call)
         self._alive = loop.live(node, "controller")
         self._announcer = Announcer(
             node,
@@ -70,7 +69,6 @@ class ControllerNode:
     def poll(self) -> float:
         """Look at the graph; return the wall seconds until the next look."""
         now = monotonic()
-        self._copies.look(now)
         if now >= self._next_look:
             self._announcer.look()
             self.answering.silent = self._announcer.older is not None
@@ -78,10 +76,6 @@ class ControllerNode:
             self.answering.look(now)
             self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
         return min(self._next_look - now, self.answering.fly())
-
-    def close(self) -> None:
-        """Let the recorder have everything."""
-        self._copies.close()
 
     def _on_testbed(self, message: msg.Testbed) -> None:
         trust = Trust.of((self._settings.law, *self._settings.trust))

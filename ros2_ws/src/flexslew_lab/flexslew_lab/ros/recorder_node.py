@@ -1,23 +1,18 @@
 """The `recorder` node: everything on the topics of the bench into one MCAP bag."""
 
 import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
 
 from flexslew_msgs import msg
 
-from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recording.recording import Recording
-from flexslew_lab.log.recording.recording_order import RecordingOrder, of_namespace
-from flexslew_lab.ros.hidden_listener import HiddenListener
+from flexslew_lab.log.recording.recording_order import RecordingOrder
+from flexslew_lab.ros.intake import QUESTIONS, Intake
 from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_plant import topics
-from flexslew_plant.direct.inbox import Inbox
-from flexslew_plant.direct.names import RECORDER, address, direct
-from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Fact, RecordingEnded, RecordingStarted, event_of
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
@@ -30,7 +25,6 @@ from flexslew_plant.settings import section
 
 # who leaves after the plant
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan", "/planned_trajectory")
-_FRAMES = (topics.TF, topics.TF_STATIC)  # of all benches of a domain
 _TAKE_EVERY = 0.005  # [wall s]
 _BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
@@ -59,17 +53,14 @@ class Recorder:
         self._events = EventLog(node)
         self._status = publisher(node, topics.RECORDER_STATUS)
         self._rebroadcast = Rebroadcast(node)
-        self._order, self._warned = RecordingOrder(), set[str]()  # of topics
+        self._order, self._warned = RecordingOrder(node.get_namespace()), set[str]()  # of topics
         self._told = self._recording.safe
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_look = self._heard = 0.0  # for the plant; when something came [wall s]
-        self._next_take = 0.0  # from DDS, which costs as much when nothing comes [wall s]
-        self._listener = HiddenListener(node, TOPICS)
-        loop.own(self._listener.node)
-        self._inbox = self._listen_directly() if direct(os.environ) else None
-        measurement = self._listener.subscriptions["/measurement"]
+        self._intake = Intake(node, loop)
         serve_changes(node, lambda changes: "")
-        self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
+        questions = self._intake.subscriptions[QUESTIONS]
+        self._watch = PlantWatch(loop, questions, self._settings.exit_with_plant)
         self._tell(RecordingStarted(self._settings.folder))
 
     def poll(self) -> float:
@@ -100,18 +91,13 @@ class Recorder:
 
     def _expects_more(self, now: float) -> bool:
         """Return whether those who leave after the plant may still have something to say."""
-        there = (self._listener.subscriptions[t].get_publisher_count() for t in _AFTER_PLANT)
+        there = (self._intake.subscriptions[t].get_publisher_count() for t in _AFTER_PLANT)
         return now < self._heard + _SILENCE and any(there)
 
     def _take(self, last: bool = False) -> int:
         """Write what is due; return how many messages it was."""
         now = monotonic()
-        over_dds = list(self._listener.take()) if last or now >= self._next_take else []
-        if over_dds:
-            self._next_take = now
-        elif now >= self._next_take:
-            self._next_take = now + _TAKE_EVERY
-        messages = self._order.take(self._arrived(over_dds), now, last)
+        messages = self._order.take(self._arrived(now, last), now, last)
         for topic in self._order.garbled - self._warned:
             self.node.get_logger().warning(f"left out of the log: a message on {topic} is not one")
         self._warned |= self._order.garbled
@@ -123,31 +109,12 @@ class Recorder:
         self._rebroadcast.poll(now, last)
         return len(messages)
 
-    def _listen_directly(self) -> Inbox:
-        """Return where those call who publish what is recorded."""
-        node, subscriptions = self.node, self._listener.subscriptions
-        questions = subscriptions["/measurement"].topic_name
-        beside = self._listener.node
-        return Inbox(
-            address(node.context.get_domain_id(), questions, RECORDER),
-            {subscription.topic_name: name for name, subscription in subscriptions.items()},
-            (beside.get_name(), beside.get_namespace()),
-        )
-
-    def _arrived(self, over_dds: list[tuple[str, bytes]]) -> Iterator[tuple[str, bytes]]:
-        for topic, data in self._inbox.take(over_dds) if self._inbox else over_dds:
-            self._heard = monotonic()
-            self._watch.seen = self._watch.seen or topic == "/measurement"
+    def _arrived(self, now: float, last: bool) -> Iterator[tuple[str, bytes]]:
+        for topic, data in self._intake.arrived(now, last):
+            self._heard = now
+            self._watch.seen = self._watch.seen or topic == QUESTIONS
             self._rebroadcast.hear(topic, data)
-            if topic not in _FRAMES or self._of_this_bench(topic, data):
-                yield topic, data
-
-    def _of_this_bench(self, topic: str, transforms: bytes) -> bool:
-        try:
-            return of_namespace(transforms, self.node.get_namespace())
-        except BadInput:
-            self._order.garbled.add(topic)
-            return False
+            yield topic, data
 
     def _tell_status(self) -> None:
         """Tell the plant what is safe: it holds back rather than lose more than a second."""

@@ -30,11 +30,6 @@ class PlantAndController:
         """Let the plant say that the run ends before its time."""
         self._plant.interrupted()
 
-    def close(self) -> None:
-        """Let the recorder have everything."""
-        for node in self._nodes:
-            node.close()
-
 
 def main() -> None:
     """Run the plant beside PD + feedforward until it is done or interrupted."""

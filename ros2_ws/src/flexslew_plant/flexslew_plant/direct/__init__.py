@@ -5,5 +5,5 @@ user that finds it is asked on it, in the bytes that go over DDS. In the same wa
 the copies. A socket needs no shared memory,
 leaves nothing behind when its process is killed, and tells the other end at once.
 
-Offers: line, listener, lines (questions and answers), inbox (copies for the log), names.
+Offers: inbox, line, lines, names.
 """

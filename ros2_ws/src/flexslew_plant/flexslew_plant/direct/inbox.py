@@ -6,7 +6,7 @@ from struct import Struct
 
 from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.line import DirectLine, facts
-from flexslew_plant.direct.listener import Listener
+from flexslew_plant.direct.reception import Reception
 from flexslew_plant.topics import LOOP_DEPTH
 
 TOPICS = "topics"  # fact that a caller says: absolute names of what it publishes
@@ -29,7 +29,7 @@ class Inbox:
     """
 
     def __init__(self, address: bytes, heard: Mapping[str, str], node: tuple[str, str]) -> None:
-        self._listener, self._heard = Listener(address), heard
+        self._reception, self._heard = Reception(address), heard
         self._node = dict(zip((NODE, NAMESPACE), node, strict=True))
         self._strangers: list[DirectLine] = []  # that have not said what they publish
         self._lines: dict[DirectLine, list[str]] = {}  # what the recorder calls their topics
@@ -43,7 +43,7 @@ class Inbox:
         Args:
             over_dds: the same of what was taken from DDS before this.
         """
-        self._strangers += self._listener.calls()
+        self._strangers += self._reception.calls()
         for line in list(self._strangers):
             self._greet(line)
         for line, names in list(self._lines.items()):

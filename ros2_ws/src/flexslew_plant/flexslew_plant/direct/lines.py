@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 from flexslew_plant.bench.wire import HEAD, command_from
 from flexslew_plant.direct.line import DirectLine, facts
-from flexslew_plant.direct.listener import Listener
+from flexslew_plant.direct.reception import Reception
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.topics import LOOP_DEPTH
 
@@ -28,7 +28,7 @@ class Lines:
     """
 
     def __init__(self, address: bytes, newest: Callable[[], Key]) -> None:
-        self._newest, self._listener = newest, Listener(address)
+        self._newest, self._reception = newest, Reception(address)
         self._strangers: list[DirectLine] = []  # that have not said who they are
         self._lines: dict[str, DirectLine] = {}
         self._answers: dict[bytes, None] = {}  # as many as DDS would keep, the oldest first
@@ -41,7 +41,7 @@ class Lines:
             self.answering.discard(name)
         for line in self._lines.values():
             line.flush()
-        self._strangers += self._listener.calls()
+        self._strangers += self._reception.calls()
         for line in list(self._strangers):
             self._greet(line)
 

@@ -5,9 +5,9 @@ from rclpy.node import Node
 from flexslew_plant import topics
 from flexslew_plant.events import Event, Level
 from flexslew_plant.refusal import one_line
-from flexslew_plant.ros.copies import Copied, Copies
 from flexslew_plant.ros.messages import event_message
 from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.outlets import Outlet, Outlets
 
 
 class EventLog:
@@ -15,12 +15,12 @@ class EventLog:
 
     Args:
         node: that says them.
-        copies: of what it publishes, if the recorder has its own way to them.
+        outlets: of the node, if the recorder has its own way to them.
     """
 
-    def __init__(self, node: Node, copies: Copies | None = None) -> None:
+    def __init__(self, node: Node, outlets: Outlets | None = None) -> None:
         offer = (
-            copies.publisher(topics.EVENTS) if copies else Copied(publisher(node, topics.EVENTS))
+            outlets.publisher(topics.EVENTS) if outlets else Outlet(publisher(node, topics.EVENTS))
         )
         self._offer, self._logger = offer, node.get_logger()
 

@@ -15,6 +15,7 @@ from flexslew_plant.atomic import atomic
 from flexslew_plant.network import demand_loopback
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.departure import wait_until_acknowledged
+from flexslew_plant.ros.outlets import Outlets
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
@@ -27,6 +28,7 @@ class Loop:
     def __init__(self) -> None:
         self._executor = EventsExecutor()
         self._alive: dict[Node, Alive] = {}
+        self._outlets: list[Outlets] = []
         self._code: int | None = None
         self._due = 0.0  # when to poll [wall s]
         self._nodes: list[Node] = []
@@ -51,6 +53,11 @@ class Loop:
         self.add(node)
         return self._alive[node]
 
+    def outlets(self, node: Node) -> Outlets:
+        """Return outlets of a node of this loop, which are looked after with it."""
+        self._outlets.append(Outlets(node))
+        return self._outlets[-1]
+
     def future(self) -> Future:
         """Return a future that a coroutine of this loop may await."""
         return self._executor.create_future()
@@ -64,6 +71,8 @@ class Loop:
         for node in self._executor.get_nodes():
             alive = self._alive.get(node)
             wait_until_acknowledged(node, alive, lambda: self._serve(0.0), patience)
+        for outlets in self._outlets:
+            outlets.close()
         self._executor.shutdown()
 
     def leave(self, code: int) -> None:
@@ -110,6 +119,8 @@ class Loop:
             now = monotonic()
             if now >= self._due:
                 with atomic:  # an interrupt finds no half-written tick or chunk
+                    for outlets in self._outlets:
+                        outlets.look(now)
                     self._due = now + poll()
             self._serve(self._due - now)
             if now >= next_look:

@@ -11,7 +11,6 @@ from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import truth_bytes
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.ros.copies import Copies
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
@@ -41,7 +40,7 @@ class Plant:
     def __init__(self, loop: Loop, neighbour: Neighbour | None = None) -> None:
         self.loop = loop
         self.node = node = new_node("plant")
-        self._alive = loop.live(node, "plant")
+        self._alive, self._outlets = loop.live(node, "plant"), loop.outlets(node)
         self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
         self.statuses: dict[str, msg.ControllerStatus] = {}
         bench = Bench(self._settings.bench)
@@ -54,30 +53,27 @@ class Plant:
             self._missing,
             lambda: self._exchange.arrived(),
         )
-        self._copies = copies = Copies(node)
-        self._exchange = Exchange(node, copies, loop, self.session, self._take, neighbour)
+        self._exchange = Exchange(node, self._outlets, loop, self.session, self._take, neighbour)
         self.session.presence = self._alive.presence
-        self._truth, self._testbed = copies.publisher(topics.TRUTH), publisher(node, topics.TESTBED)
-        self._events, self._realtime = EventLog(node, copies), RealTime(PLANT)
-        self.display = Display(node, copies, bench, self._settings.display_rate)
+        self._truth = self._outlets.publisher(topics.TRUTH)
+        self._events, self._realtime = EventLog(node, self._outlets), RealTime(PLANT)
+        self.display = Display(node, self._outlets, bench, self._settings.display_rate)
         self.session.watched = lambda: self._said() or self.display.due(bench.tick)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
-        heard = [offer.publisher for offer in (self._exchange.questions, self._truth)]
-        progress = self._settings.progress
+        progress, heard = self._settings.progress, [self._exchange.questions, self._truth]
         self._report = PlantReport(node, self.session, self._alive, progress, heard)
         self._services = Services(node, self.session, self.statuses, loop)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(node, self.session, self.display, loop)
         fields = {"stamp": stamp(0.0), **testbed_fields(bench, yaml_text(plain(self._settings)))}
-        self._testbed.publish(message_of(msg.Testbed, fields))
+        publisher(node, topics.TESTBED).publish(message_of(msg.Testbed, fields))
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
         now = monotonic()
         if self._report.is_duplicate(now):
             return NOTICE / 4
-        self._copies.look(now)
         self._exchange.look(now)
         wait = self.session.poll(now)
         self._realtime.want(self.session.pacing.paced)
@@ -91,10 +87,6 @@ class Plant:
         """Say that the run ends before its time."""
         self.session.interrupted()
         self._send()
-
-    def close(self) -> None:
-        """Let the recorder have everything."""
-        self._copies.close()
 
     def _send(self) -> None:
         """Publish what the session has to say."""
@@ -110,7 +102,7 @@ class Plant:
                 self.display.show(record)
             else:
                 self._events.tell(record)
-        self._copies.send()
+        self._outlets.send()
         done = self.session.run.state == FINISHED and not self.loop.stopped
         if done and self._settings.exit_when_done:
             if failure := self.session.bench.failure:
@@ -132,8 +124,7 @@ class Plant:
         return self._exchange.unheard(controllers) + unmatched(self.node, heard, listeners)
 
     def _take(self, command: EffortCommand) -> bool:
-        hurry = self.session.take(command, monotonic())
-        if hurry:
+        if hurry := self.session.take(command, monotonic()):
             self.loop.hurry()
         self._send()
         return hurry

@@ -7,17 +7,21 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.messages.cdr import decode, stamp_offset, time_at
+from flexslew_lab.log.messages.cdr import stamp_offset, time_at
 from flexslew_lab.log.recording.open_ticks import FOLLOWED, PATIENCE, OpenTicks
+from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.topics import DISPLAYED
 
 _TICK_AND_EPOCH = struct.Struct("<QI")
 _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
+_LENGTH, _TRANSFORM = struct.Struct("<I"), struct.Struct("<7d")  # of a sequence or a string
+_HEAD, _STAMP_SIZE = 4, 8  # [B]; from behind the head CDR aligns
 _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
 # For the other of the two, once it was heard [wall s]: it comes, as late as a starved machine makes
 # it. A plant may publish no truth at all; for that PATIENCE is enough.
 _SURE = 15.0
+_FRAMES = frozenset({topics.TF, topics.TF_STATIC})  # of all benches of a domain
 _DISPLAYED = tuple("/" + name.lstrip("/") for name in DISPLAYED)  # they have none
 _RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
 _STAMP = {topic: stamp_offset(known.type) for topic, known in TOPICS.items()}  # where it lies
@@ -42,13 +46,17 @@ class RecordingOrder:
     the round before waits for the next one; and a tick waits until its answer is there, or known to
     be missed, or has been waited for long enough: see OpenTicks.
 
+    Args:
+        namespace: of the bench, absolute: frames of others are left out.
+
     Attributes:
         newest: epoch, and simulated time in it [ns].
         tick: of that time.
         garbled: topics of messages that were left out, since they are none of their type.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, namespace: str = "/") -> None:
+        self._namespace = namespace
         self.newest, self.tick = (0, 0), 0
         self.garbled: set[str] = set()
         self._displayed = dict.fromkeys(_DISPLAYED, (0, 0))  # epoch and time by topic
@@ -86,6 +94,8 @@ class RecordingOrder:
         for topic, at, data in fresh:
             try:
                 epoch = self._epoch(topic, at, data) if several or topic in self._displayed else 0
+                if topic in _FRAMES and not of_namespace(data, self._namespace):
+                    continue
                 if topic in FOLLOWED:
                     self._open.hear(epoch, at, topic, data, now)
             except (struct.error, BadInput):
@@ -134,10 +144,26 @@ def of_namespace(data: bytes, namespace: str) -> bool:
     """Return whether transforms are of the bench of a namespace, as the names of their frames say.
 
     Args:
-        data: CDR of a tf2_msgs/TFMessage.
+        data: CDR of a tf2_msgs/TFMessage, read by hand: to decode it takes ten times as long.
         namespace: absolute; "/" is that of frames without a slash.
+
+    Raises:
+        struct.error: they are none.
     """
-    transforms = decode("tf2_msgs/msg/TFMessage", data).transforms
-    return all(
-        "/" + transform.child_frame_id.rpartition("/")[0] == namespace for transform in transforms
-    )
+    (count,) = _LENGTH.unpack_from(data, _HEAD)
+    at = _HEAD + _LENGTH.size
+    for _ in range(count):
+        at += _STAMP_SIZE
+        (length,) = _LENGTH.unpack_from(data, at)
+        at += _LENGTH.size + length
+        at += -at % 4
+        (length,) = _LENGTH.unpack_from(data, at)
+        at += _LENGTH.size
+        place, _, _ = data[at : at + length - 1].decode(errors="replace").rpartition("/")
+        if "/" + place != namespace:
+            return False
+        at += length
+        at += (_HEAD - at) % 8 + _TRANSFORM.size
+        if at > len(data):
+            raise struct.error
+    return True

@@ -18,8 +18,8 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.ros.copies import Copied, Copies
 from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.outlets import Outlet, Outlets
 from flexslew_plant.ros.plant.instrument_display import InstrumentDisplay
 from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.template import Template
@@ -43,17 +43,17 @@ class Display:
 
     Args:
         node: the plant.
-        copies: of what it publishes.
+        outlets: of the node.
         bench: whose truth is shown.
         rate: samples per simulated second; 0: nothing is shown.
     """
 
-    def __init__(self, node: Node, copies: Copies, bench: Bench, rate: float) -> None:
+    def __init__(self, node: Node, outlets: Outlets, bench: Bench, rate: float) -> None:
         self._bench = bench
         self._prefix = f"{node.get_namespace()}/".lstrip("/")
         self.set_rate(rate)
-        self._offers = [copies.publisher(name) for name in _SHOWN]
-        self._platform = PlatformDisplay(copies, self._prefix)
+        self._offers = [outlets.publisher(name) for name in _SHOWN]
+        self._platform = PlatformDisplay(outlets, self._prefix)
         self._instruments = InstrumentDisplay(node, bench.appendages.instruments)
         self._draw(bench.testbed)
         static = publisher(node, topics.TF_STATIC)
@@ -72,7 +72,7 @@ class Display:
         return self._every > 0 and tick % self._every == 0
 
     @property
-    def publishers(self) -> list[Copied]:
+    def publishers(self) -> list[Outlet]:
         """What is published at this rate."""
         return [*self._offers, *self._platform.publishers] if self._every else []
 

@@ -18,10 +18,10 @@ from flexslew_plant.direct.lines import Lines
 from flexslew_plant.direct.names import DDS, SOCKET, address, direct
 from flexslew_plant.events import TransportChosen
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.ros.copies import Copies
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import subscription
+from flexslew_plant.ros.outlets import Outlets
 
 _AT_ONCE = 0.005  # ticks flown by calls before the graph is served again [wall s]
 _LOOK_EVERY = 0.02  # for those who call [wall s]
@@ -48,7 +48,7 @@ class Exchange:
 
     Args:
         node: the plant.
-        copies: of what it publishes.
+        outlets: of the node.
         loop: that serves it.
         session: that asks.
         take: passes an answer on; returns whether the loop should poll at once.
@@ -59,7 +59,7 @@ class Exchange:
     def __init__(
         self,
         node: Node,
-        copies: Copies,
+        outlets: Outlets,
         loop: Loop,
         session: Session,
         take: Callable[[EffortCommand], bool],
@@ -73,7 +73,7 @@ class Exchange:
         self._since: dict[str, float] = {}  # when each was on a line, or seen at first [wall s]
         self._next_look = self._next_graph = 0.0  # [wall s]
         self._asked = ""
-        self.questions = copies.publisher(topics.MEASUREMENT)
+        self.questions = outlets.publisher(topics.MEASUREMENT)
         self._topic = node.resolve_topic_name(topics.EFFORT_COMMAND)
         self._lines: Lines | None = None
         if neighbour is None:

@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.wire import Stamp
-from flexslew_plant.ros.copies import Copies
+from flexslew_plant.ros.outlets import Outlets
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.floating import CanFloat, Floating
@@ -26,15 +26,15 @@ class PlatformDisplay:
     "unknown", and `imu` has no linear acceleration. Twist, rates and wrench are along body axes.
 
     Args:
-        copies: of what the plant publishes.
+        outlets: of the plant.
         prefix: of the names of frames.
     """
 
-    def __init__(self, copies: Copies, prefix: str) -> None:
+    def __init__(self, outlets: Outlets, prefix: str) -> None:
         self._prefix = prefix
         self._floating: Floating | None = None
         shown = (topics.IMU, topics.ODOMETRY, topics.WRENCH)
-        self.publishers = [copies.publisher(name) for name in shown]
+        self.publishers = [outlets.publisher(name) for name in shown]
 
     def draw(self, testbed: Testbed) -> None:
         """Show this testbed from now on."""

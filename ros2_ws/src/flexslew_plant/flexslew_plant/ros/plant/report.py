@@ -1,10 +1,8 @@
 """What the plant node prints: progress, which nodes are missing, which are duplicates."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
 from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
@@ -13,6 +11,7 @@ from flexslew_plant.events import SecondPlant
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.dead_nodes import DeadNodes
 from flexslew_plant.ros.graph import UNNAMED, incompatible
+from flexslew_plant.ros.outlets import Outlet
 
 NOTICE = 1.0  # for an older plant to hear of a newer one [wall s]
 
@@ -34,10 +33,10 @@ class PlantReport:
         session: Session,
         alive: Alive,
         progress: bool,
-        heard: Sequence["Publisher[Any]"],
+        heard: Sequence[Outlet],
     ) -> None:
         self._node, self._session, self._alive = node, session, alive
-        self._progress, self._heard = progress, heard
+        self._progress, self._heard = progress, [outlet.publisher for outlet in heard]
         self._dead = DeadNodes(node, alive.presence)
         self._next, self._printed = 0.0, -1  # when to print again [wall s]; the last tick printed
         self._told: list[str] = []  # whom it waits for, as logged

@@ -23,7 +23,7 @@ _KEPT = 16 * LOOP_DEPTH  # for a recorder that is held up; the plant waits for i
 _LEAVING = 5.0  # for a recorder that takes nothing [wall s]
 
 
-class Copies:
+class Outlets:
     """Calls the recorder of the bench until it answers; what is published then goes to it directly.
 
     The recorder hears over DDS as well. Nothing is published there for its sake alone.
@@ -36,17 +36,17 @@ class Copies:
         self._node, self._direct = node, direct(os.environ)
         questions = node.resolve_topic_name(topics.MEASUREMENT)
         self._address = address(node.context.get_domain_id(), questions, RECORDER)
-        self._offers: list[Copied] = []
-        self._heard: list[Copied] = []  # by the recorder on the line, by their numbers
+        self._offers: list[Outlet] = []
+        self._heard: list[Outlet] = []  # by the recorder on the line, by their numbers
         self._parts: list[bytes] = []  # of the next message on the line
         self._size = 0  # of these [B]
         self._line: DirectLine | None = None
         self._listens = "", ""  # for the recorder over DDS: a node and its namespace
         self._next = 0.0  # call or look [wall s]
 
-    def publisher(self, name: str) -> "Copied":
+    def publisher(self, name: str) -> "Outlet":
         """Return a publisher of a topic of the table."""
-        self._offers.append(Copied(publisher(self._node, name), self._add))
+        self._offers.append(Outlet(publisher(self._node, name), self._add))
         return self._offers[-1]
 
     def look(self, now: float) -> None:
@@ -109,14 +109,14 @@ class Copies:
         data = line.receive()
         if data is None:
             return
-        said = facts(data)
+        said, by_name = facts(data), {offer.publisher.topic_name: offer for offer in self._offers}
         heard, node, place = said.get(HEARD), said.get(NODE), said.get(NAMESPACE)
-        if not (isinstance(heard, list) and isinstance(node, str) and isinstance(place, str)):
+        known = isinstance(heard, list) and all(str(name) in by_name for name in heard)
+        if not (known and isinstance(node, str) and isinstance(place, str)):
             line.close()
             return
         self._listens, self._next = (node, place), 0.0
-        by_name = {offer.publisher.topic_name: offer for offer in self._offers}
-        self._heard = [by_name[name] for name in heard]
+        self._heard = [by_name[str(name)] for name in heard or ()]
         for number, offer in enumerate(self._heard):
             offer.number = number
 
@@ -143,7 +143,7 @@ class Copies:
             offer.recorder_alone = listening == [self._listens]
 
 
-class Copied:
+class Outlet:
     """A publisher of one topic.
 
     Args:

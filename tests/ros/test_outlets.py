@@ -21,8 +21,8 @@ from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.inbox import PART, Inbox
 from flexslew_plant.direct.line import LARGEST
 from flexslew_plant.direct.names import RECORDER, SETTING, address
-from flexslew_plant.ros.copies import Copies
 from flexslew_plant.ros.offers import qos
+from flexslew_plant.ros.outlets import Outlets
 from flexslew_plant.topics import TOPICS, TRUTH
 
 from .bystander import beside
@@ -39,8 +39,8 @@ class Recorded:
         context = rclpy.Context()
         context.init(domain_id=domain)
         self.context, self.node = context, Node("publishing", context=context)
-        self.copies = Copies(self.node)
-        self.offer = self.copies.publisher(TRUTH)
+        self.outlets = Outlets(self.node)
+        self.offer = self.outlets.publisher(TRUTH)
         self.listener: HiddenListener | None = None
         self.over_dds: list[bytes] = []
         self.others: list[bytes] = []
@@ -65,7 +65,7 @@ class Recorded:
         end = monotonic() + PATIENCE
         while not condition():
             assert monotonic() < end
-            self.copies.look(monotonic())
+            self.outlets.look(monotonic())
             self._executor.spin_once(timeout_sec=0.01)
             if self.listener is not None:
                 heard = list(self.listener.take())
@@ -75,7 +75,7 @@ class Recorded:
     def publish(self, tick: int, tips: int = 2) -> bytes:
         data: bytes = serialize_message(PlantState(tick=tick, tip_deflection=[0.5] * tips))
         self.offer.publish(data)
-        self.copies.send()
+        self.outlets.send()
         return data
 
     def close(self) -> None:
@@ -166,8 +166,8 @@ def test_without_direct_lines_all_of_it_goes_over_dds(
     recorded: Recorded, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(SETTING, "dds")
-    recorded.copies = Copies(recorded.node)
-    recorded.offer = recorded.copies.publisher(TRUTH)
+    recorded.outlets = Outlets(recorded.node)
+    recorded.offer = recorded.outlets.publisher(TRUTH)
     recorded.record()
     recorded.until(lambda: recorded.offer.count == 1)
     sent = [recorded.publish(tick) for tick in range(50)]

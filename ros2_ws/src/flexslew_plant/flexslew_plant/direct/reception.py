@@ -9,7 +9,7 @@ from flexslew_plant.direct.line import DirectLine
 _WAITING = 16  # that call at the same moment
 
 
-class Listener:
+class Reception:
     """Takes calls; as long as another process listens there, it has none.
 
     Args:
