@@ -23,7 +23,7 @@ from flexslew_plant.topics import EVENTS, TOPICS
 
 from .flight import Flight, slew
 
-TICKS = 9000  # some seconds, in which DDS finds who listens
+TICKS = 30000  # some seconds, in which DDS finds who listens
 SIZE = 300 * 1024  # of the disk [B], about a third of what the run would record
 INSIDE = "FLEXSLEW_TEST_IN_NAMESPACE"
 

@@ -47,7 +47,7 @@ def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> 
             answers.append(bench.act("start"))
 
     answers: list[Any] = []
-    trial = slew(120.0, 0.0, OTHERS, PATIENT)
+    trial = slew(300.0, 0.0, OTHERS, PATIENT)
     flight = Flight(trial, tmp_path, 0, by_hand)
     assert flight.outcome == (0, "")
     assert [reply.ok for reply in answers] == [True] * 3, answers
@@ -133,7 +133,7 @@ def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -
         )
 
     answers: list[Any] = []
-    trial = slew(duration=120.0, more=OTHERS, extra=f"{PATIENT}\nallow_faults: true")
+    trial = slew(duration=300.0, more=OTHERS, extra=f"{PATIENT}\nallow_faults: true")
     flight = Flight(trial, tmp_path, 1, by_hand)
     done = [getattr(a, "ok", getattr(a, "success", False)) for a in answers]
     words = [answer.message for answer in answers]
@@ -171,7 +171,7 @@ def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_
         answers.extend(ask(domain, (Trigger, "pause", {}), (Step, "step", {"ticks": 1})))
         statuses = (all(s.plan_hash for s in standing(domain)) for _ in range(100))
         assert any(statuses)  # a newcomer may hear of the plan late
-        swaps = [swap("own", 42.0, timeout=0.01), swap("stiff", 44.0, timeout=0.01)]
+        swaps = [swap("own", 122.0, timeout=0.01), swap("stiff", 124.0, timeout=0.01)]
         answers.extend(ask(domain, *swaps, (Trigger, "start", {})))
 
     answers: list[Any] = []
@@ -181,8 +181,8 @@ def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_
         guest("own", f"{file}:MyLaw", kp=300.0, kd=800.0),
         guest("stiff", "pd_feedforward", kp=[600.0, 600.0], handover_time=0.5),
     ]
-    trial = slew(80.0, 0.0, "", PATIENT)
-    trial = replace(trial, plan=replace(trial.plan, start=40.0))
+    trial = slew(160.0, 0.0, "", PATIENT)  # it is paused before the plan begins
+    trial = replace(trial, plan=replace(trial.plan, start=120.0))
     flight = Flight(trial, tmp_path / "run", 0, by_hand, guests)
     assert flight.outcome == (0, "")
     assert all(answer.scheduled for answer in answers[2:4]), answers

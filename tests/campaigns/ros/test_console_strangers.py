@@ -68,7 +68,7 @@ def test_a_bench_stays_whole_whatever_is_clicked_and_flies_again(
 
 
 def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
-    trial = slew(duration=60.0)
+    trial = slew(duration=150.0)
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     killed: list[str] = []
     pages: list[PageClient] = []
