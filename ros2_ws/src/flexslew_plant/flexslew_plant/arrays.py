@@ -67,6 +67,23 @@ def inlined(function: _Function) -> _Function:
     return cast(_Function, recognised(numba.njit(inline="always", error_model="numpy")(function)))
 
 
+def merged(*written: str) -> Callable[[_Function], _Function]:
+    """Return what makes a function for use inside compiled ones, merged with them as machine code.
+
+    It is compiled once, whatever calls it; `inlined` would compile its body for each of them. As in
+    compiled_once, one specialisation serves arrays of all kinds.
+
+    Args:
+        written: arguments that the function writes into; all other arrays it only reads.
+    """
+
+    def made(function: _Function) -> _Function:
+        kept = recognised(numba.njit(forceinline=True, error_model="numpy")(function))
+        return cast(_Function, for_all_access(kept, written))
+
+    return made
+
+
 def called(function: _Function) -> _Function:
     """Return function for calls from compiled ones; the compiler may merge the two.
 

@@ -113,7 +113,7 @@ def chosen(condition: bool, yes: float, no: float) -> float:
 def _jitted(function: Callable[..., Any]) -> Any:
     if hasattr(function, "py_func"):  # the author has compiled it
         return function
-    return numba.njit(inline="always", error_model="numpy")(function)
+    return numba.njit(forceinline=True, error_model="numpy")(function)
 
 
 def _sources(function: Callable[..., Any]) -> set[Path]:

@@ -61,7 +61,10 @@ def extra(kernels: Kernels) -> int:
     raise NotImplementedError
 
 
-@overload(terms, strict=False, inline="always")
+_MERGED = {"forceinline": True, "error_model": "numpy"}
+
+
+@overload(terms, strict=False, jit_options=_MERGED)
 def _terms(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled["terms"]
     if kernels.kernels.full_mass:
@@ -71,19 +74,19 @@ def _terms(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     )
 
 
-@overload(residual_jacobian, strict=False, inline="always")
+@overload(residual_jacobian, strict=False, jit_options=_MERGED)
 def _residual_jacobian(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled["residual_jacobian"]
     return lambda kernels, p, t, x, a, dq, dv: own(p, t, x, a, dq, dv)
 
 
-@overload(potential, strict=False, inline="always")
+@overload(potential, strict=False, jit_options=_MERGED)
 def _potential(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled["potential"]
     return lambda kernels, p, t, q: own(p, t, q)
 
 
-@overload(actuation, strict=False, inline="always")
+@overload(actuation, strict=False, jit_options=_MERGED)
 def _actuation(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled.get("actuation")
     if own is not None:
@@ -98,7 +101,7 @@ def _actuation(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     return first
 
 
-@overload(position_rates, strict=False, inline="always")
+@overload(position_rates, strict=False, jit_options=_MERGED)
 def _position_rates(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled.get("kinematics")
     if own is not None:
