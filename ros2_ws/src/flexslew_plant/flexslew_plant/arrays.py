@@ -79,7 +79,7 @@ def merged(*written: str) -> Callable[[_Function], _Function]:
 
     def made(function: _Function) -> _Function:
         kept = recognised(numba.njit(forceinline=True, error_model="numpy")(function))
-        return cast(_Function, for_all_access(kept, written))
+        return cast(_Function, for_all_access(kept, written, strided=True))
 
     return made
 

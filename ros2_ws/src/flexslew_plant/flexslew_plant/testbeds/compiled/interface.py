@@ -1,7 +1,7 @@
 """What the shared kernels ask of a testbed's own, one function each, resolved at compile time.
 
-Python never runs the bodies here: Numba replaces every call by the function of the Kernels object
-that is its first argument (see kernels.Kernels).
+Python never runs the bodies here: Numba takes every call for one of the function of the Kernels
+object that is its first argument (see kernels.Kernels), and merges the two as machine code.
 """
 
 from collections.abc import Callable
@@ -11,6 +11,8 @@ from numba.extending import overload
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.kernels import Kernels, KernelsType
+
+_MERGED = {"forceinline": True, "error_model": "numpy"}  # as arrays.merged
 
 
 def terms(
@@ -59,9 +61,6 @@ def square(kernels: Kernels, n: int, m: int) -> int:
 def extra(kernels: Kernels) -> int:
     """Return how many entries q has more than v."""
     raise NotImplementedError
-
-
-_MERGED = {"forceinline": True, "error_model": "numpy"}
 
 
 @overload(terms, strict=False, jit_options=_MERGED)
