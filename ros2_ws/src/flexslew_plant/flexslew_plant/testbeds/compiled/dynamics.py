@@ -18,7 +18,8 @@ STAGE_WEIGHTS: Matrix = np.array(DOP853.A[:STAGES, :STAGES], dtype=np.float64)
 STEP_WEIGHTS: Vector = np.array(DOP853.B[:STAGES], dtype=np.float64)
 
 
-@merged("joints", "coupling", "modal", "out")
+# not strided: what a testbed's author has compiled would be compiled for parts of matrices, too
+@merged("joints", "coupling", "modal", "out", strided=False)
 def acceleration(
     kernels: Kernels,
     p: Vector,
