@@ -43,6 +43,6 @@ unset PYTHONDONTWRITEBYTECODE # a node starts in half the time where Python keep
 # one thread, as every node has: else the last bits of a large design depend on the number of cores
 export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1} OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
 # Numba looks at a kernel's own file only; a kernel that inlines another one must follow it, too
-export NUMBA_CACHE_DIR=$(grep -lrE "@(compiled|called|inlined|overload|vectorised)|from numba" --include='*.py' \
+export NUMBA_CACHE_DIR=$(grep -lrE "@(compiled|called|inlined|merged|overload|vectorised)|from numba" --include='*.py' \
   "$flexslew_root/ros2_ws/src" | LC_ALL=C sort | xargs cat | sha256sum)
 NUMBA_CACHE_DIR=$flexslew_root/.numba_cache/${NUMBA_CACHE_DIR:0:12}

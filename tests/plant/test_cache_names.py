@@ -9,7 +9,7 @@ MODULE = """
 import json
 import sys
 import numpy as np
-from flexslew_plant.arrays import compiled, inlined, vectorised
+from flexslew_plant.arrays import compiled, inlined, merged, vectorised
 
 def made(decorated, factor):
     @decorated
@@ -22,7 +22,7 @@ def made(decorated, factor):
 
     return outer
 
-kinds = (compiled, vectorised, inlined)
+kinds = (compiled, vectorised, inlined, merged())
 factors = [json.loads(text) for text in sys.argv[1:]]
 factors = [np.array(each) if isinstance(each, list) else each for each in factors]
 found = [made(kind, factor) for kind in kinds for factor in factors]
@@ -49,12 +49,12 @@ def test_a_function_that_closes_over_others_is_compiled_once_for_all_processes(
     tmp_path: Path,
 ) -> None:
     # none takes another's code for its own, and each is found in the second process
-    assert _lines(tmp_path, "2", "3") == [str([3.0, 4.0] * 3), str([0] * 6)]
-    assert _lines(tmp_path, "2", "3") == [str([3.0, 4.0] * 3), str([1] * 6)]
+    assert _lines(tmp_path, "2", "3") == [str([3.0, 4.0] * 4), str([0] * 8)]
+    assert _lines(tmp_path, "2", "3") == [str([3.0, 4.0] * 4), str([1] * 8)]
 
 
 def test_what_two_processes_compiled_runs_side_by_side_in_a_third(tmp_path: Path) -> None:
     # the results are of different kinds: an array needs what a number has not
-    assert _lines(tmp_path, "2") == [str([3.0] * 3), str([0] * 3)]
-    assert _lines(tmp_path, "[3.0]") == [str([[4.0]] * 3), str([0] * 3)]
-    assert _lines(tmp_path, "2", "[3.0]") == [str([3.0, [4.0]] * 3), str([1] * 6)]
+    assert _lines(tmp_path, "2") == [str([3.0] * 4), str([0] * 4)]
+    assert _lines(tmp_path, "[3.0]") == [str([[4.0]] * 4), str([0] * 4)]
+    assert _lines(tmp_path, "2", "[3.0]") == [str([3.0, [4.0]] * 4), str([1] * 8)]

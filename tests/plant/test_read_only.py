@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 
-from flexslew_plant.arrays import Vector, compiled_once
+from flexslew_plant.arrays import Matrix, Vector, compiled_once, merged
 
 
 def specialisations(function: Any) -> int:
@@ -90,3 +90,22 @@ def test_compiled_callers_leave_calls_from_python_to_the_dispatcher(
     monkeypatch.setattr(inner, "compile", asked.append)
     assert inner(free) == 1.0
     assert asked == []
+
+
+def test_what_is_merged_is_compiled_once_for_whole_matrices_and_for_parts_of_them() -> None:
+    @merged("out")
+    def trace(x: Matrix, out: Vector) -> None:
+        for k in range(out.size):
+            out[k] = x[k, k]
+
+    @numba.njit  # type: ignore[untyped-decorator]
+    def outer(x: Matrix) -> Vector:
+        whole, part = np.empty(2), np.empty(2)
+        trace(x, whole)
+        trace(x.copy()[:, 1:], part)
+        return whole + part
+
+    kept = np.arange(6.0).reshape(2, 3)
+    kept.flags.writeable = False
+    np.testing.assert_array_equal(outer(kept), [0.0 + 1.0, 4.0 + 5.0])
+    assert specialisations(trace) == 1

@@ -67,6 +67,24 @@ def inlined(function: _Function) -> _Function:
     return cast(_Function, recognised(numba.njit(inline="always", error_model="numpy")(function)))
 
 
+def merged(*written: str, strided: bool = True) -> Callable[[_Function], _Function]:
+    """Return what makes a function for use inside compiled ones, merged with them as machine code.
+
+    It is compiled once, whatever calls it; `inlined` would compile its body for each of them. One
+    specialisation serves arrays that may be written and those that may not.
+
+    Args:
+        written: arguments that the function writes into; all other arrays it only reads.
+        strided: whether it serves whole matrices and parts of wider ones, too.
+    """
+
+    def made(function: _Function) -> _Function:
+        kept = recognised(numba.njit(forceinline=True, error_model="numpy")(function))
+        return cast(_Function, for_all_access(kept, written, strided))
+
+    return made
+
+
 def called(function: _Function) -> _Function:
     """Return function for calls from compiled ones; the compiler may merge the two.
 

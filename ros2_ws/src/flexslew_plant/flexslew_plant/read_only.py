@@ -11,12 +11,13 @@ from numba import types
 from numba.core import sigutils
 
 
-def for_all_access(dispatcher: Any, written: tuple[str, ...]) -> Any:
+def for_all_access(dispatcher: Any, written: tuple[str, ...], strided: bool = False) -> Any:
     """Return a function of Numba that is compiled once for both kinds of arrays.
 
     Args:
         dispatcher: what Numba has made of the function.
         written: arguments that it writes into.
+        strided: whether matrices may be parts of wider ones; it is compiled for those.
     """
     names = tuple(inspect.signature(dispatcher.py_func).parameters)
     compile_it, told = dispatcher.compile, set[tuple[Any, ...]]()
@@ -25,7 +26,7 @@ def for_all_access(dispatcher: Any, written: tuple[str, ...]) -> Any:
         given, result = sigutils.normalize_signature(signature)
         taken = tuple(
             kind if name in written else read_only(kind)
-            for name, kind in zip(names, given, strict=True)
+            for name, kind in zip(names, map(_strided, given) if strided else given, strict=True)
         )
         entry = compile_it(taken if result is None else result(*taken))
         if taken != given and given not in told:
@@ -42,3 +43,8 @@ def for_all_access(dispatcher: Any, written: tuple[str, ...]) -> Any:
 def read_only(kind: Any) -> Any:
     """Return the type of an array as that of one that may only be read; others as they are."""
     return kind.copy(readonly=True) if isinstance(kind, types.Array) else kind
+
+
+def _strided(kind: Any) -> Any:
+    matrix = isinstance(kind, types.Array) and kind.ndim > 1
+    return kind.copy(layout="A") if matrix else kind

@@ -12,13 +12,22 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numba
 from numba.core import types
 from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
 
-from flexslew_plant.arrays import called
+from flexslew_plant.arrays import called, merged
 
+# how many arguments of each function come before those that it writes into
+_READ = {
+    "terms": 3,
+    "residual_jacobian": 4,
+    "potential": 3,
+    "actuation": 4,
+    "kinematics": 3,
+    "reading": 2,
+    "acceleration": 4,
+}
 _KNOWN: dict[str, "Kernels"] = {}  # by token, for Numba's compiler and for its files
 
 
@@ -85,7 +94,7 @@ class Kernels:
     @cached_property
     def compiled(self) -> dict[str, Any]:
         """The functions that were given, by name, for use inside compiled code."""
-        return {name: _jitted(function) for name, function in self.functions.items()}
+        return {name: _jitted(name, function) for name, function in self.functions.items()}
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
@@ -110,10 +119,11 @@ def chosen(condition: bool, yes: float, no: float) -> float:
     return yes if condition else no
 
 
-def _jitted(function: Callable[..., Any]) -> Any:
+def _jitted(name: str, function: Callable[..., Any]) -> Any:
     if hasattr(function, "py_func"):  # the author has compiled it
         return function
-    return numba.njit(inline="always", error_model="numpy")(function)
+    arguments = tuple(inspect.signature(function).parameters)
+    return merged(*arguments[_READ[name] :])(function)
 
 
 def _sources(function: Callable[..., Any]) -> set[Path]:

@@ -7,7 +7,7 @@ them. `kernels` says whose equations they are.
 import numpy as np
 from scipy.integrate import DOP853
 
-from flexslew_plant.arrays import Matrix, Vector, called, compiled_once, inlined
+from flexslew_plant.arrays import Matrix, Vector, compiled_once, inlined, merged
 from flexslew_plant.testbeds.compiled import interface, mass
 from flexslew_plant.testbeds.kernels import Kernels
 
@@ -18,7 +18,8 @@ STAGE_WEIGHTS: Matrix = np.array(DOP853.A[:STAGES, :STAGES], dtype=np.float64)
 STEP_WEIGHTS: Vector = np.array(DOP853.B[:STAGES], dtype=np.float64)
 
 
-@inlined
+# not strided: what a testbed's author has compiled would be compiled for parts of matrices, too
+@merged("joints", "coupling", "modal", "out", strided=False)
 def acceleration(
     kernels: Kernels,
     p: Vector,
@@ -39,10 +40,6 @@ def acceleration(
     mass.solve(joints, coupling, modal, out)
 
 
-_acceleration = called(acceleration.py_func)  # type: ignore[attr-defined]
-_solve = called(mass.solve.py_func)  # type: ignore[attr-defined]
-
-
 @compiled_once()
 def derivative(
     kernels: Kernels, p: Vector, t: float, x: Vector, effort: Vector, joints: int
@@ -60,7 +57,7 @@ def derivative(
     n = (x.size - interface.extra(kernels)) // 2
     s = interface.square(kernels, n, joints)
     a, rate = np.empty(n), np.empty(x.size)
-    _acceleration(
+    acceleration(
         kernels, p, t, x, effort, np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s), a
     )
     interface.position_rates(kernels, p, t, x, rate)
@@ -172,7 +169,7 @@ def jacobian(
     block, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
     a, column, one = np.empty(n), np.empty(n), np.zeros(effort.size)
     dq, dv = np.empty((n, n)), np.empty((n, n))
-    _acceleration(kernels, p, t, x, effort, block, coupling, modal, a)
+    acceleration(kernels, p, t, x, effort, block, coupling, modal, a)
     interface.residual_jacobian(kernels, p, t, x, a, dq, dv)
     dx[:] = 0.0
     du[:] = 0.0
@@ -180,11 +177,11 @@ def jacobian(
         dx[j, n + j] = 1.0
         for i in range(n):
             column[i] = -dq[i, j]
-        _solve(block, coupling, modal, column)
+        mass.solve(block, coupling, modal, column)
         for i in range(n):
             dx[n + i, j] = column[i]
             column[i] = -dv[i, j]
-        _solve(block, coupling, modal, column)
+        mass.solve(block, coupling, modal, column)
         for i in range(n):
             dx[n + i, n + j] = column[i]
     for j in range(effort.size):
@@ -192,7 +189,7 @@ def jacobian(
         one[:] = 0.0
         one[j] = 1.0
         interface.actuation(kernels, p, t, x, one, column)
-        _solve(block, coupling, modal, column)
+        mass.solve(block, coupling, modal, column)
         for i in range(n):
             du[n + i, j] = column[i]
 

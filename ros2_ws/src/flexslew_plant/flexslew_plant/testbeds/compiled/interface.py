@@ -1,7 +1,7 @@
 """What the shared kernels ask of a testbed's own, one function each, resolved at compile time.
 
-Python never runs the bodies here: Numba replaces every call by the function of the Kernels object
-that is its first argument (see kernels.Kernels).
+Python never runs the bodies here: Numba takes every call for one of the function of the Kernels
+object that is its first argument (see kernels.Kernels), and merges the two as machine code.
 """
 
 from collections.abc import Callable
@@ -11,6 +11,8 @@ from numba.extending import overload
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.kernels import Kernels, KernelsType
+
+_MERGED = {"forceinline": True, "error_model": "numpy"}  # as arrays.merged
 
 
 def terms(
@@ -61,7 +63,7 @@ def extra(kernels: Kernels) -> int:
     raise NotImplementedError
 
 
-@overload(terms, strict=False, inline="always")
+@overload(terms, strict=False, jit_options=_MERGED)
 def _terms(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled["terms"]
     if kernels.kernels.full_mass:
@@ -71,19 +73,19 @@ def _terms(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     )
 
 
-@overload(residual_jacobian, strict=False, inline="always")
+@overload(residual_jacobian, strict=False, jit_options=_MERGED)
 def _residual_jacobian(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled["residual_jacobian"]
     return lambda kernels, p, t, x, a, dq, dv: own(p, t, x, a, dq, dv)
 
 
-@overload(potential, strict=False, inline="always")
+@overload(potential, strict=False, jit_options=_MERGED)
 def _potential(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled["potential"]
     return lambda kernels, p, t, q: own(p, t, q)
 
 
-@overload(actuation, strict=False, inline="always")
+@overload(actuation, strict=False, jit_options=_MERGED)
 def _actuation(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled.get("actuation")
     if own is not None:
@@ -98,7 +100,7 @@ def _actuation(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     return first
 
 
-@overload(position_rates, strict=False, inline="always")
+@overload(position_rates, strict=False, jit_options=_MERGED)
 def _position_rates(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled.get("kinematics")
     if own is not None:

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.compiled import dynamics
+from flexslew_plant.testbeds.compiled.bound import bound
 from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel, nothing_to_read, rows_of
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
@@ -36,7 +36,7 @@ def _kernel(
         modes: how many.
         numbers: how many are packed.
     """
-    own = kernels.compiled.get("reading")
+    own, take = kernels.compiled.get("reading"), bound(kernels, n, m).advance
     states = 2 * n + kernels.extra_positions
     rows = rows_of(states, efforts, joints, modes, own is not None)
     constants, position, rate = rows.end, rows.position, rows.rate
@@ -51,7 +51,7 @@ def _kernel(
                 effort[i] = w[(states + i) * LANES + lane]
             for i in range(numbers):
                 p[i] = w[constants + i * LANES + lane]
-            dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
+            take(p, t, effort, dt, steps, m, x)
             for i in range(states):
                 w[i * LANES + lane] = x[i]
 

@@ -4,10 +4,10 @@ Where the modal block is diagonal the modes are eliminated first. One and two jo
 closed forms; more joints, and a full mass matrix, are solved by Cholesky's decomposition.
 """
 
-from flexslew_plant.arrays import Matrix, Vector, inlined
+from flexslew_plant.arrays import Matrix, Vector, merged
 
 
-@inlined
+@merged("a")
 def cholesky(a: Matrix) -> None:
     """Replace the lower triangle of a, shape (n, n), by L of a = L L^T."""
     n = a.shape[0]
@@ -21,7 +21,7 @@ def cholesky(a: Matrix) -> None:
             a[i, j] /= a[j, j]
 
 
-@inlined
+@merged("r")
 def substitute(a: Matrix, r: Vector) -> None:
     """Replace the first n entries of r by (L L^T)^-1 r.
 
@@ -41,7 +41,7 @@ def substitute(a: Matrix, r: Vector) -> None:
         r[i] /= a[i, i]
 
 
-@inlined
+@merged("joints", "coupling", "modal")
 def factor(joints: Matrix, coupling: Matrix, modal: Vector) -> None:
     """Prepare the blocks of M for solve: nothing for one or two joints, else in place."""
     m, n = coupling.shape
@@ -54,7 +54,7 @@ def factor(joints: Matrix, coupling: Matrix, modal: Vector) -> None:
         cholesky(joints)
 
 
-@inlined
+@merged("r")
 def solve(joints: Matrix, coupling: Matrix, modal: Vector, r: Vector) -> None:
     """Replace r by M^-1 r, eliminating the diagonal modal block first.
 
@@ -104,7 +104,7 @@ def solve(joints: Matrix, coupling: Matrix, modal: Vector, r: Vector) -> None:
         r[m + j] /= modal[j]
 
 
-@inlined
+@merged("joints", "coupling", "modal", "scale", "mu")
 def solve_rows(
     joints: Matrix, coupling: Matrix, modal: Vector, scale: Vector, mu: Vector, rows: int
 ) -> None:
