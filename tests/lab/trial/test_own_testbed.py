@@ -159,3 +159,39 @@ def test_the_report_of_a_log_runs_no_code_that_is_not_trusted(
         assert not end.value.code, capsys.readouterr().err
         assert page.exists()
         assert marker.exists() is runs
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("p[0] = p[0] * 1.0", "it writes into an argument that it may only read"),
+        ("x[0] = 0.0", "it writes into an argument that it may only read"),
+        ("bias[0] = nowhere", "NameError: name 'nowhere' is not defined"),
+        ("bias[0] = p.nothing", "Unknown attribute 'nothing' of type readonly array"),
+        ("bias[0] = 'much'", "setitem(array(float64, 1d, C), Literal[int](0)"),
+        ("with open('notes') as f: f.read()", "'with (context manager) as (variable):'"),
+    ],
+)
+def test_equations_that_cannot_be_compiled_are_named_in_one_line(
+    line: str,
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    written = (ROOT / "docs/examples/three_joints.py").read_text()
+    before = "    n = (p.size - 3) // 4\n"
+    file = tmp_path / "three_joints.py"
+    file.write_text(
+        written.replace(before, f"{before}    {line}\n", 1).replace(KIND, f"{file}:ThreeJoints")
+    )
+    path = tmp_path / "own.yaml"
+    path.write_text(EXAMPLE.replace(KIND, f"{file}:ThreeJoints"))
+    out = str(tmp_path / "run")
+    monkeypatch.setattr(sys, "argv", ["flexslew", "trial", str(path), "--in-process", "--out", out])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert said.startswith(f"error: {file}: terms cannot be compiled by Numba, ")
+    assert words in said

@@ -17,6 +17,7 @@ from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
 
 from flexslew_plant.arrays import called, merged
+from flexslew_plant.compile_errors import explained
 
 # how many arguments of each function come before those that it writes into
 _READ = {
@@ -123,7 +124,7 @@ def _jitted(name: str, function: Callable[..., Any]) -> Any:
     if hasattr(function, "py_func"):  # the author has compiled it
         return function
     arguments = tuple(inspect.signature(function).parameters)
-    return merged(*arguments[_READ[name] :])(function)
+    return explained(merged(*arguments[_READ[name] :])(function))
 
 
 def _sources(function: Callable[..., Any]) -> set[Path]:
