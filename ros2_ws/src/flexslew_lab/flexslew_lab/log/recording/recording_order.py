@@ -24,7 +24,6 @@ _SURE = 15.0
 _FRAMES = frozenset({topics.TF, topics.TF_STATIC})  # of all benches of a domain
 _DISPLAYED = tuple("/" + name.lstrip("/") for name in DISPLAYED)  # they have none
 _RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
-_STAMP = {topic: stamp_offset(known.type) for topic, known in TOPICS.items()}  # where it lies
 _UNHEARD = 0, -1  # epoch and time of a topic that never came
 _time, _by_time = itemgetter(0, 1), itemgetter(0, 1, 2)
 
@@ -60,6 +59,7 @@ class RecordingOrder:
         self.newest, self.tick = (0, 0), 0
         self.garbled: set[str] = set()
         self._displayed = dict.fromkeys(_DISPLAYED, (0, 0))  # epoch and time by topic
+        self._stamp = {topic: stamp_offset(known.type) for topic, known in TOPICS.items()}
         self._waiting: list[Ordered] = []
         self._open = OpenTicks()
         self._plant = dict.fromkeys(_OF_PLANT, _UNHEARD)  # newest epoch and time by topic
@@ -79,7 +79,7 @@ class RecordingOrder:
         horizon = self._horizon(now)
         fresh, plant = [], self._plant
         for topic, data in messages:
-            at = time_at(_STAMP[topic], data, self.newest[1])
+            at = time_at(self._stamp[topic], data, self.newest[1])
             if topic in plant:
                 try:
                     tick, epoch = tick_and_epoch(data)
