@@ -84,7 +84,8 @@ class PlayNode:
             )
 
     def _all_there(self) -> bool:
-        missing = unmatched(self.node, list(self._publishers.values()), self._settings.wait_for)
+        offers = [*self._publishers.values(), *([self._clock] if self._clock else [])]
+        missing = unmatched(self.node, offers, self._settings.wait_for)
         if missing and missing != self._waiting:
             self.node.get_logger().info(f"waiting for {', '.join(missing)}")
         self._waiting = missing or None
