@@ -1,7 +1,7 @@
 """Mixed sensitivity for M1: an H-infinity law by ctrlsys (SLICOT) that rolls off above w_r.
 
-|T from (d, n) to (W_1 y, W_2 u)| < gamma: d torques at the motors, n noise of the encoders; W_1 asks
-for small positions (S G and T), W_2 for small torques that roll off (T and K S).
+|T from (d, n) to (W_1 y, W_2 u)| < gamma: d torques at the motors, n noise of the encoders;
+W_1 asks for small positions (S G and T), W_2 for small torques that roll off (T and K S).
 
 The plant is the sampled bench in the plane of Tustin's map, z = (1 + s h / 2) / (1 - s h / 2): the
 law comes back by the same map, so its hold and its delay count without an approximation.
@@ -44,9 +44,10 @@ big_d = np.block([[position @ d @ torque, zero((m, m)), position @ d],
                   [d @ torque, noise, d]])
 # fmt: on
 # Balanced: in the states of the bench rounding alone moves the law by one part in 1e4.
-balanced = ctrlsys.tb01id("A", *map(np.asfortranarray, (big_a, big_b, big_c)), 0.0)[:3]
+big_a, big_b, big_c, big_d = map(np.asfortranarray, (big_a, big_b, big_c, big_d))
+balanced = ctrlsys.tb01id("A", big_a.copy("F"), big_b.copy("F"), big_c.copy("F"), 0.0)[:3]
 gamma = 1.12  # the least is about .76, but near it K grows, and rounding decides what it is
-*law, _, info = ctrlsys.sb10fd(n + k, 3 * m, 3 * m, m, m, gamma, *balanced, np.asfortranarray(big_d))
+*law, _, info = ctrlsys.sb10fd(n + k, 3 * m, 3 * m, m, m, gamma, *balanced, big_d.copy("F"))
 law = control.ss(*law)  # u = K y
 poles = control.ss(big_a, big_b, big_c, big_d).lft(law).poles()
 if info or poles.real.max() >= 0.0:
