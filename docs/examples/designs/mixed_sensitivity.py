@@ -44,10 +44,10 @@ big_d = np.block([[position @ d @ torque, zero((m, m)), position @ d],
                   [d @ torque, noise, d]])
 # fmt: on
 # Balanced: in the states of the bench rounding alone moves the law by one part in 1e4.
-big_a, big_b, big_c, big_d = map(np.asfortranarray, (big_a, big_b, big_c, big_d))
-balanced = ctrlsys.tb01id("A", big_a.copy("F"), big_b.copy("F"), big_c.copy("F"), 0.0)[:3]
+fortran = np.asfortranarray  # a copy in the order of SLICOT
+balanced = ctrlsys.tb01id("A", fortran(big_a), fortran(big_b), fortran(big_c), 0.0)[:3]
 gamma = 1.12  # the least is about .76, but near it K grows, and rounding decides what it is
-*law, _, info = ctrlsys.sb10fd(n + k, 3 * m, 3 * m, m, m, gamma, *balanced, big_d.copy("F"))
+*law, _, info = ctrlsys.sb10fd(n + k, 3 * m, 3 * m, m, m, gamma, *balanced, fortran(big_d))
 law = control.ss(*law)  # u = K y
 poles = control.ss(big_a, big_b, big_c, big_d).lft(law).poles()
 if info or poles.real.max() >= 0.0:
