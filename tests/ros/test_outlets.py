@@ -22,7 +22,7 @@ from flexslew_plant.direct.inbox import PART, Inbox
 from flexslew_plant.direct.line import LARGEST
 from flexslew_plant.direct.names import RECORDER, SETTING, address
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.ros.outlets import Outlets
+from flexslew_plant.ros.outlets import Outlet, Outlets
 from flexslew_plant.topics import TOPICS, TRUTH
 
 from .bystander import beside
@@ -30,6 +30,36 @@ from .flight import Flight, slew
 from .lines import alone, every_tick
 
 PATIENCE = 60.0  # on a busy machine [wall s]
+
+
+class Counted:
+    """A publisher with so many subscriptions."""
+
+    def __init__(self, count: int) -> None:
+        self.handle, self._count = self, count
+
+    def get_subscription_count(self) -> int:
+        return self._count
+
+
+@pytest.mark.parametrize(
+    ("on_line", "over_dds", "recorder_alone", "processors"),
+    [
+        (False, 0, False, 1),  # nobody hears copies
+        (True, 0, False, 3),
+        (True, 1, True, 3),  # the recorder's own
+        (True, 1, False, None),  # never: somebody else's
+        (True, 2, True, None),
+        (False, 1, True, None),
+    ],
+)
+def test_who_waits_awake_leaves_a_processor_to_who_hears_copies(
+    on_line: bool, over_dds: int, recorder_alone: bool, processors: int | None
+) -> None:
+    outlet = Outlet(Counted(over_dds))
+    outlet.number, outlet.recorder_alone = on_line - 1, recorder_alone
+    enough = [n for n in range(1, 65) if outlet.leaves(n)]
+    assert enough == ([] if processors is None else list(range(processors, 65)))
 
 
 class Recorded:

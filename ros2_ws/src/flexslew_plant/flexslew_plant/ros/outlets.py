@@ -21,6 +21,8 @@ _AGAIN = 0.2  # until the recorder is called again [wall s]
 _LOOK = 0.1  # who else listens [wall s]
 _KEPT = 16 * LOOP_DEPTH  # for a recorder that is held up; the plant waits for it long before
 _LEAVING = 5.0  # for a recorder that takes nothing [wall s]
+PROCESSORS = len(os.sched_getaffinity(0))  # of this process
+_AWAKE = 2  # of them are taken while plant and controller wait awake
 
 
 class Outlets:
@@ -178,6 +180,13 @@ class Outlet:
         """Somebody listens over DDS who is not the recorder on its line."""
         count = self.count
         return count > 1 or (count == 1 and not (self.number >= 0 and self.recorder_alone))
+
+    def leaves(self, processors: int) -> bool:
+        """Return whether who hears copies can do without two of these processors.
+
+        A recorder that hears them past DDS needs one, anybody else more than can be told.
+        """
+        return not self.heard or (processors > _AWAKE and not self.shared)
 
     def publish(self, data: bytes) -> None:
         """Send CDR bytes to all who listen; nothing is kept for later ones."""
