@@ -1,4 +1,4 @@
-"""Signals of a node's process, without a node."""
+"""Signals of a node's process."""
 
 import os
 import signal
@@ -7,8 +7,11 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from threading import Event
+from time import monotonic, sleep
 
 import pytest
+import rclpy
+from rclpy.node import Node
 
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant.ros.interrupts import Interrupts
@@ -85,3 +88,25 @@ def test_an_interrupt_while_a_message_is_made_is_one() -> None:
             check=False, timeout=200,
         )  # fmt: skip
     assert (done.returncode, done.stdout.splitlines()) == (130, ["was interrupted"]), done.stderr
+
+
+def test_a_node_that_dds_does_not_let_go_ends_wherever_it_is_held() -> None:
+    with own_domain() as domain:
+        planner = subprocess.Popen(
+            [sys.executable, "-m", "tests.ros.held_planner_node"],
+            env=os.environ | {"ROS_DOMAIN_ID": str(domain)}, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        context = rclpy.Context()
+        context.init(domain_id=domain)
+        node = Node("looking", context=context)
+        try:
+            until = monotonic() + 100.0
+            while "planner" not in node.get_node_names() and monotonic() < until:
+                sleep(0.05)
+            planner.terminate()
+            planner.communicate(timeout=100.0)
+        finally:
+            planner.kill()
+            node.destroy_node()
+            context.try_shutdown()
+    assert planner.returncode == -signal.SIGALRM

@@ -62,7 +62,7 @@ class FollowTrajectory:
             if (end := flight.lost(self._release.clock)) is not None:
                 flight.over(end)
 
-    def close(self) -> None:
+    def leave(self) -> None:
         """End the action."""
         self._server.destroy()
 

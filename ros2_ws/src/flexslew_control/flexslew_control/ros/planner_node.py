@@ -88,12 +88,15 @@ class Planner:
         return _PLANNING
 
     def close(self) -> None:
-        """End the process that plans, and the actions."""
+        """End the process that plans."""
         self._job.close()
+
+    def leave(self) -> None:
+        """End the actions."""
         for server in self._servers:
             server.destroy()
         if self._following is not None:
-            self._following.close()
+            self._following.leave()
 
     def _own_plan(self, outcome: Outcome) -> None:
         """Publish what the parameters ask for; without it the node has no purpose."""

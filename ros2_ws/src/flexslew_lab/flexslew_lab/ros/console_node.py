@@ -61,6 +61,9 @@ class ConsoleNode:
     def close(self) -> None:
         """End the page."""
         self._page.close()
+
+    def leave(self) -> None:
+        """Leave the graph."""
         self._link.close()
 
 

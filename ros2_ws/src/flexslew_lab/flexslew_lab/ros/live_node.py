@@ -103,6 +103,9 @@ class LiveNode:
         """End the server."""
         self._gate.close()
         self._server.stop()
+
+    def leave(self) -> None:
+        """Leave the graph."""
         self._services.close()
 
     def shown(self, values: dict[str, Any]) -> list[Any]:

@@ -23,7 +23,8 @@ class Served(Protocol):
 
     It may also have `interrupted()`, called when somebody wants it to end; where that returns True,
     it stops its loop itself, or is interrupted again. And `close()`, which finishes what must be
-    whole, or raises FlexslewError: exit code 3; the nodes of the loop leave the graph after it.
+    whole, or raises FlexslewError: exit code 3; and `leave()`, which takes off the graph what the
+    nodes of the loop do not take with them. They leave last.
     """
 
     def poll(self) -> float:
@@ -91,7 +92,7 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
         if served is not None and loop is not None:
             loop.close(INTERRUPTED_TIMEOUT if code == 130 else DEPARTURE_TIMEOUT)
             code = _closed(served) or code
-            loop.leave(code)
+            loop.leave(code, getattr(served, "leave", lambda: None))
         # the graph hears of our leaving only if the participant is really destroyed
         del served, loop
         gc.collect()
