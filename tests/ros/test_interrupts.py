@@ -7,14 +7,18 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from threading import Event
-from time import monotonic, sleep
+from time import monotonic
 
 import pytest
 import rclpy
+from flexslew_msgs.msg import Alive
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant.ros.interrupts import Interrupts
+from flexslew_plant.ros.offers import qos
+from flexslew_plant.topics import ALIVE, TOPICS
 from tests.present import present
 
 
@@ -99,14 +103,19 @@ def test_a_node_that_dds_does_not_let_go_ends_wherever_it_is_held() -> None:
         context = rclpy.Context()
         context.init(domain_id=domain)
         node = Node("looking", context=context)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        alive: list[Alive] = []
+        node.create_subscription(Alive, ALIVE, alive.append, qos(TOPICS[ALIVE]))
         try:
             until = monotonic() + 100.0
-            while "planner" not in node.get_node_names() and monotonic() < until:
-                sleep(0.05)
+            while not alive and monotonic() < until:
+                executor.spin_once(timeout_sec=1.0)
             planner.terminate()
             planner.communicate(timeout=100.0)
         finally:
             planner.kill()
+            executor.shutdown()
             node.destroy_node()
             context.try_shutdown()
     assert planner.returncode == -signal.SIGALRM

@@ -89,9 +89,10 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
         code = 3
     finally:
         _interrupts.ignore()
-        if served is not None and loop is not None:
-            loop.close(INTERRUPTED_TIMEOUT if code == 130 else DEPARTURE_TIMEOUT)
-            code = _closed(served) or code
+        if loop is not None:
+            if served is not None:
+                loop.close(INTERRUPTED_TIMEOUT if code == 130 else DEPARTURE_TIMEOUT)
+                code = _closed(served) or code
             loop.leave(code, getattr(served, "leave", lambda: None))
         # the graph hears of our leaving only if the participant is really destroyed
         del served, loop
