@@ -309,7 +309,8 @@ def test_a_draft_is_followed_by_nobody_until_it_is_adopted(operator: Operator) -
     operator.until(lambda: operator.ticked(100))
     soon = present(operator.truth).tick + 400
     draft(soon * 0.01)
-    operator.until(lambda: operator.ticked(soon))
+    late = soon + 100  # the planner hears of the time now and then, and on a busy machine later
+    operator.until(lambda: operator.ticked(late))
     assert decide("adopt")[1].startswith(f"the plan starts at {soon * 0.01:g} s, the bench is at")
     assert decide("refuse")[0]
 
