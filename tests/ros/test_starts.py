@@ -61,15 +61,17 @@ def crashing(name: str, after: float, times: int, folder: Path) -> tuple[Outcome
         return outcome.result(), log.read_text()
 
 
+@pytest.mark.parametrize("held_up", [False, True])
 def test_a_run_ends_where_a_node_has_left_before_the_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    held_up: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The plant would wait for it for ever."""
+    """The plant would wait for it for ever. Whom DDS holds up while it leaves counts as gone."""
     monkeypatch.setattr("flexslew_lab.run.supervisor._GRACE", 3.0)
     processes = [
         node._replace(package="tests", executable="leaving") if node.name == "lqr" else node
         for node in node_processes(slew(duration=0.2, more=", lqr: {}"), tmp_path, True, {})
     ]
+    processes = [NodeProcess("stuck", "tests", "stuck", {})] * held_up + processes
     parameters, log = tmp_path / "parameters.yaml", tmp_path / "nodes.log"
     parameters.write_text(parameter_file(processes))
     with own_domain() as domain:

@@ -22,6 +22,7 @@ _GRACE = 10.0  # from one signal to the next stronger one [wall s]
 _LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.DEPARTURE_TIMEOUT
 _LOOK = 5.0  # at whether the processes stand still, every so often [wall s]
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+_HELD_UP = (-signal.SIGALRM, -signal.SIGKILL)  # ended while it left: its own code counts
 # signals that end a crashed process
 _CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL)
 
@@ -152,7 +153,7 @@ class Supervisor:
                 self._stuck.discard(name)
                 self._start(self._again.pop(name))
             else:
-                self._codes[name] = self._told.get(name, code) if code == -signal.SIGALRM else code
+                self._codes[name] = self._told.get(name, code) if code in _HELD_UP else code
 
     def _kill_the_stuck(self) -> None:
         if monotonic() < self._next_look:
