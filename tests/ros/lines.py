@@ -1,5 +1,6 @@
 """Flights on lines, over DDS, or both at once: how each was asked, and what must hold."""
 
+import socket
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.run.processes import NodeProcess
 from flexslew_lab.run.run_trial import run_trial
+from flexslew_plant.direct.names import address
 
 PER_TICK = ("/measurement", "/effort_command", "/controller_state")
 
@@ -42,6 +44,31 @@ def over_dds(names: Collection[str]) -> Callable[[NodeProcess], NodeProcess]:
     return lambda node: (
         node._replace(package="tests", executable="over_dds") if node.name in names else node
     )
+
+
+class Strangers:
+    """Those who call on a socket of the bench, say something and stay.
+
+    Args:
+        answers: of the socket's name, see names.address.
+    """
+
+    def __init__(self, answers: str) -> None:
+        self._answers = answers
+        self.lines: list[socket.socket] = []
+
+    def call(self, domain: int, *words: bytes) -> None:
+        """Call, and say these words."""
+        caller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        caller.connect(address(domain, "/measurement", self._answers))
+        for word in words:
+            caller.send(word)
+        self.lines.append(caller)
+
+    def close(self) -> None:
+        """Hang up."""
+        for line in self.lines:
+            line.close()
 
 
 def every_tick(bag: Path, ticks: int) -> None:

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 from pathlib import Path
 from threading import Timer
 from typing import Any
@@ -11,11 +10,11 @@ import pytest
 from flexslew_msgs.srv import SetRate
 
 from flexslew_lab.replay.resim import resim
-from flexslew_plant.direct.names import SETTING, address
+from flexslew_plant.direct.names import SETTING
 
 from .bystander import Bystander, beside
 from .flight import Flight, fork_server, kill, slew
-from .lines import alone, asked, every_tick, over_dds, whole
+from .lines import Strangers, alone, asked, every_tick, over_dds, whole
 
 SWAPS = "schedule: [{at: 1.5, switch: lqr}, {at: 3.0, switch: pd_feedforward}]"
 
@@ -63,28 +62,21 @@ def test_swaps_pass_between_a_line_and_dds(remote: str, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("chosen")
 def test_strangers_on_the_plant_s_socket_change_nothing(tmp_path: Path) -> None:
-    kept: list[socket.socket] = []
-
-    def call(domain: int, *words: bytes) -> None:
-        caller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        caller.connect(address(domain, "/measurement", "/effort_command"))
-        for word in words:
-            caller.send(word)
-        kept.append(caller)
+    strangers = Strangers("/effort_command")
 
     def act(pids: dict[str, int], domain: int) -> None:
-        call(domain)  # never says a word
-        call(domain, os.urandom(3000))
-        call(domain, b'{"controller": "pd_feedforward"}', b'{"answers": true}', b"?")
-        call(domain, b'{"controller": "somebody"}')  # never reads, never answers
-        call(domain, b'{"controller": "liar"}', b'{"answers": true}', b"\0\1\0\0" + bytes(40))
+        lies = b"\0\1\0\0" + bytes(40)
+        strangers.call(domain)  # never says a word
+        strangers.call(domain, os.urandom(3000))
+        strangers.call(domain, b'{"controller": "pd_feedforward"}', b'{"answers": true}', b"?")
+        strangers.call(domain, b'{"controller": "somebody"}')  # never reads, never answers
+        strangers.call(domain, b'{"controller": "liar"}', b'{"answers": true}', lies)
 
     trial = slew(duration=40.0)
     flight = Flight(trial, tmp_path, 0, act)
-    for caller in kept:
-        caller.close()
+    strangers.close()
     assert flight.outcome == (0, ""), flight.log
-    assert len(kept) == 5
+    assert len(strangers.lines) == 5
     assert flight.metrics["trajectory_hash"] == alone(trial, tmp_path)
     assert flight.metrics["missed_ticks"] == 0
     every_tick(flight.bag, 4000)

@@ -1,7 +1,6 @@
 """Copies for the log: past DDS while the recorder alone listens, and always once in the log."""
 
 import os
-import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import monotonic
@@ -22,12 +21,13 @@ from flexslew_plant.direct.inbox import PART, Inbox
 from flexslew_plant.direct.line import LARGEST
 from flexslew_plant.direct.names import RECORDER, SETTING, address
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.ros.outlets import Outlet, Outlets
+from flexslew_plant.ros.outlet import Outlet
+from flexslew_plant.ros.outlets import Outlets
 from flexslew_plant.topics import TOPICS, TRUTH
 
 from .bystander import beside
 from .flight import Flight, slew
-from .lines import alone, every_tick
+from .lines import Strangers, alone, every_tick
 
 PATIENCE = 60.0  # on a busy machine [wall s]
 
@@ -58,7 +58,7 @@ def test_who_waits_awake_leaves_a_processor_to_who_hears_copies(
 ) -> None:
     outlet = Outlet(Counted(over_dds))
     outlet.number, outlet.recorder_alone = on_line - 1, recorder_alone
-    enough = [n for n in range(1, 65) if outlet.leaves(n)]
+    enough = [n for n in range(1, 65) if outlet.may_wait_awake(n)]
     assert enough == ([] if processors is None else list(range(processors, 65)))
 
 
@@ -246,30 +246,22 @@ def test_strangers_on_the_recorder_s_socket_change_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(SETTING, "auto")
-    kept: list[socket.socket] = []
+    strangers = Strangers(RECORDER)
     claim = b'{"topics": ["/measurement", "/truth", "/effort_command", "/events", "/tf"]}'
     short = [part(number, HEAD + bytes(size)) for number in range(5) for size in (0, 3, 12)]
 
-    def call(domain: int, *words: bytes) -> None:
-        caller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        caller.connect(address(domain, "/measurement", RECORDER))
-        for word in words:
-            caller.send(word)
-        kept.append(caller)
-
     def act(pids: dict[str, int], domain: int) -> None:
-        call(domain)  # never says a word
-        call(domain, os.urandom(3000))
-        call(domain, claim, b"?")
-        call(domain, claim, *short)
-        call(domain, claim, part(3, HEAD + b"missed\0"))
+        strangers.call(domain)  # never says a word
+        strangers.call(domain, os.urandom(3000))
+        strangers.call(domain, claim, b"?")
+        strangers.call(domain, claim, *short)
+        strangers.call(domain, claim, part(3, HEAD + b"missed\0"))
 
     trial = slew(duration=40.0)
     flight = Flight(trial, tmp_path, 0, act)
-    for caller in kept:
-        caller.close()
+    strangers.close()
     assert flight.outcome == (0, ""), flight.log
-    assert len(kept) == 5
+    assert len(strangers.lines) == 5
     assert "left out of the log" in flight.log
     assert flight.metrics["trajectory_hash"] == alone(trial, tmp_path)
     every_tick(flight.bag, 4000)

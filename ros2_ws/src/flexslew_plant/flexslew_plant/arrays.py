@@ -67,6 +67,9 @@ def inlined(function: _Function) -> _Function:
     return cast(_Function, recognised(numba.njit(inline="always", error_model="numpy")(function)))
 
 
+MERGED = {"forceinline": True, "error_model": "numpy"}  # what merged asks of Numba
+
+
 def merged(*written: str, strided: bool = True) -> Callable[[_Function], _Function]:
     """Return what makes a function for use inside compiled ones, merged with them as machine code.
 
@@ -79,7 +82,7 @@ def merged(*written: str, strided: bool = True) -> Callable[[_Function], _Functi
     """
 
     def made(function: _Function) -> _Function:
-        kept = recognised(numba.njit(forceinline=True, error_model="numpy")(function))
+        kept = recognised(numba.njit(**MERGED)(function))
         return cast(_Function, for_all_access(kept, written, strided))
 
     return made

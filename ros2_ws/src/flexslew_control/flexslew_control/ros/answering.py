@@ -16,7 +16,7 @@ from flexslew_plant import topics
 from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, stamp_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.offers import subscription
-from flexslew_plant.ros.outlets import PROCESSORS, Outlets
+from flexslew_plant.ros.outlets import Outlets
 
 _AT_ONCE = 0.005  # questions of a line answered before the graph is served again [wall s]
 _BUSY = 0.5  # after a question the next one is waited for on the line alone [wall s]
@@ -147,7 +147,7 @@ class Answering:
             if (question.epoch, question.tick) < self._heard_before:
                 return
             self._heard_before = None
-        line.hurry(question.controller == self.name and self.sent[0].leaves(PROCESSORS))
+        line.hurry(question.controller == self.name and self.sent[0].may_wait_awake())
         self._answered(question, at, line)
 
     def _answered(

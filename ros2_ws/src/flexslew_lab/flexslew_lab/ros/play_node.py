@@ -84,7 +84,7 @@ class PlayNode:
             )
 
     def _all_there(self) -> bool:
-        offers = [*self._publishers.values(), *([self._clock] if self._clock else [])]
+        offers = [p for p in (*self._publishers.values(), self._clock) if p is not None]
         missing = unmatched(self.node, offers, self._settings.wait_for)
         if missing and missing != self._waiting:
             self.node.get_logger().info(f"waiting for {', '.join(missing)}")

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from struct import Struct
 
 from flexslew_plant.bench.wire import HEAD
-from flexslew_plant.direct.line import DirectLine, facts
+from flexslew_plant.direct.line import DirectLine
 from flexslew_plant.direct.reception import Reception
 from flexslew_plant.topics import LOOP_DEPTH
 
@@ -31,7 +31,6 @@ class Inbox:
     def __init__(self, address: bytes, heard: Mapping[str, str], node: tuple[str, str]) -> None:
         self._reception, self._heard = Reception(address), heard
         self._node = dict(zip((NODE, NAMESPACE), node, strict=True))
-        self._strangers: list[DirectLine] = []  # that have not said what they publish
         self._lines: dict[DirectLine, list[str]] = {}  # what the recorder calls their topics
         self._shared: set[str] = set()  # topics of any line
         # what came one way and is still to come the other: how often on a line less over DDS
@@ -43,9 +42,8 @@ class Inbox:
         Args:
             over_dds: the same of what was taken from DDS before this.
         """
-        self._strangers += self._reception.calls()
-        for line in list(self._strangers):
-            self._greet(line)
+        for line, said in self._reception.callers():
+            self._greet(line, said.get(TOPICS))
         for line, names in list(self._lines.items()):
             while (parts := line.receive()) is not None:
                 try:
@@ -71,13 +69,8 @@ class Inbox:
             del self._once[next(iter(self._once))]
         return before * way >= 0
 
-    def _greet(self, line: DirectLine) -> None:
-        """Learn what is published, and say what of it is heard."""
-        data = line.receive()
-        if data is None and not line.closed:
-            return
-        self._strangers.remove(line)
-        names = facts(data or b"").get(TOPICS)
+    def _greet(self, line: DirectLine, names: object) -> None:
+        """Say what is heard of the topics that are published there."""
         if not isinstance(names, list) or len(names) > BOTH:
             line.close()
             return

@@ -29,7 +29,6 @@ class Lines:
 
     def __init__(self, address: bytes, newest: Callable[[], Key]) -> None:
         self._newest, self._reception = newest, Reception(address)
-        self._strangers: list[DirectLine] = []  # that have not said who they are
         self._lines: dict[str, DirectLine] = {}
         self._answers: dict[bytes, None] = {}  # as many as DDS would keep, the oldest first
         self.answering: set[str] = set()  # who answers on its line
@@ -41,9 +40,8 @@ class Lines:
             self.answering.discard(name)
         for line in self._lines.values():
             line.flush()
-        self._strangers += self._reception.calls()
-        for line in list(self._strangers):
-            self._greet(line)
+        for line, said in self._reception.callers():
+            self._greet(line, said.get(CALLER))
 
     def send(self, named: str, question: bytes, eager: bool) -> None:
         """Ask: first the one that is named, then the others, who observe.
@@ -98,15 +96,10 @@ class Lines:
     @property
     def greeting(self) -> bool:
         """Somebody has called and does not answer on its line yet."""
-        return bool(self._strangers) or len(self.answering) < len(self._lines)
+        return self._reception.greeting or len(self.answering) < len(self._lines)
 
-    def _greet(self, line: DirectLine) -> None:
-        """Learn who calls, and say from which question on it will be asked here."""
-        data = line.receive()
-        if data is None and not line.closed:
-            return
-        self._strangers.remove(line)
-        name = facts(data or b"").get(CALLER)
+    def _greet(self, line: DirectLine, name: object) -> None:
+        """Say from which question on it will be asked here to who calls by this name."""
         if not isinstance(name, str) or not name or name in self._lines:
             line.close()  # of two with one name the older one is asked
             return

@@ -3,8 +3,9 @@
 import socket
 from collections.abc import Iterator
 from contextlib import suppress
+from typing import Any
 
-from flexslew_plant.direct.line import DirectLine
+from flexslew_plant.direct.line import DirectLine, facts
 
 _WAITING = 16  # that call at the same moment
 
@@ -19,10 +20,25 @@ class Reception:
     def __init__(self, address: bytes) -> None:
         self._address = address
         self._socket: socket.socket | None = None
+        self._strangers: list[DirectLine] = []  # that have not said who they are
         self._listen()
 
-    def calls(self) -> Iterator[DirectLine]:
-        """Yield a line to each process of this user that has called."""
+    @property
+    def greeting(self) -> bool:
+        """Somebody has called and has not said a word yet."""
+        return bool(self._strangers)
+
+    def callers(self) -> Iterator[tuple[DirectLine, dict[str, Any]]]:
+        """Yield a line to each process of this user that has called, and the facts it has said."""
+        self._strangers += self._calls()
+        for line in list(self._strangers):
+            data = line.receive()
+            if data is not None or line.closed:
+                self._strangers.remove(line)
+            if data is not None:
+                yield line, facts(data)
+
+    def _calls(self) -> Iterator[DirectLine]:
         if self._socket is None:
             self._listen()
         with suppress(OSError):

@@ -7,7 +7,8 @@ from flexslew_plant.events import Event, Level
 from flexslew_plant.refusal import one_line
 from flexslew_plant.ros.messages import event_message
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.ros.outlets import Outlet, Outlets
+from flexslew_plant.ros.outlet import Outlet
+from flexslew_plant.ros.outlets import Outlets
 
 
 class EventLog:

@@ -1,28 +1,23 @@
 """Publishers whose messages go to the recorder past DDS, and to everybody else over it."""
 
 import os
-from collections.abc import Callable
 from math import inf
 from time import monotonic, sleep
-from typing import Any
 
 from rclpy.node import Node
-from rclpy.publisher import Publisher
-from rclpy.serialization import serialize_message
 
 from flexslew_plant import topics
 from flexslew_plant.direct.inbox import BOTH, HEARD, NAMESPACE, NODE, PART, TOPICS, split
 from flexslew_plant.direct.line import LARGEST, DirectLine, call, facts
 from flexslew_plant.direct.names import RECORDER, address, direct
 from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.outlet import Outlet
 from flexslew_plant.topics import LOOP_DEPTH
 
 _AGAIN = 0.2  # until the recorder is called again [wall s]
 _LOOK = 0.1  # who else listens [wall s]
 _KEPT = 16 * LOOP_DEPTH  # for a recorder that is held up; the plant waits for it long before
 _LEAVING = 5.0  # for a recorder that takes nothing [wall s]
-PROCESSORS = len(os.sched_getaffinity(0))  # of this process
-_AWAKE = 2  # of them are taken while plant and controller wait awake
 
 
 class Outlets:
@@ -46,7 +41,7 @@ class Outlets:
         self._listens = "", ""  # for the recorder over DDS: a node and its namespace
         self._next = 0.0  # call or look [wall s]
 
-    def publisher(self, name: str) -> "Outlet":
+    def publisher(self, name: str) -> Outlet:
         """Return a publisher of a topic of the table."""
         self._offers.append(Outlet(publisher(self._node, name), self._add))
         return self._offers[-1]
@@ -143,67 +138,3 @@ class Outlets:
             infos = self._node.get_subscriptions_info_by_topic(offer.publisher.topic_name)
             listening = [(info.node_name, info.node_namespace) for info in infos]
             offer.recorder_alone = listening == [self._listens]
-
-
-class Outlet:
-    """A publisher of one topic.
-
-    Args:
-        publisher: over DDS.
-        add: to what goes to the recorder: number and CDR; returns whether it fits.
-
-    Attributes:
-        number: of the topic on the line to the recorder; -1: it is not heard there.
-        recorder_alone: when it was looked at, the one subscription was the recorder's.
-    """
-
-    def __init__(
-        self,
-        publisher: "Publisher[Any]",
-        add: Callable[[int, bytes], bool] = lambda number, data: False,
-    ) -> None:
-        self.publisher, self._handle, self._add = publisher, publisher.handle, add
-        self.number, self.recorder_alone = -1, False
-
-    @property
-    def count(self) -> int:
-        """How many subscriptions DDS serves; every tick asks, so by the handle: that is quicker."""
-        return int(self._handle.get_subscription_count())
-
-    @property
-    def heard(self) -> bool:
-        """Anybody listens."""
-        return self.number >= 0 or self.count > 0
-
-    @property
-    def shared(self) -> bool:
-        """Somebody listens over DDS who is not the recorder on its line."""
-        count = self.count
-        return count > 1 or (count == 1 and not (self.number >= 0 and self.recorder_alone))
-
-    def leaves(self, processors: int) -> bool:
-        """Return whether who hears copies can do without two of these processors.
-
-        A recorder that hears them past DDS needs one, anybody else more than can be told.
-        """
-        return not self.heard or (processors > _AWAKE and not self.shared)
-
-    def publish(self, data: bytes) -> None:
-        """Send CDR bytes to all who listen; nothing is kept for later ones."""
-        number, shared = self.number, self.shared
-        if number >= 0 and not self._add(number + BOTH * shared, data):
-            shared = True  # too large
-        if shared:
-            self._handle.publish_raw(data)
-
-    def publish_if_heard(self, message: Callable[[], bytes]) -> None:
-        """Write and publish a message where somebody listens."""
-        if self.heard:
-            self.publish(message())
-
-    def keep(self, message: Any) -> None:
-        """Publish a message of a latched topic, which DDS keeps for later ones."""
-        data = serialize_message(message)
-        if self.number >= 0:
-            self._add(self.number + BOTH, data)
-        self._handle.publish_raw(data)

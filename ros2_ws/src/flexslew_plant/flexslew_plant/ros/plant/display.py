@@ -19,7 +19,8 @@ from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.ros.outlets import Outlet, Outlets
+from flexslew_plant.ros.outlet import Outlet
+from flexslew_plant.ros.outlets import Outlets
 from flexslew_plant.ros.plant.instrument_display import InstrumentDisplay
 from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.template import Template

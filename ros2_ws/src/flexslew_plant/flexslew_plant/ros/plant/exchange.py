@@ -21,7 +21,7 @@ from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import subscription
-from flexslew_plant.ros.outlets import PROCESSORS, Outlets
+from flexslew_plant.ros.outlets import Outlets
 
 _AT_ONCE = 0.005  # ticks flown by calls before the graph is served again [wall s]
 _LOOK_EVERY = 0.02  # for those who call [wall s]
@@ -89,7 +89,7 @@ class Exchange:
         self._asked = question.controller
         if self._lines:
             data = measurement_bytes(question)
-            self._lines.send(question.controller, data, eager=self.questions.leaves(PROCESSORS))
+            self._lines.send(question.controller, data, eager=self.questions.may_wait_awake())
             self.questions.publish(data)
             return
         self.questions.publish_if_heard(lambda: measurement_bytes(question))

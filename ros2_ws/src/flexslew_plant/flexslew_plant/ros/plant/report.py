@@ -11,7 +11,7 @@ from flexslew_plant.events import SecondPlant
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.dead_nodes import DeadNodes
 from flexslew_plant.ros.graph import UNNAMED, incompatible
-from flexslew_plant.ros.outlets import Outlet
+from flexslew_plant.ros.outlet import Outlet
 
 NOTICE = 1.0  # for an older plant to hear of a newer one [wall s]
 

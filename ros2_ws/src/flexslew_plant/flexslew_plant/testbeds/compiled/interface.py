@@ -9,10 +9,8 @@ from typing import Any
 
 from numba.extending import overload
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import MERGED, Matrix, Vector
 from flexslew_plant.testbeds.kernels import Kernels, KernelsType
-
-_MERGED = {"forceinline": True, "error_model": "numpy"}  # as arrays.merged
 
 
 def terms(
@@ -63,7 +61,7 @@ def extra(kernels: Kernels) -> int:
     raise NotImplementedError
 
 
-@overload(terms, strict=False, jit_options=_MERGED)
+@overload(terms, strict=False, jit_options=MERGED)
 def _terms(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled["terms"]
     if kernels.kernels.full_mass:
@@ -73,19 +71,19 @@ def _terms(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     )
 
 
-@overload(residual_jacobian, strict=False, jit_options=_MERGED)
+@overload(residual_jacobian, strict=False, jit_options=MERGED)
 def _residual_jacobian(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled["residual_jacobian"]
     return lambda kernels, p, t, x, a, dq, dv: own(p, t, x, a, dq, dv)
 
 
-@overload(potential, strict=False, jit_options=_MERGED)
+@overload(potential, strict=False, jit_options=MERGED)
 def _potential(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled["potential"]
     return lambda kernels, p, t, q: own(p, t, q)
 
 
-@overload(actuation, strict=False, jit_options=_MERGED)
+@overload(actuation, strict=False, jit_options=MERGED)
 def _actuation(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled.get("actuation")
     if own is not None:
@@ -100,7 +98,7 @@ def _actuation(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     return first
 
 
-@overload(position_rates, strict=False, jit_options=_MERGED)
+@overload(position_rates, strict=False, jit_options=MERGED)
 def _position_rates(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
     own = kernels.kernels.compiled.get("kinematics")
     if own is not None:

@@ -1,0 +1,77 @@
+"""A publisher whose messages go to the recorder past DDS, and to everybody else over it."""
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.publisher import Publisher
+from rclpy.serialization import serialize_message
+
+from flexslew_plant.direct.inbox import BOTH
+
+_PROCESSORS = len(os.sched_getaffinity(0))  # of this process
+_AWAKE = 2  # of them are taken while plant and controller wait awake
+
+
+class Outlet:
+    """A publisher of one topic.
+
+    Args:
+        publisher: over DDS.
+        add: to what goes to the recorder: number and CDR; returns whether it fits.
+
+    Attributes:
+        number: of the topic on the line to the recorder; -1: it is not heard there.
+        recorder_alone: when it was looked at, the one subscription was the recorder's.
+    """
+
+    def __init__(
+        self,
+        publisher: "Publisher[Any]",
+        add: Callable[[int, bytes], bool] = lambda number, data: False,
+    ) -> None:
+        self.publisher, self._handle, self._add = publisher, publisher.handle, add
+        self.number, self.recorder_alone = -1, False
+
+    @property
+    def count(self) -> int:
+        """How many subscriptions DDS serves; every tick asks, so by the handle: that is quicker."""
+        return int(self._handle.get_subscription_count())
+
+    @property
+    def heard(self) -> bool:
+        """Anybody listens."""
+        return self.number >= 0 or self.count > 0
+
+    @property
+    def shared(self) -> bool:
+        """Somebody listens over DDS who is not the recorder on its line."""
+        count = self.count
+        return count > 1 or (count == 1 and not (self.number >= 0 and self.recorder_alone))
+
+    def may_wait_awake(self, processors: int = _PROCESSORS) -> bool:
+        """Return whether plant and controller may wait awake, which takes two processors.
+
+        A recorder that hears copies past DDS needs one, anybody else more than can be told.
+        """
+        return not self.heard or (processors > _AWAKE and not self.shared)
+
+    def publish(self, data: bytes) -> None:
+        """Send CDR bytes to all who listen; nothing is kept for later ones."""
+        number, shared = self.number, self.shared
+        if number >= 0 and not self._add(number + BOTH * shared, data):
+            shared = True  # too large
+        if shared:
+            self._handle.publish_raw(data)
+
+    def publish_if_heard(self, message: Callable[[], bytes]) -> None:
+        """Write and publish a message where somebody listens."""
+        if self.heard:
+            self.publish(message())
+
+    def keep(self, message: Any) -> None:
+        """Publish a message of a latched topic, which DDS keeps for later ones."""
+        data = serialize_message(message)
+        if self.number >= 0:
+            self._add(self.number + BOTH, data)
+        self._handle.publish_raw(data)
