@@ -55,7 +55,8 @@ def laws_of(trial: Trial, settings: dict[str, dict[str, Any]]) -> dict[str, Any]
 
 def specialisations() -> dict[CPUDispatcher, int]:
     """Return how many each function of this process has, and so keep all of them alive."""
-    functions = [one for one in gc.get_objects() if isinstance(one, CPUDispatcher)]
+    # by its type: isinstance asks what a weak proxy stands for, which may be gone
+    functions = [one for one in gc.get_objects() if issubclass(type(one), CPUDispatcher)]
     return {function: len(function.overloads) for function in functions}
 
 
