@@ -13,12 +13,13 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 
 from flexslew_control.analysis.loop import Complex, ControlLoop
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 
 _SLOWEST = 1e-4  # of pi / T: where the grid begins
 _POINTS = 600
 _NEAR = np.concatenate((-np.geomspace(30.0, 1e-3, 40), np.geomspace(1e-3, 30.0, 40)))  # widths
 _SCALINGS = 20
+_POWERS = (20.0, 200.0, 2000.0)  # of singular values, in norms that end near the largest one
 _POLE = 1e8  # |L| beyond that is a pole on the circle, and no crossing
 
 
@@ -197,7 +198,11 @@ def disk_margins(sweep: Swept, names: tuple[str, ...]) -> DiskMargins:
     mu = structured(balanced)
     refined = np.zeros(len(mu), dtype=bool)
     while not refined[worst := int(np.argmax(mu))]:
-        mu[worst], refined[worst] = _scaled_bound(balanced[worst], mu[worst]), True
+        # the best scaling of one frequency is a good one of those beside it
+        d = _best_scaling(balanced[worst])
+        near = mu >= min(mu[worst], *_scaled(balanced[worst : worst + 1], d))
+        mu[near] = np.minimum(mu[near], _scaled(balanced[near], d))
+        refined[worst] = True
     alpha = 1.0 / mu[worst]
     gain = (1.0 + 0.5 * alpha) / (1.0 - 0.5 * alpha) if alpha < 2.0 else np.inf
     return DiskMargins(
@@ -222,20 +227,40 @@ def structured(m: Complex) -> Vector:
         scaled = off * d[:, :, None] / d[:, None, :]
         rows, columns = np.linalg.norm(scaled, axis=2), np.linalg.norm(scaled, axis=1)
         d = d * np.sqrt((columns + small) / (rows + small))
-    bound = np.linalg.norm(m * d[:, :, None] / d[:, None, :], 2, axis=(1, 2))
-    return np.asarray(np.minimum(bound, np.linalg.norm(m, 2, axis=(1, 2))), dtype=np.float64)
+    return np.minimum(_scaled(m, d), _scaled(m, np.ones_like(d)))
 
 
-def _scaled_bound(m: Complex, bound: float) -> float:
-    """Return the least upper bound of mu by diagonal scalings, shape of m (k, k)."""
+def _scaled(m: Complex, d: Matrix | Vector) -> Vector:
+    """Return the largest singular values of D M D^-1, an upper bound of mu for any D.
 
-    def size(log_d: Vector) -> tuple[float, Vector]:
-        d = np.exp(log_d)
-        left, values, right = np.linalg.svd(m * d[:, None] / d)
-        return float(np.log(values[0])), abs(left[:, 0]) ** 2 - abs(right[0]) ** 2
+    Args:
+        m: matrices, shape (count, k, k).
+        d: the diagonal of D, one for each or for all, shape (count, k) or (k,).
+    """
+    scaled = m * d[..., :, None] / d[..., None, :]
+    return np.asarray(np.linalg.norm(scaled, 2, axis=(1, 2)), dtype=np.float64)
 
-    found = minimize(size, np.zeros(len(m)), jac=True, method="BFGS")
-    return min(bound, float(np.exp(found.fun)))
+
+def _best_scaling(m: Complex) -> Vector:
+    """Return the D of the least upper bound of mu, shape of m (k, k).
+
+    The logarithm of the bound is convex in log D, but has edges where singular values are equal, as
+    those of a loop that is cut in several places often are at its minimum. So norms of all singular
+    values are minimised that come nearer and nearer to the largest one.
+    """
+    log_d = np.zeros(len(m))
+    for power in _POWERS:
+
+        def size(log_d: Vector, power: float = power) -> tuple[float, Vector]:
+            d = np.exp(log_d)
+            left, values, right = np.linalg.svd(m * d[:, None] / d)
+            share = (values / values[0]) ** power
+            value = np.log(values[0]) + np.log(share.sum()) / power
+            slope = (abs(left) ** 2 - abs(right.T) ** 2) @ share / share.sum()
+            return float(value), slope
+
+        log_d = minimize(size, log_d, jac=True, method="BFGS").x
+    return np.asarray(np.exp(log_d), dtype=np.float64)
 
 
 def peaks(sweep: Swept, names: tuple[str, ...]) -> tuple[float, float]:
