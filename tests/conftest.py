@@ -3,12 +3,14 @@
 import os
 import pickle
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import cache
 from typing import TYPE_CHECKING
 
 import hypothesis
 import numpy as np
 import pytest
+from typer.main import get_command
 
 if TYPE_CHECKING:
     from flexslew_control.plan import Plan
@@ -38,6 +40,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         first, count = metafunc.config.option.seed, metafunc.config.option.cases
         count = max(1, round(count * share.args[0])) if share else count
         metafunc.parametrize("case", range(first, first + count), indirect=True)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _commands_are_built_once() -> Iterator[None]:
+    """Keep what typer makes of an app, as a quarter of a short command's time goes into it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("typer.testing._get_command", cache(get_command))
+        yield
 
 
 @pytest.fixture
