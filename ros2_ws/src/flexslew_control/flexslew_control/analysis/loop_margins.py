@@ -191,24 +191,29 @@ def disk_margins(sweep: Swept, names: tuple[str, ...]) -> DiskMargins:
     P. Seiler, A. Packard and P. Gahinet, An Introduction to Disk Margins (2020). mu's upper bound
     is by diagonal scalings, so the margin is guaranteed.
     """
-    # negative feedback of all channels at once, though u and y of one loop may stand among them
-    # where u and y of one loop are both among them, cutting both leaves no loop: L of the pair
-    eye = np.eye(len(names))
-    balanced = np.asarray(np.linalg.inv(eye + sweep.gain(names)) - 0.5 * eye, dtype=np.complex128)
-    mu = structured(balanced)
+    m = _balanced(sweep, names)
+    mu = structured(m)
     refined = np.zeros(len(mu), dtype=bool)
     while not refined[worst := int(np.argmax(mu))]:
         # the best scaling of one frequency is a good one of those beside it
-        d = _best_scaling(balanced[worst])
-        near = mu >= min(mu[worst], *_scaled(balanced[worst : worst + 1], d))
-        mu[near] = np.minimum(mu[near], _scaled(balanced[near], d))
-        refined[worst] = True
+        d = _best_scaling(m[worst])
+        mu[worst], refined[worst] = min(mu[worst], _scaled(m[worst], d)), True
+        above = mu > mu[worst]
+        mu[above] = np.minimum(mu[above], _scaled(m[above], d))
     alpha = 1.0 / mu[worst]
     gain = (1.0 + 0.5 * alpha) / (1.0 - 0.5 * alpha) if alpha < 2.0 else np.inf
     return DiskMargins(
         names, float(alpha), float(sweep.grid[worst]), float(gain),
         float(2.0 * np.arctan(0.5 * alpha)),
     )  # fmt: skip
+
+
+def _balanced(sweep: Swept, names: tuple[str, ...]) -> Complex:
+    """Return (S - T) / 2 over frequency, shape (count, k, k)."""
+    # negative feedback of all channels at once, though u and y of one loop may stand among them
+    # where u and y of one loop are both among them, cutting both leaves no loop: L of the pair
+    eye = np.eye(len(names))
+    return np.asarray(np.linalg.inv(eye + sweep.gain(names)) - 0.5 * eye, dtype=np.complex128)
 
 
 def structured(m: Complex) -> Vector:
@@ -234,11 +239,11 @@ def _scaled(m: Complex, d: Matrix | Vector) -> Vector:
     """Return the largest singular values of D M D^-1, an upper bound of mu for any D.
 
     Args:
-        m: matrices, shape (count, k, k).
-        d: the diagonal of D, one for each or for all, shape (count, k) or (k,).
+        m: matrices, shape (..., k, k).
+        d: the diagonal of D, one for each or for all, shape (..., k) or (k,).
     """
     scaled = m * d[..., :, None] / d[..., None, :]
-    return np.asarray(np.linalg.norm(scaled, 2, axis=(1, 2)), dtype=np.float64)
+    return np.asarray(np.linalg.norm(scaled, 2, axis=(-2, -1)), dtype=np.float64)
 
 
 def _best_scaling(m: Complex) -> Vector:
