@@ -30,6 +30,9 @@ case ${FLEXSLEW_NETWORK:-0} in
       unset "$flexslew_profile" ROS_AUTOMATIC_DISCOVERY_RANGE SKIP_DEFAULT_XML_FILE
     fi
     export "$flexslew_profile=${!flexslew_profile:-$flexslew_profiles/network.$flexslew_kind}"
+    if [ "${!flexslew_profile}" -ef "$flexslew_profiles/network.$flexslew_kind" ]; then
+      export FASTDDS_BUILTIN_TRANSPORTS=${FASTDDS_BUILTIN_TRANSPORTS:-UDPv4}
+    fi
     ;;
   *)
     echo "flexslew: FLEXSLEW_NETWORK: '$FLEXSLEW_NETWORK' is not allowed: 0 (this machine alone) or 1" >&2

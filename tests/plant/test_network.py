@@ -10,7 +10,17 @@ import pytest
 
 from flexslew_plant import network
 from flexslew_plant.errors import BadInput, RunFault
-from flexslew_plant.network import ELSEWHERE, LOOPBACK, NETWORK, NEWER, OLDER, RANGE, SKIP, of_jazzy
+from flexslew_plant.network import (
+    ELSEWHERE,
+    LOOPBACK,
+    NETWORK,
+    NEWER,
+    OLDER,
+    RANGE,
+    SKIP,
+    TRANSPORTS,
+    of_jazzy,
+)
 
 ROOT = Path(__file__).parents[2]
 READ = (NEWER, OLDER, RANGE, SKIP, *ELSEWHERE)
@@ -20,7 +30,9 @@ OUTER = [
     {RANGE: "SUBNET", "ROS_STATIC_PEERS": "192.0.2.1"},
     {NEWER: "/mine.xml", RANGE: "SUBNET"},
     {NEWER: "/does/not/exist.xml", OLDER: "/mine.xml"},
-    {"ROS_LOCALHOST_ONLY": "1", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"},
+    {"ROS_LOCALHOST_ONLY": "1", TRANSPORTS: "UDPv6"},
+    {NEWER: str(NETWORK), TRANSPORTS: ""},
+    {NEWER: "/mine.xml", TRANSPORTS: "SHM"},
     {"ROS_DISCOVERY_SERVER": "192.0.2.1:11811", "ROS_SUPER_CLIENT": "TRUE"},
     {"ROS2_EASY_MODE": "192.0.2.1", "FASTDDS_ENVIRONMENT_FILE": "/mine.json"},
     {NEWER: str(LOOPBACK), RANGE: "SYSTEM_DEFAULT", SKIP: "1"},
@@ -94,7 +106,12 @@ def test_the_network_is_what_the_user_has_set_up_or_the_profile_of_the_bench() -
     assert environment == mine
     environment = {network.SETTING: "1"}
     network.prepare(environment)
-    assert environment == {network.SETTING: "1", NEWER: str(NETWORK)}
+    ours = {network.SETTING: "1", NEWER: str(NETWORK)}
+    assert environment == ours | {TRANSPORTS: "UDPv4"}
+    for named, taken in (("LARGE_DATA", "LARGE_DATA"), ("", "UDPv4")):
+        environment = {network.SETTING: "1", TRANSPORTS: named}
+        network.prepare(environment)
+        assert environment == ours | {TRANSPORTS: taken}
 
 
 @pytest.mark.parametrize("value", ["yes", "true", "2", " 1", "no"])

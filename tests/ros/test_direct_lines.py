@@ -120,15 +120,8 @@ def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(
 
     def act(pids: dict[str, int], domain: int) -> None:
         os.kill(pids["lqr"], signal.SIGKILL)
-        with beside(domain) as one, (tmp_path / "again.log").open("wb") as said:
-            arguments = ["--ros-args", "--params-file", str(tmp_path / "parameters.yaml"),
-                         "-r", "__node:=lqr"]  # fmt: skip
-            born.append(
-                fork_server().start(
-                    "flexslew_control.ros.controller_node", arguments,
-                    {"ROS_DOMAIN_ID": str(domain)}, said.fileno(),
-                )
-            )  # fmt: skip
+        with beside(domain) as one:
+            born.append(_again(tmp_path, domain))
             _swapped(one)
 
     trial = slew(duration=100.0, rate=5.0, more=", lqr: {}")
@@ -140,6 +133,42 @@ def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(
     assert flight.metrics["log_complete"]
     assert resim(flight.bag).identical
     assert fork_server().exit_code(born[0]) in (None, 0)
+
+
+@pytest.mark.usefixtures("chosen")
+def test_a_controller_comes_back_as_often_as_it_is_killed(tmp_path: Path) -> None:
+    """Each time it takes the ports of the dead one, to which the others still send."""
+    times = 20
+    shared: list[bool] = []
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        lqr = pids["lqr"]
+        with beside(domain) as one:
+            for _ in range(times):
+                os.kill(lqr, signal.SIGKILL)
+                lqr = _again(tmp_path, domain)
+                one.swap("lqr")
+                one.swap("pd_feedforward")
+            nodes = lqr, pids["plant"], pids["recorder"], pids["planner"]
+            maps = (Path(f"/proc/{pid}/maps").read_text() for pid in nodes)
+            shared.extend("/dev/shm/fastdds" in text for text in maps)
+            assert one.ask(SetRate, "set_rate", rate_factor=0.0).ok
+
+    flight = Flight(slew(duration=300.0, rate=5.0, more=", lqr: {}"), tmp_path, 20, act)
+    assert flight.events.count("switched") >= 2 * times, flight.log
+    assert flight.metrics["log_complete"]
+    assert shared == [False] * 4  # UDP alone: profiles/loopback.xml says why
+
+
+def _again(folder: Path, domain: int) -> int:
+    """Start the controller lqr of a flight once more; return its process id."""
+    arguments = ["--ros-args", "--params-file", str(folder / "parameters.yaml"),
+                 "-r", "__node:=lqr"]  # fmt: skip
+    with (folder / "again.log").open("ab") as said:
+        return fork_server().start(
+            "flexslew_control.ros.controller_node", arguments, {"ROS_DOMAIN_ID": str(domain)},
+            said.fileno(),
+        )  # fmt: skip
 
 
 def _swapped(one: Bystander) -> None:

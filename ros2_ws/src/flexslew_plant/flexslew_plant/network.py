@@ -15,8 +15,9 @@ LOOPBACK, NETWORK = PROFILES / "loopback.xml", PROFILES / "network.xml"
 NEWER, OLDER = "FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 # each leads a node to other machines, or adds a transport that is bound to 0.0.0.0
+TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 ELSEWHERE = (
-    "FASTDDS_BUILTIN_TRANSPORTS", "FASTDDS_ENVIRONMENT_FILE", "ROS2_EASY_MODE",
+    TRANSPORTS, "FASTDDS_ENVIRONMENT_FILE", "ROS2_EASY_MODE",
     "ROS_DISCOVERY_SERVER", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_SUPER_CLIENT",
 )  # fmt: skip
 SKIP = "SKIP_DEFAULT_XML_FILE"  # else a file of the working directory would be read, too
@@ -51,6 +52,8 @@ def prepare(environment: MutableMapping[str, str]) -> None:
             for own in (name, RANGE, SKIP):
                 environment.pop(own, None)
         environment.setdefault(name, str(network))
+        if os.path.realpath(environment[name]) == os.path.realpath(network):
+            environment[TRANSPORTS] = environment.get(TRANSPORTS) or "UDPv4"  # see loopback.xml
         return
     if not loopback.is_file():
         raise BadInput(f"{loopback}: is missing; without it DDS would use every network")

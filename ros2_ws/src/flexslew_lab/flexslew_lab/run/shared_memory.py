@@ -12,10 +12,10 @@ LEAST = 16 * 1024  # below it the tracing library under rclpy ends a process by 
 def require_shared_memory(folder: Path = FOLDER) -> None:
     """Refuse to start nodes where they would die without a word.
 
-    With less than about 1 MB for each node DDS takes UDP for all that it sends, which is slower.
+    DDS itself needs none: it sends by UDP.
 
     Args:
-        folder: where the system keeps it; without one DDS takes UDP.
+        folder: where the system keeps it.
 
     Raises:
         BadInput: it is there, and full.

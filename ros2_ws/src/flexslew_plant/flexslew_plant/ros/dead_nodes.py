@@ -1,8 +1,8 @@
 """Nodes whose process has died: they are taken off the graph, since they cannot do so themselves.
 
-DDS goes on sending to a process that was killed until its lease is over (20 s). With Fast DDS 3.2
-each of these messages creates a port in shared memory and removes it again, and two senders that do
-so at the same moment hold each other up for 2 s (SharedMemGlobal::open_port_internal).
+DDS keeps a process that was killed on the graph, and goes on sending to it, until its lease is over
+(20 s). Where nodes have shared memory, as by their own profile, each of these messages makes a port
+anew, now and then under the hands of one who was started again; see profiles/loopback.xml.
 """
 
 from rclpy.node import Node
@@ -12,7 +12,7 @@ from flexslew_plant.bench.operation.presence import Beat, Presence
 from flexslew_plant.process_identity import has_ended
 from flexslew_plant.rtps import FAST_DDS, dispose, tell_all
 
-_PERIOD = 0.1  # between two polls [wall s]; Fast DDS gives up a port after 1 s
+_PERIOD = 0.1  # between two polls [wall s]
 
 
 class DeadNodes:
