@@ -20,6 +20,11 @@ class Measurement(NamedTuple):
 
     def mismatch(self, joints: int, appendages: int) -> str:
         """Return which field has not one number per joint, or per appendage; empty: none."""
+        _, _, _, _, position, velocity, tip, root, applied = self
+        if len(position) == len(velocity) == len(applied) == joints and (
+            len(tip) == len(root) == appendages
+        ):
+            return ""  # as every tick
         for name, values, size in (
             ("joint_position", self.joint_position, joints),
             ("joint_velocity", self.joint_velocity, joints),

@@ -21,6 +21,8 @@ _LENGTH = Struct("<I")
 _QUESTION = Struct("<iII")  # stamp, length of frame_id
 _TICK = Struct("<QII")  # tick, epoch, length of controller
 _ANSWER = Struct("<iIQII")  # stamp, tick, epoch, length of controller
+_SIZES = 256  # of questions whose places are remembered
+_places: "dict[int, _Places]" = {}  # of the newest question of each size
 
 
 class Stamp(NamedTuple):
@@ -65,6 +67,13 @@ def _layout(head: str, at: int, parts: tuple[int | str, ...]) -> Struct:
     return Struct("".join(layout))
 
 
+@lru_cache(maxsize=256)
+def _text(word: str) -> tuple[str, int, bytes]:
+    """Return a string's place in a layout, its length, and its bytes."""
+    data = word.encode() + b"\x00"
+    return f"{len(data)}s", len(data), data
+
+
 def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) -> bytes:
     """Return a message that begins with header, tick and epoch as it goes over DDS.
 
@@ -77,11 +86,6 @@ def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) ->
     parts: list[int | str] = []
     values: list[object] = [HEAD, *at, 1, b"\x00", tick, epoch]
 
-    def text(word: str) -> None:
-        data = word.encode() + b"\x00"
-        parts.append(f"{len(data)}s")
-        values.extend((len(data), data))
-
     for field in fields:
         if isinstance(field, np.ndarray):
             numbers = field.tolist()
@@ -89,12 +93,16 @@ def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) ->
             values.append(len(numbers))
             values += numbers
         elif isinstance(field, str):
-            text(field)
+            part, length, text = _text(field)
+            parts.append(part)
+            values += (length, text)
         elif isinstance(field, list):
             parts.append("I")
             values.append(len(field))
             for word in field:
-                text(word)
+                part, length, text = _text(word)
+                parts.append(part)
+                values += (length, text)
         else:
             parts.append("d")
             values.append(field)
@@ -112,21 +120,55 @@ def truth_bytes(truth: Truth) -> bytes:
     return stamped_bytes(stamp_of(time), tick, epoch, fields)
 
 
+class _Places(NamedTuple):
+    """Where the parts of a question stand whose strings and vectors have these lengths."""
+
+    words: Struct  # all but the doubles; lengths before what they are of
+    lengths: tuple[int, ...]  # of frame_id, name and vectors
+    first: int  # byte from which on there are doubles, and lengths between them
+    vectors: tuple[slice, ...]  # doubles from there on
+
+
 def measurement_from(data: bytes, period: float) -> tuple[Measurement, Stamp]:
-    """Return the question and its stamp; its time is that of the tick to the last bit."""
+    """Return the question and its stamp; its time is that of the tick to the last bit.
+
+    Raises:
+        ValueError, struct.error: these bytes are none.
+    """
     data = data[4:]  # where its numbers are aligned
-    sec, nanosec, frame = _QUESTION.unpack_from(data)
-    at = 12 + frame
-    at += -at % 8
-    tick, epoch, length = _TICK.unpack_from(data, at)
-    at += 16
-    name = data[at : at + length - 1].decode()
-    at += length
-    arrays = []
+    places = _places.get(len(data)) or _places_of(data)
+    sec, nanosec, frame, tick, epoch, length, name, *counts = places.words.unpack_from(data)
+    if (frame, length, *counts) != places.lengths:  # another one of the same size
+        places = _places_of(data)
+        sec, nanosec, _, tick, epoch, _, name, *_ = places.words.unpack_from(data)
+    first = places.first
+    numbers = np.frombuffer(data, np.float64, (len(data) - first) // 8, first)
+    vectors = [numbers[part] for part in places.vectors]
+    return Measurement(tick, epoch, tick * period, name.decode(), *vectors), Stamp(sec, nanosec)
+
+
+def _places_of(data: bytes) -> _Places:
+    """Return where the parts of a question stand, and remember it for others of its size."""
+    frame = _QUESTION.unpack_from(data)[2]
+    pad = -(12 + frame) % 8
+    at = 12 + frame + pad
+    length = _TICK.unpack_from(data, at)[2]
+    layout = f"<iII{frame + pad}xQII{max(length - 1, 0)}s{min(length, 1)}x"
+    at += 16 + length
+    first, lengths, vectors = (at + 7) & ~7, [frame, length], []
     for _ in range(5):
-        array, at = _array(data, at)
-        arrays.append(array)
-    return Measurement(tick, epoch, tick * period, name, *arrays), Stamp(sec, nanosec)
+        pad = -at % 4
+        (count,) = _LENGTH.unpack_from(data, at + pad)
+        at += pad + 4
+        after = (-at % 8 if count else 0) + 8 * count
+        vectors.append(slice((at + after - first) // 8 - count, (at + after - first) // 8))
+        layout += f"{pad}xI{after}x"
+        at += after
+        lengths.append(count)
+    places = _Places(Struct(layout), tuple(lengths), first, tuple(vectors))
+    if len(_places) < _SIZES or len(data) in _places:
+        _places[len(data)] = places
+    return places
 
 
 def command_bytes(command: EffortCommand, at: Stamp) -> bytes:

@@ -41,7 +41,7 @@ class Outlet:
     @property
     def heard(self) -> bool:
         """Anybody listens."""
-        return self.number >= 0 or self.count > 0
+        return self.number >= 0 or self._handle.get_subscription_count() > 0
 
     @property
     def shared(self) -> bool:
