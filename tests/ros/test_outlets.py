@@ -21,7 +21,7 @@ from flexslew_plant.direct.inbox import PART, Inbox
 from flexslew_plant.direct.line import LARGEST
 from flexslew_plant.direct.names import RECORDER, SETTING, address
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.ros.outlet import Outlet
+from flexslew_plant.ros.outlet import Outlet, Turns
 from flexslew_plant.ros.outlets import Outlets
 from flexslew_plant.topics import TOPICS, TRUTH
 
@@ -36,10 +36,10 @@ class Counted:
     """A publisher with so many subscriptions."""
 
     def __init__(self, count: int) -> None:
-        self.handle, self._count = self, count
+        self.handle, self.listening = self, count
 
     def get_subscription_count(self) -> int:
-        return self._count
+        return self.listening
 
 
 @pytest.mark.parametrize(
@@ -60,6 +60,16 @@ def test_who_waits_awake_leaves_a_processor_to_who_hears_copies(
     outlet.number, outlet.recorder_alone = on_line - 1, recorder_alone
     enough = [n for n in range(1, 65) if outlet.may_wait_awake(n)]
     assert enough == ([] if processors is None else list(range(processors, 65)))
+
+
+def test_within_a_turn_of_the_loop_nobody_comes_or_goes() -> None:
+    dds, turns = Counted(0), Turns()
+    within, outside = Outlet(dds, turns=turns), Outlet(dds)
+    assert [one.heard for one in (within, outside)] == [False, False]
+    dds.listening = 1
+    assert [one.heard for one in (within, outside)] == [False, True]
+    turns.count += 1
+    assert [one.heard for one in (within, outside)] == [True, True]
 
 
 class Recorded:
@@ -95,6 +105,7 @@ class Recorded:
         end = monotonic() + PATIENCE
         while not condition():
             assert monotonic() < end
+            self.outlets.turn()
             self.outlets.look(monotonic())
             self._executor.spin_once(timeout_sec=0.01)
             if self.listener is not None:
@@ -104,6 +115,7 @@ class Recorded:
 
     def publish(self, tick: int, tips: int = 2) -> bytes:
         data: bytes = serialize_message(PlantState(tick=tick, tip_deflection=[0.5] * tips))
+        self.outlets.turn()
         self.offer.publish(data)
         self.outlets.send()
         return data

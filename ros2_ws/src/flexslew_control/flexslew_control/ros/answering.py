@@ -74,6 +74,8 @@ class Answering:
     def begin_anew(self, period: float) -> None:
         """Forget what was heard: a testbed was announced, with this period [s]."""
         self.period, self._heard_before = period, None
+        if self._calling is not None:
+            self._calling.at_once()
 
     def look(self, now: float) -> None:
         """Call the plant, if there is one that answers; hear `measurement` where nobody does."""

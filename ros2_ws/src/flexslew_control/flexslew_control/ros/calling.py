@@ -63,6 +63,10 @@ class Calling:
         if self._line is not None:
             self._line.say({CALLER: self._name})
 
+    def at_once(self) -> None:
+        """Call with the next look: a plant has come."""
+        self._next = 0.0
+
     def hung_up(self, now: float) -> bool:
         """Return whether there has been no line for a while."""
         return not self.open and now > self._since + _WITHOUT

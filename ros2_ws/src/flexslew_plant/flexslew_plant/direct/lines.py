@@ -1,6 +1,7 @@
 """The plant's ends of all lines."""
 
 import struct
+from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from typing import TypeAlias
 
@@ -30,7 +31,8 @@ class Lines:
     def __init__(self, address: bytes, newest: Callable[[], Key]) -> None:
         self._newest, self._reception = newest, Reception(address)
         self._lines: dict[str, DirectLine] = {}
-        self._answers: dict[bytes, None] = {}  # as many as DDS would keep, the oldest first
+        # as many as DDS would keep, the oldest first; a dict is slow at letting go of that one
+        self._answers: OrderedDict[bytes, None] = OrderedDict()
         self.answering: set[str] = set()  # who answers on its line
 
     def look(self) -> None:
@@ -79,7 +81,7 @@ class Lines:
                 command = command_from(data)
                 self._answers[data] = None
                 if len(self._answers) > LOOP_DEPTH:
-                    del self._answers[next(iter(self._answers))]
+                    self._answers.popitem(last=False)
                 return command
         except (ValueError, struct.error):
             pass

@@ -118,6 +118,8 @@ class Loop:
         next_look = 0.0
         while self._code is None:
             now = monotonic()
+            for outlets in self._outlets:
+                outlets.turn()
             if now >= self._due:
                 with atomic:  # an interrupt finds no half-written tick or chunk
                     for outlets in self._outlets:

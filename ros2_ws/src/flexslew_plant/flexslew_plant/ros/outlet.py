@@ -13,12 +13,20 @@ _PROCESSORS = len(os.sched_getaffinity(0))  # of this process
 _AWAKE = 2  # of them are taken while plant and controller wait awake
 
 
+class Turns:
+    """How often the loop of a node has turned; in one turn nobody comes or goes."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+
 class Outlet:
     """A publisher of one topic.
 
     Args:
         publisher: over DDS.
         add: to what goes to the recorder: number and CDR; returns whether it fits.
+        turns: of the loop; None: DDS is asked each time who listens.
 
     Attributes:
         number: of the topic on the line to the recorder; -1: it is not heard there.
@@ -29,19 +37,26 @@ class Outlet:
         self,
         publisher: "Publisher[Any]",
         add: Callable[[int, bytes], bool] = lambda number, data: False,
+        turns: Turns | None = None,
     ) -> None:
         self.publisher, self._handle, self._add = publisher, publisher.handle, add
         self.number, self.recorder_alone = -1, False
+        self._turns = turns or Turns()
+        self._each_time = turns is None
+        self._asked, self._count = -1, 0  # in which turn DDS was, and what it said
 
     @property
     def count(self) -> int:
-        """How many subscriptions DDS serves; every tick asks, so by the handle: that is quicker."""
-        return int(self._handle.get_subscription_count())
+        """How many subscriptions DDS serves, as it said in this turn of the loop."""
+        if self._asked != self._turns.count or self._each_time:
+            self._asked = self._turns.count
+            self._count = int(self._handle.get_subscription_count())  # quicker than the publisher's
+        return self._count
 
     @property
     def heard(self) -> bool:
         """Anybody listens."""
-        return self.number >= 0 or self._handle.get_subscription_count() > 0
+        return self.number >= 0 or self.count > 0
 
     @property
     def shared(self) -> bool:

@@ -11,7 +11,7 @@ from flexslew_plant.direct.inbox import BOTH, HEARD, NAMESPACE, NODE, PART, TOPI
 from flexslew_plant.direct.line import LARGEST, DirectLine, call, facts
 from flexslew_plant.direct.names import RECORDER, address, direct
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.ros.outlet import Outlet
+from flexslew_plant.ros.outlet import Outlet, Turns
 from flexslew_plant.topics import LOOP_DEPTH
 
 _AGAIN = 0.2  # until the recorder is called again [wall s]
@@ -33,6 +33,7 @@ class Outlets:
         self._node, self._direct = node, direct(os.environ)
         questions = node.resolve_topic_name(topics.MEASUREMENT)
         self._address = address(node.context.get_domain_id(), questions, RECORDER)
+        self._turns = Turns()
         self._offers: list[Outlet] = []
         self._heard: list[Outlet] = []  # by the recorder on the line, by their numbers
         self._parts: list[bytes] = []  # of the next message on the line
@@ -43,7 +44,7 @@ class Outlets:
 
     def publisher(self, name: str) -> Outlet:
         """Return a publisher of a topic of the table."""
-        self._offers.append(Outlet(publisher(self._node, name), self._add))
+        self._offers.append(Outlet(publisher(self._node, name), self._add, self._turns))
         return self._offers[-1]
 
     def look(self, now: float) -> None:
@@ -67,6 +68,10 @@ class Outlets:
                 self._next = now + _LOOK
                 line.receive()  # which tells when the recorder is gone
                 self._choose()
+
+    def turn(self) -> None:
+        """Ask DDS anew who listens: the loop turns, or somebody waits for just that."""
+        self._turns.count += 1
 
     def send(self) -> None:
         """Send what was published since the last time."""

@@ -73,7 +73,7 @@ class Exchange:
         self._since: dict[str, float] = {}  # when each was on a line, or seen at first [wall s]
         self._next_look = self._next_graph = 0.0  # [wall s]
         self._asked = ""
-        self.questions = outlets.publisher(topics.MEASUREMENT)
+        self._outlets, self.questions = outlets, outlets.publisher(topics.MEASUREMENT)
         self._topic = node.resolve_topic_name(topics.EFFORT_COMMAND)
         self._lines: Lines | None = None
         if neighbour is None:
@@ -155,6 +155,7 @@ class Exchange:
 
     def unheard(self, controllers: Collection[str]) -> list[str]:
         """Return which of these controllers a question would not reach now."""
+        self._outlets.turn()  # who is found to hear it is counted when it goes out
         others = {*controllers} - {self._name} - self._direct
         return unmatched(self._node, [self.questions.publisher], sorted(others))
 
