@@ -20,7 +20,7 @@ class Measurement(NamedTuple):
 
     def mismatch(self, joints: int, appendages: int) -> str:
         """Return which field has not one number per joint, or per appendage; empty: none."""
-        _, _, _, _, position, velocity, tip, root, applied = self
+        position, velocity, tip, root, applied = self[4:]
         if len(position) == len(velocity) == len(applied) == joints and (
             len(tip) == len(root) == appendages
         ):
