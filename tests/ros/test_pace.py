@@ -4,11 +4,13 @@ import os
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
 import pytest
 from flexslew_msgs.srv import SetRate
+from std_srvs.srv import Trigger
 
 from flexslew_lab.log.bag_reader import BagReader
 
@@ -23,6 +25,7 @@ RATES = (1.0, 10.0)
 STALLS = (0.1, 0.3)  # [wall s]
 LONG = 10_000.0  # simulated; ended when all is seen [s]
 NEAR = 12  # ticks after a stall
+REST = 0.8  # until a controller looks for questions now and then only [wall s]
 OTHERS = 0.1  # who sleeps is kept waiting for less, or a processor is not ours [wall s]
 BUSY = 2 * (os.cpu_count() or 1)
 
@@ -136,3 +139,18 @@ def test_a_controller_that_is_held_up_for_a_moment_keeps_the_bench(tmp_path: Pat
     assert flight.outcome.exit_code == 130
     assert flight.metrics["missed_ticks"] >= 4  # each time some, and one fewer than would end it
     assert not taken_over(flight) or not ours
+
+
+def test_at_real_time_neither_the_start_nor_a_pause_costs_a_tick(tmp_path: Path) -> None:
+    def rests(pids: dict[str, int], domain: int) -> None:
+        with beside(domain) as bench:
+            for _ in range(5):
+                bench.pass_by(20)
+                assert bench.ask(Trigger, "pause").success
+                Event().wait(REST)
+                assert bench.ask(Trigger, "start").success
+
+    trial = slew(3.0, 1.0, more=", lqr: {}")
+    flight, ours = watched(lambda: Flight(trial, tmp_path, 1, rests))
+    assert flight.outcome == (0, ""), flight.log
+    assert flight.metrics["missed_ticks"] == 0 or not ours, flight.log

@@ -15,6 +15,7 @@ from flexslew_control.ros.calling import Calling
 from flexslew_plant import topics
 from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, stamp_of
 from flexslew_plant.measurement import EffortCommand, Measurement
+from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.outlets import Outlets
 
@@ -32,6 +33,7 @@ class Answering:
     Args:
         node: of the controller.
         outlets: of the node.
+        loop: that serves it.
         host: that is asked.
         observed: called with the tick of each question, after its answer.
         by_call: the plant shares this process and calls `answer` instead.
@@ -47,11 +49,13 @@ class Answering:
         self,
         node: Node,
         outlets: Outlets,
+        loop: Loop,
         host: ControllerHost,
         observed: Callable[[int], None],
         by_call: bool = False,
     ) -> None:
         self._node, self._outlets, self._host, self._observed = node, outlets, host, observed
+        self._loop = loop
         self.period, self.silent = 0.01, False
         self.sent = [outlets.publisher(t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
         self.heard: Subscription[Any] | None = None
@@ -77,6 +81,11 @@ class Answering:
         if self._calling is not None:
             self._calling.at_once()
 
+    def expect(self) -> None:
+        """Wait for questions on the line from now on: the next one comes at once, or is there."""
+        self._asked = monotonic()
+        self._loop.hurry()
+
     def look(self, now: float) -> None:
         """Call the plant, if there is one that answers; hear `measurement` where nobody does."""
         if self._calling is None:
@@ -101,7 +110,7 @@ class Answering:
             self._hear_on_line(data, self._calling)
             if self._asked >= until:
                 break
-        return 0.0 if busy else _IDLE
+        return 0.0 if monotonic() < self._asked + _BUSY else _IDLE
 
     def serve(self) -> bool:
         """Answer a question that waits; return whether there was one."""
@@ -129,6 +138,7 @@ class Answering:
             return False
         self._heard_before = newest
         self._calling.begin()
+        self.expect()
         return True
 
     def _hear(self, data: bytes) -> None:

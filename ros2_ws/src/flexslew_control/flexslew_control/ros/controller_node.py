@@ -16,6 +16,7 @@ from flexslew_control.ros.answering import Answering
 from flexslew_control.ros.controller_settings import ControllerNodeSettings
 from flexslew_control.ros.tuning import Tuning
 from flexslew_plant import topics
+from flexslew_plant.bench.operation.run_state import RUNNING
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.event_log import EventLog
@@ -45,10 +46,10 @@ class ControllerNode:
         self._settings = declared(node, ControllerNodeSettings, {"law": law, **own})
         given = with_file(self._settings.law, given, f"node {node.get_name()}")
         self._host = ControllerHost(node.get_name(), given)
-        self._next_look = 0.0
+        self._next_look, self._state = 0.0, ""  # [wall s]; of the bench
         outlets = loop.outlets(node)
         self._events = EventLog(node, outlets)
-        self.answering = Answering(node, outlets, self._host, self._observed, by_call)
+        self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
         self._alive = loop.live(node, "controller")
         self._announcer = Announcer(
             node,
@@ -115,6 +116,9 @@ class ControllerNode:
         if message.epoch > self._host.epoch:
             self._host.begin_epoch(message.epoch)
             self._announcer.announce(always=True)
+        if message.state == RUNNING != self._state:
+            self.answering.expect()
+        self._state = message.state
         self._realtime.want(message.active == self._host.name and message.rate_factor > 0.0)
 
     def _serve(self) -> bool:

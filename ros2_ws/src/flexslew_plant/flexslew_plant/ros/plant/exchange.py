@@ -129,8 +129,11 @@ class Exchange:
         if now >= self._next_look or self._lines.greeting or not self._session.run.running:
             self._next_look = now + _LOOK_EVERY
             self._lines.look()
+            before = len(self._direct)
             for command in self._lines.arrived():  # also the words that an answer is to come
                 self._take(command)
+            if len(self._direct) > before:  # whose copies nobody else needs
+                self._next_graph = now
             self._tell(now)
         if now >= self._next_graph:
             self._next_graph = now + _LOOK_AT_GRAPH
