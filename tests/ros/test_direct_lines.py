@@ -124,7 +124,7 @@ def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(
             born.append(_again(tmp_path, domain))
             _swapped(one)
 
-    trial = slew(duration=100.0, rate=5.0, more=", lqr: {}")
+    trial = slew(duration=100.0, rate=1.0, more=", lqr: {}")
     flight = Flight(trial, tmp_path, 20, act)
     assert flight.outcome.exit_code == 3  # somebody was killed
     assert "lqr ended" in flight.outcome.message
@@ -154,7 +154,7 @@ def test_a_controller_comes_back_as_often_as_it_is_killed(tmp_path: Path) -> Non
             shared.extend("/dev/shm/fastdds" in text for text in maps)
             assert one.ask(SetRate, "set_rate", rate_factor=0.0).ok
 
-    flight = Flight(slew(duration=300.0, rate=5.0, more=", lqr: {}"), tmp_path, 20, act)
+    flight = Flight(slew(duration=300.0, rate=1.0, more=", lqr: {}"), tmp_path, 20, act)
     assert flight.events.count("switched") >= 2 * times, flight.log
     assert flight.metrics["log_complete"]
     assert shared == [False] * 4  # UDP alone: profiles/loopback.xml says why
