@@ -20,21 +20,17 @@ class Measurement(NamedTuple):
 
     def mismatch(self, joints: int, appendages: int) -> str:
         """Return which field has not one number per joint, or per appendage; empty: none."""
-        position, velocity, tip, root, applied = self[4:]
-        if len(position) == len(velocity) == len(applied) == joints and (
-            len(tip) == len(root) == appendages
-        ):
-            return ""  # as every tick
-        for name, values, size in (
-            ("joint_position", self.joint_position, joints),
-            ("joint_velocity", self.joint_velocity, joints),
-            ("tip_deflection", self.tip_deflection, appendages),
-            ("root_curvature", self.root_curvature, appendages),
-            ("applied_effort", self.applied_effort, joints),
-        ):
-            if len(values) != size:
-                return f"{name}: {len(values)} numbers where {size} belong"
-        return ""
+        found = tuple(map(len, self[4:]))
+        sizes = joints, joints, appendages, appendages, joints
+        if found == sizes:
+            return ""
+        name, has, size = next(
+            each for each in zip(_VECTORS, found, sizes, strict=True) if each[1] != each[2]
+        )
+        return f"{name}: {has} numbers where {size} belong"
+
+
+_VECTORS = Measurement._fields[4:]
 
 
 class EffortCommand(NamedTuple):

@@ -230,7 +230,7 @@ class Store:
     def columns(self) -> list[str]:
         """All columns of the sorted table."""
         with readable(self.table_path):
-            return list(pq.read_schema(self.table_path).names)
+            return list(self._opened().schema_arrow.names)
 
     def write_table(self) -> Path:
         """Write the last result of every trial, sorted by number, with its sample.

@@ -21,8 +21,6 @@ _LENGTH = Struct("<I")
 _QUESTION = Struct("<iII")  # stamp, length of frame_id
 _TICK = Struct("<QII")  # tick, epoch, length of controller
 _ANSWER = Struct("<iIQII")  # stamp, tick, epoch, length of controller
-_SIZES = 256  # of questions whose places are remembered
-_places: "dict[int, _Places]" = {}  # of the newest question of each size
 
 
 class Stamp(NamedTuple):
@@ -86,6 +84,11 @@ def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) ->
     parts: list[int | str] = []
     values: list[object] = [HEAD, *at, 1, b"\x00", tick, epoch]
 
+    def text(word: str) -> None:
+        part, length, data = _text(word)
+        parts.append(part)
+        values.extend((length, data))
+
     for field in fields:
         if isinstance(field, np.ndarray):
             numbers = field.tolist()
@@ -93,16 +96,12 @@ def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) ->
             values.append(len(numbers))
             values += numbers
         elif isinstance(field, str):
-            part, length, text = _text(field)
-            parts.append(part)
-            values += (length, text)
+            text(field)
         elif isinstance(field, list):
             parts.append("I")
             values.append(len(field))
             for word in field:
-                part, length, text = _text(word)
-                parts.append(part)
-                values += (length, text)
+                text(word)
         else:
             parts.append("d")
             values.append(field)
@@ -127,6 +126,10 @@ class _Places(NamedTuple):
     lengths: tuple[int, ...]  # of frame_id, name and vectors
     first: int  # byte from which on there are doubles, and lengths between them
     vectors: tuple[slice, ...]  # doubles from there on
+
+
+_SIZES = 256  # of questions whose places are remembered
+_places: dict[int, _Places] = {}  # of the newest question of each size
 
 
 def measurement_from(data: bytes, period: float) -> tuple[Measurement, Stamp]:
@@ -173,11 +176,11 @@ def _places_of(data: bytes) -> _Places:
 
 def command_bytes(command: EffortCommand, at: Stamp) -> bytes:
     """Return the answer as it goes over DDS, with the stamp of its question."""
-    name = command.controller.encode() + b"\x00"
+    part, length, name = _text(command.controller)
     effort = command.effort.tolist()
-    layout = _layout("<4siIQI", 20, (f"{len(name)}s", len(effort)))
+    layout = _layout("<4siIQI", 20, (part, len(effort)))
     tick, epoch = command.tick, command.epoch
-    return layout.pack(HEAD, *at, tick, epoch, len(name), name, len(effort), *effort)
+    return layout.pack(HEAD, *at, tick, epoch, length, name, len(effort), *effort)
 
 
 def command_from(data: bytes) -> EffortCommand:

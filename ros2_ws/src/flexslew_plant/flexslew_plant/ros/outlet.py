@@ -41,15 +41,16 @@ class Outlet:
     ) -> None:
         self.publisher, self._handle, self._add = publisher, publisher.handle, add
         self.number, self.recorder_alone = -1, False
-        self._turns = turns or Turns()
-        self._each_time = turns is None
-        self._asked, self._count = -1, 0  # in which turn DDS was, and what it said
+        self._turns = turns
+        self._asked: int | None = None  # in which turn DDS was
+        self._count = 0  # what it said
 
     @property
     def count(self) -> int:
         """How many subscriptions DDS serves, as it said in this turn of the loop."""
-        if self._asked != self._turns.count or self._each_time:
-            self._asked = self._turns.count
+        turn = None if self._turns is None else self._turns.count
+        if turn is None or turn != self._asked:
+            self._asked = turn
             self._count = int(self._handle.get_subscription_count())  # quicker than the publisher's
         return self._count
 

@@ -300,9 +300,6 @@ class Session:
         if self.pacing.paced:
             return False
         due = [*self.bench.handover.due(tick), *self._heirs(now)]
-        if not due:
-            self._held_since = None
-            return False
         if not any(self.presence.silent(name, now) for name in due):
             self._held_since = None
             self._refresh(due, now)
