@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
+from pathlib import Path
 from threading import Event
 from time import monotonic
 
@@ -119,3 +120,35 @@ def test_a_node_that_dds_does_not_let_go_ends_wherever_it_is_held() -> None:
             node.destroy_node()
             context.try_shutdown()
     assert planner.returncode == -signal.SIGALRM
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("moment", ["starting", "running"])
+def test_an_interrupt_in_a_text_that_is_run_has_the_exit_code_of_any_other(
+    moment: str, number: signal.Signals, tmp_path: Path
+) -> None:
+    """Dataclasses are made by exec: Python takes what leaves it for unhandled, caught or not."""
+    program = f"""
+import os
+from flexslew_plant.ros.node_process import run_node
+
+def interrupt():
+    exec("os.kill(os.getpid(), {int(number)})\\nwhile True: pass")
+
+class Interrupted:
+    def __init__(self, loop):
+        if "{moment}" == "starting":
+            interrupt()
+
+    def poll(self):
+        interrupt()
+
+run_node(Interrupted)
+"""
+    (tmp_path / "interrupted_node.py").write_text(program)
+    with own_domain() as domain:
+        done = subprocess.run(
+            [sys.executable, "-m", "interrupted_node"], cwd=tmp_path,
+            env=os.environ | {"ROS_DOMAIN_ID": str(domain)}, check=False, timeout=200,
+        )  # fmt: skip
+    assert done.returncode == 130

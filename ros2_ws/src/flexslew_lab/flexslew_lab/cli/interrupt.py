@@ -50,16 +50,6 @@ def patient(seconds: float) -> Iterator[None]:
         _patience = before
 
 
-def handled() -> None:
-    """Let Python exit with our code after an interrupt that was caught.
-
-    One that leaves a text which `exec` runs, as dataclasses are made by, counts as unhandled even
-    where it is caught further up, and Python would end itself by SIGINT in place of any exit code
-    (CPython, run_eval_code_obj); the next text clears that.
-    """
-    exec("")
-
-
 def _interrupt(number: int, frame: FrameType | None) -> None:
     signal.signal(signal.SIGINT, _end_at_once)  # a second one does not wait
     timer = threading.Timer(_patience, _end_at_once, (number, None))

@@ -25,7 +25,6 @@ from flexslew_lab.cli.interrupt import (
     EXIT_TIMEOUT,
     INTERRUPTED,
     NODES_EXIT_TIMEOUT,
-    handled,
     patient,
     while_running,
 )
@@ -44,6 +43,7 @@ from flexslew_lab.cli.terminal import for_people, link, print_table, progress, s
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
+from flexslew_plant.interrupted import keep_exit_code
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import Trust
 
@@ -306,7 +306,7 @@ def main() -> None:
     try:
         sys.exit(_exit_code())
     finally:
-        handled()
+        keep_exit_code()
 
 
 def _exit_code() -> int:

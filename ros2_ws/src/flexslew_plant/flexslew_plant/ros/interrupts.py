@@ -5,6 +5,7 @@ import signal
 from threading import Timer
 
 from flexslew_plant.atomic import atomic
+from flexslew_plant.interrupted import keep_exit_code
 
 _REPEAT = 0.3  # until it is raised once more [wall s]
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
@@ -26,10 +27,11 @@ class Interrupts:
             signal.signal(number, self._raise)
 
     def ignore(self) -> None:
-        """Answer them no more: the process ends anyway."""
+        """Answer them no more: the process ends anyway, with an exit code of its own."""
         for number in _NUMBERS:
             signal.signal(number, signal.SIG_IGN)
         self.taken()
+        keep_exit_code()
 
     def taken(self) -> None:
         """Note that somebody has caught it."""
