@@ -1,16 +1,19 @@
 """A controller as matrices, where its law is linear in what it knows.
 
-u(k) = f(k) + kp (q_d - q) + kd (q_d' - q') + K z(k) + H y(k) + s(k),
+u(k) = f(k) + kp (q_d - q) + kd (q_d' - q') + K z(k) + H y(k) + Q (q' x q') + s(k),
 s' = g(k) + ki (q_d - q) + G z(k) + (sat(u) - u) / T_t,
 with y the measured joints, their rates and the first of the tips, f and g from the reference alone,
 and z the state of an observer: see LinearObserver, KalmanForm and GainedFilter, whose z is its
-state and then its innovation, too.
+state and then its innovation, too. The products of the rates q', which gyroscopic torques are of,
+are all that is not linear. A law on the turn about the body axes has them for its joints: see
+SharedForm.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from flexslew_control.allocation.sharing import AllocationNumbers
 from flexslew_control.estimators.gained_filter import GainedFilter, gained
 from flexslew_control.estimators.kalman import FilterMatrices, KalmanFilter
 from flexslew_control.free_platform import nominal_states
@@ -53,6 +56,15 @@ class LawForm(NamedTuple):
     integral: bool  # whether there is s
     unwinding: float  # 1 / T_t [1/s]
     limit: Vector  # of the law itself, (m,); inf: none
+    quadratic: Matrix = np.zeros((0, 0))  # Q, (m, m m); empty: none
+
+
+class SharedForm(NamedTuple):
+    """What makes efforts of the torque of a law on the body axes; see allocation.AllocatedLaw."""
+
+    allocation: AllocationNumbers
+    position: Matrix  # q_d of the law: rotation vectors, (ticks, 3) [rad]
+    velocity: Matrix  # (ticks, 3) [rad/s]
 
 
 class LinearForm(NamedTuple):
@@ -60,6 +72,7 @@ class LinearForm(NamedTuple):
 
     law: LawForm
     observer: LinearObserver | GainedFilter | KalmanForm
+    shared: SharedForm | None = None  # None: its efforts are those of the joints
 
 
 class Integration(NamedTuple):

@@ -45,15 +45,18 @@ class AllocatedLaw:
         self.terms["allocation"] = effort - sum(self.terms.values(), np.zeros(effort.size))
         return effort
 
+    def requested(self, reference: Reference) -> Reference:
+        """Return a reference as the law sees it."""
+        return reference._replace(
+            position=self.attitude.turn_of(reference.position),
+            velocity=self.attitude.turn_of(reference.velocity),
+            effort=self.allocator.torque @ reference.effort,
+        )
+
     def _turn(self, estimate: Estimate, reference: Reference) -> tuple[Estimate, Reference]:
         """Return estimate and reference as the law sees them."""
         n, turn = len(self.attitude.axes), self.attitude.turn_of
         seen = estimate._replace(
             position=turn(estimate.position[:n]), velocity=turn(estimate.velocity[:n])
         )
-        wanted = reference._replace(
-            position=turn(reference.position),
-            velocity=turn(reference.velocity),
-            effort=self.allocator.torque @ reference.effort,
-        )
-        return seen, wanted
+        return seen, self.requested(reference)

@@ -8,10 +8,11 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.allocation.gyro_set import GyroSet
+from flexslew_control.allocation.sharing import NONE, AllocationNumbers, Drives, share
 from flexslew_control.allocation.thruster_set import ThrusterSet
 from flexslew_control.allocation.wheel_set import WheelSet
 from flexslew_control.law import PlantDescription, per_joint
-from flexslew_plant.arrays import Indices, Matrix, Vector
+from flexslew_plant.arrays import NOTHING, Indices, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, section
@@ -102,40 +103,36 @@ class Allocator:
             torque: about the centre of mass, in body axes, shape (3,) [N m].
             measurement: of this tick.
         """
-        out = np.zeros(self.joints)
-        if self.gyros is not None:
-            turned, gyros, angles = self.gyros
-            read = measurement.tip_deflection[angles]
-            out[turned] = gyros.efforts(torque, read, measurement.time)
-            return out
-        if self.wheels is None:
-            return self.shares(torque)
-        where, wheels = self.wheels
-        speeds = None if self.speeds is None else measurement.tip_deflection[self.speeds]
-        if self.thrusters is not None and speeds is not None:
-            jets, thrusters = self.thrusters
-            out[jets] = thrusters.pushes(-self.unloading * wheels.stored(speeds))
-            torque = torque - self.torque[:, jets] @ out[jets]
-        out[where] = wheels.efforts(torque, speeds)
-        return out
+        return self._shared(torque, measurement.tip_deflection, measurement.time)
 
     def shares(self, torque: Vector) -> Vector:
         """Return the efforts that give a torque and nothing else: no null motion, no unloading.
 
         Gimbals stand at zero. Beyond the limits they give less of it, shape (joints,) [N m or N].
         """
-        out = np.zeros(self.joints)
-        if self.wheels is not None:
-            where, wheels = self.wheels
-            out[where] = wheels.efforts(torque, None)
-        elif self.gyros is not None:
-            turned, gyros, _ = self.gyros
-            out[turned] = gyros.efforts(torque, np.zeros(len(turned)), 0.0)
-        else:
-            assert self.thrusters is not None
-            where, thrusters = self.thrusters
-            out[where] = thrusters.pushes(torque)
+        return self._shared(torque, NOTHING, 0.0)
+
+    def _shared(self, torque: Vector, readings: Vector, time: float) -> Vector:
+        out = np.empty(self.joints)
+        share(self.numbers, 0, torque, readings, time, out)
         return out
+
+    @cached_property
+    def numbers(self) -> AllocationNumbers:
+        """The same for machine code, in one lane."""
+        drives, torque = Drives(), np.ascontiguousarray(self.torque)[None]
+        found = AllocationNumbers(drives, torque, np.array([self.unloading]))
+        if self.wheels is not None:
+            told = NONE if self.speeds is None else self.speeds
+            drives = drives._replace(wheels=self.wheels[0], speeds=told)
+            found = found._replace(wheels=self.wheels[1].numbers)
+        if self.thrusters is not None:
+            drives = drives._replace(thrusters=self.thrusters[0])
+            found = found._replace(thrusters=self.thrusters[1].numbers)
+        if self.gyros is not None:
+            drives = drives._replace(gyros=self.gyros[0], angles=self.gyros[2])
+            found = found._replace(gyros=self.gyros[1].numbers)
+        return found._replace(drives=drives)
 
     @cached_property
     def spread(self) -> Matrix:

@@ -1,15 +1,32 @@
 """Control moment gyros with one gimbal: a torque by gimbal rates, past their singularities."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.allocation.room import scaled_to, with_null_motion
-from flexslew_plant.arrays import Matrix, Tensor, Vector
+from flexslew_control.allocation.room import add_null_motion, scale_to
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled_once
 from flexslew_plant.errors import BadInput
 
 _NEAR = 10.0  # how fast the regularisation fades with det(A A^T), away from singularities [-]
 _PHASES = np.array([0.0, 0.5 * np.pi, np.pi])  # of the dither about x, y, z
+
+
+class GyroNumbers(NamedTuple):
+    """Sets of gyros side by side for machine code, a lane each; none: no gyros."""
+
+    gimbals: Tensor  # (lanes, gyros, 2, 3)
+    limit: Matrix  # (lanes, gyros) [N m]
+    momentum: Matrix  # (lanes, gyros) [N m s]
+    chosen: Matrix  # l_0, e, w [rad/s] and k [1/s], (lanes, 4)
+    preferred: Matrix  # p, (lanes, gyros) [rad]
+
+
+NO_GYROS = GyroNumbers(
+    np.zeros((1, 0, 2, 3)), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 4)), np.zeros((1, 0))
+)
 
 
 @dataclass(frozen=True)
@@ -52,11 +69,18 @@ class GyroSet:
             words = "with gimbals at zero their torques lie in a plane; turn a rotor"
             raise BadInput(words, key="allocation.drives")
 
+    @cached_property
+    def numbers(self) -> GyroNumbers:
+        """The set for machine code, in one lane."""
+        chosen = np.array([self.robustness, self.dither, self.frequency, self.gain])
+        own = self.gimbals, self.limit, self.momentum, chosen, self.preferred
+        return GyroNumbers(*(np.ascontiguousarray(part)[None] for part in own))
+
     def levers(self, angles: Vector) -> Matrix:
         """Return A at these angles of the gimbals, shape (3, gyros) [-]."""
-        axes, rotors = self.gimbals[:, 0], self.gimbals[:, 1]
-        across = np.cos(angles)[:, None] * np.cross(axes, rotors) - np.sin(angles)[:, None] * rotors
-        return np.asarray((across * (self.momentum / self.momentum.mean())[:, None]).T)
+        found = np.empty((3, self.limit.size))
+        _write_levers(self.numbers, 0, angles, found)
+        return found
 
     def efforts(self, torque: Vector, angles: Vector, time: float) -> Vector:
         """Return the efforts that give a torque, scaled where one is beyond its limit.
@@ -69,16 +93,54 @@ class GyroSet:
         Returns:
             shape (gyros,) [N m].
         """
-        levers, sizes = self.levers(angles), self.momentum / self.momentum.mean()
-        square = levers @ levers.T
-        near = self.robustness * np.exp(-_NEAR * np.linalg.det(square))
-        x, y, z = self.dither * np.sin(self.frequency * time + _PHASES)
-        blend = near * np.array([[1.0, z, y], [z, 1.0, x], [y, x, 1.0]])
-        first = sizes * (levers.T @ np.linalg.pinv(square + blend) @ torque)
-        first = scaled_to(self.limit, np.asarray(first))
-        if self.gain == 0.0:
-            return first
-        away = self.gain * (self.preferred - angles)
-        # a positive effort turns its gimbal back
-        own = -self.momentum * (away - np.linalg.pinv(levers) @ (levers @ away))
-        return with_null_motion(self.limit, first, own)
+        out = np.empty(self.limit.size)
+        gyro_efforts(self.numbers, 0, torque, angles, time, out)
+        return out
+
+
+@compiled_once("levers")
+def _write_levers(gyros: GyroNumbers, lane: int, angles: Vector, levers: Matrix) -> None:
+    mean = gyros.momentum[lane].mean()
+    for k in range(angles.size):
+        size = gyros.momentum[lane, k] / mean
+        cosine, sine = np.cos(angles[k]), np.sin(angles[k])
+        for i in range(3):
+            j, n = (i + 1) % 3, (i + 2) % 3
+            axis, rotor = gyros.gimbals[lane, k, 0], gyros.gimbals[lane, k, 1]
+            across = axis[j] * rotor[n] - axis[n] * rotor[j]
+            levers[i, k] = size * (cosine * across - sine * rotor[i])
+
+
+@compiled_once("out")
+def gyro_efforts(
+    gyros: GyroNumbers, lane: int, torque: Vector, angles: Vector, time: float, out: Vector
+) -> None:
+    """Write the efforts of a set of gyros; see GyroSet.efforts.
+
+    Args:
+        gyros: of some lanes.
+        lane: which of them counts.
+        torque: shape (3,).
+        angles: shape (gyros,).
+        time: [s].
+        out: shape (gyros,).
+    """
+    count, momentum = out.size, gyros.momentum[lane]
+    chosen = gyros.chosen[lane]
+    robustness, dither, frequency, gain = chosen[0], chosen[1], chosen[2], chosen[3]
+    levers = np.empty((3, count))
+    _write_levers(gyros, lane, angles, levers)
+    square = levers @ levers.T
+    near = robustness * np.exp(-_NEAR * np.linalg.det(square))
+    x, y, z = dither * np.sin(frequency * time + _PHASES)
+    blend = near * np.array([[1.0, z, y], [z, 1.0, x], [y, x, 1.0]])
+    rates = levers.T @ (np.linalg.pinv(square + blend) @ torque)
+    for k in range(count):
+        out[k] = momentum[k] / momentum.mean() * rates[k]
+    scale_to(gyros.limit, lane, out)
+    if gain == 0.0:
+        return
+    away = gain * (gyros.preferred[lane] - angles)
+    # a positive effort turns its gimbal back
+    own = -momentum * (away - np.linalg.pinv(levers) @ (levers @ away))
+    add_null_motion(gyros.limit, lane, out, own)

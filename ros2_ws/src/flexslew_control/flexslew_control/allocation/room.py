@@ -1,25 +1,38 @@
-"""What limits leave of efforts that give a torque, and of null motion on top."""
+"""What limits leave of efforts that give a torque, and of null motion on top; as machine code."""
 
-import numpy as np
-
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector, called
 
 
-def scaled_to(limit: Vector, effort: Vector) -> Vector:
-    """Return efforts, all scaled alike where one is beyond its limit, shape (drives,)."""
-    over = float((abs(effort) / limit).max())
-    return effort / over if over > 1.0 else effort
-
-
-def with_null_motion(limit: Vector, effort: Vector, null: Vector) -> Vector:
-    """Return efforts with as much of others, which give no torque, as the limits leave room for.
+@called
+def scale_to(limit: Matrix, lane: int, effort: Vector) -> None:
+    """Scale efforts alike where one is beyond its limit.
 
     Args:
-        limit: shape (drives,).
-        effort: within the limits, shape (drives,).
+        limit: shape (lanes, drives).
+        lane: which of them counts.
+        effort: in and out, shape (drives,).
+    """
+    over = 1.0
+    for i in range(effort.size):
+        over = max(over, abs(effort[i]) / limit[lane, i])
+    for i in range(effort.size):
+        effort[i] /= over
+
+
+@called
+def add_null_motion(limit: Matrix, lane: int, effort: Vector, null: Vector) -> None:
+    """Add as much of efforts that give no torque as the limits leave room for.
+
+    Args:
+        limit: shape (lanes, drives).
+        lane: which of them counts.
+        effort: within the limits, in and out, shape (drives,).
         null: shape (drives,).
     """
-    room = np.where(null > 0.0, limit - effort, limit + effort)
-    size = abs(null)
-    share = np.divide(room, size, out=np.full(size.size, np.inf), where=size > 0.0)
-    return np.asarray(effort + min(1.0, max(float(share.min()), 0.0)) * null)
+    share = 1.0
+    for i in range(effort.size):
+        if null[i] != 0.0:
+            room = limit[lane, i] - effort[i] if null[i] > 0.0 else limit[lane, i] + effort[i]
+            share = min(share, room / abs(null[i]))
+    for i in range(effort.size):
+        effort[i] += max(share, 0.0) * null[i]

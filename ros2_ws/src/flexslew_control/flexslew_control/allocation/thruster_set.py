@@ -1,16 +1,31 @@
 """Thrusters: a torque as pushes of one-way drives, with the least propellant."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, compiled_once
 from flexslew_plant.errors import BadInput
 
 _SLACK = 1e-9  # of the largest push: rounding of one that is zero
 _EQUAL = 1e-9  # of a sum of pushes: rounding of two that are as good
 _FLAT = 1e-6  # determinant of three unit levers that count as in one plane
+
+
+class ThrusterNumbers(NamedTuple):
+    """Sets of thrusters side by side for machine code, a lane each; none: no thrusters."""
+
+    limit: Matrix  # (lanes, thrusters) [N]
+    triples: Indices  # which three push together, (sets, 3), the same in all lanes
+    inverses: Tensor  # of their levers, (lanes, sets, 3, 3) [1/m]
+
+
+NO_THRUSTERS = ThrusterNumbers(
+    np.zeros((1, 0)), np.zeros((0, 3), dtype=np.int64), np.zeros((1, 0, 3, 3))
+)
 
 
 @dataclass(frozen=True)
@@ -52,6 +67,12 @@ class ThrusterSet:
             raise BadInput(words, key="allocation.drives", value=", ".join(names))
         return found
 
+    @cached_property
+    def numbers(self) -> ThrusterNumbers:
+        """The set for machine code, in one lane."""
+        inverses = np.ascontiguousarray(self._inverses)
+        return ThrusterNumbers(self.limit[None], self._triples, inverses[None])
+
     def missing(self) -> Vector | None:
         """Return a direction in which they give no torque; None: there is none.
 
@@ -75,16 +96,47 @@ class ThrusterSet:
         Returns:
             shape (thrusters,) [N].
         """
-        out = np.zeros(self.limit.size)
-        if not torque.any():
-            return out
-        pushes = self._inverses @ torque
-        backwards = _backwards(pushes)
-        allowed = max(_SLACK, float(backwards.min()))
-        cost = np.where(backwards <= allowed, pushes.sum(axis=1), np.inf)
-        best = np.flatnonzero(cost <= cost.min() * (1.0 + _EQUAL))
-        np.add.at(out, self._triples[best], np.maximum(pushes[best], 0.0) / best.size)
-        return out * min(1.0, float((self.limit[out > 0.0] / out[out > 0.0]).min(initial=1.0)))
+        out = np.empty(self.limit.size)
+        thruster_pushes(self.numbers, 0, torque, out)
+        return out
+
+
+@compiled_once("out")
+def thruster_pushes(jets: ThrusterNumbers, lane: int, torque: Vector, out: Vector) -> None:
+    """Write the pushes of a set of thrusters; see ThrusterSet.pushes.
+
+    Args:
+        jets: of some lanes.
+        lane: which of them counts.
+        torque: shape (3,).
+        out: shape (thrusters,).
+    """
+    for i in range(out.size):
+        out[i] = 0.0
+    if torque[0] == 0.0 and torque[1] == 0.0 and torque[2] == 0.0:
+        return
+    sets = jets.triples.shape[0]
+    pushes, backwards, cost = np.empty((sets, 3)), np.empty(sets), np.empty(sets)
+    for s in range(sets):
+        least, most, cost[s] = np.inf, 0.0, 0.0
+        for i in range(3):
+            push = 0.0
+            for j in range(3):
+                push += jets.inverses[lane, s, i, j] * torque[j]
+            pushes[s, i] = push
+            least, most, cost[s] = min(least, push), max(most, abs(push)), cost[s] + push
+        backwards[s] = -least / most
+    cost = np.where(backwards <= max(_SLACK, backwards.min()), cost, np.inf)
+    best = np.flatnonzero(cost <= cost.min() * (1.0 + _EQUAL))
+    for s in best:
+        for i in range(3):
+            out[jets.triples[s, i]] += max(pushes[s, i], 0.0) / best.size
+    share = 1.0
+    for i in range(out.size):
+        if out[i] > 0.0:
+            share = min(share, jets.limit[lane, i] / out[i])
+    for i in range(out.size):
+        out[i] *= share
 
 
 def _backwards(pushes: Matrix) -> Vector:

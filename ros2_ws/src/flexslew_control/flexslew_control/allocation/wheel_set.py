@@ -1,12 +1,33 @@
 """Reaction wheels, any number: a torque by the pseudo-inverse, and null motion on top."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.allocation.room import scaled_to, with_null_motion
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_control.allocation.room import add_null_motion, scale_to
+from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector, compiled_once
 from flexslew_plant.errors import BadInput
+
+
+class WheelNumbers(NamedTuple):
+    """Sets of wheels side by side for machine code, a lane each; none: no wheels."""
+
+    torque: Tensor  # A, (lanes, 3, wheels)
+    inverse: Tensor  # A^+, (lanes, wheels, 3)
+    null: Tensor  # k P, (lanes, wheels, wheels) [1/s]
+    limit: Matrix  # (lanes, wheels) [N m]
+    inertia: Matrix  # I, (lanes, wheels) [kg m^2]
+    bias: Matrix  # b, (lanes, wheels) [N m s]
+
+
+NO_WHEELS = WheelNumbers(
+    np.zeros((1, 3, 0)),
+    np.zeros((1, 0, 3)),
+    np.zeros((1, 0, 0)),
+    *(np.zeros((1, 0)) for _ in range(3)),
+)
 
 
 @dataclass(frozen=True)
@@ -30,20 +51,23 @@ class WheelSet:
     inertia: Vector
     gain: float
     bias: Vector
-    _inverse: Matrix = field(init=False)
-    _null: Matrix = field(init=False)
 
     def __post_init__(self) -> None:
-        """Prepare the inverses.
+        """Check that they turn a craft about every axis.
 
         Raises:
             BadInput: the axes lie in a plane.
         """
         if np.linalg.matrix_rank(self.torque, tol=1e-6) < 3:
             raise BadInput("the axes of the wheels lie in a plane", key="allocation.drives")
+
+    @cached_property
+    def numbers(self) -> WheelNumbers:
+        """The set for machine code, in one lane."""
         inverse = np.asarray(np.linalg.pinv(self.torque))
-        object.__setattr__(self, "_inverse", inverse)
-        object.__setattr__(self, "_null", np.eye(self.limit.size) - inverse @ self.torque)
+        null = self.gain * (np.eye(self.limit.size) - inverse @ self.torque)
+        own = self.torque, inverse, null, self.limit, self.inertia, self.bias
+        return WheelNumbers(*(np.ascontiguousarray(part)[None] for part in own))
 
     def stored(self, speeds: Vector) -> Vector:
         """Return the momentum that spins of these speeds [rad/s] store, shape (3,) [N m s]."""
@@ -60,8 +84,35 @@ class WheelSet:
         Returns:
             shape (wheels,) [N m].
         """
-        first = scaled_to(self.limit, np.asarray(self._inverse @ torque))
-        if speeds is None or self.gain == 0.0:
-            return first
-        own = self.gain * (self._null @ (self.inertia * speeds - self.bias))
-        return with_null_motion(self.limit, first, own)
+        out = np.empty(self.limit.size)
+        wheel_efforts(self.numbers, 0, torque, NOTHING if speeds is None else speeds, out)
+        return out
+
+
+@compiled_once("out")
+def wheel_efforts(
+    wheels: WheelNumbers, lane: int, torque: Vector, speeds: Vector, out: Vector
+) -> None:
+    """Write the efforts of a set of wheels; see WheelSet.efforts.
+
+    Args:
+        wheels: of some lanes.
+        lane: which of them counts.
+        torque: shape (3,).
+        speeds: shape (wheels,); empty: nobody tells.
+        out: shape (wheels,).
+    """
+    count = out.size
+    for i in range(count):
+        out[i] = 0.0
+        for j in range(3):
+            out[i] += wheels.inverse[lane, i, j] * torque[j]
+    scale_to(wheels.limit, lane, out)
+    if speeds.size == 0:
+        return
+    null = np.zeros(count)
+    for i in range(count):
+        for j in range(count):
+            surplus = wheels.inertia[lane, j] * speeds[j] - wheels.bias[lane, j]
+            null[i] += wheels.null[lane, i, j] * surplus
+    add_null_motion(wheels.limit, lane, out, null)

@@ -6,8 +6,9 @@ import numpy as np
 
 from flexslew_control.allocation import Allocation
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.gyroscopic import Gyroscopic
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
-from flexslew_control.controllers.three_axes import controlled
+from flexslew_control.controllers.three_axes import OF_TESTBED, controlled, form_on_axes
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
     joint_estimator,
@@ -111,15 +112,25 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, 
 
 def linear(estimator: Estimator, law: Law, references: list[Reference]) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
-    if not (isinstance(law, IntegralLaw) and isinstance(estimator, MeasuredJoints)):
+    if not isinstance(estimator, MeasuredJoints):
         return None
-    if law.turning is not None:
+    return form_on_axes(law, references, _form)
+
+
+def _form(law: Law, references: list[Reference]) -> tuple[LinearForm, Gyroscopic | None] | None:
+    if not isinstance(law, IntegralLaw):
         return None
     gains = law.deviation
     assert isinstance(gains, JointDeviation)
-    return collocated_form(gains.kp, gains.ki, gains.kd, references, law.integration)
+    form = collocated_form(gains.kp, gains.ki, gains.kd, references, law.integration)
+    return form, law.turning
 
 
 COLLOCATED_PID = LawEntry(
-    "collocated_pid", CollocatedPid, build, linear=linear, lane_gains=("kp", "ki", "kd")
+    "collocated_pid",
+    CollocatedPid,
+    build,
+    linear=linear,
+    lane_gains=("kp", "ki", "kd"),
+    of_testbed=OF_TESTBED,
 )

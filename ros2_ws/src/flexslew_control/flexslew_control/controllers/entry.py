@@ -27,7 +27,9 @@ class LawEntry:
             refuses such a plan (see Law.objection).
         linear: returns estimator and law as matrices for these references, tick by tick, where
             they are linear (None: these settings are not); None: it never is.
-        lane_gains: keys of its section that lanes beside each other may have for themselves.
+        lane_gains: keys of its section that lanes beside each other may have for themselves; the
+            law has nothing else of its testbed, unless a key of `of_testbed` is set.
+        of_testbed: keys of its section with which it has.
         compared: its settings in a comparison, where the trial has none.
         from_file: returns the keys that a file holds, from its path and who names it; the key
             `file` of its section then stands for them (see controllers.with_file).
@@ -40,6 +42,7 @@ class LawEntry:
     follows_reference: bool = True
     linear: Callable[[Any, Any, list[Reference]], LinearForm | None] | None = None
     lane_gains: tuple[str, ...] = ()
+    of_testbed: tuple[str, ...] = ()
     compared: Mapping[str, Any] = field(default_factory=dict)
     from_file: Callable[[str, str], dict[str, Any]] | None = None
     plans: tuple[PlanVariant, ...] = (PlanVariant("", {}),)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexslew_plant.arrays import Tensor, Vector
+from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.attitude import AttitudeJoints
@@ -30,6 +30,12 @@ class Gyroscopic:
         """Return the efforts at some rates of the joints, both of shape (joints,)."""
         w = self.attitude.turn_of(rates)
         return np.asarray(self.quadratic @ w @ w)
+
+    def of_products(self, joints: int) -> Matrix:
+        """Return Q of efforts Q (r x r) at rates r, r x r in rows: (joints, joints^2)."""
+        turn = self.attitude.turn_of(np.eye(joints))
+        found = np.einsum("jab,pa,qb->jpq", self.quadratic, turn, turn)
+        return np.ascontiguousarray(found.reshape(joints, joints**2))
 
     def beyond(self, rates: Vector, reference: Vector) -> Vector:
         """Return the efforts at some rates beyond those of a reference, which its plan carries."""

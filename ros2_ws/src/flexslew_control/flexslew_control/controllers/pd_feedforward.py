@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_control.allocation import Allocation
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.gyroscopic import Gyroscopic
-from flexslew_control.controllers.three_axes import controlled
+from flexslew_control.controllers.three_axes import OF_TESTBED, controlled, form_on_axes
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
     joint_estimator,
@@ -94,14 +94,23 @@ def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Est
 
 def linear(estimator: Estimator, law: Law, references: list[Reference]) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
-    if not (isinstance(law, PdFeedforward) and isinstance(estimator, MeasuredJoints)):
+    if not isinstance(estimator, MeasuredJoints):
         return None
-    if law.turning is not None:
+    return form_on_axes(law, references, _form)
+
+
+def _form(law: Law, references: list[Reference]) -> tuple[LinearForm, Gyroscopic | None] | None:
+    if not isinstance(law, PdFeedforward):
         return None
-    none = np.zeros(law.kp.size)
-    return collocated_form(law.kp, none, law.kd, references, no_integral(law.kp.size))
+    none, integration = np.zeros(law.kp.size), no_integral(law.kp.size)
+    return collocated_form(law.kp, none, law.kd, references, integration), law.turning
 
 
 PD_FEEDFORWARD = LawEntry(
-    "pd_feedforward", PdFeedforwardSettings, build, linear=linear, lane_gains=("kp", "kd")
+    "pd_feedforward",
+    PdFeedforwardSettings,
+    build,
+    linear=linear,
+    lane_gains=("kp", "kd"),
+    of_testbed=OF_TESTBED,
 )

@@ -13,11 +13,13 @@ from flexslew_control.allocation import (
 )
 from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
 from flexslew_control.controllers.sampled_loop import SmallMotions, require_sampled_pd
-from flexslew_control.law import Law, PlantDescription
+from flexslew_control.law import Law, PlantDescription, Reference
+from flexslew_control.linear_form import LinearForm, SharedForm
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 _AXES = ("x", "y", "z")
+OF_TESTBED = ("gyroscopic", "allocation", "attitude")  # keys with which a law knows its testbed
 
 
 @dataclass(frozen=True)
@@ -110,3 +112,35 @@ def controlled(
         torque = np.tensordot(allocator.torque, turning.quadratic, axes=1)
         turning = replace(turning, attitude=AttitudeJoints(np.eye(3)), quadratic=torque)
     return Controlled(_AXES, allocator.limit, turning, allocator, plant)
+
+
+def form_on_axes(
+    law: Law,
+    references: list[Reference],
+    form_of: Callable[[Law, list[Reference]], tuple[LinearForm, Gyroscopic | None] | None],
+) -> LinearForm | None:
+    """Return what `Controlled.finished` has made of a law as matrices; None: there are none.
+
+    Args:
+        law: as finished.
+        references: of the joints, tick by tick.
+        form_of: returns the form of the law itself without its w x J w, and what adds that.
+    """
+    shared = None
+    if isinstance(law, AllocatedLaw):
+        references = [law.requested(reference) for reference in references]
+        shared = SharedForm(
+            law.allocator.numbers,
+            np.array([reference.position for reference in references]),
+            np.array([reference.velocity for reference in references]),
+        )
+        law = law.law
+    found = form_of(law, references)
+    if found is None:
+        return None
+    form, turning = found
+    own = form.law
+    if turning is not None:
+        carried = np.array([turning.efforts(reference.velocity) for reference in references])
+        own = own._replace(demand=own.demand - carried, quadratic=turning.of_products(own.kp.size))
+    return form._replace(law=own, shared=shared)

@@ -43,7 +43,8 @@ class Epoch:
         """
         joints = len(self._setup.joint_names)
         q, v = columns["position"], columns["velocity"]
-        if columns["applied_effort"].shape[1] != joints or q.shape[1] < joints:
+        positions = joints if self._model is None else self._model.positions
+        if columns["applied_effort"].shape[1] != joints or q.shape[1] < positions:
             raise BadInput("the truth changes its number of joints in the course of the run")
         time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
         before = float(time[0]) if self._last_time is None else self._last_time

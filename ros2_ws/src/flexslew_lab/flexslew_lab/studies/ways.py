@@ -16,7 +16,6 @@ class Way(StrEnum):
     NO_PLAN = "bench: no plan"
     JOINTS = "bench: joints that are read in another way"
     EFFORTS = "bench: efforts that are no joints'"
-    THRUSTERS = "bench: thrusters"
     ORBIT = "bench: an orbit"
     INSTRUMENTS = "bench: noise beside instruments"
     LAW = "bench: a law that is not linear"

@@ -18,25 +18,28 @@ class Thrusters:
         shortest: pulse of each actuator; 0: it pushes continuously, shape (actuators,) [s].
         limit: F, shape (actuators,) [N m or N].
         period: one tick T [s].
+
+    Attributes:
+        least_impulse: of the shortest pulses, shape (actuators,) [N m s or N s].
     """
 
     def __init__(self, shortest: Vector, limit: Vector, period: float) -> None:
         self._pulsed = shortest > 0.0
-        self._least = shortest * limit  # impulse of the shortest pulse [N m s or N s]
+        self.least_impulse = shortest * limit
         self._most, self._period = limit * period, period
         self.reset()
 
     def reset(self) -> None:
         """Owe nothing."""
-        self._owed: Vector = np.zeros(self._least.size)
+        self._owed: Vector = np.zeros(self.least_impulse.size)
 
     def apply(self, demand: Vector) -> Vector:
         """Return the mean effort of the coming tick, shape (actuators,) [N m or N]."""
         asked = demand * self._period + self._owed
         impulse = np.clip(asked, -self._most, self._most)
-        impulse = np.where(np.abs(impulse) < self._least, 0.0, impulse)
+        impulse = np.where(np.abs(impulse) < self.least_impulse, 0.0, impulse)
         self._owed = np.where(
-            self._pulsed, np.clip(asked - impulse, -self._least, self._least), 0.0
+            self._pulsed, np.clip(asked - impulse, -self.least_impulse, self.least_impulse), 0.0
         )
         effort: Vector = np.where(self._pulsed, impulse / self._period, demand)
         return effort

@@ -13,17 +13,21 @@ from flexslew_control.linear_form import KalmanForm, LinearForm
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
+from flexslew_lab.studies.lanes.channels import stands_of
+from flexslew_lab.studies.lanes.efforts import LawTerms
 from flexslew_lab.studies.lanes.inputs import (
     aim_of,
     course_of,
+    drives_of,
     errors_of,
     gains_of,
+    numbers_of,
     schedule_of,
 )
-from flexslew_lab.studies.lanes.lane_laws import beside, by_lane, kind_of
+from flexslew_lab.studies.lanes.lane_laws import beside, kind_of, outputs_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
-from flexslew_lab.studies.lanes.loop import LawTerms, Matrices, Schedule, lane_loop
+from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
@@ -108,11 +112,20 @@ class Lanes:
         forms = beside([law.form for law in laws])
         form, schedule = prepared.form.law, prepared.schedule
         model, kernel = first.model, first.kernel
-        states, outputs = form.from_state.shape[-1], form.from_output.shape[-1]
-        tips = len(model.appendages.names)
-        sizes = Sizes(model.joints, model.modes, states, outputs, tips)
-        observer = beginning(prepared.form, forms.observers)
         lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
+        drives = np.array([drives_of(lane) for lane in lanes])
+        sizes = Sizes(
+            model.joints,
+            model.modes,
+            form.from_state.shape[-1],
+            outputs_of(prepared.form, model.joints),
+            len(model.appendages.names),
+            form.kp.size,
+            form.quadratic.size > 0,
+            prepared.form.shared is not None,
+            bool(drives[:, -1].any()),
+        )
+        observer = beginning(prepared.form, forms.observers)
         packed = np.array([lane.model.packed for lane in lanes]).T
         at_rest = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
         rows = rows_of(kernel.size, sizes)
@@ -120,28 +133,22 @@ class Lanes:
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: at_rest.size] = at_rest.ravel()
         w[rows.kp : rows.tip] = gains_of(lanes, forms.laws)
-        w[rows.tip : rows.residual_tip] = np.repeat(prepared.aim, LANES)
+        w[rows.tip : rows.limit] = np.repeat(prepared.aim, LANES)
+        w[rows.limit : rows.residual_tip] = drives.reshape(LANES, -1).T.ravel()
         if model.appendages.rate is not None:
             w[rows.tip_rate : rows.end] = np.repeat(model.appendages.rate, LANES)
         w[rows.outside : rows.terminal] = -np.inf
         recorded = isinstance(first.trial.testbed, Pointing)
-        matrices = Matrices(
-            by_lane(forms.laws, "from_state", 2),
-            by_lane(forms.laws, "from_output", 2),
-            by_lane(forms.laws, "to_integral", 2),
-            by_lane(forms.laws, "demand", 1),
-            by_lane(forms.laws[:1], "integrand", 1),
-        )
-        turns, terms = model.attitude is not None, LawTerms.of(matrices)
+        law = numbers_of(forms, prepared.form.shared or schedule)
+        turns, terms = model.attitude is not None, LawTerms.of(law)
+        stands = stands_of(model, sizes.outputs - 2 * model.joints)
         loop = partial(
-            lane_loop(kernel, sizes, terms, observer.observe, recorded, turns),
+            lane_loop(kernel, sizes, stands, terms, observer.observe, recorded, turns),
             w,
             first.trial.period,
             first.steps,
             schedule,
-            matrices,
-            form.integral,
-            form.unwinding,
+            law,
             errors_of(lanes, sizes.outputs, len(schedule.time)),
             turned_joints(model.attitude, model.joints),
             observer.constants,
@@ -229,7 +236,7 @@ def _heard(form: LinearForm, model: Model) -> Way:
     if isinstance(form.observer, KalmanForm) and model.leading is not None:
         return Way.ATTITUDE  # its joints are no coordinates
     sensors = model.appendages
-    tips = form.law.from_output.shape[-1] > 2 * model.joints
+    tips = form.shared is None and form.law.from_output.shape[-1] > 2 * model.joints
     exact = sensors.errors is None or not sensors.errors.any()
     known = not tips or (sensors.felt is None and sensors.body is None and exact)
     return Way.LANES if known else Way.TIPS

@@ -6,11 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_control.law import Reference
-from flexslew_control.linear_form import LawForm
+from flexslew_control.linear_form import LawForm, SharedForm
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.metrics.settling import settling_band
+from flexslew_lab.studies.lanes.channels import entry_channels
+from flexslew_lab.studies.lanes.efforts import LawNumbers
+from flexslew_lab.studies.lanes.lane_laws import Beside, by_lane
 from flexslew_lab.studies.lanes.lane_trial import (
     LaneTrial,
     controller_of,
@@ -21,6 +24,7 @@ from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.hardware.disturbances import TimedDisturbance, disturbance_effort
+from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
 
@@ -72,7 +76,7 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
 
 
 def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownManoeuvre]:
-    """Return what a group is measured against: rows from `tip` on, and as a record."""
+    """Return what a group is measured against: rows `tip` to `law_limit`, and as a record."""
     testbed = lane.trial.testbed
     goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
     assert goal.goal is not None
@@ -81,10 +85,20 @@ def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownMan
         goal.goal,
         np.sign(goal.displacement),
         settling_band(goal.displacement),
-        np.array(testbed.effort_limit),
         np.minimum(form.limit, np.finfo(float).max),
     )
     return np.concatenate(rows), goal
+
+
+def drives_of(lane: LaneTrial) -> tuple[Vector, Vector, Vector]:
+    """Return limits, least efforts and shortest impulses of the drives, (joints,) each."""
+    trial, model = lane.trial, lane.model
+    limit = np.array(trial.testbed.effort_limit)
+    least = -limit
+    least[list(model.one_way)] = 0.0
+    pulse = trial.actuator.shortest_pulse
+    thrusters = thrusters_of(pulse, model.joint_names, limit, trial.period)
+    return limit, least, 0.0 * limit if thrusters is None else thrusters.least_impulse
 
 
 def gains_of(lanes: list[LaneTrial], laws: list[LawForm]) -> Vector:
@@ -100,6 +114,7 @@ def gains_of(lanes: list[LaneTrial], laws: list[LawForm]) -> Vector:
         key = repr({name: own.get(name) for name in own_gains})
         if key not in found:
             built: Any = controller_of(lane.trial).law
+            built = getattr(built, "law", built)  # whose torque is shared out
             gains = getattr(built, "deviation", built)
             none = np.zeros(gains.kp.size)
             found[key] = np.concatenate((gains.kp, getattr(gains, "ki", none), gains.kd))
@@ -107,19 +122,43 @@ def gains_of(lanes: list[LaneTrial], laws: list[LawForm]) -> Vector:
     return np.ascontiguousarray(np.array(columns).T).ravel()
 
 
+def numbers_of(group: Beside, follows: Schedule | SharedForm) -> LawNumbers:
+    """Return the laws of a group for the loop.
+
+    Args:
+        group: the laws.
+        follows: what they do.
+    """
+    laws = group.laws
+    return LawNumbers(
+        follows.position,
+        follows.velocity,
+        by_lane(laws, "from_state", 2),
+        by_lane(laws, "from_output", 2),
+        by_lane(laws, "to_integral", 2),
+        by_lane(laws, "quadratic", 2),
+        by_lane(laws, "demand", 1),
+        by_lane(laws[:1], "integrand", 1),
+        laws[0].integral,
+        laws[0].unwinding,
+        group.allocation,
+    )
+
+
 def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
     """Return bias and noise of what the law reads, (readings or 1, outputs LANES)."""
     m, tips = lanes[0].model.joints, len(lanes[0].model.appendages.names)
     widths = (m, m, tips, tips)
     sensors = lanes[0].trial.sensors
-    channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
-    noisy = any(getattr(sensors, name).noise for name in channels[:3])
+    names = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
+    noisy = any(getattr(sensors, name).noise for name in names[:3])
+    noisy |= outputs > 2 * m and any(one.noise for one in entry_channels(lanes[0].model))
     error = np.zeros((readings if noisy else 1, outputs, LANES))
     for k, lane in enumerate(lanes):
         if k > 0 and lane is lanes[k - 1]:  # it only fills up
             error[:, :, k] = error[:, :, k - 1]
             continue
-        each = [getattr(lane.trial.sensors, name) for name in channels]
+        each = [getattr(lane.trial.sensors, name) for name in names]
         drawn = [w if channel.noise else 0 for w, channel in zip(widths, each, strict=True)]
         noise = np.zeros((0, 0))
         if noisy:
@@ -134,4 +173,7 @@ def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
                     own = noise[:, column : column + read]
                     error[:, at : at + read, k] += channel.noise * own
             at, column = at + width, column + count
+        for one in entry_channels(lane.model) if outputs > 2 * m else ():
+            own = error[:, 2 * m :, k][:, one.where]
+            own[:] = one.errors(lane.trial.seed, len(error))[:, : own.shape[1]]
     return error.reshape(len(error), outputs * LANES)

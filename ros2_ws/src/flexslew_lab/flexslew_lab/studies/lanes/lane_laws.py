@@ -5,34 +5,50 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexslew_control.allocation import sharing
 from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 
 class Beside(NamedTuple):
-    """The laws of a group, and their observers: one for all lanes, or one for each."""
+    """The laws of a group, and what they know: one for all lanes, or one for each."""
 
     laws: list[LawForm]
     observers: list[Any]
+    allocation: Any  # sharing.AllocationNumbers of all; None: there is none
 
 
 def kind_of(form: LinearForm) -> Hashable:
     """Return what is equal for laws that may fly beside each other."""
     if not isinstance(form.observer, LinearObserver):
         return id(form)  # what a filter computes by tick is that of all lanes
-    law = form.law
+    law, shared = form.law, form.shared
     shapes = tuple(np.shape(part) for part in (*law, *form.observer))
     integrand = law.integrand.tobytes() if law.integral else b""
-    return shapes, law.integral, law.unwinding, law.limit.tobytes(), integrand
+    follows = () if shared is None else (shared.position.tobytes(), shared.velocity.tobytes())
+    kind = shared and sharing.kind_of(shared.allocation)
+    return shapes, law.integral, law.unwinding, law.limit.tobytes(), integrand, follows, kind
+
+
+def outputs_of(form: LinearForm, joints: int) -> int:
+    """Return how many readings a law needs: joints, their rates, the first of the tips."""
+    if form.shared is None:
+        return int(form.law.from_output.shape[-1])
+    drives = form.shared.allocation.drives
+    tips = np.concatenate((drives.speeds, drives.angles))
+    return 2 * joints + (int(tips.max()) + 1 if tips.size else 0)
 
 
 def beside(forms: Sequence[LinearForm]) -> Beside:
     """Return the laws of a group; the last one fills up."""
     if all(form is forms[0] for form in forms):
-        return Beside([forms[0].law], [forms[0].observer])
-    lanes = [forms[min(k, len(forms) - 1)] for k in range(LANES)]
-    return Beside([form.law for form in lanes], [form.observer for form in lanes])
+        lanes = list(forms[:1])
+    else:
+        lanes = [forms[min(k, len(forms) - 1)] for k in range(LANES)]
+    shared = [form.shared.allocation for form in lanes if form.shared is not None]
+    allocation = sharing.side_by_side(shared) if shared else None
+    return Beside([form.law for form in lanes], [form.observer for form in lanes], allocation)
 
 
 def by_lane(parts: Sequence[Any], name: str, dimensions: int) -> Tensor:

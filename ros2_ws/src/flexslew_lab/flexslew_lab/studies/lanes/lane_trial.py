@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Hashable
+from dataclasses import replace
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -9,18 +10,17 @@ from flexslew_control.controllers import CONTROLLERS, LawEntry, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
+from flexslew_lab.studies.lanes.channels import entry_channels
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.hardware.actuator import IDEAL
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel, knows_frequency
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 from flexslew_plant.testbeds.model import Model
-
-_EXACT = ActuatorSettings()
 
 
 class LaneTrial(NamedTuple):
@@ -71,7 +71,8 @@ class LaneIntake:
         steps = max(1, ceil(fast / kernel.reach))
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
-        bench = (kernel.advance, steps, common.noisy, turned, tips)
+        told = tuple((one.where.start, bool(one.noise)) for one in entry_channels(model))
+        bench = (kernel.advance, steps, common.noisy, turned, tips, told)
         law, together = (common.law, *bench), (common.course, *bench)
         return LaneTrial(case, trial, common.asked, model, kernel, steps, law, together)
 
@@ -93,7 +94,9 @@ class LaneIntake:
         own = {key: value for key, value in own.items() if key not in gains}
         asked = plan_key(trial)
         shared = [law, asked, trial.duration, plain(trial.schedule), testbed.kind]
-        believes = not gains and not sets_every_key(own.get("model"), testbed)
+        # an allocation is of the craft that flies, whatever the law believes
+        knows = any(own.get(key) not in (None, False) for key in CONTROLLERS[law].of_testbed)
+        believes = knows or not (gains or sets_every_key(own.get("model"), testbed))
         belief = plain(testbed) if believes else None
         texts = (json.dumps(part, sort_keys=True) for part in (shared, [*shared, own, belief]))
         common = _Common(source, way, noisy, asked, *texts)
@@ -109,7 +112,7 @@ def way_of_settings(trial: Trial) -> Way:
     law, _ = law_of(trial.active, trial.controllers[trial.active] or {})
     obstacles = (
         (bool(trial.metrics), Way.METRICS),
-        (trial.actuator != _EXACT, Way.MOTORS),
+        (replace(trial.actuator, shortest_pulse=0.0) != IDEAL, Way.MOTORS),
         (any(channel.quantisation for channel in channels), Way.QUANTISED),
         (trial.allow_faults, Way.SCHEDULE),
         (any(entry.disturbance is None for entry in trial.schedule), Way.SCHEDULE),
@@ -123,11 +126,11 @@ def way_of_settings(trial: Trial) -> Way:
 def way_of_testbed(trial: Trial) -> Way:
     """Return LANES, or what of a trial's testbed only the bench knows."""
     model = trial.testbed.model()
-    errors = model.appendages.errors is not None
-    noisy = errors and any(channel.noise for channel in _read_channels(trial))
+    errors = model.appendages.errors
+    own = errors is not None and bool(errors.any())
+    noisy = own and any(channel.noise for channel in _read_channels(trial))
     obstacles = (
         (model.reading is not None and model.kernels.reading is None, Way.JOINTS),
-        (bool(model.one_way), Way.THRUSTERS),
         (model.outside is not None, Way.ORBIT),
         (model.efforts != model.joints, Way.EFFORTS),
         (noisy, Way.INSTRUMENTS),

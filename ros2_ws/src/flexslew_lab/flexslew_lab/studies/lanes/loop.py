@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.observers import LaneSignals, Observe, add_products
+from flexslew_lab.studies.lanes.efforts import LawNumbers, LawTerms, efforts_of
+from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.lanes.turned import about_reference
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
@@ -31,50 +32,40 @@ class Schedule(NamedTuple):
     disturbance: Matrix  # (ticks, joints)
 
 
-class Matrices(NamedTuple):
-    """The law's, by lane_laws.by_lane; see linear_form.LawForm."""
-
-    from_state: Tensor
-    from_output: Tensor
-    to_integral: Tensor
-    demand: Tensor
-    integrand: Tensor  # the same in all lanes
-
-
-class LawTerms(NamedTuple):
-    """Which of the law's products there are; a loop computes no others."""
-
-    own: bool  # each lane has a demand of its own
-    state: bool
-    output: bool
-    integral: bool
-
-    @classmethod
-    def of(cls, law: Matrices) -> "LawTerms":
-        """Return those of a law."""
-        products = (law.from_state, law.from_output, law.to_integral)
-        return cls(law.demand.shape[2] > 1, *(bool(product.any()) for product in products))
-
-
 Loop = Callable[..., None]
 
 
 @lru_cache
 def lane_loop(
-    kernel: LaneKernel, sizes: Sizes, terms: LawTerms, observe: Observe, recorded: bool, turns: bool
+    kernel: LaneKernel,
+    sizes: Sizes,
+    stands: tuple[int, ...],
+    terms: LawTerms,
+    observe: Observe,
+    recorded: bool,
+    turns: bool,
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, Matrices, integral, unwinding, error, turned, observer, z,
-    memory, filled, first, last, record): w of lanes.Advance with the rows of `rows` behind; `error`
-    of the readings, (ticks + 1 or 1, outputs LANES); TurnedJoints, if `turns`; w, z and memory in
-    and out; `observer` as `observe` wants it, which is asked for the first `filled` lanes at least;
-    ticks from `first` to before `last`. If `recorded`, the truth goes into `record`, (LANES, ticks,
+    It takes (w, dt, steps, Schedule, LawNumbers, error, turned, observer, z, memory, filled, first,
+    last, record): w of lanes.Advance with the rows of `rows` behind; `error` of the readings,
+    (ticks + 1 or 1, outputs LANES); TurnedJoints, if `turns`; w, z and memory in and out;
+    `observer` as `observe` wants it, which is asked for the first `filled` lanes at least; ticks
+    from `first` to before `last`. If `recorded`, the truth goes into `record`, (LANES, ticks,
     states + joints), and is measured afterwards; else the loop counts what the metrics need.
+
+    Args:
+        kernel: of the testbed.
+        sizes: of the group.
+        stands: entry of the state that each tip's channel reads; -1: it is moved by modes.
+        terms: of the law.
+        observe: of the law.
+        recorded: whether the truth is.
+        turns: whether the joints read an attitude.
     """
     m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
     rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
-    advance, law = kernel.advance, _effort(of_kernel.effort, rows, sizes, terms)
+    advance, efforts = kernel.advance, efforts_of(of_kernel.effort, rows, sizes, terms)
     metrics = (
         _recorded(of_kernel.effort, rows, sizes) if recorded else _measure(of_kernel, rows, sizes)
     )
@@ -82,6 +73,7 @@ def lane_loop(
     reading, earlier, effort = rows.reading, rows.earlier, rows.applied
     tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
     about = about_reference(m, rows.reading, turns)
+    entries = (*stands, -1)  # Numba takes none from an empty tuple
 
     @vectorised
     def read(k: int, error: Matrix, w: Vector) -> None:
@@ -95,8 +87,10 @@ def lane_loop(
             w[reading + m * LANES + i] = w[velocity + i] + error[row, m * LANES + i]
         for i in range(2 * m, ny):
             for lane in range(LANES):
-                at = error[row, i * LANES + lane]
-                for j in range(modes):
+                at, entry = error[row, i * LANES + lane], entries[i - 2 * m]
+                if entry >= 0:
+                    at += w[entry * LANES + lane]
+                for j in range(modes if entry < 0 else 0):
                     share = ((i - 2 * m) * modes + j) * LANES + lane
                     at += w[tip + share] * w[mode + j * LANES + lane]
                     at += w[tip_rate + share] * w[mode_rate + j * LANES + lane]
@@ -108,9 +102,7 @@ def lane_loop(
         dt: float,
         steps: int,
         schedule: Any,
-        matrices: Any,
-        integral: bool,
-        unwinding: float,
+        law: LawNumbers,
         error: Matrix,
         turned: Any,
         observer: Any,
@@ -135,70 +127,10 @@ def lane_loop(
             read(k, error, w)
             about(w, turned, schedule.position[k], filled)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
-            law(k, dt, schedule, matrices, integral, unwinding, z, w)
+            efforts(k, schedule.time[k], dt, schedule, law, turned, z, w, filled)
             advance(k * dt, dt, steps, filled, w)
 
     return cast(Loop, loop)
-
-
-def _effort(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
-    """Return what writes the efforts of a tick and takes the integral to the next one.
-
-    Args:
-        total: where the efforts stand that the kernel holds.
-        rows: of the group.
-        sizes: of the group.
-        terms: of the law.
-    """
-    m = sizes.joints
-    own, from_state, from_output, to_integral = terms
-    effort, reading, integral_sum = rows.applied, rows.reading, rows.integral
-    kp, ki, kd, limit, law_limit = rows.kp, rows.ki, rows.kd, rows.limit, rows.law_limit
-
-    @vectorised
-    def law(
-        k: int,
-        dt: float,
-        schedule: Any,
-        matrices: Any,
-        integral: bool,
-        unwinding: float,
-        z: Vector,
-        w: Vector,
-    ) -> None:
-        demand_of = matrices.demand
-        for i in range(m):
-            row = i * LANES
-            base, requested = demand_of[k, i, 0], schedule.position[k, i]
-            turning, pushed = schedule.velocity[k, i], schedule.disturbance[k, i]
-            for lane in range(LANES):
-                at = row + lane
-                w[effort + at] = (
-                    (demand_of[k, i, lane] if own else base)
-                    + w[kp + at] * (requested - w[reading + at])
-                    + w[kd + at] * (turning - w[reading + m * LANES + at])
-                )
-            if from_state:
-                add_products(matrices.from_state, k, i, z, 0, 1.0, w, effort + row)
-            if from_output:
-                add_products(matrices.from_output, k, i, w, reading, 1.0, w, effort + row)
-            if integral:
-                rate = matrices.integrand[k, i, 0]
-                for at in range(row, row + LANES):
-                    demand = w[effort + at] + w[integral_sum + at]
-                    given = min(max(demand, -w[law_limit + at]), w[law_limit + at])
-                    back = unwinding * (given - demand)
-                    error = requested - w[reading + at]
-                    w[effort + at] = given
-                    w[integral_sum + at] += dt * (rate + w[ki + at] * error + back)
-                if to_integral:
-                    add_products(matrices.to_integral, k, i, z, 0, dt, w, integral_sum + row)
-            for at in range(row, row + LANES):
-                applied = min(max(w[effort + at], -w[limit + at]), w[limit + at])
-                w[effort + at] = applied
-                w[total + at] = applied + pushed
-
-    return cast(Callable[..., None], law)
 
 
 def _recorded(states: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:

@@ -17,6 +17,10 @@ class Sizes(NamedTuple):
     states: int  # z of linear_form
     outputs: int  # that the law reads: joints, rates, the first of the tips
     appendages: int
+    axes: int  # that the law has efforts for: joints, or body axes
+    quadratic: bool  # the law has products of rates
+    shared: bool  # its torque is shared out among the joints' drives
+    pulsed: bool  # drives are on or off
 
 
 class Rows(NamedTuple):
@@ -25,6 +29,10 @@ class Rows(NamedTuple):
     applied: int  # effort of the drives
     reading: int  # of this tick
     earlier: int  # reading of the one before
+    seen: int  # what a law on body axes takes for its joints, then rates
+    demand: int  # torque that it asks for
+    products: int  # of rates
+    owed: int  # impulse that drives owe which are on or off
     integral: int
     kp: int
     ki: int
@@ -33,8 +41,10 @@ class Rows(NamedTuple):
     goal: int
     sign: int  # of the displacement
     band: int  # of settling
-    limit: int  # of the drives
     law_limit: int  # of the law itself
+    limit: int  # of the drives
+    least: int  # effort of the drives
+    pulse: int  # impulse of their shortest pulse
     residual_tip: int  # from here on: what the metrics count
     peak_tip: int
     residual: int
@@ -50,6 +60,9 @@ class Rows(NamedTuple):
 
 def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     """Return where everything begins in the array of such a group."""
-    m, read, tip = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes
-    counts = (m, read, read, m, m, m, m, tip, m, m, m, m, m, 1, 1, m, m, m, 1, m, m, 1, tip)
+    m, read, tip, n = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes, sizes.axes
+    seen, products = n * sizes.shared, n * n * sizes.quadratic
+    law = (m, read, read, 2 * seen, seen, products, m, n, n, n, n)  # to kd
+    drives = (tip, m, m, m, n, m, m, m)  # to pulse
+    counts = (*law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))

@@ -1,0 +1,210 @@
+"""From what the laws of all lanes know to the efforts of their drives, as machine code.
+
+The law and the drives are loops over lanes that become vector instructions. The torque of a law on
+body axes is shared out among drives lane after lane, by the function of the bench.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from flexslew_control.allocation.sharing import share
+from flexslew_lab.studies.lanes.observers import add_products
+from flexslew_lab.studies.lanes.rows import Rows, Sizes
+from flexslew_lab.studies.lanes.turned import TurnedJoints
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
+from flexslew_plant.testbeds.compiled.lanes import LANES
+
+
+class LawNumbers(NamedTuple):
+    """The law of every lane; tensors by lane_laws.by_lane. See linear_form.LawForm."""
+
+    position: Matrix  # that it follows, (ticks, axes)
+    velocity: Matrix
+    from_state: Tensor
+    from_output: Tensor
+    to_integral: Tensor
+    quadratic: Tensor
+    demand: Tensor
+    integrand: Tensor  # the same in all lanes
+    integral: bool
+    unwinding: float
+    allocation: Any  # sharing.AllocationNumbers; None: its efforts are those of the joints
+
+
+class LawTerms(NamedTuple):
+    """Which of the law's products there are; a loop computes no others."""
+
+    own: bool  # each lane has a demand of its own
+    state: bool
+    output: bool
+    integral: bool
+
+    @classmethod
+    def of(cls, law: LawNumbers) -> "LawTerms":
+        """Return those of a law."""
+        products = (law.from_state, law.from_output, law.to_integral)
+        return cls(law.demand.shape[2] > 1, *(bool(product.any()) for product in products))
+
+
+def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
+    """Return what writes the efforts of a tick and takes the integral to the next one.
+
+    It takes (k, t, dt, schedule, LawNumbers, TurnedJoints, z, w, first lanes to be asked for).
+
+    Args:
+        total: where the efforts stand that the kernel holds.
+        rows: of the group.
+        sizes: of the group.
+        terms: of the law.
+    """
+    m, n, shared, quadratic = sizes.joints, sizes.axes, sizes.shared, sizes.quadratic
+    own, from_state, from_output, _ = terms
+    reading, products, kp, kd = rows.reading, rows.products, rows.kp, rows.kd
+    seen, effort = (rows.seen, rows.demand) if shared else (reading, rows.applied)
+    see, give, drive = _see(rows, sizes), _give(rows, sizes), _drive(total, rows, sizes)
+    multiply, integrate = _multiply(seen, rows, sizes), _integrate(seen, effort, rows, terms)
+
+    @vectorised
+    def efforts(
+        k: int,
+        t: float,
+        dt: float,
+        schedule: Any,
+        law: LawNumbers,
+        turned: TurnedJoints,
+        z: Vector,
+        w: Vector,
+        filled: int,
+    ) -> None:
+        see(turned, w)
+        multiply(w)
+        demand_of = law.demand
+        for i in range(n):
+            row = i * LANES
+            base, requested, turning = demand_of[k, i, 0], law.position[k, i], law.velocity[k, i]
+            for lane in range(LANES):
+                at = row + lane
+                w[effort + at] = (
+                    (demand_of[k, i, lane] if own else base)
+                    + w[kp + at] * (requested - w[seen + at])
+                    + w[kd + at] * (turning - w[seen + n * LANES + at])
+                )
+            if from_state:
+                add_products(law.from_state, k, i, z, 0, 1.0, w, effort + row)
+            if from_output:
+                add_products(law.from_output, k, i, w, reading, 1.0, w, effort + row)
+            if quadratic:
+                add_products(law.quadratic, 0, i, w, products, 1.0, w, effort + row)
+            if law.integral:
+                integrate(k, i, dt, law, z, w)
+            if not shared:
+                drive(i, dt, schedule.disturbance[k, i], w)
+        if shared:
+            give(t, law.allocation, w, filled)
+            for i in range(m):
+                drive(i, dt, schedule.disturbance[k, i], w)
+
+    return cast(Callable[..., None], efforts)
+
+
+def _multiply(seen: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what writes the products of the rates that a law sees, two by two."""
+    n, products = sizes.axes * sizes.quadratic, rows.products
+    rates = seen + sizes.axes * LANES
+
+    @vectorised
+    def multiply(w: Vector) -> None:
+        for i in range(n):
+            for j in range(n):
+                for lane in range(LANES):
+                    both = w[rates + i * LANES + lane] * w[rates + j * LANES + lane]
+                    w[products + (i * n + j) * LANES + lane] = both
+
+    return cast(Callable[..., None], multiply)
+
+
+def _integrate(seen: int, effort: int, rows: Rows, terms: LawTerms) -> Callable[..., None]:
+    """Return what adds the integral of an axis, within the limit, and takes it a tick on."""
+    total, ki, limit, to_integral = rows.integral, rows.ki, rows.law_limit, terms.integral
+
+    @vectorised
+    def integrate(k: int, i: int, dt: float, law: LawNumbers, z: Vector, w: Vector) -> None:
+        row, rate, requested = i * LANES, law.integrand[k, i, 0], law.position[k, i]
+        for at in range(row, row + LANES):
+            demand = w[effort + at] + w[total + at]
+            given = min(max(demand, -w[limit + at]), w[limit + at])
+            back = law.unwinding * (given - demand)
+            error = requested - w[seen + at]
+            w[effort + at] = given
+            w[total + at] += dt * (rate + w[ki + at] * error + back)
+        if to_integral:
+            add_products(law.to_integral, k, i, z, 0, dt, w, total + row)
+
+    return cast(Callable[..., None], integrate)
+
+
+def _see(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what writes the turn and the body rates that the joints tell; see AllocatedLaw."""
+    m, shared, seen, reading = sizes.joints, sizes.shared, rows.seen, rows.reading
+
+    @vectorised
+    def see(turned: TurnedJoints, w: Vector) -> None:
+        if not shared:  # known to the compiler
+            return
+        for i in range(6):
+            row = seen + i * LANES
+            for lane in range(LANES):
+                w[row + lane] = 0.0
+            for j in range(m):
+                weight, read = turned.inverse[i % 3, j], reading + (i // 3 * m + j) * LANES
+                for lane in range(LANES):
+                    w[row + lane] += weight * w[read + lane]
+
+    return cast(Callable[..., None], see)
+
+
+def _give(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what shares the torques of the first lanes out; see allocation.Allocator."""
+    m, tips = sizes.joints, sizes.outputs - 2 * sizes.joints
+    demand, effort, reading = rows.demand, rows.applied, rows.reading + 2 * m * LANES
+
+    def nothing(t: float, allocation: Any, w: Vector, filled: int) -> None:
+        pass
+
+    def give(t: float, allocation: Any, w: Vector, filled: int) -> None:
+        torque, readings, out = np.empty(3), np.empty(tips), np.empty(m)
+        for lane in range(filled):
+            for i in range(3):
+                torque[i] = w[demand + i * LANES + lane]
+            for i in range(tips):
+                readings[i] = w[reading + i * LANES + lane]
+            one = lane if allocation.torque.shape[0] > 1 else 0
+            share(allocation, one, torque, readings, t, out)
+            for i in range(m):
+                w[effort + i * LANES + lane] = out[i]
+
+    return compiled(give if sizes.shared else nothing)
+
+
+def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what a drive makes of a demand; see Actuator and Thrusters."""
+    effort, limit, least = rows.applied, rows.limit, rows.least
+    pulsed, pulse, owed = sizes.pulsed, rows.pulse, rows.owed
+
+    @vectorised
+    def drive(i: int, dt: float, disturbance: float, w: Vector) -> None:
+        for at in range(i * LANES, (i + 1) * LANES):
+            applied = min(max(w[effort + at], w[least + at]), w[limit + at])
+            if pulsed:
+                asked, most = applied * dt + w[owed + at], w[limit + at] * dt
+                impulse = min(max(asked, -most), most)
+                impulse = 0.0 if abs(impulse) < w[pulse + at] else impulse
+                still = min(max(asked - impulse, -w[pulse + at]), w[pulse + at])
+                w[owed + at] = still if w[pulse + at] > 0.0 else 0.0
+                applied = impulse / dt if w[pulse + at] > 0.0 else applied
+            w[effort + at] = applied
+            w[total + at] = applied + disturbance
+
+    return cast(Callable[..., None], drive)

@@ -1,0 +1,114 @@
+"""Torques shared out among thrusters, wheels and gyros fly in lanes as on the bench."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_lab.studies.run import prepare
+from flexslew_lab.studies.study import Study
+from tests.lab.studies.lanes.test_fleet import require_equal
+
+AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
+TILTED = {  # four axes in a pyramid about z
+    "one": [0.8165, 0.0, 0.5774],
+    "two": [0.0, 0.8165, 0.5774],
+    "three": [-0.8165, 0.0, 0.5774],
+    "four": [0.0, -0.8165, 0.5774],
+}
+ROTORS = ([0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0])
+
+
+def thrusters() -> dict[str, Any]:
+    """Return pairs that turn the craft about each axis, either way, without a push."""
+    found: dict[str, Any] = {}
+    for (axis, where), turn, end in product(AXES.items(), (1.0, -1.0), (1.0, -1.0)):
+        along = np.cross(np.roll(where, 1), where)  # a lever across the axis, and the push
+        push = turn * end * np.cross(where, np.roll(where, 1))
+        found[f"jet_{axis}_{turn:+.0f}_{end:+.0f}"] = {
+            "kind": "thruster",
+            "place": (end * np.roll(where, 1)).tolist(),
+            "direction": (push if along.any() else push).tolist(),
+            "limit": 2.0,
+        }
+    return found
+
+
+CRAFT: dict[str, Any] = {
+    "kind": "spacecraft",
+    "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 35.0, "zz": 30.0, "xy": 1.0}},
+    "appendages": {
+        "boom": {
+            "hinge": {"place": [0.0, 0.5, 0.1]},
+            "shape": {
+                "kind": "beam",
+                "length": 6.0,
+                "linear_density": 0.4,
+                "bending_stiffness": 300.0,
+                "modes": 1,
+            },
+            "damping": {"ratio": 0.02},
+        }
+    },
+    "actuators": thrusters(),
+    "wheels": {
+        f"wheel_{name}": {"axis": axis, "inertia": 0.05, "limit": 2.0, "momentum_limit": 20.0}
+        for name, axis in TILTED.items()
+    },
+    "control_moment_gyros": {
+        f"gyro_{name}": {"axis": axis, "rotor": rotor, "momentum": 5.0, "rate_limit": 1.0}
+        for (name, axis), rotor in zip(TILTED.items(), ROTORS, strict=True)
+    },
+    "sensors": {
+        "speeds": {"kind": "tachometer", "noise": 0.1},
+        "angles": {"kind": "resolver"},
+    },
+}
+PULSES = {name: 0.02 for name in CRAFT["actuators"]}
+WHEELS = {"kind": "wheels", "null_motion": 0.1, "bias_speed": [30.0, -30.0, 30.0, -30.0]}
+FLOWN: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
+    "thrusters": ("pd_feedforward", {"kind": "thrusters"}, {}),
+    "pulses": ("collocated_pid", {"kind": "thrusters"}, {"shortest_pulse": PULSES}),
+    "wheels": ("collocated_pid", WHEELS, {}),
+    "unloaded wheels": ("pd_feedforward", WHEELS | {"unloading": 0.05}, {}),
+    "gyros": ("pd_feedforward", {"kind": "control_moment_gyros", "null_motion": 0.05}, {}),
+}
+
+
+@pytest.mark.parametrize("drives", FLOWN)
+def test_a_torque_that_is_shared_out_flies_in_lanes_as_on_the_bench(
+    study_of: Callable[..., Study], drives: str
+) -> None:
+    law, allocation, actuator = FLOWN[drives]
+    goal = {"axis": [1.0, -0.6, 0.4], "angle": 0.4}
+    gains = {"kp": [20.0], "kd": [60.0]} | ({"ki": [1.0]} if law == "collocated_pid" else {})
+    trial = {
+        "duration": 4.0,
+        "period": 0.05,
+        "testbed": deepcopy(CRAFT),
+        "plan": {"method": "reference_only", "goal": goal, "duration": 3.0},
+        "controllers": {law: gains | {"allocation": allocation, "gyroscopic": True}},
+        "active": law,
+        "actuator": actuator,
+        "schedule": [{"at": 1.0, "until": 1.5, "disturbance": {"wheel_two": 0.1}}],
+        "sensors": {"joint_velocity": {"noise": 1e-5}},
+    }
+    vary = {
+        f"controllers.{law}.kp": {"relative": {"uniform": [-0.2, 0.2]}},
+        "testbed.platform.mass": {"uniform": [140.0, 160.0]},  # each law knows its own craft
+    }
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    require_equal(ready, [0, 1, 3])
+
+
+def test_each_lane_has_the_limits_of_its_own_drives(study_of: Callable[..., Study]) -> None:
+    trial = {
+        "duration": 4.0,
+        "plan": {"method": "none", "goal": {"base_yaw": 0.3, "hub_pitch": 0.2}, "duration": 2.0},
+    }
+    limit = {"testbed.effort_limit.0": {"uniform": [5.0, 60.0]}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=limit))
+    require_equal(ready, [0, 1, 2, 3])
