@@ -8,13 +8,12 @@ Arapostathis 1989 feed the quaternion of the rotation between them back.
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_plant.arrays import Indices, Matrix, Vector, compiled_once
-from flexslew_plant.testbeds.quaternions import multiplied, of_turn, turn_of
+from flexslew_plant.arrays import Indices, Matrix, Vector, called, compiled_once
+from flexslew_plant.testbeds.quaternions import Turn, multiplied, of_turn, turn_of, way
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of x, y, z in a cross product
 _BACK = np.array([-1.0, -1.0, -1.0, 1.0])  # what turns a quaternion x y z w round
@@ -130,15 +129,47 @@ def _write_turns_between(measured: Matrix, goal: Matrix, between: Matrix) -> Non
 def _write_errors(axes: Matrix, start: Matrix, end: Matrix, left: Matrix) -> None:
     """Write the errors of joints that read a turn over their differences, row by row."""
     for k in range(len(start)):
-        ax, ay, az = start[k, 0], start[k, 1], start[k, 2]
-        bx, by, bz = end[k, 0], end[k, 1], end[k, 2]
-        about_one = ay * bz == az * by and az * bx == ax * bz and ax * by == ay * bx
-        if about_one and sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2) <= pi:
+        a, b = (start[k, 0], start[k, 1], start[k, 2]), (end[k, 0], end[k, 1], end[k, 2])
+        plain, (x, y, z) = way(a, b)
+        if plain:
             continue
-        x, y, z = turn_of(multiplied(of_turn(-ax, -ay, -az), of_turn(bx, by, bz)))
         for j in range(len(axes)):
             if axes[j, 0] != 0.0 or axes[j, 1] != 0.0 or axes[j, 2] != 0.0:
                 left[k, j] = axes[j, 0] * x + axes[j, 1] * y + axes[j, 2] * z
+
+
+@called
+def joint_turn(inverse: Matrix, position: Vector) -> Turn:
+    """Return the rotation vector that joints read, in compiled code [rad].
+
+    Args:
+        inverse: from their positions to it, shape (3, joints).
+        position: of the joints, shape (joints,).
+    """
+    x, y, z = 0.0, 0.0, 0.0
+    for j in range(position.size):
+        x += inverse[0, j] * position[j]
+        y += inverse[1, j] * position[j]
+        z += inverse[2, j] * position[j]
+    return x, y, z
+
+
+@called
+def move_about(axes: Matrix, inverse: Matrix, reference: Vector, position: Vector) -> None:
+    """Replace positions by AttitudeJoints.about, in compiled code.
+
+    Args:
+        axes: of the joints, shape (joints, 3).
+        inverse: see joint_turn.
+        reference: where they shall be, shape (joints,).
+        position: measured, in and out, shape (joints,).
+    """
+    plain, (x, y, z) = way(joint_turn(inverse, position), joint_turn(inverse, reference))
+    if plain:
+        return
+    for j in range(len(axes)):
+        if axes[j, 0] != 0.0 or axes[j, 1] != 0.0 or axes[j, 2] != 0.0:
+            position[j] = reference[j] - (axes[j, 0] * x + axes[j, 1] * y + axes[j, 2] * z)
 
 
 def _rows(vectors: Vector) -> Matrix:

@@ -1,6 +1,6 @@
 """Unit quaternions x y z w, number by number: what compiled code and `attitude` compute with."""
 
-from math import atan2, cos, sin, sqrt
+from math import atan2, cos, pi, sin, sqrt
 from typing import TypeAlias
 
 from flexslew_plant.arrays import called
@@ -36,3 +36,30 @@ def multiplied(a: Quaternion, b: Quaternion) -> Quaternion:
         a[3] * b[2] + b[3] * a[2] + a[0] * b[1] - a[1] * b[0],
         a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
     )
+
+
+@called
+def along_turned(q: Quaternion, x: float, y: float, z: float) -> Turn:
+    """Return a vector given along inertial axes, along those that q has turned."""
+    a, b, c, w = q
+    own, along = w * w - a * a - b * b - c * c, a * x + b * y + c * z
+    return (
+        own * x + 2.0 * (along * a - w * (b * z - c * y)),
+        own * y + 2.0 * (along * b - w * (c * x - a * z)),
+        own * z + 2.0 * (along * c - w * (a * y - b * x)),
+    )
+
+
+@called
+def way(a: Turn, b: Turn) -> tuple[bool, Turn]:
+    """Return whether b - a is the way from one rotation vector to another, and the way [rad].
+
+    It is where both are about one axis and the way is no longer than half a turn; else the way is
+    the rotation between them.
+    """
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    about_one = a[1] * b[2] == a[2] * b[1] and a[2] * b[0] == a[0] * b[2]
+    about_one = about_one and a[0] * b[1] == a[1] * b[0]
+    if about_one and sqrt(x**2 + y**2 + z**2) <= pi:
+        return True, (x, y, z)
+    return False, turn_of(multiplied(of_turn(-a[0], -a[1], -a[2]), of_turn(b[0], b[1], b[2])))

@@ -6,15 +6,14 @@ same functions.
 
 from collections.abc import Callable
 from functools import lru_cache
-from math import pi, sqrt
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.attitude import AttitudeJoints, joint_turn
 from flexslew_plant.testbeds.compiled.lanes import LANES
-from flexslew_plant.testbeds.quaternions import multiplied, of_turn, turn_of
+from flexslew_plant.testbeds.quaternions import way
 
 
 class TurnedJoints(NamedTuple):
@@ -56,12 +55,7 @@ def about_reference(joints: int, reading: int, turns: bool) -> Callable[..., Non
     @compiled
     def about(w: Vector, turned: TurnedJoints, reference: Vector, filled: int) -> None:
         axes, inverse = turned.axes, turned.inverse
-        bx, by, bz = 0.0, 0.0, 0.0
-        for i in range(joints):
-            bx += inverse[0, i] * reference[i]
-            by += inverse[1, i] * reference[i]
-            bz += inverse[2, i] * reference[i]
-        goal = of_turn(bx, by, bz)
+        goal = joint_turn(inverse, reference)
         for lane in range(filled):
             ax, ay, az = 0.0, 0.0, 0.0
             for i in range(joints):
@@ -69,10 +63,9 @@ def about_reference(joints: int, reading: int, turns: bool) -> Callable[..., Non
                 ax += inverse[0, i] * measured
                 ay += inverse[1, i] * measured
                 az += inverse[2, i] * measured
-            about_one = ay * bz == az * by and az * bx == ax * bz and ax * by == ay * bx
-            if about_one and sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2) <= pi:
+            plain, (x, y, z) = way((ax, ay, az), goal)
+            if plain:
                 continue
-            x, y, z = turn_of(multiplied(of_turn(-ax, -ay, -az), goal))
             for i in range(joints):
                 if axes[i, 0] != 0.0 or axes[i, 1] != 0.0 or axes[i, 2] != 0.0:
                     error = axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z
