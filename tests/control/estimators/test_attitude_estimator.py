@@ -28,7 +28,8 @@ from flexslew_plant.testbeds.instruments import (
     SunSensor,
     SunSensorSettings,
 )
-from flexslew_plant.testbeds.instruments.instrument import Instrument
+from flexslew_plant.testbeds.instruments.gyro import BIAS
+from flexslew_plant.testbeds.instruments.instrument import Instrument, TickReader
 
 PERIOD, SEEDS, TICKS = 0.1, 80, 45
 GYRO: dict[str, Any] = {
@@ -82,7 +83,7 @@ def sensed(
     path, rates = truth(rate, seed, ticks)
     sensors: list[Instrument] = [gyro, star, *suns]
     readers = [
-        (one, one.begin(PERIOD, np.random.default_rng([seed, one.first]))) for one in sensors
+        (one, TickReader(one, PERIOD, np.random.default_rng([seed, one.first]))) for one in sensors
     ]
     reader: Any = readers[0][1]
     it = AttitudeEstimator(
@@ -102,7 +103,7 @@ def sensed(
         believed = Rotation.from_rotvec(JOINTS.T @ found.position)
         bias = tip[:3] - JOINTS.T @ found.velocity
         off = rotation_vector((believed.inv() * path[k]).as_quat())
-        error = np.concatenate((off, reader.bias - bias))
+        error = np.concatenate((off, reader.memory[BIAS] - bias))
         rows.append((error, found.covariance, found.innovation, found.nis))
     return Sensed(*map(np.array, zip(*rows, strict=True)))
 

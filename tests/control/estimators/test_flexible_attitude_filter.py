@@ -22,6 +22,8 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.attitude import conjugate, product, quaternion, rotation_vector
 from flexslew_plant.testbeds.instruments import Gyro, GyroSettings, MovingBody
+from flexslew_plant.testbeds.instruments.gyro import BIAS as OWN_BIAS
+from flexslew_plant.testbeds.instruments.instrument import TickReader
 
 PERIOD, SEEDS, TICKS = 0.1, 40, 60
 NOISE = GyroNoise(white=2e-4, walk=3e-6)
@@ -52,7 +54,7 @@ def flown(it: FlexibleFilter, chosen: Any, seed: int, slew: bool) -> Known:
     settings = GyroSettings(
         kind="gyro", angle_random_walk=NOISE.white, rate_random_walk=NOISE.walk, bias_spread=BIAS
     )
-    reader = Gyro("gyro", 0, settings).begin(PERIOD, rng)
+    reader = TickReader(Gyro("gyro", 0, settings), PERIOD, rng)
     own = it.platform.small.linear
     bent = SETTINGS.initial * rng.standard_normal((2, n - m))
     bent[1] *= np.sqrt(np.diag(own.stiffness) / np.diag(own.mass))[m:]
@@ -91,7 +93,7 @@ def flown(it: FlexibleFilter, chosen: Any, seed: int, slew: bool) -> Known:
             q, v = model.split(x)
             error = np.concatenate((
                 it.joints.axes @ turn, elastic @ (q[q.size - model.modes :] - belief.modes),
-                to_coordinates @ (v - belief.rates), reader.bias - belief.bias,
+                to_coordinates @ (v - belief.rates), reader.memory[OWN_BIAS] - belief.bias,
             ))  # fmt: skip
             nees = float(error @ np.linalg.solve(belief.covariance, error))
         rows.append((nees, nis, read, np.linalg.norm(turn), np.linalg.norm(off)))

@@ -21,6 +21,7 @@ from flexslew_plant.testbeds.instruments import (
     SunSensor,
     SunSensorSettings,
 )
+from flexslew_plant.testbeds.instruments.instrument import TickReader
 
 PERIOD = 0.05
 RATE = np.array([0.03, -0.05, 0.02])  # [rad/s]
@@ -52,7 +53,7 @@ def turning(ticks: int, rate: Vector = RATE) -> tuple[Matrix, Matrix]:
 
 def read(instrument: Instrument, attitudes: Matrix, rates: Matrix, seed: int | None = 1) -> Matrix:
     """Return its readings tick by tick."""
-    reader = instrument.begin(PERIOD, None if seed is None else np.random.default_rng(seed))
+    reader = TickReader(instrument, PERIOD, None if seed is None else np.random.default_rng(seed))
     return np.array([reader(MovingBody(q, w)) for q, w in zip(attitudes, rates, strict=True)])
 
 

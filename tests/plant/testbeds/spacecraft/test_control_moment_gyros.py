@@ -12,6 +12,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import initial_state, read_testbed
 from flexslew_plant.testbeds.instruments import ResolverSettings
+from flexslew_plant.testbeds.instruments.instrument import TickReader
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 INERTIA = np.array([10.0, 14.0, 18.0])
@@ -108,7 +109,7 @@ def test_a_resolver_reads_every_gimbal() -> None:
     (instrument,) = model.appendages.instruments
     body = present(model.appendages.body)(x)
     np.testing.assert_array_equal(instrument.exact(body), model.split(x)[1][6:])
-    noisy = instrument.begin(0.1, np.random.default_rng(1))
+    noisy = TickReader(instrument, 0.1, np.random.default_rng(1))
     off = np.array([noisy(body) for _ in range(2000)]) - instrument.exact(body)
     assert off.std(axis=0) == pytest.approx(0.01, rel=0.1)
 

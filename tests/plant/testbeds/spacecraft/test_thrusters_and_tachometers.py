@@ -13,6 +13,7 @@ from flexslew_plant.hardware.actuator import Actuator, ActuatorSettings
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.instruments import TachometerSettings
+from flexslew_plant.testbeds.instruments.instrument import TickReader
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 BOX = {"mass": 50.0, "inertia": {"xx": 10.0, "yy": 14.0, "zz": 18.0}}
@@ -107,10 +108,10 @@ def test_a_tachometer_reads_the_speed_of_every_wheel() -> None:
     (instrument,) = model.appendages.instruments
     body = present(model.appendages.body)(x)
     np.testing.assert_array_equal(instrument.exact(body), model.split(x)[1][6:11])
-    noisy = instrument.begin(0.1, np.random.default_rng(1))
+    noisy = TickReader(instrument, 0.1, np.random.default_rng(1))
     off = np.array([noisy(body) for _ in range(2000)]) - instrument.exact(body)
     assert off.std(axis=0) == pytest.approx(0.1, rel=0.1)
-    assert instrument.begin(0.1, None)(body) is not None
+    assert TickReader(instrument, 0.1, None)(body) is not None
 
 
 @pytest.mark.parametrize(

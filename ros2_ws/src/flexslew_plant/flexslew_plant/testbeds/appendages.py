@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.instruments import Instrument, MovingBody
-from flexslew_plant.testbeds.instruments.instrument import channels
+from flexslew_plant.testbeds.instruments.instrument import TickReader, channels
 
 # from a state and the readings of the tips to those with the instruments'; once a tick, in order
 Instruments: TypeAlias = Callable[[Vector, Vector], Vector]
@@ -50,7 +50,7 @@ class Appendages(NamedTuple):
         readers = []
         for instrument in self.instruments:
             rng = None if seed is None else np.random.default_rng([*seed, 1 + instrument.first])
-            readers.append((channels(instrument), instrument.begin(period, rng)))
+            readers.append((channels(instrument), TickReader(instrument, period, rng)))
 
         def read(x: Vector, tip: Vector) -> Vector:
             body, tip = platform(x), tip.copy()

@@ -4,23 +4,20 @@ Farrenkopf 1978; the discrete form is that of Crassidis and Junkins, Optimal Est
 Systems, 2nd ed., section 7.2.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
 
-from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds.attitude import (
-    conjugate,
-    product,
-    quaternion,
-    rotation_vector,
-    to_body,
-)
-from flexslew_plant.testbeds.instruments.instrument import MovingBody
+from flexslew_plant.testbeds.attitude import quaternion, to_body
+from flexslew_plant.testbeds.instruments.instrument import CompiledReader, MovingBody
+from flexslew_plant.testbeds.quaternions import multiplied, turn_of
 
 Triple = tuple[float, float, float]
+
+BIAS = slice(4, 7)  # of the gyro at this tick, in what its reader remembers [rad/s]
 
 
 @section
@@ -58,9 +55,16 @@ class Gyro:
         """Return the body rate, shape (3,) [rad/s]."""
         return body.rate
 
-    def begin(self, period: float, rng: np.random.Generator | None) -> "GyroReader":
+    def reader(self, period: float, rng: np.random.Generator | None) -> CompiledReader:
         """Return what reads it; see Instrument."""
-        return GyroReader(self, period, rng)
+        it = self if rng is not None else replace(self, settings=GyroSettings(kind="gyro"))
+        s, root, memory = it.settings, np.sqrt(period), np.zeros(7)
+        walk = s.rate_random_walk * root
+        noises = [walk, walk / np.sqrt(12.0), s.angle_random_walk / root]
+        if rng is not None:
+            memory[BIAS] = np.array(s.bias) + s.bias_spread * rng.standard_normal(3)
+        constants = np.concatenate((it.response.ravel(), noises, [period]))
+        return CompiledReader(read_gyro, constants, memory, 0, 9)
 
     @property
     def response(self) -> Matrix:
@@ -72,39 +76,33 @@ class Gyro:
         return response
 
 
-class GyroReader:
-    """Reads a gyro tick by tick; see Gyro.
+@compiled_once("memory", "out")
+def read_gyro(
+    k: int,
+    constants: Vector,
+    attitude: Vector,
+    rate: Vector,
+    wheels: Vector,
+    gimbals: Vector,
+    draws: Vector,
+    memory: Vector,
+    out: Vector,
+) -> None:
+    """Write what a gyro says; it remembers the attitude of the tick before, and its bias.
 
-    Args:
-        gyro: with its errors.
-        period: one tick T [s].
-        rng: of its noises; None: it has no errors.
+    The bias walks on, but for the first tick; draws are of this walk, its mean, the white noise.
     """
-
-    def __init__(self, gyro: Gyro, period: float, rng: np.random.Generator | None) -> None:
-        s = gyro.settings
-        self._settings, self._period, self._rng = s, period, rng
-        self._response = gyro.response
-        self._before = NOTHING  # attitude of the tick before
-        self.bias: Vector = np.zeros(3)  # at this tick [rad/s]
-        if rng is not None:
-            self.bias = np.array(s.bias) + s.bias_spread * rng.standard_normal(3)
-
-    def __call__(self, body: MovingBody) -> Vector:
-        """Return the reading of this tick, shape (3,) [rad/s]."""
-        first, rate = not self._before.size, body.rate
-        if not first:
-            turned = product(conjugate(self._before), body.attitude)
-            rate = rotation_vector(turned) / self._period
-        self._before = body.attitude
-        return rate if self._rng is None else self._with_errors(self._rng, rate, first)
-
-    def _with_errors(self, rng: np.random.Generator, rate: Vector, first: bool) -> Vector:
-        """Return what it reads of a mean rate; the bias walks on, but for the first tick."""
-        s, root = self._settings, np.sqrt(self._period)
-        walk, bridge, noise = rng.standard_normal((3, 3))
-        step = 0.0 * walk if first else s.rate_random_walk * root * walk
-        mean = self.bias + 0.5 * step + s.rate_random_walk * root / np.sqrt(12.0) * bridge
-        self.bias = self.bias + step
-        reading: Vector = self._response @ rate + mean + s.angle_random_walk / root * noise
-        return reading
+    walk, bridge, white, period = constants[9], constants[10], constants[11], constants[12]
+    x, y, z = rate[0], rate[1], rate[2]
+    if k > 0:
+        before = (-memory[0], -memory[1], -memory[2], memory[3])
+        now = (attitude[0], attitude[1], attitude[2], attitude[3])
+        x, y, z = turn_of(multiplied(before, now))
+        x, y, z = x / period, y / period, z / period
+    for i in range(4):
+        memory[i] = attitude[i]
+    for i in range(3):
+        bias, step = memory[4 + i], walk * draws[i] if k > 0 else 0.0
+        memory[4 + i] = bias + step
+        seen = constants[3 * i] * x + constants[3 * i + 1] * y + constants[3 * i + 2] * z
+        out[i] = seen + (bias + 0.5 * step + bridge * draws[3 + i]) + white * draws[6 + i]

@@ -5,7 +5,14 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from flexslew_plant.arrays import NOTHING, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Vector, compiled
+
+# from the platform at a tick to the reading; called once a tick, in order
+Reader: TypeAlias = Callable[["MovingBody"], Vector]
+
+# (k, constants, attitude, rate, wheels, gimbals, draws, memory, out): writes the reading of tick k
+# and what is remembered; of MovingBody, then the random numbers of this tick
+Read: TypeAlias = Callable[..., None]
 
 
 class MovingBody(NamedTuple):
@@ -17,8 +24,30 @@ class MovingBody(NamedTuple):
     gimbals: Vector = NOTHING  # angles of its control moment gyros, shape (gyros,) [rad]
 
 
-# from the platform at a tick to the reading; called once a tick, in order
-Reader: TypeAlias = Callable[[MovingBody], Vector]
+class CompiledReader(NamedTuple):
+    """What reads an instrument in compiled code, before tick 0."""
+
+    read: Read
+    constants: Vector
+    memory: Vector
+    uniform: int  # random numbers of a tick: first so many, at least 0 and below 1
+    normal: int  # then so many
+
+    def drawn(self, rng: np.random.Generator | None, ticks: int) -> Matrix:
+        """Return the random numbers of the next ticks, a row each; zeros without a generator."""
+        rows = np.zeros((ticks, self.uniform + self.normal))
+        if rng is not None:
+            _draw(rng, self.uniform, rows)
+        return rows
+
+
+@compiled
+def _draw(rng: np.random.Generator, uniform: int, rows: Matrix) -> None:
+    for k in range(len(rows)):
+        for i in range(uniform):
+            rows[k, i] = rng.random()
+        for i in range(uniform, rows.shape[1]):
+            rows[k, i] = rng.standard_normal()
 
 
 class Instrument(Protocol):
@@ -39,13 +68,43 @@ class Instrument(Protocol):
     def exact(self, body: MovingBody) -> Vector:
         """Return what it reads without errors, delay and gaps, shape (channels,)."""
 
-    def begin(self, period: float, rng: np.random.Generator | None) -> Reader:
+    def reader(self, period: float, rng: np.random.Generator | None) -> CompiledReader:
         """Return what reads it from tick 0 on.
 
         Args:
             period: one tick [s].
-            rng: of its noises; None: it has no errors, but its delay and gaps.
+            rng: of its noises, then asked for those of every tick; None: it has no errors, but its
+                delay and gaps.
         """
+
+
+class TickReader:
+    """Reads an instrument tick by tick from tick 0 on.
+
+    Args:
+        instrument: that is read.
+        period: one tick [s].
+        rng: of its noises; see Instrument.reader.
+    """
+
+    def __init__(
+        self, instrument: Instrument, period: float, rng: np.random.Generator | None
+    ) -> None:
+        self._reader, self._rng, self._tick = instrument.reader(period, rng), rng, 0
+        self._channels = len(instrument.axes)
+        self._draws: Vector = np.zeros(self._reader.uniform + self._reader.normal)
+        self.memory = self._reader.memory
+
+    def __call__(self, body: MovingBody) -> Vector:
+        """Return the reading of this tick, shape (channels,)."""
+        read, constants, _, uniform, _ = self._reader
+        if self._rng is not None:  # as CompiledReader.drawn, which takes longer for one tick
+            self._rng.random(out=self._draws[:uniform])
+            self._rng.standard_normal(out=self._draws[uniform:])
+        out = np.empty(self._channels)
+        read(self._tick, constants, *body, self._draws, self.memory, out)
+        self._tick += 1
+        return out
 
 
 def channels(instrument: Instrument) -> slice:
@@ -53,19 +112,6 @@ def channels(instrument: Instrument) -> slice:
     return slice(instrument.first, instrument.first + len(instrument.axes))
 
 
-def with_noise(exact: Reader, noise: float, rng: np.random.Generator | None) -> Reader:
-    """Return a reader with white noise of a standard deviation; without a generator there is none.
-
-    Args:
-        exact: without it.
-        noise: in the unit of the readings, each tick.
-        rng: of the noise.
-    """
-    if rng is None or not noise:
-        return exact
-
-    def read(body: MovingBody) -> Vector:
-        reading = exact(body)
-        return np.asarray(reading + noise * rng.standard_normal(reading.size))
-
-    return read
+def noisy(noise: float, rng: np.random.Generator | None) -> float:
+    """Return what a noise is with a generator of random numbers; without one there is none."""
+    return 0.0 if rng is None else noise

@@ -5,9 +5,9 @@ from typing import Literal
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds.instruments.instrument import MovingBody, Reader, with_noise
+from flexslew_plant.testbeds.instruments.instrument import CompiledReader, MovingBody, noisy
 
 
 @section
@@ -38,6 +38,25 @@ class Resolver:
         """Return the angles, shape (gyros,) [rad]."""
         return body.gimbals
 
-    def begin(self, period: float, rng: np.random.Generator | None) -> Reader:
+    def reader(self, period: float, rng: np.random.Generator | None) -> CompiledReader:
         """Return what reads it; see Instrument."""
-        return with_noise(self.exact, self.settings.noise, rng)
+        noise = noisy(self.settings.noise, rng)
+        normal = len(self.axes) if noise else 0
+        return CompiledReader(read_resolver, np.array([noise]), np.zeros(0), 0, normal)
+
+
+@compiled_once("memory", "out")
+def read_resolver(
+    k: int,
+    constants: Vector,
+    attitude: Vector,
+    rate: Vector,
+    wheels: Vector,
+    gimbals: Vector,
+    draws: Vector,
+    memory: Vector,
+    out: Vector,
+) -> None:
+    """Write what resolvers say."""
+    for i in range(out.size):
+        out[i] = gimbals[i] + (constants[0] * draws[i] if draws.size else 0.0)

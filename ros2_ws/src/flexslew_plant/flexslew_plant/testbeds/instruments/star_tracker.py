@@ -1,18 +1,18 @@
 """A star tracker: the attitude as a quaternion, at intervals, late, and not always."""
 
-from collections import deque
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 from typing import ClassVar, Literal
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, Positive, Probability, section
-from flexslew_plant.testbeds.attitude import product, quaternion
-from flexslew_plant.testbeds.instruments.instrument import MovingBody, Reader
+from flexslew_plant.testbeds.instruments.instrument import CompiledReader, MovingBody, noisy
+from flexslew_plant.testbeds.quaternions import multiplied, of_turn
 
-_NO_FIX = np.zeros(4)
+_BLIND = 11  # where the spans without readings begin in the constants of its reader
 
 
 @section
@@ -60,10 +60,15 @@ class StarTracker:
         return round(self.settings.delay / period)
 
     @cached_property
+    def _along(self) -> Vector:
+        """Its boresight, a unit vector."""
+        along: Vector = np.array(self.settings.boresight)
+        return np.asarray(along / np.linalg.norm(along))
+
+    @cached_property
     def covariance(self) -> Matrix:
         """Of its noise at rest, as a small turn in body axes, shape (3, 3) [rad^2]."""
-        along = np.array(self.settings.boresight) / np.linalg.norm(self.settings.boresight)
-        about = np.outer(along, along)
+        about = np.outer(self._along, self._along)
         across = self.settings.across**2 * (np.eye(3) - about)
         found: Matrix = across + self.settings.about**2 * about
         return found
@@ -73,39 +78,52 @@ class StarTracker:
         found: Matrix = self.covariance + (self.settings.rate_noise * rate) ** 2 * np.eye(3)
         return found
 
-    def begin(self, period: float, rng: np.random.Generator | None) -> Reader:
+    def reader(self, period: float, rng: np.random.Generator | None) -> CompiledReader:
         """Return what reads it; see Instrument."""
-        s, tick = self.settings, -1
-        every = max(1, round(s.interval / period))
-        late = self.delay_ticks(period)
-        exposed: deque[Vector] = deque([_NO_FIX] * late)
-
-        def exposure(body: MovingBody) -> Vector:
-            """Return what it will read of this tick."""
-            rate, time = float(np.linalg.norm(body.rate)), tick * period
-            # drawn whether there is a reading or not: a gap changes no later noise
-            chance, noise = (rng.random(), rng.standard_normal(3)) if rng else (1.0, np.zeros(3))
-            fast = s.rate_limit is not None and rate > s.rate_limit
-            blind = any(start <= time < end for start, end in s.blind)
-            if tick % every or fast or blind or chance < s.dropout:
-                return _NO_FIX
-            q = self.exact(body)
-            if rng is not None:
-                turn = _root(self.covariance_at(rate)) @ noise
-                q = product(q, quaternion(turn))
-            return q if q[3] >= 0.0 else -q
-
-        def read(body: MovingBody) -> Vector:
-            nonlocal tick
-            tick += 1
-            exposed.append(exposure(body))
-            return exposed.popleft()
-
-        return read
+        s, late = self.settings, self.delay_ticks(period)
+        noises = [noisy(one, rng) for one in (s.across, s.about, s.rate_noise, s.dropout)]
+        limit = np.inf if s.rate_limit is None else s.rate_limit
+        ticks = [float(max(1, round(s.interval / period))), float(late), period]
+        constants = np.array([*self._along, *noises, limit, *ticks, *np.ravel(s.blind)])
+        return CompiledReader(read_star_tracker, constants, np.zeros(4 * (late + 1)), 1, 3)
 
 
-def _root(covariance: Matrix) -> Matrix:
-    """Return a symmetric square root."""
-    squares, axes = np.linalg.eigh(covariance)
-    root: Matrix = axes * np.sqrt(np.maximum(squares, 0.0)) @ axes.T
-    return root
+@compiled_once("memory", "out")
+def read_star_tracker(
+    k: int,
+    constants: Vector,
+    attitude: Vector,
+    rate: Vector,
+    wheels: Vector,
+    gimbals: Vector,
+    draws: Vector,
+    memory: Vector,
+    out: Vector,
+) -> None:
+    """Write what a star tracker says; it remembers what it has exposed and not said yet.
+
+    Random numbers are drawn whether there is a reading or not: a gap changes no later noise.
+    """
+    bx, by, bz, across, about, rate_noise = constants[:6]
+    dropout, limit, interval, delay, period = constants[6:_BLIND]
+    size = sqrt(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2)
+    missing = k % int(interval) != 0 or size > limit or draws[0] < dropout
+    for i in range(_BLIND, constants.size, 2):
+        missing = missing or constants[i] <= k * period < constants[i + 1]
+    every = int(delay) + 1
+    at, of = 4 * (k % every), 4 * ((k + 1) % every)
+    if missing:
+        memory[at : at + 4] = 0.0
+    else:
+        more = (rate_noise * size) ** 2
+        across, about = sqrt(across**2 + more), sqrt(about**2 + more)
+        x, y, z = draws[1], draws[2], draws[3]
+        along = (about - across) * (bx * x + by * y + bz * z)
+        x, y, z = across * x + along * bx, across * y + along * by, across * z + along * bz
+        now = (attitude[0], attitude[1], attitude[2], attitude[3])
+        a, b, c, w = multiplied(now, of_turn(x, y, z))
+        sign = 1.0 if w >= 0.0 else -1.0
+        memory[at], memory[at + 1], memory[at + 2] = sign * a, sign * b, sign * c
+        memory[at + 3] = sign * w
+    for i in range(4):
+        out[i] = memory[of + i]

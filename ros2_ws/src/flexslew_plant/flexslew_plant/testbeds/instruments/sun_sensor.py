@@ -1,17 +1,17 @@
 """A Sun sensor: the direction to the Sun in body axes, as long as it is in the field of view."""
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.attitude import to_body
-from flexslew_plant.testbeds.instruments.instrument import MovingBody, Reader
-
-_DARK = np.zeros(3)
+from flexslew_plant.testbeds.instruments.instrument import CompiledReader, MovingBody, noisy
+from flexslew_plant.testbeds.quaternions import along_turned
 
 
 @section
@@ -48,19 +48,35 @@ class SunSensor:
         """Return the Sun's direction in body axes, in view or not, shape (3,)."""
         return to_body(body.attitude) @ self.sun
 
-    def begin(self, period: float, rng: np.random.Generator | None) -> Reader:
+    def reader(self, period: float, rng: np.random.Generator | None) -> CompiledReader:
         """Return what reads it; see Instrument."""
         s = self.settings
         along = np.array(s.boresight) / np.linalg.norm(s.boresight)
-        edge = np.cos(s.half_angle)
+        constants = np.array([*along, np.cos(s.half_angle), noisy(s.noise, rng), *self.sun])
+        return CompiledReader(read_sun_sensor, constants, np.zeros(0), 0, 3)
 
-        def read(body: MovingBody) -> Vector:
-            noise = rng.standard_normal(3) if rng else np.zeros(3)
-            sun = self.exact(body)
-            if along @ sun < edge:
-                return _DARK
-            off = sun + s.noise * (noise - (noise @ sun) * sun)
-            reading: Vector = off / np.linalg.norm(off)
-            return reading
 
-        return read
+@compiled_once("memory", "out")
+def read_sun_sensor(
+    k: int,
+    constants: Vector,
+    attitude: Vector,
+    rate: Vector,
+    wheels: Vector,
+    gimbals: Vector,
+    draws: Vector,
+    memory: Vector,
+    out: Vector,
+) -> None:
+    """Write what a Sun sensor says."""
+    bx, by, bz, edge, noise = constants[:5]
+    now = (attitude[0], attitude[1], attitude[2], attitude[3])
+    x, y, z = along_turned(now, constants[5], constants[6], constants[7])
+    if bx * x + by * y + bz * z < edge:
+        out[:3] = 0.0
+        return
+    along = draws[0] * x + draws[1] * y + draws[2] * z
+    a, b, c = draws[0] - along * x, draws[1] - along * y, draws[2] - along * z
+    x, y, z = x + noise * a, y + noise * b, z + noise * c
+    size = sqrt(x * x + y * y + z * z)
+    out[0], out[1], out[2] = x / size, y / size, z / size
