@@ -25,8 +25,8 @@ from flexslew_plant.testbeds.attitude import AttitudeJoints, rotation_vector
 from flexslew_plant.testbeds.instruments import Gyro, StarTracker, SunSensor
 from flexslew_plant.testbeds.instruments.instrument import channels
 
-_LEAST = 1e-9  # sigma of a sensor that states none [rad]
-_PRESENT = 0.5  # size of a reading from which on it is one: zeros mean that there is none
+LEAST = 1e-9  # sigma of a sensor that states none [rad]
+PRESENT = 0.5  # size of a reading from which on it is one: zeros mean that there is none
 
 
 @section
@@ -109,6 +109,12 @@ class AttitudeEstimator:
     _reference: Vector = field(init=False, default_factory=lambda: NOTHING)
     _last: Estimate = field(init=False)
 
+    def __post_init__(self) -> None:
+        """Load what readings call: those of a controller's warm-up are zeros, which are none."""
+        belief = self.filter.begin(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), (1.0, 1.0))
+        self.filter.told_attitude(belief, belief.attitude, np.eye(3))
+        self.filter.told_direction(belief, np.eye(3)[0], np.eye(3)[0], 1.0)
+
     def expect(self, reference: Reference) -> None:
         """Be told where the plan wants the joints at the tick that comes."""
         self._reference = reference.position
@@ -165,7 +171,7 @@ class AttitudeEstimator:
         for sun in self.suns:
             read = self._seen[0][channels(sun)]
             if _present(read) and self._found:
-                sigma = self.settings.noise_factor * sun.settings.noise + _LEAST
+                sigma = self.settings.noise_factor * sun.settings.noise + LEAST
                 told = self.filter.told_direction(self._belief, read, sun.sun, sigma)
                 self._belief, nis = told.belief, nis + told.nis
                 innovation[at : at + 2] = told.innovation
@@ -176,7 +182,7 @@ class AttitudeEstimator:
         """Take an attitude that a star tracker has read; return its squared innovation."""
         rate = self._seen[0][channels(self.gyro)] - self._belief.bias
         noise = self.settings.noise_factor**2 * tracker.covariance_at(float(np.linalg.norm(rate)))
-        noise = noise + _LEAST**2 * np.eye(3)
+        noise = noise + LEAST**2 * np.eye(3)
         if not self._found:
             self._found = True
             self._belief = self.filter.first_told(self._belief, read, noise)
@@ -255,4 +261,4 @@ def joint_estimator(plant: PlantDescription, settings: AttitudeFilterSettings | 
 
 def _present(reading: Vector) -> bool:
     """Return whether a sensor has read something: no zeros, and no NaN of one that is broken."""
-    return bool(np.linalg.norm(reading) > _PRESENT)
+    return bool(np.linalg.norm(reading) > PRESENT)

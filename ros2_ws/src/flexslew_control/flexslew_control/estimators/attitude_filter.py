@@ -11,16 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector, compiled_once
-from flexslew_plant.testbeds.attitude import (
-    conjugate,
-    product,
-    quaternion,
-    rotation_vector,
-    skew,
-    to_body,
+from flexslew_control.estimators.attitude_steps import (
+    carry,
+    take_attitude,
+    take_direction,
+    write_across,
 )
-from flexslew_plant.testbeds.quaternions import multiplied, of_turn
+from flexslew_plant.arrays import Matrix, Vector
 
 
 class GyroNoise(NamedTuple):
@@ -58,40 +55,9 @@ def propagated(belief: Belief, reading: Vector, noise: GyroNoise, dt: float) -> 
         noise: of the gyro.
         dt: one tick [s].
     """
-    attitude, bias, covariance = belief
-    after = _propagated(attitude, bias, covariance, reading, noise.white, noise.walk, dt)
-    return Belief(after[0], bias, after[1])
-
-
-@compiled_once()
-def _propagated(
-    attitude: Vector,
-    bias: Vector,
-    covariance: Matrix,
-    reading: Vector,
-    white: float,
-    walk: float,
-    dt: float,
-) -> tuple[Vector, Matrix]:
-    """Return attitude and covariance a tick later; see propagated."""
-    x, y, z = (reading - bias) * dt
-    a, b, c, w = of_turn(x, y, z)
-    step = np.eye(6)
-    step[0, :3] = w * w + a * a - b * b - c * c, 2.0 * (a * b + w * c), 2.0 * (a * c - w * b)
-    step[1, :3] = 2.0 * (a * b - w * c), w * w - a * a + b * b - c * c, 2.0 * (b * c + w * a)
-    step[2, :3] = 2.0 * (a * c + w * b), 2.0 * (b * c - w * a), w * w - a * a - b * b + c * c
-    step[0, 3:] = -dt, -0.5 * dt * z, 0.5 * dt * y
-    step[1, 3:] = 0.5 * dt * z, -dt, -0.5 * dt * x
-    step[2, 3:] = -0.5 * dt * y, 0.5 * dt * x, -dt
-    after = step @ covariance @ step.T
-    for k in range(3):
-        after[k, k] += white**2 * dt + walk**2 * dt**3 / 3.0
-        after[k, k + 3] -= 0.5 * walk**2 * dt**2
-        after[k + 3, k] -= 0.5 * walk**2 * dt**2
-        after[k + 3, k + 3] += walk**2 * dt
-    q = attitude
-    turned = np.array(multiplied((q[0], q[1], q[2], q[3]), (a, b, c, w)))
-    return turned / np.linalg.norm(turned), after
+    after = _copied(belief)
+    carry(*after, reading, noise.white, noise.walk, dt)
+    return after
 
 
 def corrected_by_attitude(belief: Belief, measured: Vector, noise: Matrix) -> Correction:
@@ -102,8 +68,9 @@ def corrected_by_attitude(belief: Belief, measured: Vector, noise: Matrix) -> Co
         measured: quaternion x y z w, q_true dq(n), of either sign, shape (4,).
         noise: covariance of the small turn n in body axes, shape (3, 3) [rad^2].
     """
-    off = rotation_vector(product(conjugate(belief.attitude), measured))
-    return _corrected(belief, off, np.eye(3, 6), noise)
+    after, off = _copied(belief), np.empty(3)
+    nis = take_attitude(*after, measured, noise, off)
+    return Correction(after, off, nis)
 
 
 def corrected_by_direction(
@@ -117,16 +84,15 @@ def corrected_by_direction(
         inertial: what it is in inertial space, a unit vector, shape (3,).
         sigma: standard deviation in each direction across it [rad].
     """
-    seen = to_body(belief.attitude) @ inertial
-    two = across(seen)
-    shows = np.zeros((2, 6))
-    shows[:, :3] = two @ skew(seen)
-    return _corrected(belief, two @ measured, shows, sigma**2 * np.eye(2))
+    after, off = _copied(belief), np.empty(2)
+    nis = take_direction(*after, measured, inertial, sigma, off)
+    return Correction(after, off, nis)
 
 
 def across(seen: Vector) -> Matrix:
     """Return two unit vectors across a direction and each other, shape (2, 3)."""
-    two: Matrix = np.linalg.svd(seen[None])[2][1:]
+    two = np.empty((2, 3))
+    write_across(seen[0], seen[1], seen[2], two)
     return two
 
 
@@ -183,22 +149,6 @@ class RigidFilter:
         return covariance
 
 
-def _corrected(belief: Belief, innovation: Vector, shows: Matrix, noise: Matrix) -> Correction:
-    """Return the belief after an innovation of H times the error, by Joseph's form."""
-    p = belief.covariance
-    s = shows @ p @ shows.T + noise
-    gain = np.linalg.solve(s, shows @ p).T
-    error = gain @ innovation
-    left = np.eye(6) - gain @ shows
-    after = Belief(
-        _unit(product(belief.attitude, quaternion(error[:3]))),
-        belief.bias + error[3:],
-        left @ p @ left.T + gain @ noise @ gain.T,
-    )
-    return Correction(after, innovation, float(innovation @ np.linalg.solve(s, innovation)))
-
-
-def _unit(q: Vector) -> Vector:
-    """Return a quaternion without what rounding adds to its length."""
-    unit: Vector = q / np.linalg.norm(q)
-    return unit
+def _copied(belief: Belief) -> Belief:
+    """Return a belief in arrays of its own."""
+    return Belief(*(one.copy() for one in belief))

@@ -1,0 +1,215 @@
+"""The steps of the filter of attitude and bias in compiled code, in place; see attitude_filter.
+
+They take the attitude (4,), the bias (3,) and the covariance (6, 6) of what is believed.
+"""
+
+from math import copysign, sqrt
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
+from flexslew_plant.testbeds.quaternions import (
+    Quaternion,
+    along_turned,
+    multiplied,
+    of_turn,
+    turn_of,
+)
+
+
+@called
+def turned(q: Quaternion, x: float, y: float, z: float) -> Quaternion:
+    """Return an attitude turned by a rotation vector about its own axes, of length 1."""
+    a, b, c, w = multiplied(q, of_turn(x, y, z))
+    size = sqrt(a * a + b * b + c * c + w * w)
+    return a / size, b / size, c / size, w / size
+
+
+@compiled_once("attitude", "covariance")
+def carry(
+    attitude: Vector,
+    bias: Vector,
+    covariance: Matrix,
+    reading: Vector,
+    white: float,
+    walk: float,
+    dt: float,
+) -> None:
+    """Take attitude and covariance to a tick later; see attitude_filter.propagated."""
+    p = covariance
+    x, y, z = (reading[0] - bias[0]) * dt, (reading[1] - bias[1]) * dt, (reading[2] - bias[2]) * dt
+    a, b, c, w = of_turn(x, y, z)
+    step, ahead = np.empty((3, 6)), np.empty((3, 6))  # the rows of the turn; those of the bias stay
+    step[0, 0], step[0, 1] = w * w + a * a - b * b - c * c, 2.0 * (a * b + w * c)
+    step[1, 1], step[1, 0] = w * w - a * a + b * b - c * c, 2.0 * (a * b - w * c)
+    step[2, 2], step[2, 0] = w * w - a * a - b * b + c * c, 2.0 * (a * c + w * b)
+    step[0, 2], step[1, 2], step[2, 1] = (
+        2.0 * (a * c - w * b), 2.0 * (b * c + w * a), 2.0 * (b * c - w * a),
+    )  # fmt: skip
+    step[0, 3], step[0, 4], step[0, 5] = -dt, -0.5 * dt * z, 0.5 * dt * y
+    step[1, 3], step[1, 4], step[1, 5] = 0.5 * dt * z, -dt, -0.5 * dt * x
+    step[2, 3], step[2, 4], step[2, 5] = -0.5 * dt * y, 0.5 * dt * x, -dt
+    for i in range(3):
+        for j in range(6):
+            total = 0.0
+            for n in range(6):
+                total += step[i, n] * p[n, j]
+            ahead[i, j] = total
+    for i in range(3):
+        for j in range(i + 1):
+            total = 0.0
+            for n in range(6):
+                total += ahead[i, n] * step[j, n]
+            p[i, j] = p[j, i] = total
+        for j in range(3, 6):
+            p[i, j] = p[j, i] = ahead[i, j]
+    for i in range(3):
+        p[i, i] += white**2 * dt + walk**2 * dt**3 / 3.0
+        p[i, i + 3] -= 0.5 * walk**2 * dt**2
+        p[i + 3, i] -= 0.5 * walk**2 * dt**2
+        p[i + 3, i + 3] += walk**2 * dt
+    before = (attitude[0], attitude[1], attitude[2], attitude[3])
+    attitude[0], attitude[1], attitude[2], attitude[3] = turned(before, x, y, z)
+
+
+@compiled_once("attitude", "bias", "covariance", "innovation")
+def take_attitude(
+    attitude: Vector,
+    bias: Vector,
+    covariance: Matrix,
+    measured: Vector,
+    noise: Matrix,
+    innovation: Vector,
+) -> float:
+    """Correct the belief, write the innovation (3,) and return its squares (nis).
+
+    See attitude_filter.corrected_by_attitude.
+    """
+    back = (-attitude[0], -attitude[1], -attitude[2], attitude[3])
+    read = (measured[0], measured[1], measured[2], measured[3])
+    innovation[0], innovation[1], innovation[2] = turn_of(multiplied(back, read))
+    return _correct(attitude, bias, covariance, innovation, np.eye(3), noise)
+
+
+@compiled_once("attitude", "bias", "covariance", "innovation")
+def take_direction(
+    attitude: Vector,
+    bias: Vector,
+    covariance: Matrix,
+    measured: Vector,
+    inertial: Vector,
+    sigma: float,
+    innovation: Vector,
+) -> float:
+    """Correct the belief, write the innovation (2,) and return its squares (nis).
+
+    See attitude_filter.corrected_by_direction.
+    """
+    now = (attitude[0], attitude[1], attitude[2], attitude[3])
+    x, y, z = along_turned(now, inertial[0], inertial[1], inertial[2])
+    two, shows, noise = np.empty((2, 3)), np.empty((2, 3)), np.zeros((2, 2))
+    write_across(x, y, z, two)
+    for i in range(2):
+        a, b, c = two[i, 0], two[i, 1], two[i, 2]
+        innovation[i] = a * measured[0] + b * measured[1] + c * measured[2]
+        shows[i, 0], shows[i, 1], shows[i, 2] = b * z - c * y, c * x - a * z, a * y - b * x
+        noise[i, i] = sigma**2
+    return _correct(attitude, bias, covariance, innovation, shows, noise)
+
+
+@compiled_once("two")
+def write_across(x: float, y: float, z: float, two: Matrix) -> None:
+    """Write two unit vectors across a direction and each other, as LAPACK's SVD has them (2, 3)."""
+    along = -copysign(sqrt(x * x + y * y + z * z), x)
+    more = along * (along - x)
+    two[0, 0], two[0, 1], two[0, 2] = y / along, 1.0 - y * y / more, -y * z / more
+    two[1, 0], two[1, 1], two[1, 2] = z / along, -y * z / more, 1.0 - z * z / more
+
+
+@called
+def _correct(
+    attitude: Vector,
+    bias: Vector,
+    covariance: Matrix,
+    innovation: Vector,
+    shows: Matrix,
+    noise: Matrix,
+) -> float:
+    """Correct the belief by an innovation of H times the turn, by Joseph's form; return its nis."""
+    p, size = covariance, innovation.size
+    gain, told, spread = np.empty((size, 6)), innovation.copy(), noise.copy()
+    for i in range(size):
+        for j in range(6):
+            gain[i, j] = shows[i, 0] * p[0, j] + shows[i, 1] * p[1, j] + shows[i, 2] * p[2, j]
+        for j in range(size):
+            for n in range(3):
+                spread[i, j] += gain[i, n] * shows[j, n]
+    nis = _solve(spread, gain, told)
+    _narrow(p, gain, shows, noise)
+    error = np.zeros(6)
+    for i in range(size):
+        for j in range(6):
+            error[j] += gain[i, j] * innovation[i]
+    before = (attitude[0], attitude[1], attitude[2], attitude[3])
+    after = turned(before, error[0], error[1], error[2])
+    attitude[0], attitude[1], attitude[2], attitude[3] = after
+    for i in range(3):
+        bias[i] += error[3 + i]
+    return nis
+
+
+@called
+def _solve(s: Matrix, gain: Matrix, told: Vector) -> float:
+    """Replace H P by S^-1 H P, the transposed gain, and return e^T S^-1 e; S and e are used up.
+
+    S = H P H^T + R = L L^T by Cholesky.
+    """
+    size, nis = told.size, 0.0
+    for i in range(size):  # L in the place of S, and L^-1 of both
+        for j in range(i):
+            for n in range(j):
+                s[i, j] -= s[i, n] * s[j, n]
+            s[i, j] /= s[j, j]
+            s[i, i] -= s[i, j] ** 2
+            told[i] -= s[i, j] * told[j]
+            for n in range(6):
+                gain[i, n] -= s[i, j] * gain[j, n]
+        s[i, i] = sqrt(s[i, i])
+        told[i] /= s[i, i]
+        nis += told[i] ** 2
+        for n in range(6):
+            gain[i, n] /= s[i, i]
+    for i in range(size - 1, -1, -1):  # L^-T of the gain
+        for n in range(6):
+            for j in range(i + 1, size):
+                gain[i, n] -= s[j, i] * gain[j, n]
+            gain[i, n] /= s[i, i]
+    return nis
+
+
+@called
+def _narrow(p: Matrix, gain: Matrix, shows: Matrix, noise: Matrix) -> None:
+    """Replace P by (1 - K H) P (1 - K H)^T + K R K^T, the gain (size, 6) being K^T."""
+    size = len(gain)
+    step, ahead = np.zeros((6, 3)), np.empty((6, 6))
+    for i in range(6):
+        if i < 3:
+            step[i, i] = 1.0
+        for j in range(3):
+            for n in range(size):
+                step[i, j] -= gain[n, i] * shows[n, j]
+    for i in range(6):
+        for j in range(6):
+            total = p[i, j] if i >= 3 else 0.0
+            for n in range(3):
+                total += step[i, n] * p[n, j]
+            ahead[i, j] = total
+    for i in range(6):
+        for j in range(i + 1):
+            total = ahead[i, j] if j >= 3 else 0.0
+            for n in range(3):
+                total += ahead[i, n] * step[j, n]
+            for n in range(size):
+                for m in range(size):
+                    total += gain[n, i] * noise[n, m] * gain[m, j]
+            p[i, j] = p[j, i] = total
