@@ -1,0 +1,192 @@
+"""The tick of the filter of attitude and bias for other machine code, which keeps its state.
+
+In compiled form what AttitudeEstimator says for one run with a RigidFilter, by the same steps.
+"""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.estimators.attitude_estimator import LEAST, PRESENT, AttitudeEstimator
+from flexslew_control.estimators.attitude_filter import RigidFilter
+from flexslew_control.estimators.attitude_steps import carry, take_attitude, take_direction, turned
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled_once
+from flexslew_plant.testbeds.attitude import joint_turn, move_about
+from flexslew_plant.testbeds.quaternions import of_turn, turn_of
+
+_BIAS, _COVARIANCE, _FOUND, _SEEN = 4, 7, 43, 44  # where they begin in the memory
+
+
+class AttitudeNumbers(NamedTuple):
+    """The constants of a filter. Those of many, row by row in one array each, see `numbers_of`."""
+
+    axes: Matrix  # of the joints, see AttitudeJoints, (joints, 3)
+    inverse: Matrix  # from the joints to the rotation vector, (3, joints)
+    gyro: Indices  # its first channel, (1,)
+    tracker: Indices  # first channels, and by how many ticks they are late, (trackers, 2)
+    tracker_noise: Tensor  # covariances at rest, (trackers, 3, 3) [rad^2]
+    rate_noise: Vector  # what the square of the rate adds to them, (trackers,) [s^2]
+    sun: Indices  # first channels, (suns,)
+    sun_direction: Matrix  # in inertial space, (suns, 3)
+    sun_sigma: Vector  # (suns,) [rad]
+    gyro_noise: Vector  # GyroNoise, (2,)
+    sigmas: Vector  # of attitude [rad] and bias [rad/s] at the start, (2,)
+    period: Vector  # one tick, (1,) [s]
+
+
+def attitude_numbers(estimator: AttitudeEstimator) -> AttitudeNumbers | None:
+    """Return the constants of an estimator; None: it believes more than attitude and bias."""
+    it, s = estimator, estimator.settings
+    if not isinstance(it.filter, RigidFilter):
+        return None
+    count, factor = len(it.trackers), s.noise_factor
+    late = [(one.first, one.delay_ticks(it.period)) for one in it.trackers]
+    noises = [factor**2 * one.covariance + LEAST**2 * np.eye(3) for one in it.trackers]
+    return AttitudeNumbers(
+        np.array(it.joints.axes, dtype=np.float64),
+        np.array(it.joints.turn_of(np.eye(len(it.joints.axes))).T, order="C"),
+        np.array([it.gyro.first]),
+        np.array(late).reshape(count, 2),
+        np.array(noises).reshape(count, 3, 3),
+        np.array([(factor * one.settings.rate_noise) ** 2 for one in it.trackers]),
+        np.array([one.first for one in it.suns], dtype=np.int64),
+        np.array([one.sun for one in it.suns]).reshape(-1, 3),
+        np.array([factor * one.settings.noise + LEAST for one in it.suns]),
+        np.array(it.filter.noise),
+        np.array([s.initial_attitude, s.initial_bias]),
+        np.array([it.period]),
+    )
+
+
+def attitude_memory(numbers: AttitudeNumbers, tips: int) -> int:
+    """Return how many numbers the tick keeps in its memory.
+
+    Args:
+        numbers: of the filter.
+        tips: channels of all tips.
+    """
+    return _SEEN + tips * (1 + int(numbers.tracker[:, 1].max(initial=0)))
+
+
+@called
+def numbers_of(all_lanes: AttitudeNumbers, lane: int) -> AttitudeNumbers:
+    """Return the constants of one lane, from arrays with a row for each."""
+    return AttitudeNumbers(
+        all_lanes.axes[lane],
+        all_lanes.inverse[lane],
+        all_lanes.gyro[lane],
+        all_lanes.tracker[lane],
+        all_lanes.tracker_noise[lane],
+        all_lanes.rate_noise[lane],
+        all_lanes.sun[lane],
+        all_lanes.sun_direction[lane],
+        all_lanes.sun_sigma[lane],
+        all_lanes.gyro_noise[lane],
+        all_lanes.sigmas[lane],
+        all_lanes.period[lane],
+    )
+
+
+@compiled_once("memory", "believed", "rates")
+def attitude_tick(
+    k: int,
+    numbers: AttitudeNumbers,
+    tips: Vector,
+    position: Vector,
+    velocity: Vector,
+    reference: Vector,
+    memory: Vector,
+    believed: Vector,
+    rates: Vector,
+) -> None:
+    """Write positions and velocities of the joints as they are believed at tick k.
+
+    Args:
+        k: tick, from 0 on, one after another.
+        numbers: of the filter.
+        tips: readings of all tips at this tick.
+        position: of the joints as measured; kept where they do not read the attitude.
+        velocity: of the joints as measured, likewise.
+        reference: where the joints shall be.
+        memory: in and out, see attitude_memory; anything at tick 0.
+        believed: positions about the reference, shape (joints,).
+        rates: shape (joints,).
+    """
+    axes, gyro, dt = numbers.axes, numbers.gyro[0], numbers.period[0]
+    late = 0
+    for n in range(len(numbers.tracker)):
+        late = max(late, numbers.tracker[n, 1])
+    rows = late + 1
+    seen = memory[_SEEN : _SEEN + rows * tips.size].reshape((rows, tips.size))
+    attitude, bias = memory[:_BIAS], memory[_BIAS:_COVARIANCE]
+    if k == 0:
+        _begin(numbers, reference, memory)
+    for i in range(tips.size):
+        seen[k % rows, i] = tips[i]
+    if k > late:
+        white, walk = numbers.gyro_noise[0], numbers.gyro_noise[1]
+        p = memory[_COVARIANCE:_FOUND].reshape((6, 6))
+        carry(attitude, bias, p, seen[(k - late) % rows, gyro : gyro + 3], white, walk, dt)
+    if k >= late:
+        _take(k - late, numbers, seen, memory)
+    q = (attitude[0], attitude[1], attitude[2], attitude[3])
+    for tick in range(max(k - late, 0) + 1, k + 1):
+        at = seen[tick % rows]
+        x, y, z = at[gyro] - bias[0], at[gyro + 1] - bias[1], at[gyro + 2] - bias[2]
+        q = turned(q, x * dt, y * dt, z * dt)
+    turn = turn_of(q)
+    rate = (tips[gyro] - bias[0], tips[gyro + 1] - bias[1], tips[gyro + 2] - bias[2])
+    for i in range(believed.size):
+        believed[i], rates[i] = position[i], velocity[i]
+        a, b, c = axes[i, 0], axes[i, 1], axes[i, 2]
+        if a != 0.0 or b != 0.0 or c != 0.0:
+            believed[i] = a * turn[0] + b * turn[1] + c * turn[2]
+            rates[i] = a * rate[0] + b * rate[1] + c * rate[2]
+    move_about(axes, numbers.inverse, reference, believed)
+
+
+@called
+def _begin(numbers: AttitudeNumbers, reference: Vector, memory: Vector) -> None:
+    """Write the first belief: where the reference is, without a bias."""
+    memory[:] = 0.0
+    x, y, z = joint_turn(numbers.inverse, reference)
+    memory[0], memory[1], memory[2], memory[3] = of_turn(x, y, z)
+    for i in range(6):
+        memory[_COVARIANCE + 7 * i] = numbers.sigmas[i // 3] ** 2
+
+
+@called
+def _take(time: int, numbers: AttitudeNumbers, seen: Matrix, memory: Vector) -> None:
+    """Correct the belief by what was measured at its time, a tick."""
+    attitude, bias = memory[:_BIAS], memory[_BIAS:_COVARIANCE]
+    p = memory[_COVARIANCE:_FOUND].reshape((6, 6))
+    rows, innovation, gyro = len(seen), np.empty(3), numbers.gyro[0]
+    read, noise = np.empty(4), np.empty((3, 3))
+    for n in range(len(numbers.tracker)):
+        first, delay = numbers.tracker[n]
+        at = seen[(time + delay) % rows, first : first + 4]
+        size = sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2 + at[3] ** 2)
+        if not size > PRESENT:
+            continue
+        here, square = seen[time % rows], 0.0
+        for i in range(3):
+            square += (here[gyro + i] - bias[i]) ** 2
+            noise[i] = numbers.tracker_noise[n, i]
+        for i in range(3):
+            noise[i, i] += numbers.rate_noise[n] * square
+        for i in range(4):
+            read[i] = at[i] / size
+        if memory[_FOUND]:
+            take_attitude(attitude, bias, p, read, noise, innovation)
+            continue
+        memory[_FOUND] = 1.0
+        attitude[:] = read
+        p[:3, 3:] = 0.0
+        p[3:, :3] = 0.0
+        p[:3, :3] = noise
+    for n in range(len(numbers.sun)):
+        at = seen[time % rows, numbers.sun[n] : numbers.sun[n] + 3]
+        if memory[_FOUND] and sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2) > PRESENT:
+            towards, sigma = numbers.sun_direction[n], numbers.sun_sigma[n]
+            take_direction(attitude, bias, p, at, towards, sigma, innovation[:2])
