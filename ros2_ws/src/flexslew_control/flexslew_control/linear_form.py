@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.allocation.sharing import AllocationNumbers
+from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.estimators.gained_filter import GainedFilter, gained
 from flexslew_control.estimators.kalman import FilterMatrices, KalmanFilter
 from flexslew_control.free_platform import nominal_states
@@ -73,6 +74,7 @@ class LinearForm(NamedTuple):
     law: LawForm
     observer: LinearObserver | GainedFilter | KalmanForm
     shared: SharedForm | None = None  # None: its efforts are those of the joints
+    attitude: AttitudeNumbers | None = None  # the filter that tells the joints; None: as measured
 
 
 class Integration(NamedTuple):

@@ -128,9 +128,9 @@ def thruster_pushes(jets: ThrusterNumbers, lane: int, torque: Vector, out: Vecto
         backwards[s] = -least / most
     cost = np.where(backwards <= max(_SLACK, backwards.min()), cost, np.inf)
     best = np.flatnonzero(cost <= cost.min() * (1.0 + _EQUAL))
-    for s in best:
+    for chosen in best:
         for i in range(3):
-            out[jets.triples[s, i]] += max(pushes[s, i], 0.0) / best.size
+            out[jets.triples[chosen, i]] += max(pushes[chosen, i], 0.0) / best.size
     share = 1.0
     for i in range(out.size):
         if out[i] > 0.0:

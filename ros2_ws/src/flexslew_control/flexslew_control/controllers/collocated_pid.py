@@ -17,7 +17,6 @@ from flexslew_control.law import (
     Estimate,
     Estimator,
     Law,
-    MeasuredJoints,
     PlantDescription,
     Reference,
     per_joint,
@@ -112,9 +111,7 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, 
 
 def linear(estimator: Estimator, law: Law, references: list[Reference]) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
-    if not isinstance(estimator, MeasuredJoints):
-        return None
-    return form_on_axes(law, references, _form)
+    return form_on_axes(estimator, law, references, _form)
 
 
 def _form(law: Law, references: list[Reference]) -> tuple[LinearForm, Gyroscopic | None] | None:

@@ -13,7 +13,9 @@ from flexslew_control.allocation import (
 )
 from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
 from flexslew_control.controllers.sampled_loop import SmallMotions, require_sampled_pd
-from flexslew_control.law import Law, PlantDescription, Reference
+from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
+from flexslew_control.estimators.attitude_tick import attitude_numbers
+from flexslew_control.law import Estimator, Law, PlantDescription, Reference
 from flexslew_control.linear_form import LinearForm, SharedForm
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
@@ -115,6 +117,7 @@ def controlled(
 
 
 def form_on_axes(
+    estimator: Estimator,
     law: Law,
     references: list[Reference],
     form_of: Callable[[Law, list[Reference]], tuple[LinearForm, Gyroscopic | None] | None],
@@ -122,11 +125,16 @@ def form_on_axes(
     """Return what `Controlled.finished` has made of a law as matrices; None: there are none.
 
     Args:
+        estimator: of the joints, see joint_estimator.
         law: as finished.
         references: of the joints, tick by tick.
         form_of: returns the form of the law itself without its w x J w, and what adds that.
     """
-    shared = None
+    shared = attitude = None
+    if isinstance(estimator, AttitudeEstimator):
+        attitude = attitude_numbers(estimator)
+        if attitude is None:
+            return None
     if isinstance(law, AllocatedLaw):
         references = [law.requested(reference) for reference in references]
         shared = SharedForm(
@@ -143,4 +151,4 @@ def form_on_axes(
     if turning is not None:
         carried = np.array([turning.efforts(reference.velocity) for reference in references])
         own = own._replace(demand=own.demand - carried, quadratic=turning.of_products(own.kp.size))
-    return form._replace(law=own, shared=shared)
+    return form._replace(law=own, shared=shared, attitude=attitude)

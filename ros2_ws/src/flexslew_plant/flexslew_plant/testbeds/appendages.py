@@ -8,6 +8,7 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.instruments import Instrument, MovingBody
 from flexslew_plant.testbeds.instruments.instrument import TickReader, channels
+from flexslew_plant.testbeds.instruments.packed_readers import PackedReaders, packed_readers
 
 # from a state and the readings of the tips to those with the instruments'; once a tick, in order
 Instruments: TypeAlias = Callable[[Vector, Vector], Vector]
@@ -47,10 +48,8 @@ class Appendages(NamedTuple):
         platform = self.body
         if platform is None:
             return None
-        readers = []
-        for instrument in self.instruments:
-            rng = None if seed is None else np.random.default_rng([*seed, 1 + instrument.first])
-            readers.append((channels(instrument), TickReader(instrument, period, rng)))
+        pairs = zip(self.instruments, self._generators(seed), strict=True)
+        readers = [(channels(one), TickReader(one, period, rng)) for one, rng in pairs]
 
         def read(x: Vector, tip: Vector) -> Vector:
             body, tip = platform(x), tip.copy()
@@ -59,3 +58,13 @@ class Appendages(NamedTuple):
             return tip
 
         return read
+
+    def packed(self, period: float, seed: list[int] | None) -> PackedReaders:
+        """Return the same for machine code; see begun."""
+        return packed_readers(self.instruments, period, self._generators(seed))
+
+    def _generators(self, seed: list[int] | None) -> list[np.random.Generator | None]:
+        """Return what draws the noises of each instrument."""
+        if seed is None:
+            return [None for _ in self.instruments]
+        return [np.random.default_rng([*seed, 1 + one.first]) for one in self.instruments]

@@ -13,7 +13,6 @@ from flexslew_control.linear_form import KalmanForm, LinearForm
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.lanes.channels import stands_of
 from flexslew_lab.studies.lanes.efforts import LawTerms
 from flexslew_lab.studies.lanes.inputs import (
     aim_of,
@@ -31,6 +30,7 @@ from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
+from flexslew_lab.studies.lanes.senses import Heard, heard_by
 from flexslew_lab.studies.lanes.turned import turned_joints
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -43,6 +43,7 @@ from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
+_NONE = np.empty((0, 0, 0))
 _KEPT = 32  # laws on a plan that are kept
 
 
@@ -141,9 +142,10 @@ class Lanes:
         recorded = isinstance(first.trial.testbed, Pointing)
         law = numbers_of(forms, prepared.form.shared or schedule)
         turns, terms = model.attitude is not None, LawTerms.of(law)
-        stands = stands_of(model, sizes.outputs - 2 * model.joints)
+        heard = heard_by(group, forms.filters, sizes.outputs - 2 * model.joints)
+        kinds = recorded, turns, heard is not None, bool(forms.filters)
         loop = partial(
-            lane_loop(kernel, sizes, stands, terms, observer.observe, recorded, turns),
+            lane_loop(kernel, sizes, terms, observer.observe, *kinds),
             w,
             first.trial.period,
             first.steps,
@@ -151,15 +153,16 @@ class Lanes:
             law,
             errors_of(lanes, sizes.outputs, len(schedule.time)),
             turned_joints(model.attitude, model.joints),
+            heard and heard.senses,
             observer.constants,
             observer.z,
             observer.memory,
             len(group),
         )
         if recorded:
-            measured = self._recorded(group, prepared, loop)
+            measured = self._recorded(group, prepared, loop, heard)
         else:
-            loop(0, len(schedule.time), np.empty((0, 0, 0)))
+            loop(0, len(schedule.time), _NONE, _NONE)
             found = LaneMetrics(first, rows, schedule, prepared.goal, at_rest[: model.joints])
             measured = found.metrics(w).__getitem__
         results, lost = [], []
@@ -172,7 +175,11 @@ class Lanes:
         return results, lost
 
     def _recorded(
-        self, group: Sequence[LaneTrial], prepared: _Prepared, loop: Callable[..., None]
+        self,
+        group: Sequence[LaneTrial],
+        prepared: _Prepared,
+        loop: Callable[..., None],
+        heard: Heard | None,
     ) -> Callable[[int], dict[str, float | None]]:
         """Fly a group that is measured from its truth; return what gives the metrics of each."""
         model, period = group[0].model, group[0].trial.period
@@ -181,7 +188,7 @@ class Lanes:
         record = np.empty((LANES, TICKS, model.positions + model.coordinates + model.joints))
         for first in range(0, end, TICKS):
             last = min(first + TICKS, end)
-            loop(first, last, record)
+            loop(first, last, record, _NONE if heard is None else heard.drawn(last - first))
             stamps = stamps_of(first, last, period)
             for one, truth in zip(found, record, strict=False):
                 one.add(stamps, truth[: last - first])

@@ -11,7 +11,6 @@ from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.metrics.settling import settling_band
-from flexslew_lab.studies.lanes.channels import entry_channels
 from flexslew_lab.studies.lanes.efforts import LawNumbers
 from flexslew_lab.studies.lanes.lane_laws import Beside, by_lane
 from flexslew_lab.studies.lanes.lane_trial import (
@@ -150,15 +149,14 @@ def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
     m, tips = lanes[0].model.joints, len(lanes[0].model.appendages.names)
     widths = (m, m, tips, tips)
     sensors = lanes[0].trial.sensors
-    names = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
-    noisy = any(getattr(sensors, name).noise for name in names[:3])
-    noisy |= outputs > 2 * m and any(one.noise for one in entry_channels(lanes[0].model))
+    channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
+    noisy = any(getattr(sensors, name).noise for name in channels[:3])
     error = np.zeros((readings if noisy else 1, outputs, LANES))
     for k, lane in enumerate(lanes):
         if k > 0 and lane is lanes[k - 1]:  # it only fills up
             error[:, :, k] = error[:, :, k - 1]
             continue
-        each = [getattr(lane.trial.sensors, name) for name in names]
+        each = [getattr(lane.trial.sensors, name) for name in channels]
         drawn = [w if channel.noise else 0 for w, channel in zip(widths, each, strict=True)]
         noise = np.zeros((0, 0))
         if noisy:
@@ -173,7 +171,4 @@ def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
                     own = noise[:, column : column + read]
                     error[:, at : at + read, k] += channel.noise * own
             at, column = at + width, column + count
-        for one in entry_channels(lane.model) if outputs > 2 * m else ():
-            own = error[:, 2 * m :, k][:, one.where]
-            own[:] = one.errors(lane.trial.seed, len(error))[:, : own.shape[1]]
     return error.reshape(len(error), outputs * LANES)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.allocation import sharing
+from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.testbeds.compiled.lanes import LANES
@@ -17,6 +18,7 @@ class Beside(NamedTuple):
     laws: list[LawForm]
     observers: list[Any]
     allocation: Any  # sharing.AllocationNumbers of all; None: there is none
+    filters: list[AttitudeNumbers]  # of the attitude; none: there is none
 
 
 def kind_of(form: LinearForm) -> Hashable:
@@ -28,7 +30,9 @@ def kind_of(form: LinearForm) -> Hashable:
     integrand = law.integrand.tobytes() if law.integral else b""
     follows = () if shared is None else (shared.position.tobytes(), shared.velocity.tobytes())
     kind = shared and sharing.kind_of(shared.allocation)
-    return shapes, law.integral, law.unwinding, law.limit.tobytes(), integrand, follows, kind
+    filters = tuple(part.shape for part in form.attitude or ())
+    integral = law.integral, law.unwinding, law.limit.tobytes(), integrand
+    return shapes, *integral, follows, kind, filters
 
 
 def outputs_of(form: LinearForm, joints: int) -> int:
@@ -48,7 +52,9 @@ def beside(forms: Sequence[LinearForm]) -> Beside:
         lanes = [forms[min(k, len(forms) - 1)] for k in range(LANES)]
     shared = [form.shared.allocation for form in lanes if form.shared is not None]
     allocation = sharing.side_by_side(shared) if shared else None
-    return Beside([form.law for form in lanes], [form.observer for form in lanes], allocation)
+    filters = [form.attitude for form in lanes if form.attitude is not None]
+    laws, observers = [form.law for form in lanes], [form.observer for form in lanes]
+    return Beside(laws, observers, allocation, filters)
 
 
 def by_lane(parts: Sequence[Any], name: str, dimensions: int) -> Tensor:

@@ -10,7 +10,6 @@ from flexslew_control.controllers import CONTROLLERS, LawEntry, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
-from flexslew_lab.studies.lanes.channels import entry_channels
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
@@ -71,7 +70,7 @@ class LaneIntake:
         steps = max(1, ceil(fast / kernel.reach))
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
-        told = tuple((one.where.start, bool(one.noise)) for one in entry_channels(model))
+        told = model.appendages.packed(trial.period, None).layout.tobytes()
         bench = (kernel.advance, steps, common.noisy, turned, tips, told)
         law, together = (common.law, *bench), (common.course, *bench)
         return LaneTrial(case, trial, common.asked, model, kernel, steps, law, together)

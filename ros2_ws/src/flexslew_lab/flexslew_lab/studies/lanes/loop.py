@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexslew_lab.studies.lanes.efforts import LawNumbers, LawTerms, efforts_of
 from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
+from flexslew_lab.studies.lanes.senses import sensing
 from flexslew_lab.studies.lanes.turned import about_reference
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES, KernelRows, LaneKernel
@@ -39,29 +40,32 @@ Loop = Callable[..., None]
 def lane_loop(
     kernel: LaneKernel,
     sizes: Sizes,
-    stands: tuple[int, ...],
     terms: LawTerms,
     observe: Observe,
     recorded: bool,
     turns: bool,
+    heard: bool,
+    filtered: bool,
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, LawNumbers, error, turned, observer, z, memory, filled, first,
-    last, record): w of lanes.Advance with the rows of `rows` behind; `error` of the readings,
-    (ticks + 1 or 1, outputs LANES); TurnedJoints, if `turns`; w, z and memory in and out;
-    `observer` as `observe` wants it, which is asked for the first `filled` lanes at least; ticks
-    from `first` to before `last`. If `recorded`, the truth goes into `record`, (LANES, ticks,
+    It takes (w, dt, steps, Schedule, LawNumbers, error, turned, Senses, observer, z, memory,
+    filled, first, last, record, draws): w of lanes.Advance with the rows of `rows` behind; `error`
+    of the readings, (ticks + 1 or 1, outputs LANES); TurnedJoints, if `turns`; w, z and memory in
+    and out; `observer` as `observe` wants it, which is asked for the first `filled` lanes at least;
+    ticks from `first` to before `last`. If `recorded`, the truth goes into `record`, (LANES, ticks,
     states + joints), and is measured afterwards; else the loop counts what the metrics need.
+    `draws` are the instruments', (ticks, lanes, draws).
 
     Args:
         kernel: of the testbed.
         sizes: of the group.
-        stands: entry of the state that each tip's channel reads; -1: it is moved by modes.
         terms: of the law.
         observe: of the law.
         recorded: whether the truth is.
         turns: whether the joints read an attitude.
+        heard: whether there are instruments.
+        filtered: whether filters tell the joints.
     """
     m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
     rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
@@ -72,8 +76,8 @@ def lane_loop(
     locate, position, velocity, mode = kernel.read, *of_kernel[1:4]
     reading, earlier, effort = rows.reading, rows.earlier, rows.applied
     tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
-    about = about_reference(m, rows.reading, turns)
-    entries = (*stands, -1)  # Numba takes none from an empty tuple
+    about = about_reference(m, rows.reading, turns and not filtered)
+    sense = sensing(rows, sizes, heard, filtered)
 
     @vectorised
     def read(k: int, error: Matrix, w: Vector) -> None:
@@ -87,10 +91,8 @@ def lane_loop(
             w[reading + m * LANES + i] = w[velocity + i] + error[row, m * LANES + i]
         for i in range(2 * m, ny):
             for lane in range(LANES):
-                at, entry = error[row, i * LANES + lane], entries[i - 2 * m]
-                if entry >= 0:
-                    at += w[entry * LANES + lane]
-                for j in range(modes if entry < 0 else 0):
+                at = error[row, i * LANES + lane]
+                for j in range(modes):
                     share = ((i - 2 * m) * modes + j) * LANES + lane
                     at += w[tip + share] * w[mode + j * LANES + lane]
                     at += w[tip_rate + share] * w[mode_rate + j * LANES + lane]
@@ -105,6 +107,7 @@ def lane_loop(
         law: LawNumbers,
         error: Matrix,
         turned: Any,
+        senses: Any,
         observer: Any,
         z: Vector,
         memory: Vector,
@@ -112,6 +115,7 @@ def lane_loop(
         first: int,
         last: int,
         record: Tensor,
+        draws: Tensor,
     ) -> None:
         ticks = schedule.position.shape[0]
         signals = LaneSignals(
@@ -125,6 +129,8 @@ def lane_loop(
             if k == ticks:
                 break
             read(k, error, w)
+            if heard:
+                sense(k, senses, draws[k - first], schedule.position[k], w, filled)
             about(w, turned, schedule.position[k], filled)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
             efforts(k, schedule.time[k], dt, schedule, law, turned, z, w, filled)
