@@ -1,6 +1,8 @@
 """The small motions of a platform and its appendages, from the collocated readings."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are
@@ -9,10 +11,12 @@ from flexslew_control.estimators.kalman import discretised
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import require_observable
 from flexslew_control.small_motion import SmallMotion
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import Positive, section
+from flexslew_plant.testbeds.compiled import interface
+from flexslew_plant.testbeds.kernels import Kernels
 
 _WORST_CONDITION = 1e6  # of readings that are inverted
 _QUIET: Vector = np.zeros(0)
@@ -52,6 +56,63 @@ class InvertedReadings:
         )
 
 
+class MotionBelief(NamedTuple):
+    """The constants of a SmallMotionObserver, for n coordinates and m joints."""
+
+    packed: Vector  # numbers of the equations
+    gain: Matrix  # from innovations of positions and rates to (x, x'), (2 n, 2 m)
+    rest: Vector  # q, (positions,)
+    small: Matrix  # from q - rest to x, (n, positions)
+
+
+@compiled_once("state", "estimate")
+def take_in(
+    kernels: Kernels,
+    packed: Vector,
+    gain: Matrix,
+    rest: Vector,
+    small: Matrix,
+    innovation: Vector,
+    state: Vector,
+    estimate: Vector,
+) -> None:
+    """Correct a state [q, v] by an innovation, and write the estimate (x, x') then.
+
+    q+ = q + N(q) L e, with a quaternion of length one again, and v+ = v + L' e.
+
+    Args:
+        kernels: the equations.
+        packed: of the MotionBelief, as the three that follow.
+        gain: L over L'.
+        rest: q.
+        small: from q - rest to x.
+        innovation: e, of positions, then of rates, shape (2 m,).
+        state: in and out, shape (positions + n,).
+        estimate: out, shape (2 n,).
+    """
+    n, positions = small.shape
+    moved, along = state.copy(), np.empty(state.size)
+    for i in range(2 * n):
+        step = 0.0
+        for j in range(innovation.size):
+            step += gain[i, j] * innovation[j]
+        if i < n:
+            moved[positions + i] = step
+        else:
+            state[positions + i - n] += step
+    interface.position_rates(kernels, packed, 0.0, moved, along)
+    for i in range(positions):
+        state[i] += along[i]
+    if positions > n:  # a unit quaternion
+        size = np.sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2 + state[6] ** 2)
+        for i in range(3, 7):
+            state[i] /= size
+    for i in range(n):
+        estimate[i], estimate[n + i] = 0.0, state[positions + i]
+        for j in range(positions):
+            estimate[i] += small[i, j] * (state[j] - rest[j])
+
+
 @dataclass
 class SmallMotionObserver:
     """Fewer readings than coordinates: the model, turning hinges included, and a constant gain.
@@ -68,6 +129,15 @@ class SmallMotionObserver:
     _x: Vector = field(init=False)
     _tick: int = field(init=False, default=-1)
     _last: Estimate = field(init=False)
+
+    @cached_property
+    def belief(self) -> MotionBelief:
+        """What does not change while it runs."""
+        model, rest = self.motion.model, self.motion.rest
+        small = model.position_rates(rest).T.copy()
+        if model.positions > model.coordinates:
+            small[3:6] *= 4.0  # q of a small turn: half the turn
+        return MotionBelief(model.packed, self.gain, rest, small)
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest, appendages straight, and take in the first readings."""
@@ -88,23 +158,14 @@ class SmallMotionObserver:
 
     def _corrected(self, measurement: Measurement) -> None:
         model = self.motion.model
-        n, first = model.coordinates, model.positions
         there, rate = model.joint_state(self._x)
         innovation = np.concatenate(
             (measurement.joint_position - there, measurement.joint_velocity - rate)
         )
-        step = self.gain @ innovation
-        q = self._x[:first]
-        self._x[:first] = q + model.position_rates(q) @ step[:n]
-        self._x[first:] += step[n:]
-        extra = first - n
-        if extra:  # a unit quaternion
-            self._x[3:7] /= np.linalg.norm(self._x[3:7])
-        # q of a small turn: half the turn
-        deviation = model.position_rates(self.motion.rest).T @ (self._x[:first] - self.motion.rest)
-        if extra:
-            deviation[3:6] *= 4.0
-        self._last = Estimate(deviation, self._x[first:].copy(), _QUIET, _NO_COVARIANCE, innovation)
+        found = np.empty(2 * model.coordinates)
+        take_in(model.kernels, *self.belief, innovation, self._x, found)
+        x, rates = np.split(found, 2)
+        self._last = Estimate(x, rates, _QUIET, _NO_COVARIANCE, innovation)
 
 
 def observer(
