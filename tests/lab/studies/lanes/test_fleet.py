@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.lab.studies.lanes.both_ways import require_equal
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.execution.worker import Job
@@ -20,7 +21,6 @@ from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine, turned
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 from flexslew_plant.testbeds.csa import CsaTestbed
 
-TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 LAWS: dict[str, dict[str, Any]] = {
     "pd_feedforward": {"kp": [300.0, 460.0], "kd": 800.0},
     "collocated_pid": {},
@@ -57,22 +57,6 @@ def prepared(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
         return prepare(study_of(flown=whole | trial, lanes=True, replan=replan, **keys))
 
     return make
-
-
-def require_equal(ready: Preparation, numbers: list[int]) -> None:
-    """Fly the trials both ways and compare every metric."""
-    cases = [case_of(ready.study, ready.samples, k) for k in numbers]
-    results = [r for some, _ in Lanes(ready.study, ready.plans).fly(cases) for r in some]
-    assert [r.number for r in results] == numbers
-    for result, case in zip(results, cases, strict=True):
-        bench = flown(ready.study, case, ready.plans)
-        assert (result.status, result.way) == ("ok", "lanes")
-        for name, value in bench.metrics.items():
-            ours = result.metrics[name]
-            if value is None:
-                assert ours is None, name
-            else:
-                assert ours == pytest.approx(value, rel=TOLERANCE, abs=TOLERANCE), name
 
 
 @pytest.mark.parametrize("law", LAWS)
