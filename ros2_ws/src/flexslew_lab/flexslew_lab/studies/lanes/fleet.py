@@ -13,6 +13,7 @@ from flexslew_control.linear_form import KalmanForm, LinearForm
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
+from flexslew_lab.studies.lanes.beginning import beginning
 from flexslew_lab.studies.lanes.efforts import LawTerms
 from flexslew_lab.studies.lanes.inputs import (
     aim_of,
@@ -27,7 +28,6 @@ from flexslew_lab.studies.lanes.lane_laws import beside, kind_of, outputs_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
 from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
-from flexslew_lab.studies.lanes.observers import beginning
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
 from flexslew_lab.studies.lanes.senses import Heard, heard_by

@@ -3,16 +3,15 @@
 z and readings are flat, row after row with LANES neighbours each, as in loop.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeAlias, cast
+from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman_tick import FilterBelief, kalman_tick
-from flexslew_control.linear_form import LinearForm, LinearObserver
-from flexslew_lab.studies.lanes.lane_laws import by_lane
+from flexslew_control.linear_form import LinearObserver
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
@@ -28,40 +27,6 @@ class LaneSignals(NamedTuple):
     y: Vector  # readings of this tick
     earlier: Vector  # of the one before
     effort: Vector  # that was held in between
-
-
-class Beginning(NamedTuple):
-    """An observer before its first tick."""
-
-    observe: Observe
-    constants: tuple[Any, ...]
-    z: Vector  # flat
-    memory: Vector  # what it keeps besides, flat
-
-
-def beginning(form: LinearForm, observers: Sequence[Any]) -> Beginning:
-    """Return the observer of a controller.
-
-    Args:
-        form: of the first lane.
-        observers: one for all lanes, or linear ones for each.
-    """
-    found = form.observer
-    if isinstance(found, LinearObserver):
-        k = found.constant.shape[-1]
-        sizes = zip(LinearObserver._fields, (2, 2, 2, 2, 1), strict=True)
-        matrices: Any = LinearObserver(*(by_lane(observers, name, d) for name, d in sizes))
-        return Beginning(linear(k), matrices, np.zeros(k * LANES), np.empty(k * LANES))
-    if isinstance(found, GainedFilter):
-        outputs, k = found.output.shape
-        filtered = GainedFilter(*map(np.ascontiguousarray, found))
-        return Beginning(gained(k), filtered, np.zeros((k + outputs) * LANES), np.empty(k * LANES))
-    k, outputs = len(found.matrices.origin), len(found.matrices.c)
-    constants = FilterBelief(found.model.packed, *map(np.ascontiguousarray, found.matrices))
-    memory = np.empty(LANES * (k + k * k))
-    model = found.model
-    observe = kalman(model.kernels, model.before_modes, model.coordinates)
-    return Beginning(observe, constants, np.zeros((k + outputs) * LANES), memory)
 
 
 @vectorised
