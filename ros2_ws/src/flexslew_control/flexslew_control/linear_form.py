@@ -3,10 +3,10 @@
 u(k) = f(k) + kp (q_d - q) + kd (q_d' - q') + K z(k) + H y(k) + Q (q' x q') + s(k),
 s' = g(k) + ki (q_d - q) + G z(k) + (sat(u) - u) / T_t,
 with y the measured joints, their rates and the first of the tips, f and g from the reference alone,
-and z the state of an observer: see LinearObserver, KalmanForm and GainedFilter, whose z is its
-state and then its innovation, too. The products of the rates q', which gyroscopic torques are of,
-are all that is not linear. A law on the turn about the body axes has them for its joints: see
-SharedForm.
+and z the state of an observer: see LinearObserver, SmallMotionForm, KalmanForm and GainedFilter,
+whose z is its state and then its innovation, too. The products of the rates q', which gyroscopic
+torques are of, are all that is not linear. A law on the turn about the body axes has them for its
+joints: see SharedForm.
 """
 
 from typing import NamedTuple
@@ -17,6 +17,7 @@ from flexslew_control.allocation.sharing import AllocationNumbers
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.estimators.gained_filter import GainedFilter, gained
 from flexslew_control.estimators.kalman import FilterMatrices, KalmanFilter
+from flexslew_control.estimators.small_motion_observer import MotionBelief
 from flexslew_control.free_platform import nominal_states
 from flexslew_control.law import Reference
 from flexslew_plant.arrays import Matrix, Vector
@@ -41,6 +42,17 @@ class KalmanForm(NamedTuple):
 
     model: Model
     matrices: FilterMatrices
+
+
+class SmallMotionForm(NamedTuple):
+    """A SmallMotionObserver, and what reads its estimate (x, x') as others read y.
+
+    z is the estimate, then the state of the one behind it.
+    """
+
+    model: Model
+    belief: MotionBelief
+    behind: LinearObserver
 
 
 class LawForm(NamedTuple):
@@ -72,7 +84,7 @@ class LinearForm(NamedTuple):
     """A law with what it knows of the bench."""
 
     law: LawForm
-    observer: LinearObserver | GainedFilter | KalmanForm
+    observer: LinearObserver | GainedFilter | KalmanForm | SmallMotionForm
     shared: SharedForm | None = None  # None: its efforts are those of the joints
     attitude: AttitudeNumbers | None = None  # the filter that tells the joints; None: as measured
 
@@ -114,7 +126,7 @@ def observed_form(
     from_state: Matrix,
     from_output: Matrix,
     demand: Matrix,
-    observer: LinearObserver,
+    observer: LinearObserver | SmallMotionForm,
     gains: tuple[Vector, Vector] | None = None,
 ) -> LinearForm:
     """Return a law on an observer's state and on what is read, without an integral of its own.

@@ -14,9 +14,22 @@ from flexslew_control.controllers.retargeting.disturbance_accommodating import (
 )
 from flexslew_control.controllers.retargeting.modal_space import modal_gains, space_gains
 from flexslew_control.controllers.retargeting.sampled_regulator import held_regulator
-from flexslew_control.small_motion import Frozen
+from flexslew_control.controllers.retargeting.small_motion_laws import (
+    IntegralFeedback,
+    integral_form,
+)
+from flexslew_control.estimators.small_motion_observer import (
+    ObserverSettings,
+    SmallMotionObserver,
+    observer,
+)
+from flexslew_control.law import Estimate, Reference
+from flexslew_control.linear_form import SmallMotionForm
+from flexslew_control.small_motion import Frozen, moving
 from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_plant.arrays import NOTHING
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 
 WEIGHTS = IntegralWeights(state=10.0, effort=2.0, effort_rate=0.05)
 
@@ -124,3 +137,36 @@ def test_planned_gains_wait_for_a_plan_that_has_some() -> None:
         str(controller.reason)
         == "its plan has no gains; set plan.gains to constant, perturbation or adiabatic"
     )
+
+
+@pytest.mark.parametrize("planned", [False, True], ids=["constant", "planned"])
+def test_an_integral_on_an_observer_is_its_matrices_tick_by_tick(planned: bool) -> None:
+    """With gains of every tick, and efforts at their limits some of the time."""
+    testbed = shipped("antenna_1").testbed
+    estimator = observer(
+        moving(plant(0.01, testbed.effort_limit, testbed), None), ObserverSettings(), 0.01
+    )
+    assert isinstance(estimator, SmallMotionObserver)
+    (n, m), rng = (16, 10), np.random.default_rng(9)
+    gains, none = rng.standard_normal((21, m, 3 * n)), np.zeros(m)
+    references = [
+        Reference(none, none, rng.standard_normal(m), NOTHING, gains=own.ravel())
+        for own in gains[1:]
+    ]
+    law = IntegralFeedback(gains[0], none, np.full(m, 4.0), 0.5, 0.01, planned)
+    form = integral_form(estimator, law, references)
+    assert isinstance(form.observer, SmallMotionForm)
+    start, *others = form.observer.behind
+    y = rng.standard_normal((len(references), 2 * n))
+    s, efforts = start @ y[0], np.zeros((len(references), m))
+    for k, reference in enumerate(references):
+        if k > 0:
+            a, b, e, c = (each[min(k, len(each)) - 1] for each in others)
+            s = a @ s + b @ efforts[k - 1] + e @ y[k - 1] + c
+        own = form.law.from_state[min(k, len(form.law.from_state) - 1)]
+        efforts[k] = np.clip(form.law.demand[k] + own @ np.concatenate((y[k], s)), -4.0, 4.0)
+        measured = Measurement(k, 0, 0.01 * k, "", none, none, NOTHING, NOTHING, none)
+        estimate = Estimate(y[k, :n], y[k, n:], NOTHING, np.zeros((0, 0)), NOTHING)
+        expected = law.update(measured, estimate, reference)
+        np.testing.assert_allclose(efforts[k], expected, rtol=1e-10, atol=1e-10)
+    assert 0.2 < np.mean(np.abs(efforts) == 4.0) < 0.8

@@ -17,7 +17,6 @@ from flexslew_plant.arrays import NOTHING
 from flexslew_plant.testbeds import initial_positions
 
 FOR_THE_BENCH = {
-    "antenna_1": Way.SETTINGS,
     "control_moment_gyros": Way.SETTINGS,  # gyroscopic, with an allocation
     "observatory": Way.MOTORS,
     "predictive_m1": Way.LAW,

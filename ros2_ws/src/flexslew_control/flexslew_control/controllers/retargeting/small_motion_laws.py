@@ -3,13 +3,18 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from flexslew_control.controllers.at_rest import moves
-from flexslew_control.estimators.small_motion_observer import InvertedReadings
-from flexslew_control.law import Estimate, Estimator, Reference
+from flexslew_control.estimators.small_motion_observer import (
+    InvertedReadings,
+    SmallMotionObserver,
+)
+from flexslew_control.law import Estimate, Reference
 from flexslew_control.linear_form import (
     LinearForm,
     LinearObserver,
+    SmallMotionForm,
     no_observer,
     observed_form,
 )
@@ -120,32 +125,28 @@ class IntegralFeedback:
 
 
 def state_form(
-    estimator: Estimator, law: StateFeedback, references: list[Reference]
-) -> LinearForm | None:
-    """Return the law as matrices; see LawEntry. None: the equations predict for it."""
-    if not isinstance(estimator, InvertedReadings):
-        return None
-    m, n = len(law.gain), len(estimator.inverse)
+    estimator: InvertedReadings | SmallMotionObserver,
+    law: StateFeedback,
+    references: list[Reference],
+) -> LinearForm:
+    """Return the law as matrices; see LawEntry."""
+    (m, states), none = law.gain.shape, np.zeros((len(law.gain), 0))
     demand = np.array([reference.effort for reference in references])
-    of_output = -np.hstack(
-        (law.gain[:, :n] @ estimator.inverse, law.gain[:, n:] @ estimator.inverse)
-    )
-    return observed_form(np.zeros((m, 0)), of_output, demand, no_observer(2 * m, m))
+    return _on_motion(estimator, -law.gain, none, demand, no_observer(states, m))
 
 
 def integral_form(
-    estimator: Estimator, law: IntegralFeedback, references: list[Reference]
-) -> LinearForm | None:
-    """Return the law as matrices; see LawEntry. None: the equations predict for it.
+    estimator: InvertedReadings | SmallMotionObserver,
+    law: IntegralFeedback,
+    references: list[Reference],
+) -> LinearForm:
+    """Return the law as matrices; see LawEntry.
 
     The integral is z = s + x T / 2 with s(k + 1) = s(k) + T x(k) + g (demand - applied), and
     s(0) = -x T / 2; g is what takes it back at the limits.
     """
-    if not isinstance(estimator, InvertedReadings):
-        return None
-    h, inverse = law.period, estimator.inverse
-    n, m = inverse.shape
-    still = np.zeros((n, m))
+    h, m, n = law.period, len(law.gains), law.gains.shape[1] // 3
+    one, none = np.eye(n), np.zeros((n, n))
     demand = np.array([reference.effort for reference in references])
     varying = law.planned and any(reference.gains.size for reference in references)
     rows = []
@@ -154,11 +155,37 @@ def integral_form(
         back = np.zeros((n, m))
         if law.tracking_time is not None:
             back = h / law.tracking_time * np.asarray(np.linalg.pinv(ki))
-        of_output = -np.hstack(((kp + 0.5 * h * ki) @ inverse, kd @ inverse))
-        before = np.hstack((h * inverse, still)) + back @ of_output
-        rows.append((-ki, of_output, np.eye(n) - back @ ki, -back, before, back))
-    of_state, of_output, state, effort, before, back = map(np.array, zip(*rows, strict=True))
-    start = np.hstack((-0.5 * h * inverse, still))
+        of_motion = -np.hstack((kp + 0.5 * h * ki, kd))
+        before = np.hstack((h * one, none)) + back @ of_motion
+        rows.append((of_motion, -ki, one - back @ ki, -back, before, back))
+    of_motion, of_state, state, effort, before, back = map(np.array, zip(*rows, strict=True))
+    start = np.hstack((-0.5 * h * one, none))
     constant = (back @ demand[:, :, None])[:, :, 0]
     observer = LinearObserver(start, state, effort, before, constant)
-    return observed_form(of_state, of_output, demand, observer)
+    return _on_motion(estimator, of_motion, of_state, demand, observer)
+
+
+def _on_motion(
+    estimator: InvertedReadings | SmallMotionObserver,
+    of_motion: Matrix,
+    of_state: Matrix,
+    demand: Matrix,
+    observer: LinearObserver,
+) -> LinearForm:
+    """Return a law on the estimate (x, x') and on an observer that reads it.
+
+    Args:
+        estimator: of (x, x').
+        of_motion: from (x, x') to the efforts, (m, 2 n), or tick by tick.
+        of_state: from the observer's state.
+        demand: shape (ticks, m).
+        observer: whose y is (x, x').
+    """
+    if isinstance(estimator, InvertedReadings):
+        read = block_diag(estimator.inverse, estimator.inverse)
+        on_readings = observer._replace(start=observer.start @ read, before=observer.before @ read)
+        return observed_form(of_state, of_motion @ read, demand, on_readings)
+    m = demand.shape[1]
+    form = SmallMotionForm(estimator.motion.model, estimator.belief, observer)
+    on_all = np.concatenate((of_motion, of_state), axis=-1)
+    return observed_form(on_all, np.zeros((m, 2 * m)), demand, form)

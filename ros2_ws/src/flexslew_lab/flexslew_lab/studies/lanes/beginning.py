@@ -7,9 +7,11 @@ import numpy as np
 
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman_tick import FilterBelief
-from flexslew_control.linear_form import LinearForm, LinearObserver
+from flexslew_control.estimators.small_motion_observer import MotionBelief
+from flexslew_control.linear_form import LinearForm, LinearObserver, SmallMotionForm
 from flexslew_lab.studies.lanes.lane_laws import by_lane
 from flexslew_lab.studies.lanes.observers import Observe, gained, kalman, linear
+from flexslew_lab.studies.lanes.small_motions import LaneMotions, small_motions
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
@@ -34,6 +36,8 @@ def beginning(form: LinearForm, observers: Sequence[Any]) -> Beginning:
     if isinstance(found, LinearObserver):
         k = found.constant.shape[-1]
         return Beginning(linear(k), _linear(observers), np.zeros(k * LANES), np.empty(k * LANES))
+    if isinstance(found, SmallMotionForm):
+        return _small_motions(found, observers)
     if isinstance(found, GainedFilter):
         outputs, k = found.output.shape
         filtered = GainedFilter(*map(np.ascontiguousarray, found))
@@ -44,6 +48,17 @@ def beginning(form: LinearForm, observers: Sequence[Any]) -> Beginning:
     model = found.model
     observe = kalman(model.kernels, model.before_modes, model.coordinates)
     return Beginning(observe, constants, np.zeros((k + outputs) * LANES), memory)
+
+
+def _small_motions(first: SmallMotionForm, forms: Sequence[SmallMotionForm]) -> Beginning:
+    model, behind = first.model, first.behind.constant.shape[-1]
+    n = model.coordinates
+    parts = zip(*(form.belief for form in forms), strict=True)
+    beliefs = MotionBelief(*(np.array(part) for part in parts))
+    motions = LaneMotions(beliefs, _linear([form.behind for form in forms]))
+    observe = small_motions(model.kernels, n, model.before_modes, behind)
+    memory = np.zeros((model.positions + 3 * n + behind) * LANES)
+    return Beginning(observe, motions, np.zeros((2 * n + behind) * LANES), memory)
 
 
 def _linear(observers: Sequence[LinearObserver]) -> LinearObserver:

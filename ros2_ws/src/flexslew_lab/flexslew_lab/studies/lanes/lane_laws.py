@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_control.allocation import sharing
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
-from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver
+from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver, SmallMotionForm
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
@@ -23,16 +23,22 @@ class Beside(NamedTuple):
 
 def kind_of(form: LinearForm) -> Hashable:
     """Return what is equal for laws that may fly beside each other."""
-    if not isinstance(form.observer, LinearObserver):
+    observer = form.observer
+    believed: Hashable = None
+    parts: tuple[Any, ...] = ()
+    if isinstance(observer, SmallMotionForm):
+        believed = observer.model.kernels, observer.model.before_modes
+        parts, observer = observer.belief, observer.behind
+    if not isinstance(observer, LinearObserver):
         return id(form)  # what a filter computes by tick is that of all lanes
     law, shared = form.law, form.shared
-    shapes = tuple(np.shape(part) for part in (*law, *form.observer))
+    shapes = tuple(np.shape(part) for part in (*law, *parts, *observer))
     integrand = law.integrand.tobytes() if law.integral else b""
     follows = () if shared is None else (shared.position.tobytes(), shared.velocity.tobytes())
     kind = shared and sharing.kind_of(shared.allocation)
     filters = tuple(part.shape for part in form.attitude or ())
     integral = law.integral, law.unwinding, law.limit.tobytes(), integrand
-    return shapes, *integral, follows, kind, filters
+    return believed, shapes, *integral, follows, kind, filters
 
 
 def outputs_of(form: LinearForm, joints: int) -> int:

@@ -51,6 +51,11 @@ def position_rates(kernels: Kernels, p: Vector, t: float, x: Vector, rate: Vecto
     raise NotImplementedError
 
 
+def reading(kernels: Kernels, p: Vector, x: Vector, position: Vector, rate: Vector) -> None:
+    """Write where each joint is and how fast, each (joints,)."""
+    raise NotImplementedError
+
+
 def square(kernels: Kernels, n: int, m: int) -> int:
     """Return the size of the joint block of M: m, or n where terms writes the whole matrix."""
     raise NotImplementedError
@@ -110,6 +115,21 @@ def _position_rates(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
             rate[k] = x[n + k]
 
     return same
+
+
+@overload(reading, strict=False, jit_options=MERGED)
+def _reading(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
+    own = kernels.kernels.compiled.get("reading")
+    if own is not None:
+        return lambda kernels, p, x, position, rate: own(p, x, position, rate)
+    extra_positions = kernels.kernels.extra_positions
+
+    def first(kernels: Kernels, p: Vector, x: Vector, position: Vector, rate: Vector) -> None:
+        v = (x.size + extra_positions) // 2
+        for k in range(position.size):
+            position[k], rate[k] = x[k], x[v + k]
+
+    return first
 
 
 @overload(square, strict=False, inline="always")
