@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.lab.studies.lanes.both_ways import require_equal
 
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
-from tests.lab.studies.lanes.both_ways import require_equal
 
 AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
 TILTED = {  # four axes in a pyramid about z

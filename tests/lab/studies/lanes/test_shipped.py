@@ -17,8 +17,7 @@ from flexslew_plant.arrays import NOTHING
 from flexslew_plant.testbeds import initial_positions
 
 FOR_THE_BENCH = {
-    "control_moment_gyros": Way.SETTINGS,  # gyroscopic, with an allocation
-    "observatory": Way.MOTORS,
+    "observatory": Way.SCHEDULE,
     "predictive_m1": Way.LAW,
     "swap_demo": Way.SCHEDULE,
 }
