@@ -115,13 +115,3 @@ def test_a_torque_that_is_shared_out_flies_in_lanes_as_on_the_bench(
     }
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     require_equal(ready, [0, 1, 3])
-
-
-def test_each_lane_has_the_limits_of_its_own_drives(study_of: Callable[..., Study]) -> None:
-    trial = {
-        "duration": 4.0,
-        "plan": {"method": "none", "goal": {"base_yaw": 0.3, "hub_pitch": 0.2}, "duration": 2.0},
-    }
-    limit = {"testbed.effort_limit.0": {"uniform": [5.0, 60.0]}}
-    ready = prepare(study_of(flown=trial, lanes=True, vary=limit))
-    require_equal(ready, [0, 1, 2, 3])

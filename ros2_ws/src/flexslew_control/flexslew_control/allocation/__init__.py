@@ -1,6 +1,6 @@
 """How the torque that a law asks for becomes efforts of thrusters, wheels and gyros.
 
-Offers: joint_gains.
+Offers: joint_gains, sharing.
 """
 
 from flexslew_control.allocation.allocated_law import AllocatedLaw as AllocatedLaw

@@ -9,15 +9,14 @@ class Way(StrEnum):
     LANES = "lanes"
     BENCH = "bench"  # nobody asked for lanes
     NOT_ALLOWED = "bench: refused"  # it says why
-    METRICS = "bench: metrics of its own"
-    MOTORS = "bench: motors beyond their limits"
+    METRICS = "bench: a metric of its own raises"
+    MOTORS = "bench: motors with friction or quantisation"
     QUANTISED = "bench: quantised sensors"
     SCHEDULE = "bench: switches or faults"
     NO_PLAN = "bench: no plan"
     JOINTS = "bench: joints that are read in another way"
     EFFORTS = "bench: efforts that are no joints'"
     ORBIT = "bench: an orbit"
-    INSTRUMENTS = "bench: noise beside instruments"
     LAW = "bench: a law that is not linear"
     SETTINGS = "bench: a law that is not linear with these settings"
     TIPS = "bench: a law that reads instruments or rates of tips"

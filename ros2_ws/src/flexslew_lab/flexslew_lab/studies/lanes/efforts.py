@@ -192,6 +192,7 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a drive makes of a demand; see Actuator and Thrusters."""
     effort, limit, least = rows.applied, rows.limit, rows.least
     pulsed, pulse, owed = sizes.pulsed, rows.pulse, rows.owed
+    follow = _follow(rows, sizes)
 
     @vectorised
     def drive(i: int, dt: float, disturbance: float, w: Vector) -> None:
@@ -205,6 +206,42 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                 w[owed + at] = still if w[pulse + at] > 0.0 else 0.0
                 applied = impulse / dt if w[pulse + at] > 0.0 else applied
             w[effort + at] = applied
-            w[total + at] = applied + disturbance
+        follow(i, dt, w)
+        for at in range(i * LANES, (i + 1) * LANES):
+            w[total + at] = w[effort + at] + disturbance
 
     return cast(Callable[..., None], drive)
+
+
+def _follow(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what a motor's slew rate and lag make of an effort; see Actuator."""
+    effort, ramp, torque = rows.applied, rows.ramp, rows.torque
+    slewed, lagged = sizes.slewed, sizes.lagged
+    lag_of, rate_of, rise_of, mean_of = (rows.motor + k * LANES for k in range(4))
+
+    @vectorised
+    def follow(i: int, dt: float, w: Vector) -> None:
+        if slewed:  # known to the compiler, as the other one
+            for lane in range(LANES):
+                at, lag, fastest = i * LANES + lane, w[lag_of + lane], w[rate_of + lane]
+                demand, start, behind = w[effort + at], w[ramp + at], w[torque + at]
+                gap = demand - start
+                rising = min(abs(gap) / fastest, dt)
+                rate = fastest * np.sign(gap)
+                end = demand if rising < dt else start + rate * dt
+                mean = end - 0.5 * rising / dt * (end - start)
+                if lagged:
+                    late = rate * lag
+                    z = end - late + (behind - start + late) * np.exp(-rising / lag)
+                    z = end + (z - end) * np.exp(-(dt - rising) / lag)
+                    mean -= lag / dt * (z - behind)
+                    w[torque + at] = z
+                w[ramp + at], w[effort + at] = end, mean
+        elif lagged:
+            for lane in range(LANES):
+                at = i * LANES + lane
+                gap = w[effort + at] - w[torque + at]
+                w[effort + at] = w[torque + at] + w[mean_of + lane] * gap
+                w[torque + at] += w[rise_of + lane] * gap
+
+    return cast(Callable[..., None], follow)

@@ -10,6 +10,7 @@ import numpy as np
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import KalmanForm, LinearForm
+from flexslew_control.plan_file import plan_hash
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
@@ -124,7 +125,9 @@ class Lanes:
             form.kp.size,
             form.quadratic.size > 0,
             prepared.form.shared is not None,
-            bool(drives[:, -1].any()),
+            bool(drives[:, 2 * model.joints : 3 * model.joints].any()),
+            bool(first.trial.actuator.slew_rate),
+            bool(first.trial.actuator.lag),
         )
         observer = beginning(prepared.form, forms.observers)
         packed = np.array([lane.model.packed for lane in lanes]).T
@@ -135,11 +138,11 @@ class Lanes:
         w[: at_rest.size] = at_rest.ravel()
         w[rows.kp : rows.tip] = gains_of(lanes, forms.laws)
         w[rows.tip : rows.limit] = np.repeat(prepared.aim, LANES)
-        w[rows.limit : rows.residual_tip] = drives.reshape(LANES, -1).T.ravel()
+        w[rows.limit : rows.residual_tip] = drives.T.ravel()
         if model.appendages.rate is not None:
             w[rows.tip_rate : rows.end] = np.repeat(model.appendages.rate, LANES)
         w[rows.outside : rows.terminal] = -np.inf
-        recorded = isinstance(first.trial.testbed, Pointing)
+        recorded = isinstance(first.trial.testbed, Pointing) or bool(first.trial.metrics)
         law = numbers_of(forms, prepared.form.shared or schedule)
         turns, terms = model.attitude is not None, LawTerms.of(law)
         heard = heard_by(group, forms.filters, sizes.outputs - 2 * model.joints)
@@ -168,10 +171,11 @@ class Lanes:
         results, lost = [], []
         far = np.abs(w[: at_rest.size].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
         for k, lane in enumerate(group):
-            if far[k] < _FAR:
-                results.append(Flown(lane.case.number, measured(k), None, "ok", "", Way.LANES))
+            metrics = measured(k) if far[k] < _FAR else None
+            if metrics is not None:
+                results.append(Flown(lane.case.number, metrics, None, "ok", "", Way.LANES))
             else:
-                lost.append(ForBench(lane.case, Way.FAR))
+                lost.append(ForBench(lane.case, Way.METRICS if far[k] < _FAR else Way.FAR))
         return results, lost
 
     def _recorded(
@@ -180,10 +184,11 @@ class Lanes:
         prepared: _Prepared,
         loop: Callable[..., None],
         heard: Heard | None,
-    ) -> Callable[[int], dict[str, float | None]]:
+    ) -> Callable[[int], dict[str, float | None] | None]:
         """Fly a group that is measured from its truth; return what gives the metrics of each."""
         model, period = group[0].model, group[0].trial.period
-        found = [RecordedMetrics(lane, prepared.goal) for lane in group]
+        source = self.study.source
+        found = [RecordedMetrics(lane, prepared.goal, source) for lane in group]
         end = len(prepared.schedule.time)
         record = np.empty((LANES, TICKS, model.positions + model.coordinates + model.joints))
         for first in range(0, end, TICKS):
@@ -211,7 +216,7 @@ class Lanes:
         controller = controller_of(trial)
         if plan is None or controller.adopt(plan):
             return Way.NOT_ALLOWED
-        key = lane.asked, round(trial.duration / trial.period)
+        key = plan_hash(plan), round(trial.duration / trial.period)
         if key != self._course[0]:
             self._course = key, course_of(plan, key[1])
         course = self._course[1]
@@ -219,7 +224,8 @@ class Lanes:
         if isinstance(form, Way):
             return form
         aim, goal = aim_of(lane, plan, form.law)
-        return _Prepared(form, schedule_of(lane, course), aim, goal, kind_of(form))
+        kind = kind_of(form), key, aim.tobytes()
+        return _Prepared(form, schedule_of(lane, course), aim, goal, kind)
 
 
 def form_of(trial: Trial, controller: Controller, references: list[Reference]) -> LinearForm | Way:

@@ -22,6 +22,7 @@ from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.wire import stamp_of
+from flexslew_plant.hardware.actuator import Actuator
 from flexslew_plant.hardware.disturbances import TimedDisturbance, disturbance_effort
 from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.testbeds.compiled.lanes import LANES
@@ -89,15 +90,18 @@ def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownMan
     return np.concatenate(rows), goal
 
 
-def drives_of(lane: LaneTrial) -> tuple[Vector, Vector, Vector]:
-    """Return limits, least efforts and shortest impulses of the drives, (joints,) each."""
+def drives_of(lane: LaneTrial) -> Vector:
+    """Return limits, least efforts and shortest impulses of the drives, then row `motor`."""
     trial, model = lane.trial, lane.model
     limit = np.array(trial.testbed.effort_limit)
     least = -limit
     least[list(model.one_way)] = 0.0
     pulse = trial.actuator.shortest_pulse
     thrusters = thrusters_of(pulse, model.joint_names, limit, trial.period)
-    return limit, least, 0.0 * limit if thrusters is None else thrusters.least_impulse
+    pulses = 0.0 * limit if thrusters is None else thrusters.least_impulse
+    motor = trial.actuator
+    rises = Actuator(motor, limit, trial.period).rises
+    return np.concatenate((limit, least, pulses, (motor.lag, motor.slew_rate, *rises)))
 
 
 def gains_of(lanes: list[LaneTrial], laws: list[LawForm]) -> Vector:
@@ -161,14 +165,16 @@ def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
         noise = np.zeros((0, 0))
         if noisy:
             rng = np.random.default_rng([lane.trial.seed, 0])  # as Bench.reset, epoch 0
-            noise = rng.standard_normal((readings, sum(drawn)))
+            own = lane.model.appendages.errors  # of single tips, drawn after those of all
+            more = 0 if own is None or not own.any() else tips
+            noise = rng.standard_normal((readings, sum(drawn) + more))
         at, column = 0, 0
         for width, channel, count in zip(widths, each, drawn, strict=True):
             read = min(width, outputs - at)
             if read > 0:
                 error[:, at : at + read, k] = channel.bias
                 if count:
-                    own = noise[:, column : column + read]
-                    error[:, at : at + read, k] += channel.noise * own
+                    each_tick = noise[:, column : column + read]
+                    error[:, at : at + read, k] += channel.noise * each_tick
             at, column = at + width, column + count
     return error.reshape(len(error), outputs * LANES)

@@ -71,7 +71,8 @@ class LaneIntake:
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
         told = model.appendages.packed(trial.period, None).layout.tobytes()
-        bench = (kernel.advance, steps, common.noisy, turned, tips, told)
+        motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate)
+        bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor)
         law, together = (common.law, *bench), (common.course, *bench)
         return LaneTrial(case, trial, common.asked, model, kernel, steps, law, together)
 
@@ -92,12 +93,14 @@ class LaneIntake:
         gains = CONTROLLERS[law].lane_gains
         own = {key: value for key, value in own.items() if key not in gains}
         asked = plan_key(trial)
-        shared = [law, asked, trial.duration, plain(trial.schedule), testbed.kind]
+        shared = [law, trial.duration, plain(trial.schedule), testbed.kind]
         # an allocation is of the craft that flies, whatever the law believes
         knows = any(own.get(key) not in (None, False) for key in CONTROLLERS[law].of_testbed)
         believes = knows or not (gains or sets_every_key(own.get("model"), testbed))
         belief = plain(testbed) if believes else None
-        texts = (json.dumps(part, sort_keys=True) for part in (shared, [*shared, own, belief]))
+        texts = (
+            json.dumps(part, sort_keys=True) for part in (shared, [*shared, asked, own, belief])
+        )
         common = _Common(source, way, noisy, asked, *texts)
         if not (believes or uses_testbed(plain(trial.plan), testbed)):
             self._common[variant] = common
@@ -110,8 +113,7 @@ def way_of_settings(trial: Trial) -> Way:
     channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
     law, _ = law_of(trial.active, trial.controllers[trial.active] or {})
     obstacles = (
-        (bool(trial.metrics), Way.METRICS),
-        (replace(trial.actuator, shortest_pulse=0.0) != IDEAL, Way.MOTORS),
+        (replace(trial.actuator, shortest_pulse=0.0, lag=0.0, slew_rate=0.0) != IDEAL, Way.MOTORS),
         (any(channel.quantisation for channel in channels), Way.QUANTISED),
         (trial.allow_faults, Way.SCHEDULE),
         (any(entry.disturbance is None for entry in trial.schedule), Way.SCHEDULE),
@@ -125,14 +127,10 @@ def way_of_settings(trial: Trial) -> Way:
 def way_of_testbed(trial: Trial) -> Way:
     """Return LANES, or what of a trial's testbed only the bench knows."""
     model = trial.testbed.model()
-    errors = model.appendages.errors
-    own = errors is not None and bool(errors.any())
-    noisy = own and any(channel.noise for channel in _read_channels(trial))
     obstacles = (
         (model.reading is not None and model.kernels.reading is None, Way.JOINTS),
         (model.outside is not None, Way.ORBIT),
         (model.efforts != model.joints, Way.EFFORTS),
-        (noisy, Way.INSTRUMENTS),
     )
     return next((way for there, way in obstacles if there), Way.LANES)
 

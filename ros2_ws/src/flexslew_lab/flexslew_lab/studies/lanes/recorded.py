@@ -1,11 +1,14 @@
 """Metrics of trials in lanes from their recorded truth, by the rule for all runs."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, RunSetup
+from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.metrics.trajectory import TrajectoryMetric
 from flexslew_lab.studies.flight import columns_of
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
@@ -21,14 +24,18 @@ class RecordedMetrics:
     Args:
         lane: the trial.
         aim: of its manoeuvre.
+        source: of the study, to name in an error.
     """
 
-    def __init__(self, lane: LaneTrial, aim: FlownManoeuvre) -> None:
+    def __init__(self, lane: LaneTrial, aim: FlownManoeuvre, source: str) -> None:
         self._lane, model = lane, lane.model
+        self._modes, self._failed = model.positions - model.modes, False
         limit = np.array(lane.trial.testbed.effort_limit)
         setup = RunSetup(model.joint_names, aim, limit, lane.trial.testbed)
-        self._epoch = Epoch(0, setup, without=(TrajectoryMetric,))  # a hash of exact bits
-        self._modes = model.positions - model.modes
+        trial = lane.trial
+        with self._own_may_fail():
+            own = own_metrics(trial.metrics, f"{source}: metrics", trial.trust)
+            self._epoch = Epoch(0, setup, own, without=(TrajectoryMetric,))  # a hash of exact bits
 
     def add(self, stamps: dict[str, Any], truth: Tensor) -> None:
         """Take the next ticks: their stamps, and states with applied efforts, (ticks, rows)."""
@@ -40,11 +47,26 @@ class RecordedMetrics:
             "applied_effort": rest[:, model.coordinates :],
             "tip_deflection": q[:, self._modes :] @ model.appendages.tip.T,
         }
-        self._epoch.add(stamps | columns)
+        if not self._failed:
+            with self._own_may_fail():
+                self._epoch.add(stamps | columns)
 
-    def metrics(self) -> dict[str, float | None]:
-        """Return the columns of the trial."""
-        return columns_of(self._epoch.result(Ending([], [], True)))
+    def metrics(self) -> dict[str, float | None] | None:
+        """Return the columns of the trial; None: a metric of its own has raised an error."""
+        if not self._failed:
+            with self._own_may_fail():
+                return columns_of(self._epoch.result(Ending([], [], True)))
+        return None
+
+    @contextmanager
+    def _own_may_fail(self) -> Iterator[None]:
+        """Keep what a metric of the user's own does to its own trial."""
+        try:
+            yield
+        except Exception:
+            if not self._lane.trial.metrics:
+                raise
+            self._failed = True
 
 
 def stamps_of(first: int, last: int, period: float) -> dict[str, Any]:

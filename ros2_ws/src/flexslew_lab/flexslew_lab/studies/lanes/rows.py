@@ -21,6 +21,8 @@ class Sizes(NamedTuple):
     quadratic: bool  # the law has products of rates
     shared: bool  # its torque is shared out among the joints' drives
     pulsed: bool  # drives are on or off
+    slewed: bool  # torques of motors ramp
+    lagged: bool  # torques of motors lag
 
 
 class Rows(NamedTuple):
@@ -33,6 +35,8 @@ class Rows(NamedTuple):
     demand: int  # torque that it asks for
     products: int  # of rates
     owed: int  # impulse that drives owe which are on or off
+    ramp: int  # torque of motors at the end of the last tick
+    torque: int  # the same behind their lag
     integral: int
     kp: int
     ki: int
@@ -45,6 +49,7 @@ class Rows(NamedTuple):
     limit: int  # of the drives
     least: int  # effort of the drives
     pulse: int  # impulse of their shortest pulse
+    motor: int  # lag, slew rate, and how far a step has gone: at the end of a tick, in its mean
     residual_tip: int  # from here on: what the metrics count
     peak_tip: int
     residual: int
@@ -62,7 +67,7 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     """Return where everything begins in the array of such a group."""
     m, read, tip, n = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes, sizes.axes
     seen, products = n * sizes.shared, n * n * sizes.quadratic
-    law = (m, read, read, 2 * seen, seen, products, m, n, n, n, n)  # to kd
-    drives = (tip, m, m, m, n, m, m, m)  # to pulse
+    law = (m, read, read, 2 * seen, seen, products, m, m, m, n, n, n, n)  # to kd
+    drives = (tip, m, m, m, n, m, m, m, 4)  # to motor
     counts = (*law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))

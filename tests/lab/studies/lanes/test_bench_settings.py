@@ -1,0 +1,131 @@
+"""Motors, sensors at single tips and metrics of a trial's own, in lanes as on the bench."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.lab.studies.lanes.both_ways import require_equal
+from tests.lab.studies.lanes.test_fleet import CRAFT
+
+from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.run import prepare
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
+
+PLAN = {
+    "method": "reference_only",
+    "goal": {"base_yaw": 0.1, "hub_pitch": -0.05},
+    "start": 0.5,
+    "duration": 3.0,
+}
+MOTORS: dict[str, dict[str, Any]] = {
+    "lag": {"lag": 0.08},
+    "slew rate": {"slew_rate": 40.0},
+    "both": {"lag": 0.08, "slew_rate": 40.0},
+}
+
+
+@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize("law", ["pd_feedforward", "proportional_integral"])
+def test_motors_with_a_lag_or_a_slew_rate_fly_in_lanes_as_on_the_bench(
+    study_of: Callable[..., Study], law: str, motor: str
+) -> None:
+    trial = {
+        "duration": 5.0,
+        "testbed": {"modes": 1, "effort_limit": [60.0, 40.0]},
+        "plan": PLAN,
+        "controllers": {law: {}},
+        "active": law,
+        "actuator": MOTORS[motor],
+        "schedule": [{"at": 2.0, "until": 2.5, "disturbance": {"base_yaw": 10.0}}],
+    }
+    vary = {f"actuator.{key}": {"relative": {"uniform": [-0.5, 0.5]}} for key in MOTORS[motor]}
+    require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2])
+
+
+def test_benches_with_limits_of_their_own_fly_beside_each_other(
+    study_of: Callable[..., Study],
+) -> None:
+    step = {"method": "none", "goal": {"base_yaw": 0.3, "hub_pitch": 0.2}, "duration": 2.0}
+    limit = {"testbed.effort_limit.0": {"uniform": [5.0, 60.0]}}
+    ready = prepare(study_of(flown={"duration": 4.0, "plan": step}, lanes=True, vary=limit))
+    cases = [case_of(ready.study, ready.samples, k) for k in range(4)]
+    groups = [
+        [one.number for one in some] for some, _ in Lanes(ready.study, ready.plans).fly(cases)
+    ]
+    assert groups == [[0, 1, 2, 3]]
+    require_equal(ready, [0, 1, 2, 3])
+
+
+def test_sensors_at_tips_with_errors_of_their_own_fly_in_lanes_as_on_the_bench(
+    study_of: Callable[..., Study],
+) -> None:
+    testbed = deepcopy(CRAFT)
+    shake = {"kind": "accelerometer", "appendage": "boom", "direction": [1.0, 0.0, 0.0]}
+    testbed["sensors"] = {"shake": shake | {"noise": 1e-3}}
+    trial = {
+        "duration": 3.0,
+        "testbed": testbed,
+        "plan": {"method": "reference_only", "goal": {"roll": 0.2}, "duration": 2.0},
+        "controllers": {"pd_feedforward": {"kp": [30.0], "kd": [60.0]}},
+        "sensors": {"joint_velocity": {"noise": 1e-4}, "tip_deflection": {"noise": 1e-3}},
+    }
+    kp = {"controllers.pd_feedforward.kp": {"uniform": [25.0, 35.0]}}
+    require_equal(prepare(study_of(flown=trial, lanes=True, vary=kp)), [0, 3])
+
+
+METRIC = '''
+from flexslew_lab.metrics import Key
+
+class Travel:
+    """How far the first joint travels in all."""
+
+    KEYS = {"travel": Key("rad or m", False, "distance travelled by the first joint")}
+
+    def __init__(self, setup):
+        self.way, self.last = 0.0, 0.0
+
+    def add(self, block):
+        for q in block.position[:, 0]:
+            self.way, self.last = self.way + abs(q - self.last), q
+
+    def result(self, ending):
+        if self.way > MOST:
+            raise ValueError("too far")
+        return {"travel": float(self.way)}
+'''
+
+
+def travelling(study_of: Callable[..., Study], folder: Path, most: float) -> Study:
+    """Return a study of trials with a metric that raises beyond a way [rad]."""
+    (folder / "travel.py").write_text(METRIC.replace("MOST", str(most)))
+    trial = {
+        "duration": 25.0,  # the truth of more ticks than are measured at once
+        "testbed": {"modes": 1},
+        "plan": PLAN,
+        "metrics": [f"{folder / 'travel.py'}:Travel"],
+    }
+    kd = {"controllers.pd_feedforward.kd.0": {"uniform": [50.0, 900.0]}}
+    return study_of(flown=trial, lanes=True, vary=kd)
+
+
+def test_metrics_of_a_trial_s_own_are_those_of_the_bench(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    ready = prepare(travelling(study_of, tmp_path, 1e9))
+    assert "travel" in ready.columns
+    require_equal(ready, [0, 1, 2])
+
+
+def test_a_metric_that_raises_leaves_its_trial_alone_to_the_bench(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    ready = prepare(travelling(study_of, tmp_path, 0.25))
+    cases = [case_of(ready.study, ready.samples, k) for k in range(12)]
+    flown, lost = next(Lanes(ready.study, ready.plans).fly(cases))
+    assert flown
+    assert {one.way for one in lost} == {Way.METRICS}
+    assert len(flown) + len(lost) == len(cases)
