@@ -192,7 +192,7 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a drive makes of a demand; see Actuator and Thrusters."""
     effort, limit, least = rows.applied, rows.limit, rows.least
     pulsed, pulse, owed = sizes.pulsed, rows.pulse, rows.owed
-    follow = _follow(rows, sizes)
+    follow, follows = _follow(rows, sizes), sizes.slewed or sizes.lagged
 
     @vectorised
     def drive(i: int, dt: float, disturbance: float, w: Vector) -> None:
@@ -206,9 +206,11 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                 w[owed + at] = still if w[pulse + at] > 0.0 else 0.0
                 applied = impulse / dt if w[pulse + at] > 0.0 else applied
             w[effort + at] = applied
-        follow(i, dt, w)
-        for at in range(i * LANES, (i + 1) * LANES):
-            w[total + at] = w[effort + at] + disturbance
+            w[total + at] = applied + disturbance
+        if follows:
+            follow(i, dt, w)
+            for at in range(i * LANES, (i + 1) * LANES):
+                w[total + at] = w[effort + at] + disturbance
 
     return cast(Callable[..., None], drive)
 

@@ -115,7 +115,7 @@ class Lanes:
         form, schedule = prepared.form.law, prepared.schedule
         model, kernel = first.model, first.kernel
         lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
-        drives = np.array([drives_of(lane) for lane in lanes])
+        drives = drives_of(lanes)
         sizes = Sizes(
             model.joints,
             model.modes,

@@ -90,16 +90,25 @@ def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownMan
     return np.concatenate(rows), goal
 
 
-def drives_of(lane: LaneTrial) -> Vector:
-    """Return limits, least efforts and shortest impulses of the drives, then row `motor`."""
-    trial, model = lane.trial, lane.model
+def drives_of(lanes: list[LaneTrial]) -> Matrix:
+    """Return of every lane limits, least efforts and shortest impulses, then row `motor`."""
+    found: list[Vector] = []
+    for before, lane in zip([None, *lanes], lanes, strict=False):
+        one = lane.trial.actuator, lane.trial.testbed.effort_limit
+        if before and one == (before.trial.actuator, before.trial.testbed.effort_limit):
+            found.append(found[-1])
+        else:
+            found.append(_drives(lane.trial, lane.model))
+    return np.array(found)
+
+
+def _drives(trial: Trial, model: Model) -> Vector:
     limit = np.array(trial.testbed.effort_limit)
     least = -limit
     least[list(model.one_way)] = 0.0
-    pulse = trial.actuator.shortest_pulse
-    thrusters = thrusters_of(pulse, model.joint_names, limit, trial.period)
-    pulses = 0.0 * limit if thrusters is None else thrusters.least_impulse
     motor = trial.actuator
+    thrusters = thrusters_of(motor.shortest_pulse, model.joint_names, limit, trial.period)
+    pulses = 0.0 * limit if thrusters is None else thrusters.least_impulse
     rises = Actuator(motor, limit, trial.period).rises
     return np.concatenate((limit, least, pulses, (motor.lag, motor.slew_rate, *rises)))
 

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Hashable
-from dataclasses import replace
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -14,7 +13,6 @@ from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.hardware.actuator import IDEAL
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel, knows_frequency
@@ -70,7 +68,9 @@ class LaneIntake:
         steps = max(1, ceil(fast / kernel.reach))
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
-        told = model.appendages.packed(trial.period, None).layout.tobytes()
+        told = b""
+        if model.appendages.instruments:
+            told = model.appendages.packed(trial.period, None).layout.tobytes()
         motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate)
         bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor)
         law, together = (common.law, *bench), (common.course, *bench)
@@ -109,11 +109,11 @@ class LaneIntake:
 
 def way_of_settings(trial: Trial) -> Way:
     """Return LANES, or what of a trial's settings only the bench knows."""
-    s = trial.sensors
+    s, motor = trial.sensors, trial.actuator
     channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
     law, _ = law_of(trial.active, trial.controllers[trial.active] or {})
     obstacles = (
-        (replace(trial.actuator, shortest_pulse=0.0, lag=0.0, slew_rate=0.0) != IDEAL, Way.MOTORS),
+        (bool(motor.quantisation or motor.viscous_friction or motor.coulomb_friction), Way.MOTORS),
         (any(channel.quantisation for channel in channels), Way.QUANTISED),
         (trial.allow_faults, Way.SCHEDULE),
         (any(entry.disturbance is None for entry in trial.schedule), Way.SCHEDULE),
