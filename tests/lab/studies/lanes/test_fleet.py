@@ -246,6 +246,30 @@ def test_three_axes_fly_in_lanes_as_on_the_bench(study_of: Callable[..., Study],
     require_equal(ready, [0, 1, 3])
 
 
+@pytest.mark.parametrize("what", ["gains", "testbed"])
+def test_a_design_that_the_bench_refuses_is_left_to_it(
+    study_of: Callable[..., Study], what: str
+) -> None:
+    kd = {"controllers.pd_feedforward.kd.0": {"loguniform": [5.0, 9e3]}}
+    inertia = {"testbed.platform.inertia.xx": {"uniform": [22.0, 60.0]}}
+    roll = 60.0 if what == "gains" else 1.5e3
+    trial = {
+        "duration": 1.0,
+        "period": 0.05,
+        "testbed": {**CRAFT, "wheels": THREE_WHEELS},
+        "plan": {"method": "none", "goal": {"roll": 0.1}, "duration": 0.5},
+        "controllers": {"pd_feedforward": {"kp": [30.0], "kd": [roll, 60.0, 60.0]}},
+    }
+    vary = kd if what == "gains" else inertia
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    cases = [case_of(ready.study, ready.samples, k) for k in range(12)]
+    refused = [c.number for c in cases if flown(ready.study, c, ready.plans).status == "failed"]
+    parts = list(Lanes(ready.study, ready.plans).fly(cases))
+    assert 0 < len(refused) < len(cases)
+    assert [one.case.number for _, lost in parts for one in lost] == refused
+    assert {one.way for _, lost in parts for one in lost} == {Way.NOT_ALLOWED}
+
+
 @pytest.mark.parametrize("law", ["lqr", "proportional_integral"])
 def test_a_kalman_filter_on_a_spacecraft_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], law: str

@@ -130,4 +130,5 @@ COLLOCATED_PID = LawEntry(
     linear=linear,
     lane_gains=("kp", "ki", "kd"),
     of_testbed=OF_TESTBED,
+    checked=True,
 )

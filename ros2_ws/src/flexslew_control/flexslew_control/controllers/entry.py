@@ -30,6 +30,8 @@ class LawEntry:
         lane_gains: keys of its section that lanes beside each other may have for themselves; the
             law has nothing else of its testbed, unless a key of `of_testbed` is set.
         of_testbed: keys of its section with which it has.
+        checked: whether these gains are checked against the testbed that it believes in; on a free
+            platform all are.
         compared: its settings in a comparison, where the trial has none.
         from_file: returns the keys that a file holds, from its path and who names it; the key
             `file` of its section then stands for them (see controllers.with_file).
@@ -43,6 +45,7 @@ class LawEntry:
     linear: Callable[[Any, Any, list[Reference]], LinearForm | None] | None = None
     lane_gains: tuple[str, ...] = ()
     of_testbed: tuple[str, ...] = ()
+    checked: bool = False
     compared: Mapping[str, Any] = field(default_factory=dict)
     from_file: Callable[[str, str], dict[str, Any]] | None = None
     plans: tuple[PlanVariant, ...] = (PlanVariant("", {}),)

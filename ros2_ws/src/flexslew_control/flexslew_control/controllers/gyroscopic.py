@@ -60,10 +60,12 @@ def gyroscopic(testbed: Testbed, key: str) -> Gyroscopic:
         size = np.linalg.norm(axis)
         return np.asarray(size**2 * testbed.rigid_turn_about(axis / size).centrifugal)
 
-    axes, joints = np.eye(3), len(attitude.axes)
-    quadratic = np.empty((joints, 3, 3))
+    axes = np.eye(3)
+    squares = [along(axis) for axis in axes]
+    quadratic = np.empty((len(attitude.axes), 3, 3))
     for i in range(3):
-        for k in range(3):
-            both = along(axes[i] + axes[k]) - along(axes[i]) - along(axes[k])
-            quadratic[:, i, k] = 0.5 * both
+        quadratic[:, i, i] = squares[i]
+        for k in range(i):
+            both = along(axes[i] + axes[k]) - squares[i] - squares[k]
+            quadratic[:, i, k] = quadratic[:, k, i] = 0.5 * both
     return Gyroscopic(attitude, quadratic)

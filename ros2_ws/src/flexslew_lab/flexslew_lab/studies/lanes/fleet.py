@@ -38,7 +38,7 @@ from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.testbeds import initial_state
+from flexslew_plant.testbeds import Testbed, initial_state
 from flexslew_plant.testbeds.compiled.lanes import LANES, flat_zeros
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
@@ -55,6 +55,13 @@ class ForBench(NamedTuple):
     way: Way  # the reason
 
 
+class _Gains(NamedTuple):
+    """The gains of a lane, and the testbed for which they were found."""
+
+    testbed: Testbed
+    found: Vector | Way  # kp, ki and kd
+
+
 class _Prepared(NamedTuple):
     """What a group has in common."""
 
@@ -63,6 +70,14 @@ class _Prepared(NamedTuple):
     aim: Vector  # rows `tip` to `law_limit`
     goal: FlownManoeuvre
     kind: Hashable  # laws for which it is equal may fly beside each other
+
+
+class _Ready(NamedTuple):
+    """A trial that may fly in a lane, with its law and its gains: kp, ki and kd."""
+
+    lane: LaneTrial
+    law: _Prepared
+    gains: Vector
 
 
 @dataclass
@@ -77,6 +92,7 @@ class Lanes:
     study: Study
     plans: Plans
     _prepared: dict[Hashable, _Prepared | Way] = field(init=False, default_factory=dict)
+    _gains: dict[Hashable, _Gains] = field(init=False, default_factory=dict)
     _intake: LaneIntake = field(init=False)
     _course: tuple[Hashable, Any] = field(init=False, default=(None, None))  # the newest
 
@@ -86,30 +102,37 @@ class Lanes:
 
     def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[ForBench]]]:
         """Yield results, and cases that have to be flown one by one."""
-        groups: dict[Hashable, list[tuple[LaneTrial, _Prepared]]] = {}
+        groups: dict[Hashable, list[_Ready]] = {}
         others = []
         for case in cases:
-            lane = self._intake.lane_trial(case)
-            if isinstance(lane, Way):
-                others.append(ForBench(case, lane))
+            ready = self._ready(case)
+            if isinstance(ready, Way):
+                others.append(ForBench(case, ready))
                 continue
-            prepared = self._prepare(lane)
-            if isinstance(prepared, Way):
-                others.append(ForBench(case, prepared))
-                continue
-            key = lane.together, prepared.kind
+            key = ready.lane.together, ready.law.kind
             group = groups.setdefault(key, [])
-            group.append((lane, prepared))
+            group.append(ready)
             if len(group) == LANES:
-                yield self._flown(*zip(*groups.pop(key), strict=True))
+                yield self._flown(groups.pop(key))
         for group in groups.values():
-            yield self._flown(*zip(*group, strict=True))
+            yield self._flown(group)
         if others:
             yield [], others
 
-    def _flown(
-        self, group: Sequence[LaneTrial], laws: Sequence[_Prepared]
-    ) -> tuple[list[Flown], list[ForBench]]:
+    def _ready(self, case: Case) -> _Ready | Way:
+        """Return a case with its law and gains; a way where only the bench can fly it."""
+        lane = self._intake.lane_trial(case)
+        if isinstance(lane, Way):
+            return lane
+        law = self._prepare(lane)
+        if isinstance(law, Way):
+            return law
+        gains = self._gains_of(lane, law)
+        return gains if isinstance(gains, Way) else _Ready(lane, law, gains)
+
+    def _flown(self, ready: Sequence[_Ready]) -> tuple[list[Flown], list[ForBench]]:
+        group: tuple[LaneTrial, ...]
+        group, laws, gains = zip(*ready, strict=True)
         first, prepared = group[0], laws[0]
         forms = beside([law.form for law in laws])
         form, schedule = prepared.form.law, prepared.schedule
@@ -136,7 +159,8 @@ class Lanes:
         w = flat_zeros(rows.end)
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: at_rest.size] = at_rest.ravel()
-        w[rows.kp : rows.tip] = gains_of(lanes, forms.laws)
+        own = [gains[min(k, len(gains) - 1)] for k in range(LANES)]
+        w[rows.kp : rows.tip] = np.array(own).T.ravel()
         w[rows.tip : rows.limit] = np.repeat(prepared.aim, LANES)
         w[rows.limit : rows.residual_tip] = drives.T.ravel()
         if model.appendages.rate is not None:
@@ -207,14 +231,30 @@ class Lanes:
             self._prepared[lane.law] = self._made(lane)
         return self._prepared[lane.law]
 
+    def _gains_of(self, lane: LaneTrial, prepared: _Prepared) -> Vector | Way:
+        """Return kp, ki and kd of a lane; a way where the bench refuses its gains."""
+        trial, law, entry = lane.trial, prepared.form.law, law_entry(lane.trial)
+        if not entry.lane_gains:
+            return np.concatenate((law.kp, law.ki, law.kd))
+        own = trial.controllers[trial.active] or {}
+        key = lane.law, repr([own.get(name) for name in entry.lane_gains])
+        known, checked = self._gains.get(key), entry.checked or lane.model.leading is not None
+        if known is None or (checked and known.testbed != trial.testbed):
+            if len(self._gains) >= _KEPT:
+                self._gains.clear()
+            controller = _allowed(trial)
+            found = Way.NOT_ALLOWED if controller is None else gains_of(controller)
+            known = self._gains[key] = _Gains(trial.testbed, found)
+        return known.found
+
     def _made(self, lane: LaneTrial) -> _Prepared | Way:
         trial = lane.trial
         try:
             plan = self.plans.of(trial, lane.asked)
         except FlexslewError:
             return Way.NOT_ALLOWED
-        controller = controller_of(trial)
-        if plan is None or controller.adopt(plan):
+        controller = _allowed(trial)
+        if plan is None or controller is None or controller.adopt(plan):
             return Way.NOT_ALLOWED
         key = plan_hash(plan), round(trial.duration / trial.period)
         if key != self._course[0]:
@@ -226,6 +266,14 @@ class Lanes:
         aim, goal = aim_of(lane, plan, form.law)
         kind = kind_of(form), key, aim.tobytes()
         return _Prepared(form, schedule_of(lane, course), aim, goal, kind)
+
+
+def _allowed(trial: Trial) -> Controller | None:
+    """Return the controller in charge of a trial; None: its design is refused."""
+    try:
+        return controller_of(trial)
+    except FlexslewError:
+        return None
 
 
 def form_of(trial: Trial, controller: Controller, references: list[Reference]) -> LinearForm | Way:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import LawForm, SharedForm
 from flexslew_control.plan import Plan
@@ -13,11 +14,7 @@ from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.metrics.settling import settling_band
 from flexslew_lab.studies.lanes.efforts import LawNumbers
 from flexslew_lab.studies.lanes.lane_laws import Beside, by_lane
-from flexslew_lab.studies.lanes.lane_trial import (
-    LaneTrial,
-    controller_of,
-    law_entry,
-)
+from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
@@ -113,25 +110,12 @@ def _drives(trial: Trial, model: Model) -> Vector:
     return np.concatenate((limit, least, pulses, (motor.lag, motor.slew_rate, *rises)))
 
 
-def gains_of(lanes: list[LaneTrial], laws: list[LawForm]) -> Vector:
-    """Return kp, ki and kd of every lane, flat; laws: one for all lanes, or one for each."""
-    own_gains = law_entry(lanes[0].trial).lane_gains
-    if not own_gains:
-        rows = np.array([np.concatenate((law.kp, law.ki, law.kd)) for law in laws])
-        return np.ascontiguousarray(np.broadcast_to(rows.T, (rows.shape[1], LANES))).ravel()
-    found: dict[str, Vector] = {}
-    columns = []
-    for lane in lanes:
-        own = lane.trial.controllers[lane.trial.active] or {}
-        key = repr({name: own.get(name) for name in own_gains})
-        if key not in found:
-            built: Any = controller_of(lane.trial).law
-            built = getattr(built, "law", built)  # whose torque is shared out
-            gains = getattr(built, "deviation", built)
-            none = np.zeros(gains.kp.size)
-            found[key] = np.concatenate((gains.kp, getattr(gains, "ki", none), gains.kd))
-        columns.append(found[key])
-    return np.ascontiguousarray(np.array(columns).T).ravel()
+def gains_of(controller: Controller) -> Vector:
+    """Return kp, ki and kd of a law with gains that lanes have for themselves."""
+    built: Any = controller.law
+    built = getattr(built, "law", built)  # whose torque is shared out
+    gains = getattr(built, "deviation", built)
+    return np.concatenate((gains.kp, getattr(gains, "ki", np.zeros(gains.kp.size)), gains.kd))
 
 
 def numbers_of(group: Beside, follows: Schedule | SharedForm) -> LawNumbers:
