@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,9 +12,11 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.compiled.bound import Bound, Rates, bound, joint_reader, rates_of
+from flexslew_plant.testbeds.compiled.push import push_of
 from flexslew_plant.testbeds.compiled.variations import flight_with_slopes, slopes_of_pieces
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
+from flexslew_plant.testbeds.outside import Outside
 from flexslew_plant.testbeds.tangent import tangent_jacobian
 
 
@@ -26,11 +28,6 @@ class Motors(NamedTuple):
     position: Indices  # where their coordinates stand in a state, shape (k,)
     rate: Indices  # where the rates of these, shape (k,)
     sign: Vector  # of the coordinate along the effort: -1 for a wheel, which reacts, shape (k,)
-
-
-# from a state, its time t and a span [s], which may be negative, to the generalised forces that no
-# effort gives, shape (n,): their mean from t to t + span, as far as they change fast
-Outside: TypeAlias = Callable[[Vector, float, float], Vector]
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,7 @@ class Model:
         motors: those of the actuators; None: all, one in each joint, unless the kernels say
             what the efforts act on.
         attitude: the joints that read a platform's attitude; None: all errors are differences.
-        outside: the forces that only the bench applies; None: there are none.
+        outside: the forces that bench and lanes alone apply; None: there are none.
         one_way: which actuators push in their positive direction alone.
         gimbals: which entries of v are angles of gimbals, on which B depends.
         gyros: which actuators turn them.
@@ -258,9 +255,9 @@ class Model:
         """
         if self.outside is None:
             return x
-        after, first = x.copy(), self.positions
-        mass = self.mass_matrix(x[:first], t)
-        after[first:] += abs(dt) * np.linalg.solve(mass, self.outside(x, t, dt))
+        self._require(x)
+        after, push = np.array(x, dtype=np.float64), push_of(self.kernels, self.outside.add)
+        push(self.packed, self.outside.numbers, t, dt, self.before_modes, after)
         return after
 
     @cached_property

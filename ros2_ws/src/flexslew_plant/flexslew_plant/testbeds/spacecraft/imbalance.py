@@ -6,17 +6,22 @@ Of a harmonic k of a wheel at the angle p and the speed W against the platform, 
 e1, e2 and the axis an orthonormal triad. Static and dynamic imbalance are harmonics of order 1.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix, Vector, called
 from flexslew_plant.testbeds.attitude import cross
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.settings import Harmonic, WheelSettings
 from flexslew_plant.testbeds.spacecraft.units import Units
 
 _PLATFORM_Q, _PLATFORM_V = 7, 6  # entries of a free platform in q and v
+
+# the numbers of a harmonic: where the wheel's angle and speed stand in a state, k, the phases of F
+# and T, then at a phase of zero and of a quarter of a turn: (F, its moment) / W^2, and T / W^2
+_ANGLE, _SPEED, _ORDER, _FORCE_PHASE, _TORQUE_PHASE, _PUSH, _TURN = 0, 1, 2, 3, 4, 5, 17
+_HARMONIC = 23
 
 
 def harmonics_of(wheel: WheelSettings) -> tuple[Harmonic, ...]:
@@ -26,59 +31,53 @@ def harmonics_of(wheel: WheelSettings) -> tuple[Harmonic, ...]:
     return first + wheel.harmonics
 
 
-def imbalance_forces(
+def packed_imbalance(
     craft: Spacecraft, wheels: Mapping[str, WheelSettings], units: Units
-) -> Callable[[Vector, float, float], Vector] | None:
-    """Return what gives the generalised forces of the wheels; None: all are balanced.
+) -> Vector:
+    """Return the numbers that add_imbalance reads, none where all wheels are balanced.
 
     Args:
         craft: the spacecraft.
         wheels: its wheels' settings.
         units: in which they are written.
     """
-    rows, planes = [], []
+    rows, first = [np.zeros(0)], len(craft.hinged)
     for index, (wheel, known) in enumerate(zip(wheels.values(), craft.wheels, strict=True)):
+        angle = _PLATFORM_Q + first + index
+        speed = craft.sizes[0] + _PLATFORM_V + first + index
+        across, place = _across(known.axis), np.array(wheel.place) * units.length
         for one in harmonics_of(wheel):
-            force, torque = one.force * units.force, one.torque * units.torque
-            place = np.array(wheel.place) * units.length
-            rows.append((index, one.order, one.force_phase, one.torque_phase))
-            across = _across(known.axis)
-            push = force * across
-            planes.append((push, np.cross(place, push), torque * across))
-    if not rows:
-        return None
-    table = np.array(rows)
-    which, order = table[:, 0].astype(np.int64), table[:, 1]
-    force_phase, torque_phase = table[:, 2], table[:, 3]
-    pushes, levers, torques = (np.array([plane[k] for plane in planes]) for k in range(3))
-    positions, rates = craft.sizes
-    angle = _PLATFORM_Q + len(craft.hinged) + which
-    speed = positions + _PLATFORM_V + len(craft.hinged) + which
-
-    def forces(x: Vector, t: float, span: float) -> Vector:
-        """Return the mean from t to t + span of what turns at the speeds of the state at t."""
-        half = 0.5 * order * x[speed] * span
-        middle = order * x[angle] + half
-        size = x[speed] ** 2 * np.sinc(half / np.pi)
-        found = np.zeros(rates)
-        found[:3] = _turned(size, middle + force_phase, pushes)
-        found[3:6] = _turned(size, middle + force_phase, levers)
-        found[3:6] += _turned(size, middle + torque_phase, torques)
-        return found
-
-    return forces
+            push = one.force * units.force * across
+            both = np.hstack((push, cross(place, push)))
+            head = [angle, speed, one.order, one.force_phase, one.torque_phase]
+            rows.append(np.concatenate((head, *both, *(one.torque * units.torque * across))))
+    return np.concatenate(rows)
 
 
-def _turned(size: Vector, phase: Vector, planes: Matrix) -> Vector:
-    """Return the sum of size (a cos phase + b sin phase), shape (3,).
+@called
+def add_imbalance(harmonics: Vector, x: Vector, span: float, force: Vector) -> None:
+    """Add the mean over a span from now of forces that turn at the speeds of the state.
+
+    That of cos(k (p + W s)) is cos(k (p + W span / 2)) sin(h) / h, with h = k W span / 2.
 
     Args:
-        size: of each harmonic, shape (harmonics,).
-        phase: likewise [rad].
-        planes: a and b of each, shape (harmonics, 2, 3).
+        harmonics: packed_imbalance.
+        x: state.
+        span: [s], which may be negative.
+        force: generalised forces, in and out, shape (n,).
     """
-    found: Vector = (size * np.cos(phase)) @ planes[:, 0] + (size * np.sin(phase)) @ planes[:, 1]
-    return found
+    for at in range(0, harmonics.size, _HARMONIC):
+        row = harmonics[at : at + _HARMONIC]
+        angle, speed = x[int(row[_ANGLE])], x[int(row[_SPEED])]
+        half = 0.5 * row[_ORDER] * speed * span
+        middle = row[_ORDER] * angle + half
+        size = speed * speed * (np.sin(half) / half if half != 0.0 else 1.0)
+        c, s = np.cos(middle + row[_FORCE_PHASE]), np.sin(middle + row[_FORCE_PHASE])
+        for i in range(6):
+            force[i] += size * (c * row[_PUSH + i] + s * row[_PUSH + 6 + i])
+        c, s = np.cos(middle + row[_TORQUE_PHASE]), np.sin(middle + row[_TORQUE_PHASE])
+        for i in range(3):
+            force[3 + i] += size * (c * row[_TURN + i] + s * row[_TURN + 3 + i])
 
 
 def _across(axis: Vector) -> Matrix:

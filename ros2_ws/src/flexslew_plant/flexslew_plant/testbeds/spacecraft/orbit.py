@@ -8,23 +8,36 @@ They are couples: the orbit itself stays circular, and the appendages are not be
 no shadow of the Earth, and its field is that of a dipole along the inertial z axis.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.attitude import cross, to_body
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations.geometry import (
+    Nine,
+    apply,
+    cross,
+    plus,
+    scaled,
+    symmetric,
+    triple,
+)
 from flexslew_plant.testbeds.spacecraft.settings import Triple
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import SIX
 
 GRAVITY = 3.986004418e14  # of the Earth [m^3/s^2]
 RADIUS = 6.371e6  # of the Earth [m]
 FIELD = 3.12e-5  # at the surface above the equator [T]
 SUNLIGHT = 4.56e-6  # pressure on what absorbs it [N/m^2]
-_X, _SOUTH = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
+
+# where the numbers that orbit_torque reads begin: n, the angle at time zero, the course at angle
+# zero, m times the field above the equator, -C_d A rho v^2 / 2 c_d, -P (1 + q) A c_s, s, 3 n^2 J
+_RATE, _PHASE, _COURSE, _DIPOLE, _DRAG, _LIGHT, _SUN, _GRADIENT = 0, 1, 2, 5, 8, 11, 14, 17
+ORBIT_SIZE = 23  # all zeros: there is no orbit
 
 
 @section
@@ -70,15 +83,21 @@ class Surroundings:
         return float(np.sqrt(GRAVITY / self.distance**3))
 
     @cached_property
-    def across(self) -> Vector:
-        """Along the orbit's course where it crosses the inertial x axis, shape (3,)."""
-        return np.array([0.0, np.cos(self.orbit.inclination), np.sin(self.orbit.inclination)])
-
-    @cached_property
-    def sun(self) -> Vector:
-        """Unit vector to the Sun in inertial space, shape (3,)."""
-        sun: Vector = np.array(self.orbit.sun) / np.linalg.norm(self.orbit.sun)
-        return sun
+    def packed(self) -> Vector:
+        """The numbers that orbit_torque reads, shape (ORBIT_SIZE,)."""
+        o, packed = self.orbit, np.zeros(ORBIT_SIZE)
+        dynamic = 0.5 * o.air_density * (self.rate * self.distance) ** 2  # pressure of the air
+        field = FIELD * (RADIUS / self.distance) ** 3
+        packed[_RATE], packed[_PHASE] = self.rate, o.phase
+        packed[_COURSE:_DIPOLE] = 0.0, np.cos(o.inclination), np.sin(o.inclination)
+        packed[_DIPOLE:_DRAG] = field * np.array(o.dipole)
+        packed[_DRAG:_LIGHT] = -dynamic * o.drag_area * np.array(o.drag_centre)
+        if o.solar_area:
+            packed[_LIGHT:_SUN] = -SUNLIGHT * o.solar_area * np.array(o.solar_centre)
+            packed[_SUN:_GRADIENT] = np.array(o.sun) / np.linalg.norm(o.sun)
+        if o.gravity_gradient:
+            packed[_GRADIENT:] = [3.0 * self.rate**2 * self.inertia[k] for k in SIX]
+        return packed
 
     def torque(self, attitude: Matrix, t: float) -> Vector:
         """Return the torque in body axes, shape (3,) [N m].
@@ -87,45 +106,38 @@ class Surroundings:
             attitude: from inertial to body axes, shape (3, 3).
             t: time [s].
         """
-        o, angle = self.orbit, self.orbit.phase + self.rate * t
-        cosine, sine = np.cos(angle), np.sin(angle)
-        place = cosine * _X + sine * self.across
-        torque = np.zeros(3)
-        if o.gravity_gradient:
-            up = attitude @ place
-            torque += 3.0 * self.rate**2 * cross(up, self.inertia @ up)
-        if any(o.dipole):
-            field = (
-                (3.0 * (_SOUTH @ place) * place - _SOUTH) * FIELD * (RADIUS / self.distance) ** 3
-            )
-            torque += cross(np.array(o.dipole), attitude @ field)
-        if o.drag_area and o.air_density:
-            course = cosine * self.across - sine * _X
-            pressure = 0.5 * o.air_density * (self.rate * self.distance) ** 2
-            torque += cross(np.array(o.drag_centre), -pressure * o.drag_area * (attitude @ course))
-        if o.solar_area:
-            light = attitude @ self.sun
-            torque += cross(np.array(o.solar_centre), -SUNLIGHT * o.solar_area * light)
-        return torque
+        rows = cast(Nine, tuple(attitude.ravel().tolist()))
+        return np.array(orbit_torque(self.packed, rows, t))
 
 
-def orbit_forces(craft: Spacecraft, orbit: Orbit) -> Callable[[Vector, float, float], Vector]:
-    """Return what gives the generalised forces of the orbit; see Model.outside.
+@compiled_once()
+def orbit_torque(o: Vector, attitude: Nine, t: float) -> Triple:
+    """Return the torque of an orbit in body axes [N m].
 
     Args:
-        craft: the spacecraft.
-        orbit: that it is on.
+        o: Surroundings.packed.
+        attitude: from inertial to body axes, row by row.
+        t: time [s].
     """
+    angle = o[_PHASE] + o[_RATE] * t
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, across = (1.0, 0.0, 0.0), triple(o, _COURSE)
+    place = plus(scaled(cosine, x), scaled(sine, across))
+    course = plus(scaled(cosine, across), scaled(-sine, x))
+    field = plus(scaled(-3.0 * place[2], place), (0.0, 0.0, 1.0))  # of a dipole to the south
+    up = apply(attitude, place)
+    torque = cross(up, symmetric(o[_GRADIENT:], up))
+    torque = plus(torque, cross(triple(o, _DIPOLE), apply(attitude, field)))
+    torque = plus(torque, cross(triple(o, _DRAG), apply(attitude, course)))
+    return plus(torque, cross(triple(o, _LIGHT), apply(attitude, triple(o, _SUN))))
+
+
+def packed_orbit(craft: Spacecraft, orbit: Orbit | None) -> Vector:
+    """Return the numbers that orbit_torque reads for a craft on an orbit, or on none."""
+    if orbit is None:
+        return np.zeros(ORBIT_SIZE)
     mass, first, inertia = craft.rigid()
     about = first / mass
-    surroundings = Surroundings(
+    return Surroundings(
         orbit, inertia - mass * (about @ about * np.eye(3) - np.outer(about, about))
-    )
-    _, rates = craft.sizes
-
-    def forces(x: Vector, t: float, span: float) -> Vector:
-        found = np.zeros(rates)
-        found[3:6] = surroundings.torque(to_body(x[3:7]), t)
-        return found
-
-    return forces
+    ).packed

@@ -20,7 +20,7 @@ from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.floating import Floating
 from flexslew_plant.testbeds.instruments import ResolverSettings
 from flexslew_plant.testbeds.kernels import Kernels
-from flexslew_plant.testbeds.model import Model, Outside
+from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of
@@ -36,10 +36,11 @@ from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, 
 from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.floating import floating
-from flexslew_plant.testbeds.spacecraft.imbalance import harmonics_of, imbalance_forces
+from flexslew_plant.testbeds.spacecraft.imbalance import harmonics_of
 from flexslew_plant.testbeds.spacecraft.lines_of_sight import LineOfSight, lines_of_sight
 from flexslew_plant.testbeds.spacecraft.motions import Motions, Spins, motions, spins
-from flexslew_plant.testbeds.spacecraft.orbit import Orbit, orbit_forces
+from flexslew_plant.testbeds.spacecraft.orbit import Orbit
+from flexslew_plant.testbeds.spacecraft.outside import outside_of
 from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit, turning_axes
 from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, retargeted, section_units
 from flexslew_plant.testbeds.spacecraft.settings import (
@@ -411,6 +412,7 @@ def _model(same: _Same) -> Model:
     drives = craft.drives
     free = craft.motion == at.FREE
     axes = turning_axes(craft)
+    around = same.testbed.orbit, same.testbed.wheels, UNITS[same.testbed.units]
     return Model(
         FLOATING if free else GROUNDED,
         p,
@@ -425,20 +427,11 @@ def _model(same: _Same) -> Model:
         placed=lambda positions: placed(craft, axes, positions),
         motors=motors_of(craft),
         attitude=attitude_joints(axes) if free else None,
-        outside=_outside(same.testbed, craft) if free else None,
+        outside=outside_of(craft, *around) if free else None,
         one_way=tuple(k for k, d in enumerate(drives) if d.what == at.THRUSTER),
         gimbals=tuple(range(*_gimbals(craft))),
         gyros=tuple(k for k, d in enumerate(drives) if d.what == at.GYRO),
     )
-
-
-def _outside(testbed: SpacecraftTestbed, craft: Spacecraft) -> Outside | None:
-    """Return the forces of the orbit and of wheels that are not balanced; None: there are none."""
-    orbit = None if testbed.orbit is None else orbit_forces(craft, testbed.orbit)
-    wheels = imbalance_forces(craft, testbed.wheels, UNITS[testbed.units])
-    if orbit is None or wheels is None:
-        return orbit or wheels
-    return lambda x, t, span: orbit(x, t, span) + wheels(x, t, span)
 
 
 def _gimbals(craft: Spacecraft) -> tuple[int, int]:

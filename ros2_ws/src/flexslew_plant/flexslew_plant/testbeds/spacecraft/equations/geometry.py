@@ -85,6 +85,22 @@ def symmetric(j: Any, a: Triple) -> Triple:
 
 
 @called
+def rotation(x: float, y: float, z: float, w: float) -> Nine:
+    """Return the rotation from inertial axes to those that a unit quaternion has turned."""
+    return (
+        w * w + x * x - y * y - z * z,
+        2.0 * (x * y + z * w),
+        2.0 * (x * z - y * w),
+        2.0 * (x * y - z * w),
+        w * w - x * x + y * y - z * z,
+        2.0 * (y * z + x * w),
+        2.0 * (x * z + y * w),
+        2.0 * (y * z - x * w),
+        w * w - x * x - y * y + z * z,
+    )
+
+
+@called
 def turned(axis: Triple, c: float, s: float, e: Nine) -> Nine:
     """Return Rot(axis, -angle) E: the direction cosines after a turn about axis (both frames').
 
