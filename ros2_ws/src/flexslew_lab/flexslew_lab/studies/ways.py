@@ -16,7 +16,6 @@ class Way(StrEnum):
     NO_PLAN = "bench: no plan"
     JOINTS = "bench: joints that are read in another way"
     EFFORTS = "bench: efforts that are no joints'"
-    ORBIT = "bench: an orbit"
     LAW = "bench: a law that is not linear"
     SETTINGS = "bench: a law that is not linear with these settings"
     TIPS = "bench: a law that reads instruments or rates of tips"

@@ -4,11 +4,11 @@ One of the user's own needs no line: `kind: my_testbed.py:MyTestbed`, or an entr
 group flexslew.testbeds.
 
 Offers: appendages, attitude, beam, compiled.bound, compiled.dynamics, compiled.interface,
-compiled.lane_by_lane, compiled.lanes, compiled.mass, compiled.traced_kernel, contract, csa,
-floating, floating_oscillator, hub_with_appendages, identified, instruments, instruments.instrument,
-instruments.packed_readers, kernels, linearisation, model, quaternions, robot_model, scene,
-spacecraft.assembly.packing, spacecraft.clamped, spacecraft.lines_of_sight, spacecraft.motions,
-spacecraft.shapes.shape, spacecraft.sky, spacecraft.testbed, spacecraft.units.
+compiled.lane_by_lane, compiled.lanes, compiled.mass, compiled.push, compiled.traced_kernel,
+contract, csa, floating, floating_oscillator, hub_with_appendages, identified, instruments,
+instruments.instrument, instruments.packed_readers, kernels, linearisation, model, quaternions,
+robot_model, scene, spacecraft.assembly.packing, spacecraft.clamped, spacecraft.lines_of_sight,
+spacecraft.motions, spacecraft.shapes.shape, spacecraft.sky, spacecraft.testbed, spacecraft.units.
 """
 
 from collections.abc import Mapping

@@ -29,6 +29,7 @@ from flexslew_lab.studies.lanes.lane_laws import beside, kind_of, outputs_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
 from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
+from flexslew_lab.studies.lanes.pushed import pushes_of
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
 from flexslew_lab.studies.lanes.senses import Heard, heard_by
@@ -167,12 +168,13 @@ class Lanes:
             w[rows.tip_rate : rows.end] = np.repeat(model.appendages.rate, LANES)
         w[rows.outside : rows.terminal] = -np.inf
         recorded = isinstance(first.trial.testbed, Pointing) or bool(first.trial.metrics)
+        turns = model.attitude is not None
         law = numbers_of(forms, prepared.form.shared or schedule)
-        turns, terms = model.attitude is not None, LawTerms.of(law)
         heard = heard_by(group, forms.filters, sizes.outputs - 2 * model.joints)
-        kinds = recorded, turns, heard is not None, bool(forms.filters)
+        push, pushes = pushes_of(group)
+        kinds = push, recorded, turns, heard is not None, bool(forms.filters)
         loop = partial(
-            lane_loop(kernel, sizes, terms, observer.observe, *kinds),
+            lane_loop(kernel, sizes, LawTerms.of(law), observer.observe, *kinds),
             w,
             first.trial.period,
             first.steps,
@@ -181,6 +183,7 @@ class Lanes:
             errors_of(lanes, sizes.outputs, len(schedule.time)),
             turned_joints(model.attitude, model.joints),
             heard and heard.senses,
+            pushes,
             observer.constants,
             observer.z,
             observer.memory,

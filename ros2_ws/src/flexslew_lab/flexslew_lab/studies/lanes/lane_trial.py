@@ -72,7 +72,8 @@ class LaneIntake:
         if model.appendages.instruments:
             told = model.appendages.packed(trial.period, None).layout.tobytes()
         motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate)
-        bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor)
+        outside = model.outside and (model.outside.add, model.outside.numbers.size)
+        bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor, outside)
         law, together = (common.law, *bench), (common.course, *bench)
         return LaneTrial(case, trial, common.asked, model, kernel, steps, law, together)
 
@@ -129,7 +130,6 @@ def way_of_testbed(trial: Trial) -> Way:
     model = trial.testbed.model()
     obstacles = (
         (model.reading is not None and model.kernels.reading is None, Way.JOINTS),
-        (model.outside is not None, Way.ORBIT),
         (model.efforts != model.joints, Way.EFFORTS),
     )
     return next((way for there, way in obstacles if there), Way.LANES)

@@ -42,6 +42,7 @@ def lane_loop(
     sizes: Sizes,
     terms: LawTerms,
     observe: Observe,
+    push: Callable[..., None],
     recorded: bool,
     turns: bool,
     heard: bool,
@@ -49,19 +50,20 @@ def lane_loop(
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, LawNumbers, error, turned, Senses, observer, z, memory,
-    filled, first, last, record, draws): w of lanes.Advance with the rows of `rows` behind; `error`
-    of the readings, (ticks + 1 or 1, outputs LANES); TurnedJoints, if `turns`; w, z and memory in
-    and out; `observer` as `observe` wants it, which is asked for the first `filled` lanes at least;
-    ticks from `first` to before `last`. If `recorded`, the truth goes into `record`, (LANES, ticks,
-    states + joints), and is measured afterwards; else the loop counts what the metrics need.
-    `draws` are the instruments', (ticks, lanes, draws).
+    It takes (w, dt, steps, Schedule, LawNumbers, error, turned, Senses, LanePushes, observer, z,
+    memory, filled, first, last, record, draws): w of lanes.Advance with the rows of `rows` behind;
+    `error` of the readings, (ticks + 1 or 1, outputs LANES); TurnedJoints, if `turns`; w, z and
+    memory in and out; `observer` as `observe` wants it, which is asked for the first `filled` lanes
+    at least; ticks from `first` to before `last`. If `recorded`, the truth goes into `record`,
+    (LANES, ticks, states + joints), and is measured afterwards; else the loop counts what the
+    metrics need. `draws` are the instruments', (ticks, lanes, draws).
 
     Args:
         kernel: of the testbed.
         sizes: of the group.
         terms: of the law.
         observe: of the law.
+        push: what acts from outside; see pushed.pushes_of.
         recorded: whether the truth is.
         turns: whether the joints read an attitude.
         heard: whether there are instruments.
@@ -108,6 +110,7 @@ def lane_loop(
         error: Matrix,
         turned: Any,
         senses: Any,
+        pushes: Any,
         observer: Any,
         z: Vector,
         memory: Vector,
@@ -134,7 +137,9 @@ def lane_loop(
             about(w, turned, schedule.position[k], filled)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
             efforts(k, schedule.time[k], dt, schedule, law, turned, z, w, filled)
+            push(k * dt, 0.5 * dt, pushes, filled, w)
             advance(k * dt, dt, steps, filled, w)
+            push(k * dt + dt, -0.5 * dt, pushes, filled, w)
 
     return cast(Loop, loop)
 
