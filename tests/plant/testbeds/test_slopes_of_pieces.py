@@ -24,7 +24,9 @@ CRAFT = {
     },
     "wheels": {"wheel": {"axis": [0.0, 0.6, 0.8], "inertia": 0.02, "limit": 0.5}},
     "actuators": {"push": {"kind": "force", "direction": [0.0, 0.0, 1.0], "limit": 1.0,
-                           "place": [0.3, 0.0, 0.0]}},
+                           "place": [0.3, 0.0, 0.0]},
+                  "aside": {"kind": "force", "direction": [1.0, 0.0, 0.0], "limit": 1.0,
+                            "appendage": "boom"}},  # whose B turns with the hinge, and bends
 }  # fmt: skip
 
 

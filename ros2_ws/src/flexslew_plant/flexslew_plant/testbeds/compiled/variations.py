@@ -31,6 +31,7 @@ _CHANGE = 2.0**-10  # differences of M, h and B by p, of B and N by q: exact whe
 _BOTH: Vector = np.array([1.0, -1.0])  # signs of a change
 _factor = called(mass.factor.py_func)  # type: ignore[attr-defined]
 _solve = called(mass.solve.py_func)  # type: ignore[attr-defined]
+_solve_rows = called(mass.solve_rows.py_func)  # type: ignore[attr-defined]
 
 
 def flight_with_slopes(
@@ -62,12 +63,12 @@ def flight_with_slopes(
     """
     ticks, count = len(effort), len(along)
     path = np.empty((ticks + 1, start.size * (1 + count)))
-    path[0] = np.concatenate((start, start_slopes.ravel()))
+    path[0] = np.concatenate((start, start_slopes.T.ravel()))
     pieces = period * np.arange(ticks), np.full(ticks, period), np.ones(ticks, dtype=np.int64)
     none = np.zeros((count, effort.shape[1]))
     _kernel()(*_own(equations), p, along, none, effort, *pieces, square, extra, path[:-1], path[1:])
-    both = path.reshape(ticks + 1, 1 + count, start.size)
-    return both[:, 0], both[:, 1:]
+    slopes = path[:, start.size :].reshape(ticks + 1, start.size, count)
+    return path[:, : start.size], slopes.swapaxes(1, 2)
 
 
 def slopes_of_pieces(
@@ -98,18 +99,18 @@ def slopes_of_pieces(
         shapes (k, size, size), zero but in these columns, and (k, size, actuators).
     """
     (k, size), m, c = states.shape, effort.shape[1], columns.size
-    begins = np.zeros((k, 1 + c + m, size))
-    begins[:, 0] = states
-    begins[:, 1 + np.arange(c), columns] = 1.0
+    first = np.zeros((size, c + m))
+    first[columns, np.arange(c)] = 1.0
+    begins = np.hstack((states, np.tile(first.ravel(), (k, 1))))
     pushes = np.zeros((c + m, m))
     pushes[c:] = np.eye(m)
     pieces = np.cumsum(durations) - durations, durations, steps
-    begins, ends, none = begins.reshape(k, -1), np.empty((k, begins[0].size)), np.zeros((0, p.size))
+    ends, none = np.empty_like(begins), np.zeros((0, p.size))
     _kernel()(*_own(equations), p, none, pushes, effort, *pieces, square, extra, begins, ends)
-    found = ends.reshape(k, 1 + c + m, size).swapaxes(1, 2)
+    found = ends[:, size:].reshape(k, size, c + m)
     by_state = np.zeros((k, size, size))
-    by_state[:, :, columns] = found[:, :, 1 : 1 + c]
-    return by_state, np.ascontiguousarray(found[:, :, 1 + c :])
+    by_state[:, :, columns] = found[:, :, :c]
+    return by_state, np.ascontiguousarray(found[:, :, c:])
 
 
 def _own(equations: Bound) -> tuple[Callable[..., None], ...]:
@@ -167,6 +168,106 @@ def _write_residual(
         residual[square + c] += modal[c] * a[square + c]
 
 
+@called
+def _add_turned(
+    actuation: Callable[..., None],
+    p: Vector,
+    t: float,
+    x: Vector,
+    u: Vector,
+    work: tuple[Vector, Vector, Vector],
+    dq: Matrix,
+) -> None:
+    """Subtract d(B u)/dq from dq.
+
+    Most actuators push alike wherever the craft is: where all of q moves at once, each entry by its
+    own length, and B u stays the same to the last bit, there is nothing to subtract.
+    """
+    moved, push, same = work
+    (n, q), turns = dq.shape, False
+    put(x, moved)
+    push[:] = 0.0
+    same[:] = 0.0
+    for c in range(q):
+        moved[c] += _CHANGE * (1.0 + np.sqrt(2.0 + c))
+    actuation(p, t, x, u, push)
+    actuation(p, t, moved, u, same)
+    for j in range(n):
+        turns |= push[j] != same[j]
+    put(x, moved)
+    for c in range(q * int(turns)):
+        for sign in _BOTH:
+            moved[c] = x[c] + sign * _CHANGE
+            push[:] = 0.0
+            actuation(p, t, moved, u, push)
+            for j in range(n):
+                dq[j, c] -= sign / (2.0 * _CHANGE) * push[j]
+        moved[c] = x[c]
+
+
+@called
+def _write_kinematics(
+    position_rates: Callable[..., None],
+    p: Vector,
+    t: float,
+    x: Vector,
+    work: tuple[Vector, Vector],
+    kinematics: Matrix,
+) -> None:
+    """Write the derivatives of q' = N(q) v by q and v, shape (positions, size of a state)."""
+    moved, rates = work
+    q, size = kinematics.shape
+    put(x, moved)
+    kinematics[:] = 0.0
+    for c in range(q):
+        for sign in _BOTH:
+            moved[c] = x[c] + sign * _CHANGE
+            position_rates(p, t, moved, rates)
+            for j in range(q):
+                kinematics[j, c] += sign / (2.0 * _CHANGE) * rates[j]
+        moved[c] = x[c]
+    moved[q:] = 0.0
+    for c in range(q, size):
+        moved[c] = 1.0
+        position_rates(p, t, moved, rates)
+        moved[c] = 0.0
+        for j in range(q):
+            kinematics[j, c] = rates[j]
+
+
+@called
+def _add_product(factors: Matrix, slopes: Matrix, sign: float, out: Matrix) -> None:
+    """Add a matrix times slopes, all of one row of them at a time, but for what is zero."""
+    for j in range(factors.shape[0]):
+        for c in range(factors.shape[1]):
+            factor = sign * factors[j, c]
+            if factor != 0.0:
+                for k in range(slopes.shape[1]):
+                    out[j, k] += factor * slopes[c, k]
+
+
+@called
+def _add_pushes(
+    actuation: Callable[..., None],
+    p: Vector,
+    t: float,
+    x: Vector,
+    u: Vector,
+    pushes: Matrix,
+    force: Matrix,
+) -> None:
+    """Add B du/d theta to the forces of every parameter, a column each."""
+    held, push = np.empty(u.size), np.empty(force.shape[0])
+    for k in range(len(pushes)):
+        for sign in _BOTH[: 2 * int(pushes[k].any())]:
+            for i in range(u.size):
+                held[i] = u[i] + sign * _CHANGE * pushes[k, i]
+            push[:] = 0.0
+            actuation(p, t, x, held, push)
+            for j in range(push.size):
+                force[j, k] += sign / (2.0 * _CHANGE) * push[j]
+
+
 def _flown(
     terms: Callable[..., None],
     residual_jacobian: Callable[..., None],
@@ -186,70 +287,63 @@ def _flown(
 ) -> None:
     """Write the ends of pieces: each a state and then its derivatives, as its begin.
 
-    Row k of `along` and of `pushes` is how p and the effort change with parameter k; `along` has
-    no rows where p does not. A begin is read when its piece is flown: it may be the end before it.
+    The derivatives of an entry of the state by all parameters stand side by side. Row k of `along`
+    and of `pushes` is how p and the effort change with parameter k; `along` has no rows where p
+    does not. A begin is read when its piece is flown: it may be the end before it.
     """
     count, width = pushes.shape[0], begins.shape[1]
     size = width // (1 + count)
     n = (size - extra) // 2
     q = size - n  # entries of q
     joints, coupling = np.empty((square, square)), np.empty((square, n - square))
-    modal, a, push, rates = np.empty(n - square), np.empty(n), np.empty(n), np.empty(size)
+    modal, a, rates = np.empty(n - square), np.empty(n), np.empty(size)
+    factored, scale = np.empty_like(joints), np.empty_like(modal)
     other = np.empty_like(joints), np.empty_like(coupling), np.empty_like(modal), np.empty(n)
-    residual, force = np.empty(n), np.empty(n)
-    dq, dv, moved = np.empty((n, q)), np.empty((n, n)), np.empty(size)
+    residual, forces = np.empty(n), np.empty(n * count)
+    force = forces.reshape((n, count))
+    dq, dv, kinematics = np.empty((n, q)), np.empty((n, n)), np.empty((q, size))
+    moved, push = np.empty(size), np.empty(n)
     now, at, slopes = np.empty(width), np.empty(width), np.empty((STAGES, width))
+    x, beside = at[:size], at[size:].reshape((size, count))
     for piece in range(effort.shape[0]):
         u, h = effort[piece], durations[piece] / steps[piece]
         put(begins[piece], now)
         for step in range(steps[piece]):
             for i in range(STAGES):
                 stage_state(now, slopes, i, h, at)
-                t, x = starts[piece] + (step + STAGE_TIMES[i]) * h, at[:size]
+                t = starts[piece] + (step + STAGE_TIMES[i]) * h
                 terms(p, t, x, joints, coupling, modal, residual)
                 a[:] = 0.0
                 actuation(p, t, x, u, a)
                 a -= residual
-                _factor(joints, coupling, modal)
-                _solve(joints, coupling, modal, a)
+                for j in range(square):
+                    put(joints[j], factored[j])
+                _factor(factored, coupling, modal)
+                _solve(factored, coupling, modal, a)
                 position_rates(p, t, x, rates)
                 put(rates[:q], slopes[i, :q])
                 put(a, slopes[i, q:size])
                 residual_jacobian(p, t, x, a, dq, dv)
-                for k in range(count):
-                    first = size * (1 + k)
-                    slope, rate = at[first : first + size], slopes[i, first : first + size]
+                rate = slopes[i, size:].reshape((size, count))
+                if extra == 0:
                     for j in range(n):
-                        force[j] = 0.0
-                        for c in range(q):
-                            force[j] -= dq[j, c] * slope[c]
-                        for c in range(n):
-                            force[j] -= dv[j, c] * slope[q + c]
-                    for sign in _BOTH[: 2 * int(k < len(along))]:  # dr/dp along the parameter
+                        put(beside[q + j], rate[j])
+                else:  # q' = N(q) v, and B may turn with q
+                    _add_turned(actuation, p, t, x, u, (moved, residual, push), dq)
+                    _write_kinematics(position_rates, p, t, x, (moved, rates), kinematics)
+                    rate[:q] = 0.0
+                    _add_product(kinematics, beside, 1.0, rate)
+                forces[:] = 0.0
+                _add_product(dq, beside, -1.0, force)
+                _add_product(dv, beside[q:], -1.0, force)
+                _add_pushes(actuation, p, t, x, u, pushes, force)
+                for k in range(len(along)):  # dr/dp along the parameter
+                    for sign in _BOTH:
                         there = p + sign * _CHANGE * along[k]
                         _write_residual(terms, actuation, there, t, x, u, a, other, residual)
-                        force -= sign / (2.0 * _CHANGE) * residual
-                    for sign in _BOTH[: 2 * int(pushes[k].any())]:
-                        push[:] = 0.0
-                        actuation(p, t, x, u + sign * _CHANGE * pushes[k], push)
-                        force += sign / (2.0 * _CHANGE) * push
-                    if extra == 0:
-                        put(slope[q:], rate[:q])
-                    else:  # q' = N(q) v, and B may turn with q
-                        put(x[:q], moved[:q])
-                        put(slope[q:], moved[q:])
-                        position_rates(p, t, moved, rates)
-                        put(rates[:q], rate[:q])
-                        put(x[q:], moved[q:])
-                        change = _CHANGE / (1.0 + np.abs(slope[:q]).max())
-                        for sign in _BOTH:
-                            put(x[:q] + sign * change * slope[:q], moved[:q])
-                            push[:] = 0.0
-                            actuation(p, t, moved, u, push)
-                            force += sign / (2.0 * change) * push
-                            position_rates(p, t, moved, rates)
-                            put(rate[:q] + sign / (2.0 * change) * rates[:q], rate[:q])
-                    _solve(joints, coupling, modal, force)
-                    put(force, rate[q:])
+                        for j in range(n):
+                            force[j, k] -= sign / (2.0 * _CHANGE) * residual[j]
+                _solve_rows(joints, coupling, modal, scale, forces, count)
+                put(forces, slopes[i, size + q * count :])
             complete_step(now, slopes, h)
         put(now, ends[piece])
