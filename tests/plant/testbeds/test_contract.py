@@ -140,6 +140,15 @@ def test_the_linear_model_is_the_derivative_at_rest(kind: Any) -> None:
 
 
 @every_kind
+def test_joints_are_read_of_many_states_as_of_one(kind: Any) -> None:
+    model = bed(kind).model()
+    rows = np.array([x for x, _ in states(model)])
+    alone = zip(*map(model.joint_state, rows), strict=True)
+    for found, expected in zip(model.joint_states(rows), alone, strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+@every_kind
 def test_a_path_is_one_hold_after_the_other(kind: Any) -> None:
     model = damped(kind, 0.02).model()
     (x, effort), *_ = states(model)

@@ -85,7 +85,7 @@ class Epoch:
     def _joints(self, q: Matrix, v: Matrix) -> Matrix:
         if self._model is None or self._model.reading is None:
             return q[:, : len(self._setup.joint_names)]
-        return self._model.joint_positions(np.hstack((q, v)))
+        return self._model.joint_states(np.hstack((q, v)))[0]
 
 
 def merged(metrics: Sequence[Metric], ending: Ending) -> dict[str, Any]:

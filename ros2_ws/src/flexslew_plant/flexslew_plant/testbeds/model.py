@@ -375,15 +375,18 @@ class Model:
         position, rate = self._of_joints
         return x[position], x[rate]
 
-    def joint_positions(self, states: Matrix) -> Matrix:
-        """Return where the joints are in many states, a row each, shape (k, joints)."""
+    def joint_states(self, states: Matrix) -> tuple[Matrix, Matrix]:
+        """Return positions and velocities of the joints in many states, each (k, joints)."""
         if self.reading is None:
-            return states[:, : self.joints]
-        if self.kernels.reading is None:
-            return np.array([self.reading(x)[0] for x in states])
-        found = np.empty((len(states), self.joints))
-        joint_reader(self.kernels)(self.packed, states, found)
-        return found
+            position, rate = self._of_joints
+            return states[:, position], states[:, rate]
+        both = np.empty((2, len(states), self.joints))
+        if self.kernels.reading is not None:
+            joint_reader(self.kernels)(self.packed, states, both[0], both[1])
+        else:
+            for k, x in enumerate(states):
+                both[:, k] = self.reading(x)
+        return both[0], both[1]
 
     def joint_error(self, position: Vector, goal: Vector) -> Vector:
         """Return goal - position of each joint, of an attitude the rotation [rad or m].
@@ -397,9 +400,9 @@ class Model:
         return self.attitude.error(position, goal)
 
     def modal_state(self, x: Vector) -> tuple[Vector, Vector]:
-        """Return the modal coordinates and their rates, each of shape (modes,)."""
+        """Return the modal coordinates and their rates, each of shape (..., modes)."""
         modal, rate = self._of_modes
-        return x[modal], x[rate]
+        return x[..., modal], x[..., rate]
 
     @cached_property
     def _of_joints(self) -> tuple[slice, slice]:

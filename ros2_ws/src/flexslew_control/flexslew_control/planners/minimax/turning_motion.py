@@ -177,7 +177,7 @@ class TurningMotion:
 
     def deviation(self, model: Model, x: Vector) -> Vector:
         """Return turn and modes from the rest at the goal, and their rates, shape (2 k,)."""
-        missed: Vector = self._of(model).missed(x)[self._order(model)]
+        missed: Vector = self._of(model).missed(x[None])[0, self._order(model)]
         return missed
 
     def deviation_slopes(self, model: Model, x: Vector) -> Matrix:

@@ -42,9 +42,9 @@ class PathLimits:
             states: shape (..., size).
         """
         assert model.attitude is not None
-        rows = [model.joint_state(x) for x in states.reshape(-1, states.shape[-1])]
+        rows = model.joint_states(states.reshape(-1, states.shape[-1]))
         shape = (*states.shape[:-1], model.joints)
-        position, rate = (np.array(part).reshape(shape) for part in zip(*rows, strict=True))
+        position, rate = (part.reshape(shape) for part in rows)
         turned = quaternion(model.attitude.turn_of(position))
         beyond = [self.spare - cone.margin(turned) for cone in self.cones]
         if self.rate_limit is not None:

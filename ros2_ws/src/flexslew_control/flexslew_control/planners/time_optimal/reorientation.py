@@ -128,12 +128,12 @@ class Reorientation:
         linear = self.model.linearise(self.start[: self.model.positions])
         return min(longest, _ANGLE / float(linear.frequencies[-1]))
 
-    def missed(self, x: Vector) -> Vector:
-        """Return what a state is away from rest at the goal, shape (conditions,)."""
-        position, rate = self.model.joint_state(x)
+    def missed(self, states: Matrix) -> Matrix:
+        """Return what states are away from rest at the goal, shape (k, conditions)."""
+        position, rate = self.model.joint_states(states)
         turn_of = self.attitude.turn_of
         turn = -turn_of(self.model.joint_error(position, self.last))
-        return np.concatenate((turn, turn_of(rate), *self.model.modal_state(x)))
+        return np.hstack((turn, turn_of(rate), *self.model.modal_state(states)))
 
     def joints(self, states: Matrix) -> tuple[Matrix, Matrix]:
         """Return positions and rates of the joints, without jumps of a whole turn.
@@ -144,12 +144,12 @@ class Reorientation:
         Returns:
             shape (k, joints) each [rad, rad/s].
         """
-        rows = [self.model.joint_state(x) for x in states]
-        turn = self.attitude.turn_of(np.array([position for position, _ in rows]))
+        read, rate = self.model.joint_states(states)
+        turn = self.attitude.turn_of(read)
         turn[0] = self.attitude.turn_of(self.first)
         position = continuous(turn) @ self.attitude.axes.T
         position[0] = self.first
-        return position, np.array([rate for _, rate in rows])
+        return position, rate
 
     def states(self, efforts: Matrix, duration: float) -> Matrix:
         """Return the states at the ends of equal pieces, shape (pieces + 1, size).
@@ -175,12 +175,14 @@ class Reorientation:
         slopes = self.missed_slopes(flown.states[-1])
         by_effort = np.empty((len(slopes), *efforts.shape))
         by_duration = np.empty((len(slopes), len(durations)))
+        ends = zip(flown.states[1:], efforts, strict=True)
+        rates = np.array([self.model.derivative(x, effort) for x, effort in ends])
         for k in range(len(durations) - 1, -1, -1):
             by_effort[:, k] = slopes @ flown.by_effort[k]
-            by_duration[:, k] = slopes @ self.model.derivative(flown.states[k + 1], efforts[k])
+            by_duration[:, k] = slopes @ rates[k]
             slopes = slopes @ flown.by_state[k]
-        along = self._along(flown, efforts)
-        return End(self.missed(flown.states[-1]), by_effort, by_duration, flown.states, along)
+        along, [missed] = self._along(flown, efforts, rates), self.missed(flown.states[-1:])
+        return End(missed, by_effort, by_duration, flown.states, along)
 
     def beyond(self, states: Matrix) -> Matrix:
         """Return the excess of states, scaled as the end conditions, shape (k, limits)."""
@@ -191,8 +193,14 @@ class Reorientation:
         scaled: Matrix = self.limits.excess(self.model, states) / units
         return scaled
 
-    def _along(self, flown: Pieces, efforts: Matrix) -> Along:
-        """Return the excess at the ends of the pieces, the last ones first, and its slopes."""
+    def _along(self, flown: Pieces, efforts: Matrix, rates: Matrix) -> Along:
+        """Return the excess at the ends of the pieces, the last ones first, and its slopes.
+
+        Args:
+            flown: the flight.
+            efforts: of the pieces, shape (pieces, joints) [N m].
+            rates: state derivatives at their ends, shape (pieces, size).
+        """
         pieces, size = len(efforts), self.start.size
         excess = self.beyond(flown.states[1:])
         near = excess > -_NEAR
@@ -208,16 +216,15 @@ class Reorientation:
                 held = np.vstack((held, slopes[k][near[k]] / self.scale[units][:, None]))
             if len(held):
                 by_effort[: len(held), k] = held @ flown.by_effort[k]
-                rate = self.model.derivative(flown.states[k + 1], efforts[k])
-                by_duration[: len(held), k] = held @ rate
+                by_duration[: len(held), k] = held @ rates[k]
                 held = held @ flown.by_state[k]
         return Along(excess[::-1][near[::-1]], by_effort, by_duration)
 
     def missed_slopes(self, x: Vector) -> Matrix:
         """Return the derivatives of the end conditions by a state, (conditions, size)."""
         change = _CHANGE * np.eye(x.size)
-        columns = [(self.missed(x + c) - self.missed(x - c)) / (2.0 * _CHANGE) for c in change]
-        return np.array(columns).T
+        slopes: Matrix = (self.missed(x + change) - self.missed(x - change)) / (2.0 * _CHANGE)
+        return slopes.T
 
     @cached_property
     def columns(self) -> Indices:

@@ -26,6 +26,7 @@ _FIRST_ARCS, _ARC_STEPS = 0.1, 20  # radius of the arcs' programs [-], and how m
 _GONE = 1e-5  # arcs that are no longer, of the duration
 _TRIED = 2  # programs for each step that is taken, at most
 _SETTLED = 1e-7  # predicted gain, of the duration
+_PROGRAM: Any = {"presolve": False}  # it takes longer than it saves: all rows are full
 
 
 class LocalArcs(NamedTuple):
@@ -161,7 +162,7 @@ def _merged(signs: Matrix, durations: Vector, gone: float) -> tuple[Matrix, Vect
 
 def _tried(slew: Reorientation, shares: Matrix, duration: float) -> _Trial:
     states = slew.states(shares * slew.amplitude, duration)
-    missed = slew.missed(states[-1]) / slew.scale
+    missed = slew.missed(states[-1:])[0] / slew.scale
     return _Trial(duration, shares, missed, slew.beyond(states[1:]).ravel())
 
 
@@ -182,26 +183,23 @@ def _flown(slew: Reorientation, shares: Matrix, duration: float) -> _About:
 def _step(here: _About, price: float, radius: float) -> tuple[Matrix, float, float] | None:
     """Return shares, duration and predicted merit of the program's solution; None: it has none."""
     duration, shares, missed, excess = here.flight
-    r, count, now, g = missed.size, shares.size, shares.ravel(), excess.size
-    cost = np.concatenate((np.zeros(count), [1.0], np.full(2 * r + g, price)))
-    rows = np.hstack(
-        (here.by_share, here.by_duration[:, None], -np.eye(r), np.eye(r), np.zeros((r, g)))
-    )
-    below = np.hstack(
-        (here.excess_by_share, here.excess_by_duration[:, None], np.zeros((g, 2 * r)), -np.eye(g))
-    )
+    r, count, now = missed.size, shares.size, shares.ravel()
     low, high = np.maximum(-1.0, now - radius), np.minimum(1.0, now + radius)
-    most_longer = _OF_DURATION * min(radius, 1.0) * duration
-    bounds: Any = np.vstack(
-        (
-            np.column_stack((low, high)),
-            [[-most_longer, most_longer]],
-            np.tile([0.0, np.inf], (2 * r + g, 1)),
-        )
-    )
-    right, most = here.by_share @ now - missed, here.excess_by_share @ now - excess
-    found = linprog(cost, below, most, rows, right, bounds, method="highs-ds")
+    longer = _OF_DURATION * min(radius, 1.0) * duration
+    low, high = np.append(low, -longer), np.append(high, longer)
+    limited = np.column_stack((here.excess_by_share, here.excess_by_duration))
+    most = here.excess_by_share @ now - excess
+    # what nothing inside of these bounds reaches need not be asked for
+    near = np.maximum(limited * low, limited * high).sum(axis=1) > most
+    limited, most, g = limited[near], most[near], int(near.sum())
+    cost = np.concatenate((np.zeros(count), [1.0], np.full(2 * r + g, price)))
+    ends = np.column_stack((here.by_share, here.by_duration))
+    rows = np.hstack((ends, -np.eye(r), np.eye(r), np.zeros((r, g))))
+    below = np.hstack((limited, np.zeros((g, 2 * r)), -np.eye(g)))
+    bounds: Any = np.vstack((np.column_stack((low, high)), np.tile([0.0, np.inf], (2 * r + g, 1))))
+    right = here.by_share @ now - missed
+    found = linprog(cost, below, most, rows, right, bounds, method="highs-ds", options=_PROGRAM)
     if found.x is None or found.fun is None:
         return None
-    longer = float(found.x[count])
-    return found.x[:count].reshape(shares.shape), duration + longer, duration + float(found.fun)
+    changed = float(found.x[count])
+    return found.x[:count].reshape(shares.shape), duration + changed, duration + float(found.fun)

@@ -87,7 +87,7 @@ def plan_three_axes(
         "switches": best.durations.size - 1 if best.exact else None,
         "amplitude": amplitude.tolist(),
         "peak_effort": abs(effort).max(axis=0).tolist(),
-        "terminal_error": slew.missed(states[-1]).tolist(),
+        "terminal_error": slew.missed(states[-1:])[0].tolist(),
         "rigid_duration": rigid_duration,
         "later_than_rigid": duration - rigid_duration,
         "path_limits": [*limits.names] if limited else [],

@@ -211,14 +211,13 @@ def _of_any_size(kernels: Kernels, m: int) -> Bound:
 
 
 @cache
-def joint_reader(kernels: Kernels) -> Callable[[Vector, Matrix, Matrix], None]:
-    """Return what writes where the joints are in many states, row by row, by kernels.reading."""
+def joint_reader(kernels: Kernels) -> Callable[[Vector, Matrix, Matrix, Matrix], None]:
+    """Return what writes where joints are in many states and how fast, by kernels.reading."""
     own = kernels.compiled["reading"]
 
-    @compiled_once("position")
-    def read(p: Vector, states: Matrix, position: Matrix) -> None:
-        velocity = np.empty(position.shape[1])
+    @compiled_once("position", "velocity")
+    def read(p: Vector, states: Matrix, position: Matrix, velocity: Matrix) -> None:
         for k in range(len(states)):
-            own(p, states[k], position[k], velocity)
+            own(p, states[k], position[k], velocity[k])
 
     return read
