@@ -1,5 +1,7 @@
 """Trials flown in lanes and by the bench, for tests that hold the two beside each other."""
 
+from typing import Any
+
 import pytest
 
 from flexslew_lab.studies.cases import case_of
@@ -7,6 +9,25 @@ from flexslew_lab.studies.flight import flown
 from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import Preparation
 
+CRAFT: dict[str, Any] = {
+    "kind": "spacecraft",
+    "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 35.0, "zz": 30.0, "xy": 1.0}},
+    "appendages": {
+        "boom": {
+            "hinge": {"place": [0.0, 0.5, 0.1]},
+            "shape": {
+                "kind": "beam",
+                "length": 6.0,
+                "linear_density": 0.4,
+                "bending_stiffness": 300.0,
+                "modes": 2,
+            },
+            "damping": {"ratio": 0.02},
+        }
+    },
+    "actuators": {},
+    "wheels": {"roll": {"axis": [1.0, 0.0, 0.0], "inertia": 0.05, "limit": 20.0}},
+}
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.lab.studies.lanes.both_ways import CRAFT as BOOM
 from tests.lab.studies.lanes.both_ways import require_equal
 
 from flexslew_lab.studies.run import prepare
@@ -36,22 +37,7 @@ def thrusters() -> dict[str, Any]:
     return found
 
 
-CRAFT: dict[str, Any] = {
-    "kind": "spacecraft",
-    "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 35.0, "zz": 30.0, "xy": 1.0}},
-    "appendages": {
-        "boom": {
-            "hinge": {"place": [0.0, 0.5, 0.1]},
-            "shape": {
-                "kind": "beam",
-                "length": 6.0,
-                "linear_density": 0.4,
-                "bending_stiffness": 300.0,
-                "modes": 1,
-            },
-            "damping": {"ratio": 0.02},
-        }
-    },
+CRAFT: dict[str, Any] = BOOM | {
     "actuators": thrusters(),
     "wheels": {
         f"wheel_{name}": {"axis": axis, "inertia": 0.05, "limit": 2.0, "momentum_limit": 20.0}

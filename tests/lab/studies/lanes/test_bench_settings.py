@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.lab.studies.lanes.both_ways import require_equal
-from tests.lab.studies.lanes.test_fleet import CRAFT
+from tests.lab.studies.lanes.both_ways import CRAFT, require_equal
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.lanes.fleet import Lanes

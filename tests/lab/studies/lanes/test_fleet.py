@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.lab.studies.lanes.both_ways import require_equal
+from tests.lab.studies.lanes.both_ways import CRAFT, require_equal
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.execution.worker import Job
@@ -164,25 +164,6 @@ def test_any_testbed_whose_joints_come_first_flies_in_lanes(
     require_equal(ready, [0, 3])
 
 
-CRAFT: dict[str, Any] = {
-    "kind": "spacecraft",
-    "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 35.0, "zz": 30.0, "xy": 1.0}},
-    "appendages": {
-        "boom": {
-            "hinge": {"place": [0.0, 0.5, 0.1]},
-            "shape": {
-                "kind": "beam",
-                "length": 6.0,
-                "linear_density": 0.4,
-                "bending_stiffness": 300.0,
-                "modes": 2,
-            },
-            "damping": {"ratio": 0.02},
-        }
-    },
-    "actuators": {},
-    "wheels": {"roll": {"axis": [1.0, 0.0, 0.0], "inertia": 0.05, "limit": 20.0}},
-}
 TURNING = {"motion": {"at": 0.5, "duration": 2.0, "to": 0.3, "axis": [1.0, 0.0, 0.0]}}
 
 

@@ -5,6 +5,7 @@ from copy import deepcopy
 from typing import Any
 
 import pytest
+from tests.lab.studies.lanes.both_ways import CRAFT as BOOM
 from tests.lab.studies.lanes.both_ways import require_equal
 
 from flexslew_lab.studies.cases import Cases, case_of
@@ -14,22 +15,7 @@ from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 
 AXES = {"roll": [1.0, 0.0, 0.0], "pitch": [0.0, 1.0, 0.0], "yaw": [0.0, 0.0, 1.0]}
-CRAFT: dict[str, Any] = {
-    "kind": "spacecraft",
-    "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 35.0, "zz": 30.0, "xy": 1.0}},
-    "appendages": {
-        "boom": {
-            "hinge": {"place": [0.0, 0.5, 0.1]},
-            "shape": {
-                "kind": "beam",
-                "length": 6.0,
-                "linear_density": 0.4,
-                "bending_stiffness": 300.0,
-                "modes": 1,
-            },
-            "damping": {"ratio": 0.02},
-        }
-    },
+CRAFT: dict[str, Any] = BOOM | {
     "wheels": {name: {"axis": axis, "inertia": 0.05, "limit": 20.0} for name, axis in AXES.items()},
     "actuators": {},
     "sensors": {
