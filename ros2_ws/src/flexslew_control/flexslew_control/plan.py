@@ -67,6 +67,11 @@ class Plan:
         """Simulated time at which the manoeuvre is over [s]."""
         return self.start + self.duration
 
+    @cached_property
+    def extent(self) -> Matrix:
+        """Smallest and largest reference of each joint, shape (2, joints) [rad or m]."""
+        return kept(np.array((self.position.min(axis=0), self.position.max(axis=0))))
+
     def reference(self, tick: int) -> Reference:
         """Return the reference of the bench's tick (counted from simulated time zero)."""
         k = tick - self.first_tick
