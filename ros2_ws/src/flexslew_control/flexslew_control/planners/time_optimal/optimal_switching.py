@@ -23,6 +23,7 @@ _ITERATIONS = 25
 _FIXED_ITERATIONS = 60  # with second derivatives that stay as they are
 _LONGEST = 3.0  # of the iterates, times the guess
 _END, _SLOPE = 1e-11, 1e-8  # at which the two conditions hold, relative
+_CLOSE = 1e-6, 1e-3  # the same, near the end
 
 
 class Slopes(Protocol):
@@ -41,9 +42,13 @@ def extremal_durations(slew: BangBang) -> Vector | None:
     best = None
     for structure in linear_optimum(slew).structures:
         start = _rough(slew, structure)
-        found = None if start is None else shortest_durations(slew, start, structure.curvature)
+        if start is None:  # by exact second derivatives, or there is none near it
+            start = shortest_durations(replace(slew, rough=True), structure.durations)
+            if start is None:
+                continue
+        found = shortest_durations(slew, start, structure.curvature)
         if found is None:
-            found = shortest_durations(slew, structure.durations if start is None else start)
+            found = shortest_durations(slew, start)
         if found is not None:
             if switching_function(slew, found).holds:
                 return found
@@ -99,22 +104,30 @@ def shortest_durations(
     Args:
         slew: what is turned.
         guess: durations to start from [s].
-        curvature: second derivatives of mu^T r to use everywhere; None: the exact ones.
+        curvature: second derivatives of mu^T r to use everywhere, but once the exact ones near the
+            end where it comes there slowly; None: the exact ones.
     """
     d, j = guess, slew.linearised(guess)[1]
     if d.size < len(j):
         return None
     scale = 1.0 / np.linalg.norm(j * d, axis=1)  # of the end conditions
     mu = np.linalg.lstsq((scale[:, None] * j).T, np.ones(d.size), rcond=None)[0]
+    known, before = curvature, 0.0
     for _ in range(_ITERATIONS if curvature is None else _FIXED_ITERATIONS):
         r, j = slew.linearised(d)
         r, j = scale * r, scale[:, None] * j
         slope = j.T @ mu - 1.0
         if not (np.isfinite(r).all() and np.isfinite(j).all()):
             return None
-        if np.abs(r).max() < _END and np.abs(slope).max() < _SLOPE:
+        missed, wrong = float(np.abs(r).max()), float(np.abs(slope).max())
+        if missed < _END and wrong < _SLOPE:
             return np.asarray(d)
-        bent = _curvature(slew, d, j, scale, mu) if curvature is None else curvature
+        close = missed < _CLOSE[0] and wrong < _CLOSE[1] and before > _SLOPE
+        # they cost an iteration for each arc: are as many not enough without them?
+        if known is curvature and close and wrong * min(1.0, wrong / before) ** d.size > _SLOPE:
+            known = None if curvature is None else _curvature(slew, d, j, scale, mu)
+        bent = _curvature(slew, d, j, scale, mu) if known is None else known
+        before = wrong
         matrix = np.block([[bent, j.T], [j, np.zeros((len(r), len(r)))]])
         step = -np.linalg.lstsq(matrix, np.concatenate((slope, r)), rcond=1e-14)[0]
         shrinking = step[: d.size] < 0.0
