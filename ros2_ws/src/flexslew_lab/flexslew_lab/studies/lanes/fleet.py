@@ -132,13 +132,12 @@ class Lanes:
         return gains if isinstance(gains, Way) else _Ready(lane, law, gains)
 
     def _flown(self, ready: Sequence[_Ready]) -> tuple[list[Flown], list[ForBench]]:
-        group: tuple[LaneTrial, ...]
-        group, laws, gains = zip(*ready, strict=True)
-        first, prepared = group[0], laws[0]
-        forms = beside([law.form for law in laws])
+        group, prepared = [one.lane for one in ready], ready[0].law
+        first, last = group[0], ready[-1]  # which fills up
+        all_lanes = [*ready, *(last for _ in range(LANES - len(ready)))]
+        lanes, forms = [one.lane for one in all_lanes], beside([one.law.form for one in all_lanes])
         form, schedule = prepared.form.law, prepared.schedule
         model, kernel = first.model, first.kernel
-        lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
         drives = drives_of(lanes)
         sizes = Sizes(
             model.joints,
@@ -160,8 +159,7 @@ class Lanes:
         w = flat_zeros(rows.end)
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: at_rest.size] = at_rest.ravel()
-        own = [gains[min(k, len(gains) - 1)] for k in range(LANES)]
-        w[rows.kp : rows.tip] = np.array(own).T.ravel()
+        w[rows.kp : rows.tip] = np.array([one.gains for one in all_lanes]).T.ravel()
         w[rows.tip : rows.limit] = np.repeat(prepared.aim, LANES)
         w[rows.limit : rows.residual_tip] = drives.T.ravel()
         if model.appendages.rate is not None:

@@ -9,7 +9,6 @@ from flexslew_control.allocation import sharing
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver, SmallMotionForm
 from flexslew_plant.arrays import Tensor
-from flexslew_plant.testbeds.compiled.lanes import LANES
 
 
 class Beside(NamedTuple):
@@ -51,11 +50,8 @@ def outputs_of(form: LinearForm, joints: int) -> int:
 
 
 def beside(forms: Sequence[LinearForm]) -> Beside:
-    """Return the laws of a group; the last one fills up."""
-    if all(form is forms[0] for form in forms):
-        lanes = list(forms[:1])
-    else:
-        lanes = [forms[min(k, len(forms) - 1)] for k in range(LANES)]
+    """Return the laws of all lanes of a group."""
+    lanes = forms[:1] if all(form is forms[0] for form in forms) else forms
     shared = [form.shared.allocation for form in lanes if form.shared is not None]
     allocation = sharing.side_by_side(shared) if shared else None
     filters = [form.attitude for form in lanes if form.attitude is not None]

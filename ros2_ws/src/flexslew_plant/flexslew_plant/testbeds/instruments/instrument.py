@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from flexslew_plant.arrays import NOTHING, Matrix, Vector, compiled
+from flexslew_plant.arrays import NOTHING, Matrix, Vector, called, compiled
 
 # from the platform at a tick to the reading; called once a tick, in order
 Reader: TypeAlias = Callable[["MovingBody"], Vector]
@@ -115,3 +115,19 @@ def channels(instrument: Instrument) -> slice:
 def noisy(noise: float, rng: np.random.Generator | None) -> float:
     """Return what a noise is with a generator of random numbers; without one there is none."""
     return 0.0 if rng is None else noise
+
+
+def white_reader(
+    read: Read, instrument: Instrument, noise: float, rng: np.random.Generator | None
+) -> CompiledReader:
+    """Return what reads an instrument whose errors are white noise of one size in all channels."""
+    size = noisy(noise, rng)
+    normal = len(instrument.axes) if size else 0
+    return CompiledReader(read, np.array([size]), np.zeros(0), 0, normal)
+
+
+@called
+def write_white(exact: Vector, constants: Vector, draws: Vector, out: Vector) -> None:
+    """Write exact readings with the noise of a white_reader."""
+    for i in range(out.size):
+        out[i] = exact[i] + (constants[0] * draws[i] if draws.size else 0.0)

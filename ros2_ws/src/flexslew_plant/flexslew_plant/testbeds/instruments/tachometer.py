@@ -7,7 +7,12 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds.instruments.instrument import CompiledReader, MovingBody, noisy
+from flexslew_plant.testbeds.instruments.instrument import (
+    CompiledReader,
+    MovingBody,
+    white_reader,
+    write_white,
+)
 
 
 @section
@@ -40,9 +45,7 @@ class Tachometer:
 
     def reader(self, period: float, rng: np.random.Generator | None) -> CompiledReader:
         """Return what reads it; see Instrument."""
-        noise = noisy(self.settings.noise, rng)
-        normal = len(self.axes) if noise else 0
-        return CompiledReader(read_tachometer, np.array([noise]), np.zeros(0), 0, normal)
+        return white_reader(read_tachometer, self, self.settings.noise, rng)
 
 
 @compiled_once("memory", "out")
@@ -58,5 +61,4 @@ def read_tachometer(
     out: Vector,
 ) -> None:
     """Write what tachometers say."""
-    for i in range(out.size):
-        out[i] = wheels[i] + (constants[0] * draws[i] if draws.size else 0.0)
+    write_white(wheels, constants, draws, out)
