@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from flexslew_plant.arrays import NOTHING, Matrix, Vector, handed_out
+from flexslew_plant.arrays import NOTHING, Matrix, Vector, handed_out, kept
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule, command_delays
 from flexslew_plant.errors import BadInput, FlexslewError
@@ -206,8 +206,7 @@ def nominal_state(state: Vector, reference: Reference, joints: int, modes: int) 
 class MeasuredJoints:
     """The estimator of a collocated law: the joints as measured, nothing else."""
 
-    _none = np.zeros(0)
-    _no_matrix = np.zeros((0, 0))
+    _no_matrix = kept(np.zeros((0, 0)))
 
     def reset(self, measurement: Measurement) -> None:
         """Nothing to start."""
@@ -217,7 +216,7 @@ class MeasuredJoints:
         return Estimate(
             measurement.joint_position,
             measurement.joint_velocity,
-            self._none,
+            NOTHING,
             self._no_matrix,
-            self._none,
+            NOTHING,
         )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.law import Reference
-from flexslew_plant.arrays import Matrix, Vector, handed_out, kept
+from flexslew_plant.arrays import NOTHING, Matrix, Vector, handed_out, kept
 
 
 @dataclass(frozen=True)
@@ -120,4 +120,4 @@ class Plan:
         )
 
     def _gains(self, row: int) -> Vector:
-        return self.gains[row] if self.gains.size else self.gains.ravel()
+        return self.gains[row] if len(self.gains) else NOTHING

@@ -30,8 +30,7 @@ class QuestionThread:
         """Return whether a question counts."""
         self.resumed = False
         last = self._last
-        reset = last is not None and key[0] > last[0] and key[1] == 0
-        if last is None or reset or _follows(last, key):
+        if last is None or _follows(last, key) or (key[0] > last[0] and key[1] == 0):
             self._last, self._strange = key, None
             return True
         if self._strange is None or not _follows(self._strange, key):
@@ -47,4 +46,4 @@ class QuestionThread:
 
 def _follows(before: Key, key: Key) -> bool:
     """Return whether a question is the one before again, or the next one."""
-    return key in (before, (before[0], before[1] + 1))
+    return before[0] == key[0] and 0 <= key[1] - before[1] <= 1

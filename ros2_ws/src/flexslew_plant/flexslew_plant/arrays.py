@@ -1,6 +1,6 @@
 """Names for the arrays that pass through the public interface."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias, TypeVar, cast
 
 import numba
@@ -28,6 +28,13 @@ def kept(array: _Array) -> _Array:
     # a third of the time of flags.writeable = False, half of that of a keyword
     array.setflags(False)  # type: ignore[call-arg]
     return array
+
+
+def all_kept(arrays: Iterable[_Array]) -> Iterable[_Array]:
+    """Return arrays after making them such that may only be read, see kept."""
+    for array in arrays:
+        array.setflags(False)  # type: ignore[call-arg]
+    return arrays
 
 
 def handed_out(array: _Array) -> _Array:

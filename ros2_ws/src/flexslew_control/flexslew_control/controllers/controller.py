@@ -214,7 +214,8 @@ class Controller:
         seen: Measurement | None = None
         if key > self._key:
             follows = key == (self._key[0], self._key[1] + 1)
-            self.begin_epoch(measurement.epoch)
+            if key[0] != self._key[0]:
+                self.begin_epoch(key[0])
             self._key = key
             self._answer = None
             if self._expect is not None:
@@ -295,17 +296,20 @@ class Controller:
             effort = effort + blend
             terms = {**terms, "handover": blend}
         command = EffortCommand(measurement.tick, measurement.epoch, self.name, handed_out(effort))
-        return Answer(command, reference, estimate, terms, *self._orientations(reference, estimate))
+        turned = ()
+        if self._attitude is not None:
+            turned = self._orientations(self._attitude, reference, estimate)
+        return Answer(command, reference, estimate, terms, *turned)
 
-    def _orientations(self, reference: Reference, estimate: Estimate) -> tuple[Vector, Vector]:
-        """Return the quaternions of reference and estimate; empty where there is no attitude."""
-        if self._attitude is None:
-            return NOTHING, NOTHING
+    def _orientations(
+        self, attitude: AttitudeJoints, reference: Reference, estimate: Estimate
+    ) -> tuple[Vector, Vector]:
+        """Return the quaternions of reference and estimate; empty where they are not known."""
         believed = estimate.position[: len(self.joint_names)]
-        planned = handed_out(self._attitude.orientation(reference.position))
+        planned = handed_out(attitude.orientation(reference.position))
         if believed.size < len(self.joint_names):
             return planned, NOTHING
-        left = self._attitude.orientation(reference.position - believed)
+        left = attitude.orientation(reference.position - believed)
         return planned, handed_out(product(planned, conjugate(left)))
 
     def warm(self, appendages: int) -> None:

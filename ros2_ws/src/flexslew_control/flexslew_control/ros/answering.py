@@ -73,7 +73,7 @@ class Answering:
 
     def answer(self, question: Measurement) -> EffortCommand | None:
         """Observe a question; return the answer, published already, if it names this controller."""
-        return self._answered(question, stamp_of(question.time), None)
+        return self._answered(question, None, None)
 
     def begin_anew(self, period: float) -> None:
         """Forget what was heard: a testbed was announced, with this period [s]."""
@@ -163,18 +163,19 @@ class Answering:
         self._answered(question, at, line)
 
     def _answered(
-        self, question: Measurement, at: Stamp, line: Calling | None
+        self, question: Measurement, at: Stamp | None, line: Calling | None
     ) -> EffortCommand | None:
         answer, command = self._host.observe(question), None
         if answer is not None and not self.silent:
-            command = answer.command
-            if line is not None:
+            command, (commands, states) = answer.command, self.sent
+            if line is not None or commands.heard or states.heard:
+                at = at or stamp_of(question.time)
                 data = command_bytes(command, at)
-                line.send(data)
-                self.sent[0].publish(data)
-            else:
-                self.sent[0].publish_if_heard(lambda: command_bytes(answer.command, at))
-            self.sent[1].publish_if_heard(lambda: state_bytes(answer, at))
-            self._outlets.send()
+                if line is not None:
+                    line.send(data)
+                commands.publish(data)
+                if states.heard:
+                    states.publish(state_bytes(answer, at))
+                self._outlets.send()
         self._observed(question.tick)
         return command

@@ -8,7 +8,7 @@ from collections import deque
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector, kept
+from flexslew_plant.arrays import Vector, all_kept, kept
 from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.handover import RUN_OVER, Handover
 from flexslew_plant.bench.injections import Injections, injection_of
@@ -119,6 +119,7 @@ class Bench:
         self._x: Vector = self._start
         self._applied: Vector = kept(np.zeros(self.model.joints))
         self._extra: Vector = self._applied  # disturbance during the last tick
+        self._total: Vector = self._applied  # both
         if self._plausibility is not None:
             self._plausibility.reset()
         self._bent: set[int] = set()  # tip readings that have been beyond small deflections
@@ -138,7 +139,7 @@ class Bench:
             motors: torques of motors with a lag at the end of it, shape (joints,) [N m or N].
         """
         self._x, self._applied = kept(x), kept(applied)
-        self._extra = kept(np.zeros_like(applied))
+        self._extra, self._total = kept(np.zeros_like(applied)), self._applied
         self.actuator.place(motors)
         self._ask()
 
@@ -204,7 +205,8 @@ class Bench:
             return False
         if self._objected(command) or self._answer is not None or self._lost:
             return False
-        if self._faults.fate(command) is not Fate.ARRIVES:
+        faults = self._faults
+        if faults.at_work and faults.fate(command) is not Fate.ARRIVES:
             self._lost = True
             return True
         if not self.handover.answered(command.effort, self._applied):
@@ -218,20 +220,25 @@ class Bench:
 
         A state that is lost on the way ends the run: see `failure`; the truth stays at t_k.
         """
-        for old in self._faults.old_answers(first=False):
+        drive, faults = self.drive, self._faults
+        for old in faults.late and faults.old_answers(first=False):
             self._objected(old)
         if self._answer is not None:
-            self.drive.take(self._answer)
-        elif self.drive.active:
+            drive.take(self._answer)
+        elif drive.active:
             self.handover.missed()
-        demand = self._faults.demand(self.drive.effort(self._velocity))
-        applied = kept(self._faults.effort(self.actuator.apply(demand)))
-        extra = kept(self._injections.disturbance(self.tick))
-        after = kept(self._moved(applied + extra))
+        demand = drive.effort(self._velocity)
+        if faults.at_work:
+            applied = kept(faults.effort(self.actuator.apply(faults.demand(demand))))
+        else:
+            applied = kept(self.actuator.apply(demand))
+        extra = self._injections.disturbance(self.tick)
+        total = applied + extra
+        after = kept(self._moved(total))
         if is_lost(after):
             self._fail(after, extra)
             return
-        self._x, self._applied, self._extra = after, applied, extra
+        self._x, self._applied, self._extra, self._total = after, applied, extra, total
         self.saturated_ticks += self.actuator.saturated
         self.tick += 1
         self._watch_tips()
@@ -258,6 +265,8 @@ class Bench:
         1968): of second order.
         """
         model, period, now = self.model, self.settings.period, self.time
+        if self._friction is None and model.outside is None:
+            return model.advance(self._x, effort, period, t=now)
         x = model.pushed(self._x, 0.5 * period, now)
         if self._friction is None:
             after = model.advance(x, effort, period, t=now)
@@ -376,26 +385,27 @@ class Bench:
         return round(time / self.settings.period)
 
     def _ask(self) -> None:
-        self._injections.begin(self.tick)
+        faults, time = self._faults, self.time
+        if faults.waiting or faults.at_work or faults.late:
+            self._injections.begin(self.tick, self.drive.demand, self._applied)
         self.handover.begin(self.tick)
         self._answer, self._lost = None, False
-        exact = exact_readings(self.model, self._x, self._applied + self._extra, self.time)
+        exact = exact_readings(self.model, self._x, self._total, time)
         self._velocity = exact.joint_velocity
-        readings = self._faults.read(self._sensors.read(exact, self._x))
+        readings = self._sensors.read(exact, self._x)
+        if faults.at_work:
+            readings = faults.read(readings)
         if self._plausibility is not None:
             self._compare(self._plausibility, readings)
         self.question = Measurement(
             self.tick,
             self.epoch,
-            self.time,
+            time,
             self.drive.active,
-            kept(readings.joint_position),
-            kept(readings.joint_velocity),
-            kept(readings.tip_deflection),
-            kept(readings.root_curvature),
+            *all_kept(readings),
             self._applied,
         )
-        for old in self._faults.old_answers(first=True):
+        for old in faults.late and faults.old_answers(first=True):
             self._objected(old)
 
     def _compare(self, plausibility: Plausibility, readings: Readings) -> None:

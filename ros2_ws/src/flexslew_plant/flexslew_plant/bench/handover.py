@@ -118,6 +118,11 @@ class Handover:
         self._tell(BrakeRequested(on, tick, who))
         return None
 
+    @property
+    def waiting(self) -> bool:
+        """Switches are due, at this tick or a later one."""
+        return bool(self._queue)
+
     def due(self, tick: int) -> list[str]:
         """Return who takes over at this tick, if all goes well."""
         return [request.controller for request in self._queue if request.tick <= tick]

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Vector, kept
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.events import DisturbanceChanged, Fact, FaultChanged
@@ -70,7 +70,7 @@ class Injections:
         self._all = list(known)
         self._disturbances = [one for one in known if isinstance(one, TimedDisturbance)]
         self._ended: set[int] = set()  # by an operator
-        self._nothing: Vector = np.zeros(len(names.joints))
+        self._nothing: Vector = kept(np.zeros(len(names.joints)))
         self.faults = Faults(
             names, seed, epoch, tuple(one for one in known if isinstance(one, Timed))
         )
@@ -103,9 +103,9 @@ class Injections:
             if e.end > tick and number not in self._ended
         ]
 
-    def begin(self, tick: int) -> None:
-        """Let faults set in and end at this tick, and say so."""
-        for timed, on in self.faults.begin(tick):
+    def begin(self, tick: int, demand: Vector, effort: Vector) -> None:
+        """Let faults set in and end at this tick, and say so; see Faults.begin."""
+        for timed, on in self.faults.begin(tick, demand, effort):
             end = int(timed.end) if timed.end < inf else None
             self._tell(FaultChanged(on, plain(timed.fault), timed.start, end))
 
@@ -117,7 +117,7 @@ class Injections:
                 total = total + disturbance_effort(timed, tick, self._names.joints, self._period)
             if tick in (timed.start, timed.end):
                 self._tell(DisturbanceChanged(_plain_shapes(timed), tick == timed.start))
-        return total
+        return kept(total) if self._disturbances else total
 
 
 def _plain_shapes(timed: TimedDisturbance) -> dict[str, Any]:

@@ -20,7 +20,9 @@ class SwitchedEffect(NamedTuple):
     on: bool
 
 
-class _Delayed(NamedTuple):
+class Delayed(NamedTuple):
+    """An answer on its way to the drive."""
+
     tick: int  # at which it reaches the drive
     first: bool  # before the answer of that tick
     command: EffortCommand
@@ -37,39 +39,49 @@ class Faults:
         seed: of the trial.
         epoch: counts resets.
         timed: the faults of the schedule.
+
+    Attributes:
+        waiting: those that have not begun.
+        at_work: some act: then, and only then, `fate`, `demand`, `effort` and `read` change what
+            passes through them.
+        late: the answers that are still to reach the drive, see old_answers.
     """
 
     def __init__(self, names: Names, seed: int, epoch: int, timed: tuple[Timed, ...]) -> None:
         self._names, self._seed, self._epoch = names, seed, epoch
-        self._waiting = list(timed)
+        self.waiting = list(timed)
+        self.at_work = False
+        self.late: list[Delayed] = []
         self._acting: list[tuple[Timed, Effect]] = []
         self._ends: dict[int, int] = {}  # set by an operator, by the identity of a fault
-        self._late: list[_Delayed] = []
         self._tick = 0
-        self._last_demand: Vector = np.zeros(len(names.joints))
-        self._last_effort: Vector = np.zeros(len(names.joints))
 
     def add(self, timed: Timed) -> None:
         """Let one more fault act at its time."""
-        self._waiting.append(timed)
+        self.waiting.append(timed)
 
     def end(self, timed: Timed, tick: int) -> None:
         """Let a fault end at this tick, or never begin."""
         self._ends[id(timed)] = tick
-        self._waiting = [other for other in self._waiting if other is not timed]
+        self.waiting = [other for other in self.waiting if other is not timed]
 
-    def begin(self, tick: int) -> list[SwitchedEffect]:
-        """Start a tick; return what sets in and what ends with it."""
+    def begin(self, tick: int, demand: Vector, effort: Vector) -> list[SwitchedEffect]:
+        """Start a tick; return what sets in and what ends with it.
+
+        Args:
+            tick: of the bench.
+            demand: last effort asked of the motors, shape (joints,) [N m or N].
+            effort: that they gave during the last tick, shape (joints,) [N m or N].
+        """
         self._tick = tick
-        if not self._acting and not self._waiting:
-            return []
         ended = [t for t, _ in self._acting if tick >= min(t.end, self._ends.get(id(t), t.end))]
-        begun = [timed for timed in self._waiting if tick >= timed.start]
+        begun = [timed for timed in self.waiting if tick >= timed.start]
         if ended or begun:
             over = set(map(id, ended))
             self._acting = [(t, effect) for t, effect in self._acting if id(t) not in over]
-            self._acting += [(t, t.fault.begin(self._context(t))) for t in begun]
-            self._waiting = [t for t in self._waiting if tick < t.start]
+            self._acting += [(t, t.fault.begin(self._context(t, demand, effort))) for t in begun]
+            self.at_work = bool(self._acting)
+            self.waiting = [t for t in self.waiting if tick < t.start]
         return [SwitchedEffect(t, False) for t in ended] + [SwitchedEffect(t, True) for t in begun]
 
     def read(self, readings: Readings) -> Readings:
@@ -93,15 +105,12 @@ class Faults:
         Args:
             first: those before the tick's own answer, else those after it.
         """
-        if not self._late:
-            return []
-        due = [g for g in self._late if g.tick <= self._tick and g.first is first]
-        self._late = [g for g in self._late if g not in due]
+        due = [g for g in self.late if g.tick <= self._tick and g.first is first]
+        self.late = [g for g in self.late if g not in due]
         return [old.command for old in due]
 
     def demand(self, demand: Vector) -> Vector:
         """Return what reaches the motors instead of what the drive asks for."""
-        self._last_demand = demand
         for _, effect in self._acting:
             if effect.demand is not None:
                 demand = effect.demand(demand)
@@ -112,21 +121,20 @@ class Faults:
         for _, effect in self._acting:
             if effect.effort is not None:
                 effort = effect.effort(effort)
-        self._last_effort = effort
         return effort
 
-    def _context(self, timed: Timed) -> FaultContext:
+    def _context(self, timed: Timed, demand: Vector, effort: Vector) -> FaultContext:
         """Return what a fault sees of the bench when it sets in."""
         return FaultContext(
             self._names,
             partial(self._happens, timed),
             self._deliver_later,
-            self._last_demand,
-            self._last_effort,
+            demand,
+            effort,
         )
 
     def _deliver_later(self, command: EffortCommand, ticks: int, first: bool) -> None:
-        self._late.append(_Delayed(self._tick + ticks, first, command))
+        self.late.append(Delayed(self._tick + ticks, first, command))
 
     def _happens(self, timed: Timed, probability: float) -> bool:
         """Return whether chance strikes at this tick."""

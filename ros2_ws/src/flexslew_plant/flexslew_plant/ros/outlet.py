@@ -57,7 +57,10 @@ class Outlet:
     @property
     def heard(self) -> bool:
         """Anybody listens."""
-        return self.number >= 0 or self.count > 0
+        if self.number >= 0:
+            return True
+        known = self._turns is not None and self._turns.count == self._asked
+        return (self._count if known else self.count) > 0
 
     @property
     def shared(self) -> bool:
@@ -79,11 +82,6 @@ class Outlet:
             shared = True  # too large
         if shared:
             self._handle.publish_raw(data)
-
-    def publish_if_heard(self, message: Callable[[], bytes]) -> None:
-        """Write and publish a message where somebody listens."""
-        if self.heard:
-            self.publish(message())
 
     def keep(self, message: Any) -> None:
         """Publish a message of a latched topic, which DDS keeps for later ones."""

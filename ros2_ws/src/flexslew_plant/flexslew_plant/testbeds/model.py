@@ -146,13 +146,18 @@ class Model:
 
     def _require(self, x: Vector, effort: Vector | None = None) -> None:
         """Check what machine code reads without looking."""
-        size = self.positions + self.coordinates
-        if getattr(x, "shape", None) != (size,):
+        state, efforts = self._shapes
+        if getattr(x, "shape", None) != state:
             names = ", ".join(self.state_names)
-            raise ValueError(f"a state of shape {_shape(x)} does not fit: ({size},), {names}")
-        if effort is not None and getattr(effort, "shape", None) != (self.efforts,):
+            raise ValueError(f"a state of shape {_shape(x)} does not fit: {state}, {names}")
+        if effort is not None and getattr(effort, "shape", None) != efforts:
             words = f"({self.efforts},), one per actuator"
             raise ValueError(f"efforts of shape {_shape(effort)} do not fit: {words}")
+
+    @cached_property
+    def _shapes(self) -> tuple[tuple[int], tuple[int]]:
+        """Those of a state and of efforts."""
+        return (self.positions + self.coordinates,), (self.efforts,)
 
     def _together(self, q: Vector, v: Vector) -> Vector:
         """Return the state [q, v].
@@ -224,7 +229,7 @@ class Model:
     ) -> Vector:
         """Return the state dt after t with the effort held (order 8, `steps` equal steps)."""
         self._require(x, effort)
-        after = np.array(x, dtype=np.float64)
+        after = x.copy() if x.dtype == np.float64 else np.array(x, dtype=np.float64)
         self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
         return after
 

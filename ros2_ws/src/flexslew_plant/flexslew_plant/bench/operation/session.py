@@ -299,7 +299,11 @@ class Session:
                 return True
         if self.pacing.paced:
             return False
-        due = [*self.bench.handover.due(tick), *self._heirs(now)]
+        bench = self.bench
+        if bench.answered and not bench.handover.waiting:  # the usual tick: nobody takes over
+            self._held_since = None
+            return False
+        due = [*bench.handover.due(tick), *self._heirs(now)]
         if not any(self.presence.silent(name, now) for name in due):
             self._held_since = None
             self._refresh(due, now)

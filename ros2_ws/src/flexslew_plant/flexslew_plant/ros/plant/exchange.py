@@ -92,7 +92,8 @@ class Exchange:
             self._lines.send(question.controller, data, eager=self.questions.may_wait_awake())
             self.questions.publish(data)
             return
-        self.questions.publish_if_heard(lambda: measurement_bytes(question))
+        if self.questions.heard:
+            self.questions.publish(measurement_bytes(question))
         if self._neighbour is not None:
             self._unseen.append(question)
             self._loop.hurry()
