@@ -32,7 +32,7 @@ def answer_fields(answer: Answer) -> dict[str, Any]:
         "estimate_velocity": estimate.velocity,
         "estimate_orientation": answer.estimate_orientation,
         "estimate_disturbance": estimate.disturbance,
-        "covariance_diagonal": np.diagonal(estimate.covariance),
+        "covariance_diagonal": estimate.covariance.diagonal(),
         "innovation": estimate.innovation,
         "nis": estimate.nis,
         "effort": command.effort,

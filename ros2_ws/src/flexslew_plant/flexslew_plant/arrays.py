@@ -30,11 +30,10 @@ def kept(array: _Array) -> _Array:
     return array
 
 
-def all_kept(arrays: Iterable[_Array]) -> Iterable[_Array]:
-    """Return arrays after making them such that may only be read, see kept."""
+def keep_all(arrays: Iterable[NDArray[Any]]) -> None:
+    """Make arrays such that may only be read, see kept."""
     for array in arrays:
         array.setflags(False)  # type: ignore[call-arg]
-    return arrays
 
 
 def handed_out(array: _Array) -> _Array:

@@ -101,6 +101,11 @@ class Controller:
         self.events: deque[Event] = deque()  # what it has to say
 
     @property
+    def handover_ticks(self) -> int:
+        """In how many ticks the effort of a predecessor is blended out."""
+        return self._handover_ticks
+
+    @property
     def estimator(self) -> Estimator:
         """What turns measurements into its estimates."""
         return self._estimator
@@ -214,8 +219,7 @@ class Controller:
         seen: Measurement | None = None
         if key > self._key:
             follows = key == (self._key[0], self._key[1] + 1)
-            if key[0] != self._key[0]:
-                self.begin_epoch(key[0])
+            self.begin_epoch(measurement.epoch)
             self._key = key
             self._answer = None
             if self._expect is not None:
@@ -296,7 +300,7 @@ class Controller:
             effort = effort + blend
             terms = {**terms, "handover": blend}
         command = EffortCommand(measurement.tick, measurement.epoch, self.name, handed_out(effort))
-        turned = ()
+        turned: tuple[Vector, ...] = ()
         if self._attitude is not None:
             turned = self._orientations(self._attitude, reference, estimate)
         return Answer(command, reference, estimate, terms, *turned)

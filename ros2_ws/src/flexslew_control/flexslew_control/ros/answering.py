@@ -176,6 +176,5 @@ class Answering:
                 commands.publish(data)
                 if states.heard:
                     states.publish(state_bytes(answer, at))
-                self._outlets.send()
         self._observed(question.tick)
         return command

@@ -8,7 +8,7 @@ from collections import deque
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector, all_kept, kept
+from flexslew_plant.arrays import Vector, keep_all, kept
 from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.handover import RUN_OVER, Handover
 from flexslew_plant.bench.injections import Injections, injection_of
@@ -221,7 +221,7 @@ class Bench:
         A state that is lost on the way ends the run: see `failure`; the truth stays at t_k.
         """
         drive, faults = self.drive, self._faults
-        for old in faults.late and faults.old_answers(first=False):
+        for old in faults.old_answers(first=False) if faults.late else ():
             self._objected(old)
         if self._answer is not None:
             drive.take(self._answer)
@@ -397,15 +397,16 @@ class Bench:
             readings = faults.read(readings)
         if self._plausibility is not None:
             self._compare(self._plausibility, readings)
+        keep_all(readings)
         self.question = Measurement(
             self.tick,
             self.epoch,
             time,
             self.drive.active,
-            *all_kept(readings),
+            *readings,
             self._applied,
         )
-        for old in faults.late and faults.old_answers(first=True):
+        for old in faults.old_answers(first=True) if faults.late else ():
             self._objected(old)
 
     def _compare(self, plausibility: Plausibility, readings: Readings) -> None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import NOTHING, Vector
+from flexslew_plant.arrays import NOTHING
 from flexslew_plant.bench.records import Truth
 from flexslew_plant.measurement import EffortCommand, Measurement
 
@@ -184,20 +184,14 @@ def command_bytes(command: EffortCommand, at: Stamp) -> bytes:
 
 
 def command_from(data: bytes) -> EffortCommand:
-    """Return the answer."""
+    """Return the answer, whose effort may only be read.
+
+    Raises:
+        ValueError, struct.error: these bytes are none.
+    """
     data = data[4:]
     _, _, tick, epoch, length = _ANSWER.unpack_from(data)
-    name = data[24 : 24 + length - 1].decode()
-    effort, _ = _array(data, 24 + length)
-    return EffortCommand(tick, epoch, name, effort)
-
-
-def _array(data: bytes, at: int) -> tuple[Vector, int]:
-    """Return the sequence of doubles at `at`, which may only be read, and where it ends."""
-    at += -at % 4
+    at = 24 + length + -length % 4
     (count,) = _LENGTH.unpack_from(data, at)
-    at += 4
-    if not count:
-        return NOTHING, at
-    at += -at % 8
-    return np.frombuffer(data, np.float64, count, at), at + 8 * count
+    effort = np.frombuffer(data, np.float64, count, at + 4 + -(at + 4) % 8) if count else NOTHING
+    return EffortCommand(tick, epoch, data[24 : 23 + length].decode(), effort)

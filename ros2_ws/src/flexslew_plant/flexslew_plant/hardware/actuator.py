@@ -105,8 +105,8 @@ class Actuator:
         s = self._settings
         self.saturated, effort = False, demand
         # a Python loop over one or two joints takes a third of the time of NumPy's calls
-        for value, (least, most) in zip(demand.tolist(), self._bounds, strict=True):
-            if not least <= value <= most:
+        for value, (least, largest) in zip(demand.tolist(), self._bounds, strict=True):
+            if not least <= value <= largest:
                 self.saturated, effort = True, np.clip(demand, self._least, self._limit)
                 break
         if s.quantisation:

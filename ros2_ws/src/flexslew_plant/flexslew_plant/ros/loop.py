@@ -125,6 +125,8 @@ class Loop:
                     for outlets in self._outlets:
                         outlets.look(now)
                     self._due = now + poll()
+            for outlets in self._outlets:
+                outlets.send()
             self._serve(self._due - now)
             if now >= next_look:
                 if not rclpy.ok() or (supervisor and os.getppid() != supervisor):

@@ -66,7 +66,7 @@ class Outlet:
     def shared(self) -> bool:
         """Somebody listens over DDS who is not the recorder on its line."""
         count = self.count
-        return count > 1 or (count == 1 and not (self.number >= 0 and self.recorder_alone))
+        return count > 0 and (count > 1 or self.number < 0 or not self.recorder_alone)
 
     def may_wait_awake(self, processors: int = _PROCESSORS) -> bool:
         """Return whether plant and controller may wait awake, which takes two processors.

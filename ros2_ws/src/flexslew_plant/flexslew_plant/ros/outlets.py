@@ -17,6 +17,7 @@ from flexslew_plant.topics import LOOP_DEPTH
 _AGAIN = 0.2  # until the recorder is called again [wall s]
 _LOOK = 0.1  # who else listens [wall s]
 _KEPT = 16 * LOOP_DEPTH  # for a recorder that is held up; the plant waits for it long before
+_TOGETHER = 1 << 13  # sent at once while ticks follow each other, a few of them [B]
 _LEAVING = 5.0  # for a recorder that takes nothing [wall s]
 
 
@@ -74,7 +75,7 @@ class Outlets:
         self._turns.count += 1
 
     def send(self) -> None:
-        """Send what was published since the last time."""
+        """Send what was published since the last time: the loop does before it waits."""
         if self._parts:
             message = b"".join(self._parts)
             self._parts.clear()
@@ -104,6 +105,8 @@ class Outlets:
             self.send()
         self._parts += (PART.pack(number, len(data)), data)
         self._size += size
+        if self._size > _TOGETHER:
+            self.send()
         return True
 
     def _begin(self, line: DirectLine) -> None:

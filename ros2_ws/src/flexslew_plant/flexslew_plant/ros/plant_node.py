@@ -102,7 +102,6 @@ class Plant:
                 self.display.show(record)
             else:
                 self._events.tell(record)
-        self._outlets.send()
         done = self.session.run.state == FINISHED and not self.loop.stopped
         if done and self._settings.exit_when_done:
             if failure := self.session.bench.failure:

@@ -28,7 +28,7 @@ class Template:
 
     def __init__(self, *parts: tuple[Callable[[Time, list[float]], Any], int]) -> None:
         stamp = Time(sec=_SEC, nanosec=_NANOSEC)
-        first, self._slices = 0, []
+        first, slices = 0, []
         buffer = bytearray()
         for build, count in parts:
             marks = [_FIRST * (k + 1) for k in range(first, first + count)]
@@ -37,12 +37,13 @@ class Template:
             if found != count:
                 raise RuntimeError(f"{found} of {count} numbers found in the message")
             buffer += bytes((-len(buffer) - _HEAD) % 8)
-            self._slices.append(slice(len(buffer), len(buffer) + len(data)))
+            slices.append(slice(len(buffer), len(buffer) + len(data)))
             buffer += data
             first += count
-        self._bytes = buffer
-        self._numbers = np.frombuffer(memoryview(buffer)[: len(buffer) // 8 * 8], "<f8")
-        self._words = np.frombuffer(memoryview(buffer)[: len(buffer) // 4 * 4], "<i4")
+        view = memoryview(buffer)
+        self._parts = [view[part] for part in slices]
+        self._numbers = np.frombuffer(view[: len(buffer) // 8 * 8], "<f8")
+        self._words = np.frombuffer(view[: len(buffer) // 4 * 4], "<i4")
         where = np.flatnonzero(np.isin(self._numbers, [_FIRST * (k + 1) for k in range(first)]))
         order = np.rint(self._numbers[where] / _FIRST).astype(int) - 1
         self._places = where[np.argsort(order)]
@@ -55,7 +56,7 @@ class Template:
         self._words[self._sec] = at.sec
         self._words[self._nanosec] = at.nanosec
         self._numbers[self._places] = numbers
-        return [bytes(self._bytes[part]) for part in self._slices]
+        return [part.tobytes() for part in self._parts]
 
 
 def _whole(data: bytes, size: int) -> bytes:

@@ -105,7 +105,7 @@ def turntable(
 
     def lines(q: Vector) -> list[Matrix]:
         bent = straight.copy()
-        bent[:, 1] = q[m:] @ shapes
+        bent[:, 1] = q[m:].dot(shapes)
         return [bent, bent * opposite]
 
     seen = max(radius, 0.05 * length)

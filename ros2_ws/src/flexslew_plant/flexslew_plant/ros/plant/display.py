@@ -99,20 +99,25 @@ class Display:
     def _numbers(self, truth: Truth, x: Vector) -> Vector:
         """Return what is shown of a state: joints, appendages, frames and points of lines."""
         model, appendages = self._bench.model, self._bench.appendages
-        modes, rates = model.modal_state(x)
-        joints = np.zeros((3, model.joints))
-        joints[:2] = model.joint_state(x)
-        joints[2, : model.efforts] = truth.applied_effort[: model.joints]
-        frames = self._moving(truth.position, truth.time)
+        (modes, rates), (position, velocity) = model.modal_state(x), model.joint_state(x)
+        effort, named = truth.applied_effort[: model.joints], self._named
+        if effort.size < model.joints:
+            effort = np.concatenate((effort, np.zeros(model.joints - effort.size)))
+        numbers: list[float] = []
+        for frame in self._moving(truth.position, truth.time):
+            numbers += frame.translation
+            numbers += frame.rotation
         return np.concatenate(
             (
-                joints.take(self._named),
+                position[named],
+                velocity[named],
+                effort[named],
                 truth.tip_deflection,
                 appendages.tip.dot(rates),
                 appendages.curvature.dot(modes),
                 modes,
                 rates,
-                [number for f in frames for number in (*f.translation, *f.rotation)],
+                np.array(numbers),
                 *(line.ravel() for line in self._scene.lines(truth.position)),
             )
         )
@@ -128,9 +133,10 @@ class Display:
         self._still = {frame.child for frame in self._scene.fixed}
         model, scene = testbed.model(), self._scene
         names = scene.joints if scene.joints is not None else model.joint_names
+        every = tuple(names) == model.joint_names
         named = [model.joint_names.index(name) for name in names]
-        self._named = np.arange(3 * model.joints).reshape(3, -1)[:, named].ravel()
-        m, tips, n = len(named), len(model.appendages.names), model.modes
+        self._named = slice(None) if every else named
+        m, tips, n = len(names), len(model.appendages.names), model.modes
         rest = model.rest({})
         frames, lines = self._moving(rest, 0.0), scene.lines(rest)
         first = (*scene.line_frames, "world")[0]  # of the appendages

@@ -90,7 +90,8 @@ class Exchange:
         if self._lines:
             data = measurement_bytes(question)
             self._lines.send(question.controller, data, eager=self.questions.may_wait_awake())
-            self.questions.publish(data)
+            if self.questions.heard:
+                self.questions.publish(data)
             return
         if self.questions.heard:
             self.questions.publish(measurement_bytes(question))
