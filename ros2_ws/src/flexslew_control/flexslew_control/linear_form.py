@@ -103,10 +103,10 @@ def no_integral(m: int) -> Integration:
 
 
 def collocated_form(
-    kp: Vector, ki: Vector, kd: Vector, references: list[Reference], integration: Integration
+    kp: Vector, ki: Vector, kd: Vector, demand: Matrix, integration: Integration
 ) -> LinearForm:
-    """Return a law on the measured joints alone."""
-    m, demand = kp.size, np.array([r.effort for r in references])
+    """Return a law on the measured joints alone, with the plan's efforts for f."""
+    m = kp.size
     none = np.zeros((m, 0))
     form = LawForm(
         kp,

@@ -99,8 +99,8 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
         (
             Way.SCHEDULE,
             {
-                "controllers": {"pd_feedforward": {}, "collocated_pid": {}},
-                "schedule": [{"at": 1.0, "switch": "collocated_pid"}],
+                "allow_faults": True,
+                "schedule": [{"at": 1.0, "fault": {"kind": "command_lost", "probability": 0.1}}],
             },
         ),
     ],

@@ -7,6 +7,7 @@ from flexslew_control.law import Reference
 from flexslew_lab.studies.lanes.fleet import form_of
 from flexslew_lab.studies.lanes.lane_trial import (
     controller_of,
+    in_charge,
     way_of_settings,
     way_of_testbed,
 )
@@ -17,7 +18,6 @@ from flexslew_plant.arrays import NOTHING
 from flexslew_plant.testbeds import initial_positions
 
 FOR_THE_BENCH = {
-    "observatory": Way.SCHEDULE,
     "predictive_m1": Way.LAW,
     "swap_demo": Way.SCHEDULE,
 }
@@ -30,8 +30,8 @@ def way_of(trial: Trial) -> Way:
             return way
     still = np.array(list(initial_positions(trial.testbed).values()))
     references = [Reference(still, 0.0 * still, 0.0 * still, NOTHING)]
-    found = form_of(trial, controller_of(trial), references)
-    return found if isinstance(found, Way) else Way.LANES
+    forms = [form_of(trial, controller_of(trial, name), references) for _, name in in_charge(trial)]
+    return next((form for form in forms if isinstance(form, Way)), Way.LANES)
 
 
 @pytest.mark.parametrize("name", [shipped.name for shipped in shipped_trials()])

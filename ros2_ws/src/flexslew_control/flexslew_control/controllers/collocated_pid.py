@@ -114,12 +114,12 @@ def linear(estimator: Estimator, law: Law, references: list[Reference]) -> Linea
     return form_on_axes(estimator, law, references, _form)
 
 
-def _form(law: Law, references: list[Reference]) -> tuple[LinearForm, Gyroscopic | None] | None:
+def _form(law: Law, planned: Matrix) -> tuple[LinearForm, Gyroscopic | None] | None:
     if not isinstance(law, IntegralLaw):
         return None
     gains = law.deviation
     assert isinstance(gains, JointDeviation)
-    form = collocated_form(gains.kp, gains.ki, gains.kd, references, law.integration)
+    form = collocated_form(gains.kp, gains.ki, gains.kd, planned, law.integration)
     return form, law.turning
 
 
@@ -131,4 +131,5 @@ COLLOCATED_PID = LawEntry(
     lane_gains=("kp", "ki", "kd"),
     of_testbed=OF_TESTBED,
     checked=True,
+    takes_over=True,
 )

@@ -32,6 +32,8 @@ class LawEntry:
         of_testbed: keys of its section with which it has.
         checked: whether these gains are checked against the testbed that it believes in; on a free
             platform all are.
+        takes_over: whether its linear form holds where it takes over in flight: z is what its
+            estimator knows, and an integral begins such that the effort stays.
         compared: its settings in a comparison, where the trial has none.
         from_file: returns the keys that a file holds, from its path and who names it; the key
             `file` of its section then stands for them (see controllers.with_file).
@@ -46,6 +48,7 @@ class LawEntry:
     lane_gains: tuple[str, ...] = ()
     of_testbed: tuple[str, ...] = ()
     checked: bool = False
+    takes_over: bool = False
     compared: Mapping[str, Any] = field(default_factory=dict)
     from_file: Callable[[str, str], dict[str, Any]] | None = None
     plans: tuple[PlanVariant, ...] = (PlanVariant("", {}),)

@@ -31,6 +31,12 @@ class Gyroscopic:
         w = self.attitude.turn_of(rates)
         return np.asarray(self.quadratic @ w @ w)
 
+    def along(self, rates: Matrix) -> Matrix:
+        """Return the efforts at many rates, both of shape (ticks, joints)."""
+        w = self.attitude.turn_of(rates)
+        efforts: Matrix = np.einsum("jab,ka,kb->kj", self.quadratic, w, w)
+        return efforts
+
     def of_products(self, joints: int) -> Matrix:
         """Return Q of efforts Q (r x r) at rates r, r x r in rows: (joints, joints^2)."""
         turn = self.attitude.turn_of(np.eye(joints))

@@ -263,4 +263,4 @@ def linear(
     return nominal_form(estimator, gains, references, no_integral(m))
 
 
-LQR = LawEntry("lqr", Lqr, build, linear=linear)
+LQR = LawEntry("lqr", Lqr, build, linear=linear, takes_over=True)

@@ -246,4 +246,6 @@ def _of_appendage(
     return SampledObserver(one, found, plant.period), SlidingLaw(one, found)
 
 
-OUTPUT_FEEDBACK = LawEntry("output_feedback", OutputFeedback, build, linear=sliding_form)
+OUTPUT_FEEDBACK = LawEntry(
+    "output_feedback", OutputFeedback, build, linear=sliding_form, takes_over=True
+)

@@ -22,7 +22,7 @@ from flexslew_control.law import (
     per_joint,
 )
 from flexslew_control.linear_form import LinearForm, collocated_form, no_integral
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import PerJoint, section
 
@@ -96,11 +96,11 @@ def linear(estimator: Estimator, law: Law, references: list[Reference]) -> Linea
     return form_on_axes(estimator, law, references, _form)
 
 
-def _form(law: Law, references: list[Reference]) -> tuple[LinearForm, Gyroscopic | None] | None:
+def _form(law: Law, planned: Matrix) -> tuple[LinearForm, Gyroscopic | None] | None:
     if not isinstance(law, PdFeedforward):
         return None
     none, integration = np.zeros(law.kp.size), no_integral(law.kp.size)
-    return collocated_form(law.kp, none, law.kd, references, integration), law.turning
+    return collocated_form(law.kp, none, law.kd, planned, integration), law.turning
 
 
 PD_FEEDFORWARD = LawEntry(
@@ -110,4 +110,5 @@ PD_FEEDFORWARD = LawEntry(
     linear=linear,
     lane_gains=("kp", "kd"),
     of_testbed=OF_TESTBED,
+    takes_over=True,
 )

@@ -200,5 +200,5 @@ def linear(
 
 
 PROPORTIONAL_INTEGRAL = LawEntry(
-    "proportional_integral", ProportionalIntegral, build, linear=linear
+    "proportional_integral", ProportionalIntegral, build, linear=linear, takes_over=True
 )

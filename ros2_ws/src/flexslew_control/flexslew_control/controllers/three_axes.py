@@ -120,7 +120,7 @@ def form_on_axes(
     estimator: Estimator,
     law: Law,
     references: list[Reference],
-    form_of: Callable[[Law, list[Reference]], tuple[LinearForm, Gyroscopic | None] | None],
+    form_of: Callable[[Law, Matrix], tuple[LinearForm, Gyroscopic | None] | None],
 ) -> LinearForm | None:
     """Return what `Controlled.finished` has made of a law as matrices; None: there are none.
 
@@ -128,27 +128,28 @@ def form_on_axes(
         estimator: of the joints, see joint_estimator.
         law: as finished.
         references: of the joints, tick by tick.
-        form_of: returns the form of the law itself without its w x J w, and what adds that.
+        form_of: returns the form of the law itself without its w x J w, and what adds that, from
+            the efforts of its plan, shape (ticks, axes).
     """
     shared = attitude = None
     if isinstance(estimator, AttitudeEstimator):
         attitude = attitude_numbers(estimator)
         if attitude is None:
             return None
-    if isinstance(law, AllocatedLaw):
-        references = [law.requested(reference) for reference in references]
-        shared = SharedForm(
-            law.allocator.numbers,
-            np.array([reference.position for reference in references]),
-            np.array([reference.velocity for reference in references]),
-        )
+    velocity = np.array([reference.velocity for reference in references])
+    effort = np.array([reference.effort for reference in references])
+    if isinstance(law, AllocatedLaw):  # see AllocatedLaw.requested, here for all ticks at once
+        turn, position = law.attitude.turn_of, np.array([r.position for r in references])
+        position, velocity = turn(position), turn(velocity)
+        effort = effort @ law.allocator.torque.T
+        shared = SharedForm(law.allocator.numbers, position, velocity)
         law = law.law
-    found = form_of(law, references)
+    found = form_of(law, effort)
     if found is None:
         return None
     form, turning = found
     own = form.law
     if turning is not None:
-        carried = np.array([turning.efforts(reference.velocity) for reference in references])
+        carried = turning.along(velocity)
         own = own._replace(demand=own.demand - carried, quadratic=turning.of_products(own.kp.size))
     return form._replace(law=own, shared=shared, attitude=attitude)

@@ -63,6 +63,7 @@ DISTURBANCE_MINIMISATION = LawEntry(
     build,
     follows_reference=False,
     linear=state_form,
+    takes_over=True,
     compared={"design": "sampled"},
     plans=(PlanVariant("", {"feedforward": "disturbance_minimisation"}),),
 )

@@ -79,4 +79,6 @@ def build(settings: ModalSpace, plant: PlantDescription) -> tuple[Estimator, Sta
     )
 
 
-MODAL_SPACE = LawEntry("modal_space", ModalSpace, build, follows_reference=False, linear=state_form)
+MODAL_SPACE = LawEntry(
+    "modal_space", ModalSpace, build, follows_reference=False, linear=state_form, takes_over=True
+)

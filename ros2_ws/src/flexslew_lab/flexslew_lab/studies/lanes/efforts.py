@@ -30,6 +30,8 @@ class LawNumbers(NamedTuple):
     integrand: Tensor  # the same in all lanes
     integral: bool
     unwinding: float
+    since: int  # tick at which it took over; -1: it was in charge from the start
+    blended: int  # ticks in which the efforts of the one before are blended out
     allocation: Any  # sharing.AllocationNumbers; None: its efforts are those of the joints
 
 
@@ -64,7 +66,9 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
     reading, products, kp, kd = rows.reading, rows.products, rows.kp, rows.kd
     seen, effort = (rows.seen, rows.demand) if shared else (reading, rows.applied)
     see, give, drive = _see(rows, sizes), _give(rows, sizes), _drive(total, rows, sizes)
-    multiply, integrate = _multiply(seen, rows, sizes), _integrate(seen, effort, rows, terms)
+    multiply, blend = _multiply(seen, rows, sizes), _blend(rows, sizes)
+    integrate = _integrate(seen, effort, rows, sizes, terms)
+    applied, held, taken = rows.applied, rows.held, m * LANES * sizes.taken
 
     @vectorised
     def efforts(
@@ -78,6 +82,9 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
         w: Vector,
         filled: int,
     ) -> None:
+        if k == law.since:
+            for at in range(taken):
+                w[held + at] = w[applied + at]
         see(turned, w)
         multiply(w)
         demand_of = law.demand
@@ -100,10 +107,12 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
             if law.integral:
                 integrate(k, i, dt, law, z, w)
             if not shared:
+                blend(k, i, law, w)
                 drive(i, dt, schedule.disturbance[k, i], w)
         if shared:
             give(t, law.allocation, w, filled)
             for i in range(m):
+                blend(k, i, law, w)
                 drive(i, dt, schedule.disturbance[k, i], w)
 
     return cast(Callable[..., None], efforts)
@@ -125,13 +134,50 @@ def _multiply(seen: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     return cast(Callable[..., None], multiply)
 
 
-def _integrate(seen: int, effort: int, rows: Rows, terms: LawTerms) -> Callable[..., None]:
-    """Return what adds the integral of an axis, within the limit, and takes it a tick on."""
+def _blend(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what blends the efforts out that were applied before; see Controller."""
+    effort, held, offset, taken = rows.applied, rows.held, rows.offset, sizes.taken
+
+    @vectorised
+    def blend(k: int, i: int, law: LawNumbers, w: Vector) -> None:
+        passed = k - law.since
+        if not taken or passed >= law.blended:  # the first is known to the compiler
+            return
+        left = 1.0 - passed / law.blended
+        for at in range(i * LANES, (i + 1) * LANES):
+            if passed == 0:
+                w[offset + at] = w[held + at] - w[effort + at]
+            w[effort + at] += left * w[offset + at]
+
+    return cast(Callable[..., None], blend)
+
+
+def _integrate(
+    seen: int, effort: int, rows: Rows, sizes: Sizes, terms: LawTerms
+) -> Callable[..., None]:
+    """Return what adds the integral of an axis, within the limit, and takes it a tick on.
+
+    Where the law takes over, the integral begins such that the effort is the one before.
+    """
     total, ki, limit, to_integral = rows.integral, rows.ki, rows.law_limit, terms.integral
+    m, held, taken, shared = sizes.joints, rows.held, sizes.taken, sizes.shared
+
+    @vectorised
+    def begin(i: int, law: LawNumbers, w: Vector) -> None:
+        for lane in range(LANES):
+            given = 0.0 if shared else w[held + i * LANES + lane]
+            if shared:
+                torque = law.allocation.torque
+                for j in range(m):
+                    share = torque[lane if torque.shape[0] > 1 else 0, i, j]
+                    given += share * w[held + j * LANES + lane]
+            w[total + i * LANES + lane] = given - w[effort + i * LANES + lane]
 
     @vectorised
     def integrate(k: int, i: int, dt: float, law: LawNumbers, z: Vector, w: Vector) -> None:
         row, rate, requested = i * LANES, law.integrand[k, i, 0], law.position[k, i]
+        if taken and k == law.since:
+            begin(i, law, w)
         for at in range(row, row + LANES):
             demand = w[effort + at] + w[total + at]
             given = min(max(demand, -w[limit + at]), w[limit + at])

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,41 +11,34 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import KalmanForm, LinearForm
 from flexslew_control.plan_file import plan_hash
-from flexslew_lab.metrics.metric import FlownManoeuvre
+from flexslew_lab.metrics.metric import Ending, FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.lanes.beginning import beginning
-from flexslew_lab.studies.lanes.efforts import LawTerms
-from flexslew_lab.studies.lanes.inputs import (
-    aim_of,
-    course_of,
-    drives_of,
-    errors_of,
-    gains_of,
-    numbers_of,
-    schedule_of,
-)
-from flexslew_lab.studies.lanes.lane_laws import beside, kind_of, outputs_of
+from flexslew_lab.studies.lanes.inputs import aim_of, course_of, gains_of, schedule_of
+from flexslew_lab.studies.lanes.lane_laws import kind_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
-from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
-from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
-from flexslew_lab.studies.lanes.pushed import pushes_of
+from flexslew_lab.studies.lanes.lane_trial import (
+    LaneIntake,
+    LaneTrial,
+    controller_of,
+    in_charge,
+    law_entry,
+)
+from flexslew_lab.studies.lanes.legs import LaneFlight, Leg
+from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
-from flexslew_lab.studies.lanes.rows import Sizes, rows_of
-from flexslew_lab.studies.lanes.senses import Heard, heard_by
-from flexslew_lab.studies.lanes.turned import turned_joints
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.testbeds import Testbed, initial_state
-from flexslew_plant.testbeds.compiled.lanes import LANES, flat_zeros
+from flexslew_plant.events import Switched, event_of
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
-_NONE = np.empty((0, 0, 0))
 _KEPT = 32  # laws on a plan that are kept
 
 
@@ -66,9 +59,9 @@ class _Gains(NamedTuple):
 class _Prepared(NamedTuple):
     """What a group has in common."""
 
-    form: LinearForm
+    legs: tuple[Leg, ...]
     schedule: Schedule
-    aim: Vector  # rows `tip` to `law_limit`
+    aim: Vector  # rows from `tip` to `band`
     goal: FlownManoeuvre
     kind: Hashable  # laws for which it is equal may fly beside each other
 
@@ -135,66 +128,29 @@ class Lanes:
         group, prepared = [one.lane for one in ready], ready[0].law
         first, last = group[0], ready[-1]  # which fills up
         all_lanes = [*ready, *(last for _ in range(LANES - len(ready)))]
-        lanes, forms = [one.lane for one in all_lanes], beside([one.law.form for one in all_lanes])
-        form, schedule = prepared.form.law, prepared.schedule
-        model, kernel = first.model, first.kernel
-        drives = drives_of(lanes)
-        sizes = Sizes(
-            model.joints,
-            model.modes,
-            form.from_state.shape[-1],
-            outputs_of(prepared.form, model.joints),
-            len(model.appendages.names),
-            form.kp.size,
-            form.quadratic.size > 0,
-            prepared.form.shared is not None,
-            bool(drives[:, 2 * model.joints : 3 * model.joints].any()),
-            bool(first.trial.actuator.slew_rate),
-            bool(first.trial.actuator.lag),
-        )
-        observer = beginning(prepared.form, forms.observers)
-        packed = np.array([lane.model.packed for lane in lanes]).T
-        at_rest = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
-        rows = rows_of(kernel.size, sizes)
-        w = flat_zeros(rows.end)
-        w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
-        w[: at_rest.size] = at_rest.ravel()
-        w[rows.kp : rows.tip] = np.array([one.gains for one in all_lanes]).T.ravel()
-        w[rows.tip : rows.limit] = np.repeat(prepared.aim, LANES)
-        w[rows.limit : rows.residual_tip] = drives.T.ravel()
-        if model.appendages.rate is not None:
-            w[rows.tip_rate : rows.end] = np.repeat(model.appendages.rate, LANES)
-        w[rows.outside : rows.terminal] = -np.inf
         recorded = isinstance(first.trial.testbed, Pointing) or bool(first.trial.metrics)
-        turns = model.attitude is not None
-        law = numbers_of(forms, prepared.form.shared or schedule)
-        heard = heard_by(group, forms.filters, sizes.outputs - 2 * model.joints)
-        push, pushes = pushes_of(group)
-        kinds = push, recorded, turns, heard is not None, bool(forms.filters)
-        loop = partial(
-            lane_loop(kernel, sizes, LawTerms.of(law), observer.observe, *kinds),
-            w,
-            first.trial.period,
-            first.steps,
-            schedule,
-            law,
-            errors_of(lanes, sizes.outputs, len(schedule.time)),
-            turned_joints(model.attitude, model.joints),
-            heard and heard.senses,
-            pushes,
-            observer.constants,
-            observer.z,
-            observer.memory,
+        flight = LaneFlight(
+            [one.lane for one in all_lanes],
+            [one.law.legs for one in all_lanes],
+            np.array([one.gains for one in all_lanes]),
+            prepared.schedule,
+            prepared.aim,
             len(group),
+            recorded,
         )
+        states = first.model.positions + first.model.coordinates
+        start = flight.w[: first.model.joints * LANES].reshape(-1, LANES).copy()
+        ending = _ending(prepared.legs, first)
         if recorded:
-            measured = self._recorded(group, prepared, loop, heard)
+            measured = self._recorded(group, prepared, flight, ending)
         else:
-            loop(0, len(schedule.time), _NONE, _NONE)
-            found = LaneMetrics(first, rows, schedule, prepared.goal, at_rest[: model.joints])
-            measured = found.metrics(w).__getitem__
+            for cut in flight.cuts(len(prepared.schedule.time)):
+                flight.fly(*cut)
+            aim = prepared.goal
+            found = LaneMetrics(first, flight.rows, prepared.schedule, aim, start, ending)
+            measured = found.metrics(flight.w).__getitem__
         results, lost = [], []
-        far = np.abs(w[: at_rest.size].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
+        far = np.abs(flight.w[: states * LANES].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
         for k, lane in enumerate(group):
             metrics = measured(k) if far[k] < _FAR else None
             if metrics is not None:
@@ -204,21 +160,15 @@ class Lanes:
         return results, lost
 
     def _recorded(
-        self,
-        group: Sequence[LaneTrial],
-        prepared: _Prepared,
-        loop: Callable[..., None],
-        heard: Heard | None,
+        self, group: Sequence[LaneTrial], prepared: _Prepared, flight: LaneFlight, ending: Ending
     ) -> Callable[[int], dict[str, float | None] | None]:
         """Fly a group that is measured from its truth; return what gives the metrics of each."""
         model, period = group[0].model, group[0].trial.period
         source = self.study.source
-        found = [RecordedMetrics(lane, prepared.goal, source) for lane in group]
-        end = len(prepared.schedule.time)
+        found = [RecordedMetrics(lane, prepared.goal, source, ending) for lane in group]
         record = np.empty((LANES, TICKS, model.positions + model.coordinates + model.joints))
-        for first in range(0, end, TICKS):
-            last = min(first + TICKS, end)
-            loop(first, last, record, _NONE if heard is None else heard.drawn(last - first))
+        for first, last in flight.cuts(TICKS):
+            flight.fly(first, last, record)
             stamps = stamps_of(first, last, period)
             for one, truth in zip(found, record, strict=False):
                 one.add(stamps, truth[: last - first])
@@ -234,8 +184,9 @@ class Lanes:
 
     def _gains_of(self, lane: LaneTrial, prepared: _Prepared) -> Vector | Way:
         """Return kp, ki and kd of a lane; a way where the bench refuses its gains."""
-        trial, law, entry = lane.trial, prepared.form.law, law_entry(lane.trial)
-        if not entry.lane_gains:
+        trial, law = lane.trial, prepared.legs[0].form.law
+        entry = law_entry(trial, trial.active)
+        if len(prepared.legs) > 1 or not entry.lane_gains:
             return np.concatenate((law.kp, law.ki, law.kd))
         own = trial.controllers[trial.active] or {}
         key = lane.law, repr([own.get(name) for name in entry.lane_gains])
@@ -243,7 +194,7 @@ class Lanes:
         if known is None or (checked and known.testbed != trial.testbed):
             if len(self._gains) >= _KEPT:
                 self._gains.clear()
-            controller = _allowed(trial)
+            controller = _allowed(trial, trial.active)
             found = Way.NOT_ALLOWED if controller is None else gains_of(controller)
             known = self._gains[key] = _Gains(trial.testbed, found)
         return known.found
@@ -254,43 +205,68 @@ class Lanes:
             plan = self.plans.of(trial, lane.asked)
         except FlexslewError:
             return Way.NOT_ALLOWED
-        controller = _allowed(trial)
-        if plan is None or controller is None or controller.adopt(plan):
+        if plan is None:
             return Way.NOT_ALLOWED
         key = plan_hash(plan), round(trial.duration / trial.period)
         if key != self._course[0]:
             self._course = key, course_of(plan, key[1])
         course = self._course[1]
-        form = form_of(trial, controller, course.references)
-        if isinstance(form, Way):
-            return form
-        aim, goal = aim_of(lane, plan, form.law)
-        kind = kind_of(form), key, aim.tobytes()
-        return _Prepared(form, schedule_of(lane, course), aim, goal, kind)
+        legs: list[Leg] = []
+        for first, name in in_charge(trial):
+            controller = _allowed(trial, name)
+            if controller is None or controller.adopt(plan):
+                return Way.NOT_ALLOWED
+            form = form_of(trial, controller, course.references)
+            if isinstance(form, Way):
+                return form
+            legs.append(Leg(first, name, form, controller.handover_ticks))
+        if len({_filter_of(leg.form) for leg in legs}) > 1:
+            return Way.SCHEDULE
+        aim, goal = aim_of(lane, plan)
+        kinds = tuple((leg.first, leg.blended, kind_of(leg.form)) for leg in legs)
+        kind = kinds, key, aim.tobytes()
+        return _Prepared(tuple(legs), schedule_of(lane, course), aim, goal, kind)
 
 
-def _allowed(trial: Trial) -> Controller | None:
-    """Return the controller in charge of a trial; None: its design is refused."""
+def _allowed(trial: Trial, name: str) -> Controller | None:
+    """Return a controller of a trial; None: its design is refused."""
     try:
-        return controller_of(trial)
+        return controller_of(trial, name)
     except FlexslewError:
         return None
 
 
 def form_of(trial: Trial, controller: Controller, references: list[Reference]) -> LinearForm | Way:
-    """Return the controller in charge of a trial as matrices, or why lanes do not fly it.
+    """Return a controller of a trial as matrices, or why lanes do not fly it.
 
     Args:
         trial: that may fly in a lane.
-        controller: in charge of it.
+        controller: of it.
         references: of every tick.
     """
-    linear = law_entry(trial).linear
+    linear = law_entry(trial, controller.name).linear
     form = linear and linear(controller.estimator, controller.law, references)
     if form is None:
         return Way.SETTINGS
     way = _heard(form, trial.testbed.model())
     return form if way is Way.LANES else way
+
+
+def _filter_of(form: LinearForm) -> Hashable:
+    """Return what is equal for laws whose filters of the attitude believe the same."""
+    return form.attitude and tuple(part.tobytes() for part in form.attitude)
+
+
+def _ending(legs: Sequence[Leg], lane: LaneTrial) -> Ending:
+    """Return what the truth does not say: who took over from whom, without a step."""
+    none, period = [0.0] * lane.model.efforts, lane.trial.period
+    events = [
+        event_of(
+            Switched(before.controller, leg.controller, none), leg.first, leg.first * period, 0, ""
+        )
+        for before, leg in pairwise(legs)
+    ]
+    return Ending(events, [], True)
 
 
 def _heard(form: LinearForm, model: Model) -> Way:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
-from flexslew_control.linear_form import LawForm, SharedForm
+from flexslew_control.linear_form import SharedForm
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import FlownManoeuvre
@@ -63,17 +63,19 @@ def schedule_of(lane: LaneTrial, course: LaneCourse) -> Schedule:
 def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
     total = np.zeros((ticks, model.joints))
     for entry in trial.schedule:
+        if entry.disturbance is None:
+            continue
         start = round(entry.at / trial.period)
         end = ticks if entry.until is None else round(entry.until / trial.period)
         end = max(end, start + 1)
-        timed = TimedDisturbance(entry.disturbance or {}, start, end)
+        timed = TimedDisturbance(entry.disturbance, start, end)
         for k in range(start, min(end, ticks)):
             total[k] += disturbance_effort(timed, k, model.joint_names, trial.period)
     return total
 
 
-def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownManoeuvre]:
-    """Return what a group is measured against: rows `tip` to `law_limit`, and as a record."""
+def aim_of(lane: LaneTrial, plan: Plan) -> tuple[Vector, FlownManoeuvre]:
+    """Return what a group is measured against: rows from `tip` to `band`, and as a record."""
     testbed = lane.trial.testbed
     goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
     assert goal.goal is not None
@@ -82,7 +84,6 @@ def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownMan
         goal.goal,
         np.sign(goal.displacement),
         settling_band(goal.displacement),
-        np.minimum(form.limit, np.finfo(float).max),
     )
     return np.concatenate(rows), goal
 
@@ -118,12 +119,16 @@ def gains_of(controller: Controller) -> Vector:
     return np.concatenate((gains.kp, getattr(gains, "ki", np.zeros(gains.kp.size)), gains.kd))
 
 
-def numbers_of(group: Beside, follows: Schedule | SharedForm) -> LawNumbers:
+def numbers_of(
+    group: Beside, follows: Schedule | SharedForm, since: int = -1, blended: int = 0
+) -> LawNumbers:
     """Return the laws of a group for the loop.
 
     Args:
         group: the laws.
         follows: what they do.
+        since: tick at which they take over; -1: they are in charge from the start.
+        blended: ticks in which the efforts of the one before are blended out.
     """
     laws = group.laws
     return LawNumbers(
@@ -137,6 +142,8 @@ def numbers_of(group: Beside, follows: Schedule | SharedForm) -> LawNumbers:
         by_lane(laws[:1], "integrand", 1),
         laws[0].integral,
         laws[0].unwinding,
+        since,
+        blended,
         group.allocation,
     )
 

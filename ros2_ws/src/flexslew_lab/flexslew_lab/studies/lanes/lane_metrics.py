@@ -17,8 +17,6 @@ from flexslew_lab.studies.lanes.rows import Rows
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
-_ENDING = Ending([], [], True)
-
 
 class LaneMetrics:
     """The metrics of trials that flew beside each other; all are measured alike.
@@ -29,6 +27,7 @@ class LaneMetrics:
         schedule: that all followed.
         aim: of the manoeuvre.
         at_rest: joint positions at the start, shape (joints, lanes) [rad or m].
+        ending: what else happened, in all of them.
     """
 
     def __init__(
@@ -38,6 +37,7 @@ class LaneMetrics:
         schedule: Schedule,
         aim: FlownManoeuvre,
         at_rest: Matrix,
+        ending: Ending,
     ) -> None:
         assert aim.goal is not None
         self._goal = aim.goal
@@ -49,9 +49,7 @@ class LaneMetrics:
         setup = RunSetup(self._names, aim, np.array(testbed.effort_limit), testbed)
         course = CourseMetric(setup)
         course.ticks, course.times = (0, len(time) - 1), self._times
-        self._alike = columns_of(
-            merged((Takeovers(setup), OperatorChanges(setup), course), _ENDING)
-        )
+        self._alike = columns_of(merged((Takeovers(setup), OperatorChanges(setup), course), ending))
 
     def metrics(self, w: Vector) -> list[dict[str, float | None]]:
         """Return the columns of every lane of the flown array."""

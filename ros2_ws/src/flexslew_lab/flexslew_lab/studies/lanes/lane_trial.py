@@ -91,13 +91,17 @@ class LaneIntake:
             self._common[variant] = _Common(source, way, noisy)
             return self._common[variant]
         law, own = law_of(trial.active, trial.controllers[trial.active] or {})
-        gains = CONTROLLERS[law].lane_gains
-        own = {key: value for key, value in own.items() if key not in gains}
+        gains, believes = CONTROLLERS[law].lane_gains, True
         asked = plan_key(trial)
         shared = [law, trial.duration, plain(trial.schedule), testbed.kind]
-        # an allocation is of the craft that flies, whatever the law believes
-        knows = any(own.get(key) not in (None, False) for key in CONTROLLERS[law].of_testbed)
-        believes = knows or not (gains or sets_every_key(own.get("model"), testbed))
+        legs = {name: trial.controllers[name] for _, name in in_charge(trial)}
+        if len(legs) > 1:  # each law is made for each trial
+            own = legs
+        else:
+            own = {key: value for key, value in own.items() if key not in gains}
+            # an allocation is of the craft that flies, whatever the law believes
+            knows = any(own.get(key) not in (None, False) for key in CONTROLLERS[law].of_testbed)
+            believes = knows or not (gains or sets_every_key(own.get("model"), testbed))
         belief = plain(testbed) if believes else None
         texts = (
             json.dumps(part, sort_keys=True) for part in (shared, [*shared, asked, own, belief])
@@ -112,15 +116,19 @@ def way_of_settings(trial: Trial) -> Way:
     """Return LANES, or what of a trial's settings only the bench knows."""
     s, motor = trial.sensors, trial.actuator
     channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
-    law, _ = law_of(trial.active, trial.controllers[trial.active] or {})
+    legs = in_charge(trial)
+    laws = [law_of(name, trial.controllers[name] or {})[0] for _, name in legs]
+    known = all(law in CONTROLLERS and CONTROLLERS[law].linear for law in laws)
+    ticks = {tick for tick, _ in legs}
+    broken = any(entry.disturbance is None and entry.switch is None for entry in trial.schedule)
+    later = known and all(CONTROLLERS[law].takes_over for law in laws[1:])
     obstacles = (
         (bool(motor.quantisation or motor.viscous_friction or motor.coulomb_friction), Way.MOTORS),
         (any(channel.quantisation for channel in channels), Way.QUANTISED),
-        (trial.allow_faults, Way.SCHEDULE),
-        (any(entry.disturbance is None for entry in trial.schedule), Way.SCHEDULE),
+        (broken or len(ticks) < len(legs), Way.SCHEDULE),
         (trial.plan is None, Way.NO_PLAN),
-        # its entry's `linear` has the last word
-        (law not in CONTROLLERS or CONTROLLERS[law].linear is None, Way.LAW),
+        (not known, Way.LAW),  # its entry's `linear` has the last word
+        (not later, Way.SWITCH),
     )
     return next((way for there, way in obstacles if there), Way.LANES)
 
@@ -135,15 +143,25 @@ def way_of_testbed(trial: Trial) -> Way:
     return next((way for there, way in obstacles if there), Way.LANES)
 
 
-def law_entry(trial: Trial) -> LawEntry:
-    """Return the law in charge of a trial that may fly in a lane."""
-    return CONTROLLERS[law_of(trial.active, trial.controllers[trial.active] or {})[0]]
+def in_charge(trial: Trial) -> list[tuple[int, str]]:
+    """Return which controllers a trial's schedule puts in charge, each from which tick on."""
+    legs, end = [(0, trial.active)], round(trial.duration / trial.period)
+    switches = [(round(e.at / trial.period), e.switch) for e in trial.schedule if e.switch]
+    for tick, name in sorted(switches, key=lambda switch: switch[0]):
+        if tick < end and name != legs[-1][1]:
+            legs.append((tick, name))
+    return legs
 
 
-def controller_of(trial: Trial) -> Controller:
-    """Return the controller in charge of a trial, without a plan."""
-    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
-    return build_controller(trial.active, law, own, plant_of(trial), trial.name)
+def law_entry(trial: Trial, name: str) -> LawEntry:
+    """Return the law of a controller of a trial that may fly in a lane."""
+    return CONTROLLERS[law_of(name, trial.controllers[name] or {})[0]]
+
+
+def controller_of(trial: Trial, name: str) -> Controller:
+    """Return a controller of a trial, without a plan."""
+    law, own = law_of(name, trial.controllers[name] or {})
+    return build_controller(name, law, own, plant_of(trial), trial.name)
 
 
 def _read_channels(trial: Trial) -> tuple[Any, Any, Any]:

@@ -5,7 +5,7 @@ z and readings are flat, row after row with LANES neighbours each, as in loop.
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple, TypeAlias, cast
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
@@ -101,6 +101,34 @@ def linear(states: int) -> Observe:
             _add_all(law.before, k - 1, signals.earlier, after)
         for i in range(states * LANES):
             z[i] = after[i]
+
+    return cast(Observe, observe)
+
+
+@lru_cache
+def one_after_another(first: Observe, rows: int, kept: int, then: Observe) -> Observe:
+    """Return two observers as one: their states and memories stand one behind the other's.
+
+    Args:
+        first: the first one, whose constants are the first of two.
+        rows: size of its flat state.
+        kept: size of its flat memory.
+        then: the other one.
+    """
+
+    @vectorised
+    def observe(
+        k: int,
+        t: float,
+        dt: float,
+        both: tuple[Any, Any],
+        signals: LaneSignals,
+        z: Vector,
+        memory: Vector,
+        filled: int,
+    ) -> None:
+        first(k, t, dt, both[0], signals, z[:rows], memory[:kept], filled)
+        then(k, t, dt, both[1], signals, z[rows:], memory[kept:], filled)
 
     return cast(Observe, observe)
 

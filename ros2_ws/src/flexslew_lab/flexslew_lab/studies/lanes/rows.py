@@ -14,7 +14,6 @@ class Sizes(NamedTuple):
 
     joints: int
     modes: int
-    states: int  # z of linear_form
     outputs: int  # that the law reads: joints, rates, the first of the tips
     appendages: int
     axes: int  # that the law has efforts for: joints, or body axes
@@ -23,6 +22,7 @@ class Sizes(NamedTuple):
     pulsed: bool  # drives are on or off
     slewed: bool  # torques of motors ramp
     lagged: bool  # torques of motors lag
+    taken: bool  # the law took over from another one
 
 
 class Rows(NamedTuple):
@@ -34,6 +34,8 @@ class Rows(NamedTuple):
     seen: int  # what a law on body axes takes for its joints, then rates
     demand: int  # torque that it asks for
     products: int  # of rates
+    held: int  # efforts that were applied when it took over
+    offset: int  # of them from its own, which is blended out
     owed: int  # impulse that drives owe which are on or off
     ramp: int  # torque of motors at the end of the last tick
     torque: int  # the same behind their lag
@@ -66,8 +68,8 @@ class Rows(NamedTuple):
 def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     """Return where everything begins in the array of such a group."""
     m, read, tip, n = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes, sizes.axes
-    seen, products = n * sizes.shared, n * n * sizes.quadratic
-    law = (m, read, read, 2 * seen, seen, products, m, m, m, n, n, n, n)  # to kd
+    seen, products, taken = n * sizes.shared, n * n * sizes.quadratic, m * sizes.taken
+    law = (m, read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
     drives = (tip, m, m, m, n, m, m, m, 4)  # to motor
     counts = (*law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))

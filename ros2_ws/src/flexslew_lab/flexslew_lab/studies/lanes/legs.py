@@ -1,0 +1,204 @@
+"""A group of lanes in flight: one law after another is in charge, each on an array of its sizes."""
+
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
+from itertools import pairwise
+from operator import itemgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.linear_form import LawForm, LinearForm
+from flexslew_lab.studies.lanes.beginning import Beginning, beginning
+from flexslew_lab.studies.lanes.efforts import LawTerms
+from flexslew_lab.studies.lanes.inputs import drives_of, errors_of, numbers_of
+from flexslew_lab.studies.lanes.lane_laws import beside, outputs_of
+from flexslew_lab.studies.lanes.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
+from flexslew_lab.studies.lanes.observers import one_after_another
+from flexslew_lab.studies.lanes.pushed import pushes_of
+from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
+from flexslew_lab.studies.lanes.senses import heard_by
+from flexslew_lab.studies.lanes.turned import turned_joints
+from flexslew_plant.arrays import Matrix, Tensor, Vector
+from flexslew_plant.testbeds import initial_state
+from flexslew_plant.testbeds.compiled.lanes import LANES, flat_zeros
+
+_NONE = np.empty((0, 0, 0))
+# rows that a law begins with; all others are handed on to the next one
+_OF_THE_LAW = {"seen", "demand", "products", "held", "offset", "integral", "kp", "ki", "kd"}
+_OF_THE_LAW |= {"law_limit"}
+
+
+class Leg(NamedTuple):
+    """A law in charge of a trial."""
+
+    first: int  # tick from which on it is
+    controller: str  # its name
+    form: LinearForm
+    blended: int  # ticks in which the efforts of the one before are blended out
+
+
+class LaneFlight:
+    """Trials side by side, from tick 0 on.
+
+    Args:
+        lanes: the trials, LANES of them.
+        legs: of every trial, equal but for the numbers of the laws.
+        gains: kp, ki and kd of the first laws, shape (LANES, 3 axes).
+        schedule: what is the same in every lane.
+        aim: rows from `tip` to `band`.
+        filled: how many trials there are; the others only fill up.
+        recorded: whether the truth is, see lane_loop.
+    """
+
+    def __init__(
+        self,
+        lanes: Sequence[LaneTrial],
+        legs: Sequence[tuple[Leg, ...]],
+        gains: Matrix,
+        schedule: Schedule,
+        aim: Vector,
+        filled: int,
+        recorded: bool,
+    ) -> None:
+        self._lanes, self._legs, self._schedule = list(lanes), legs[0], schedule
+        self._filled, self._recorded = filled, recorded
+        first, model = lanes[0], lanes[0].model
+        laws = [beside([of[k].form for of in legs]) for k in range(len(legs[0]))]
+        names = [leg.controller for leg in self._legs]
+        found = {  # by name: whoever is in charge first, the loops are the same
+            name: beginning(leg.form, law.observers)
+            for name, leg, law in sorted(
+                zip(names, self._legs, laws, strict=True), key=itemgetter(0)
+            )
+        }
+        self._observer = reduce(_behind, found.values())
+        if len(found) > 1:
+            ends = np.cumsum([0, *(one.z.size // LANES for one in found.values())]).tolist()
+            places = dict(zip(found, ends, strict=False))
+            laws = [
+                law._replace(laws=[_among(one, places[name], ends[-1]) for one in law.laws])
+                for law, name in zip(laws, names, strict=True)
+            ]
+        self._laws = laws
+        self._outputs = max(outputs_of(leg.form, model.joints) for leg in self._legs)
+        self._heard = heard_by(lanes[:filled], laws[0].filters, self._outputs - 2 * model.joints)
+        self._push, self._pushes = pushes_of(lanes[:filled])
+        self._drives = drives_of(self._lanes)
+        self._errors = errors_of(self._lanes, self._outputs, len(schedule.time))
+        self._next = 0  # leg
+        self.rows = rows_of(first.kernel.size, self._sizes(0))
+        self.w = self._at_rest(aim)
+        self._begin(gains)
+
+    def cuts(self, most: int) -> list[tuple[int, int]]:
+        """Return all ticks in pieces that `fly` takes at once, no longer than `most`."""
+        end = len(self._schedule.time)
+        cuts = sorted({*range(0, end, most), *(leg.first for leg in self._legs), end})
+        return list(pairwise(cuts))
+
+    def fly(self, first: int, last: int, record: Tensor = _NONE) -> None:
+        """Fly from a tick to before another, all with one law; see lane_loop for the record."""
+        if self._next < len(self._legs) and first == self._legs[self._next].first:
+            self._hand_over()
+        drawn = _NONE if self._heard is None else self._heard.drawn(last - first)
+        self._loop(first, last, record, drawn)
+
+    def _hand_over(self) -> None:
+        """Put the next law in charge."""
+        before, w = self.rows, self.w
+        size = self._lanes[0].kernel.size
+        self.rows = rows_of(size, self._sizes(self._next))
+        self.w = flat_zeros(self.rows.end)
+        self.w[:size] = w[:size]
+        ends = zip(Rows._fields[:-1], before, before[1:], self.rows, strict=False)
+        for name, begin, end, at in ends:
+            if name not in _OF_THE_LAW:
+                self.w[at : at + end - begin] = w[begin:end]
+        laws = self._laws[self._next].laws
+        each = laws if len(laws) > 1 else laws * LANES
+        self._begin(np.array([np.concatenate((law.kp, law.ki, law.kd)) for law in each]))
+
+    def _begin(self, gains: Matrix) -> None:
+        """Begin the next leg, whose array is there."""
+        leg, law, w, rows = self._legs[self._next], self._laws[self._next], self.w, self.rows
+        first, sizes, observer = self._lanes[0], self._sizes(self._next), self._observer
+        w[rows.kp : rows.tip] = gains.T.ravel()
+        limit = np.minimum(law.laws[0].limit, np.finfo(float).max)
+        w[rows.law_limit : rows.limit] = np.repeat(limit, LANES)
+        since = leg.first if self._next else -1
+        numbers = numbers_of(law, leg.form.shared or self._schedule, since, leg.blended)
+        turns, attitude = first.model.attitude is not None, first.model.attitude
+        kinds = self._recorded, turns, self._heard is not None, bool(law.filters)
+        terms = LawTerms.of(numbers)
+        loop = lane_loop(first.kernel, sizes, terms, observer.observe, self._push, *kinds)
+        self._loop: Callable[..., None] = partial(
+            loop,
+            w,
+            first.trial.period,
+            first.steps,
+            self._schedule,
+            numbers,
+            self._errors,
+            turned_joints(attitude, first.model.joints),
+            self._heard and self._heard.senses,
+            self._pushes,
+            observer.constants,
+            observer.z,
+            observer.memory,
+            self._filled,
+        )
+        self._next += 1
+
+    def _sizes(self, k: int) -> Sizes:
+        first, model = self._lanes[0], self._lanes[0].model
+        form, m = self._legs[k].form, model.joints
+        return Sizes(
+            m,
+            model.modes,
+            self._outputs,
+            len(model.appendages.names),
+            form.law.kp.size,
+            form.law.quadratic.size > 0,
+            form.shared is not None,
+            bool(self._drives[:, 2 * m : 3 * m].any()),
+            bool(first.trial.actuator.slew_rate),
+            bool(first.trial.actuator.lag),
+            k > 0,
+        )
+
+    def _at_rest(self, aim: Vector) -> Vector:
+        """Return the array before tick 0."""
+        lanes, rows, kernel = self._lanes, self.rows, self._lanes[0].kernel
+        appendages, w = lanes[0].model.appendages, flat_zeros(rows.end)
+        packed = np.array([lane.model.packed for lane in lanes]).T
+        state = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
+        w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
+        w[: state.size] = state.ravel()
+        w[rows.tip : rows.law_limit] = np.repeat(aim, LANES)
+        w[rows.limit : rows.residual_tip] = self._drives.T.ravel()
+        if appendages.rate is not None:
+            w[rows.tip_rate : rows.end] = np.repeat(appendages.rate, LANES)
+        w[rows.outside : rows.terminal] = -np.inf
+        return w
+
+
+def _behind(first: Beginning, then: Beginning) -> Beginning:
+    """Return two observers as one."""
+    return Beginning(
+        one_after_another(first.observe, first.z.size, first.memory.size, then.observe),
+        (first.constants, then.constants),
+        np.concatenate((first.z, then.z)),
+        np.concatenate((first.memory, then.memory)),
+    )
+
+
+def _among(law: LawForm, first: int, states: int) -> LawForm:
+    """Return a law on the states of all observers, its own from `first` on."""
+
+    def wider(weights: Tensor) -> Any:
+        behind = states - first - weights.shape[-1]
+        return np.pad(weights, [(0, 0)] * (weights.ndim - 1) + [(first, behind)])
+
+    return law._replace(from_state=wider(law.from_state), to_integral=wider(law.to_integral))
