@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 from tests.plants import plant as on_bench
 
+from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.collocated_pid import CollocatedPid, build, closed_loop
-from flexslew_control.law import Reference
+from flexslew_control.law import PlantDescription, Reference
+from flexslew_control.plan import Plan
 from flexslew_lab.reproduce import laws as reproduce_laws
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 
@@ -54,3 +58,39 @@ def test_effort_stays_within_the_limit_and_the_integral_unwinds() -> None:
         assert abs(run.effort).max() <= 50.0
         overshoot[time] = run.state[:, 0].max() - 1.0
     assert overshoot[10.0] < overshoot[None]
+
+
+def craft(axis: list[float]) -> PlantDescription:
+    """Return a rigid craft with four wheels, one of them along this axis."""
+    axes = (axis, [0.0, 1.0, 0.3], [0.1, 0.0, 1.0], [0.6, 0.6, 0.5])
+    wheels = {
+        f"wheel_{k}": {"axis": each, "inertia": 0.02, "limit": 0.5} for k, each in enumerate(axes)
+    }
+    values = {
+        "kind": "spacecraft", "platform": {"inertia": {"xx": 10.0, "yy": 14.0, "zz": 18.0}},
+        "appendages": {}, "actuators": {}, "wheels": wheels,
+    }  # fmt: skip
+    return PlantDescription(read_testbed(values, "here"), 0.1, np.full(4, 0.5))
+
+
+def test_in_three_axes_it_shares_out_among_the_drives_that_it_believes_in() -> None:
+    """It knows the turn, as the bench reads it; the torque that a wheel gives it believes."""
+    true, thought = [1.0, 0.2, 0.0], [1.0, 0.0, 0.1]
+    given = {"kp": [4.0], "kd": [9.0], "ki": [0.1], "allocation": {"kind": "wheels"}}
+    believes = given | {"model": {"wheels": {"wheel_0": {"axis": thought}}}}
+    bench, rng, none = craft(true), np.random.default_rng(0), np.zeros(0)
+    axes = bench.testbed.model().attitude
+    assert axes is not None
+    turn, rate = 0.01 * rng.standard_normal((2, 3))
+    torque = -4.0 * turn - 9.0 * rate
+    seen = Measurement(0, 0, 0.0, "it", axes.axes @ turn, axes.axes @ rate, none, none, np.zeros(4))
+    for settings, believed in ((given, true), (believes, thought)):
+        it = build_controller("it", "collocated_pid", settings, bench, "here")
+        plan = Plan("none", bench.joint_names, 0.0, 0.1, np.zeros((2, 4)), np.zeros((2, 4)),
+                    np.zeros((1, 4)), np.zeros((2, 0)), 0.1)  # fmt: skip
+        assert it.adopt(plan) is None
+        answer = it.observe(seen)
+        assert answer is not None
+        there = craft(believed).testbed.model().attitude
+        assert there is not None
+        np.testing.assert_allclose(there.axes.T @ answer.command.effort, torque, rtol=1e-9)

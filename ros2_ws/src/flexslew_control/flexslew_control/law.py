@@ -1,7 +1,7 @@
 """The contract of a control law, its estimator and the reference that it follows."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
@@ -66,6 +66,10 @@ class PlantDescription:
         """In the order of the measurements."""
         return self.testbed.model().joint_names
 
+    def with_belief(self, changes: dict[str, Any] | None) -> "PlantDescription":
+        """Return the plant that a law believes to be there; see believed."""
+        return replace(self, testbed=believed(self.testbed, changes, "model", self.trust))
+
     def believed(self, changes: dict[str, Any] | None) -> Model:
         """Return the model that a law believes in; see testbeds.believed.
 
@@ -75,7 +79,7 @@ class PlantDescription:
         Raises:
             BadInput: an unknown key or a value that is not allowed.
         """
-        return believed(self.testbed, changes, "model", self.trust).model()
+        return self.with_belief(changes).testbed.model()
 
 
 def described(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescription:

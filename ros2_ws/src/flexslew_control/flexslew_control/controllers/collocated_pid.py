@@ -93,7 +93,7 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, 
             point, or a testbed that lacks the sensors of an attitude or turns in fewer axes.
     """
     model = plant.believed(settings.model)
-    what = controlled(plant, settings.allocation, settings.gyroscopic)
+    what = controlled(plant, settings.allocation, settings.gyroscopic, settings.model)
     given = (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd))
     kp, ki, kd = (per_joint(name, gains, what.names) for name, gains in given)
     linear = model.linearise(operating_point_of(plant, model, settings.operating_point))

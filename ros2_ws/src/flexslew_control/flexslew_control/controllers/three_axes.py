@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,8 @@ class Controlled:
         limit: largest effort along each [N m or N].
         turning: their w x J w; None: it is not asked for.
         allocator: shares torques about the body axes out; None: the efforts are those of joints.
-        plant: what the law is for.
+        plant: what the law is for, as it believes it to be.
+        attitude: the joints that tell the turn, as they stand on the bench; None: none do.
     """
 
     names: tuple[str, ...]
@@ -71,6 +73,7 @@ class Controlled:
     turning: Gyroscopic | None
     allocator: Allocator | None
     plant: PlantDescription
+    attitude: AttitudeJoints | None
 
     def require_stable(self, kp: Vector, kd: Vector, what: str, ki: Vector | None = None) -> None:
         """Check the sampled loop of these gains; see require_sampled_pd.
@@ -89,31 +92,39 @@ class Controlled:
 
     def finished(self, law: Law) -> Law:
         """Return a law of these as one of the joints."""
-        attitude = self.plant.testbed.model().attitude
-        if self.allocator is None or attitude is None:
+        if self.allocator is None or self.attitude is None:
             return law
-        return AllocatedLaw(law, self.allocator, attitude)
+        return AllocatedLaw(law, self.allocator, self.attitude)
 
 
 def controlled(
     plant: PlantDescription,
     allocation: AnyAllocation | None,
     with_gyroscopic: bool,
+    belief: dict[str, Any] | None = None,
 ) -> Controlled:
     """Return what a law has gains for: the joints, or with an allocation the body axes.
+
+    Args:
+        plant: what the law is for.
+        allocation: of its torque; None: its efforts are those of the joints.
+        with_gyroscopic: whether w x J w is asked for.
+        belief: its `model` section; None: it believes what there is.
 
     Raises:
         BadInput: the torque cannot be shared out so, or w x J w is asked for where nothing turns
             in three axes.
     """
+    attitude = plant.testbed.model().attitude
+    plant = plant if belief is None else plant.with_belief(belief)
     turning = gyroscopic(plant.testbed, "gyroscopic") if with_gyroscopic else None
     if allocation is None:
-        return Controlled(plant.joint_names, plant.effort_limit, turning, None, plant)
+        return Controlled(plant.joint_names, plant.effort_limit, turning, None, plant, attitude)
     allocator = allocator_of(allocation, plant)
     if turning is not None:
         torque = np.tensordot(allocator.torque, turning.quadratic, axes=1)
         turning = replace(turning, attitude=AttitudeJoints(np.eye(3)), quadratic=torque)
-    return Controlled(_AXES, allocator.limit, turning, allocator, plant)
+    return Controlled(_AXES, allocator.limit, turning, allocator, plant, attitude)
 
 
 def form_on_axes(
