@@ -88,8 +88,9 @@ def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
     Without arguments as many run side by side as there are processors, at most eight: first those
-    that need no ROS, then those over ROS, a file at a time, and at last, alone, those that hold a
-    bench against the wall clock. A test that fails has failed: none runs twice.
+    that need no ROS, then those over ROS, a file at a time and twice as many files, as benches
+    wait more than they compute, and at last, alone, those that hold a bench against the wall
+    clock. A test that fails has failed: none runs twice.
 
     Example: `./flexslew test tests/plant -k energy`
     """
@@ -97,11 +98,12 @@ def test(context: typer.Context) -> None:
     if context.args:
         raise typer.Exit(_pytest(*context.args))
     workers = min(os.cpu_count() or 2, _MOST)
+    waiting = min(2 * workers, _MOST)
     ignored = (f"--ignore={part}" for part in OVER_ROS)
     # a long file at the end is shared; the benches of a file over ROS stay with one process
     parts = (
         ("-n", f"{workers}", "--dist", "worksteal", *ignored),
-        ("-n", f"{workers}", "--dist", "loadfile", *OVER_ROS, "-m", "not alone"),
+        ("-n", f"{waiting}", "--dist", "loadfile", *OVER_ROS, "-m", "not alone"),
         (*OVER_ROS, "-m", "alone"),
     )
     raise typer.Exit(max(_pytest(*part) for part in parts))

@@ -99,7 +99,7 @@ class LaneIntake:
             own = legs
         else:
             own = {key: value for key, value in own.items() if key not in gains}
-            # an allocation is of the craft that flies, whatever the law believes
+            # joints and instruments are of the craft that flies, whatever the law believes
             knows = any(own.get(key) not in (None, False) for key in CONTROLLERS[law].of_testbed)
             believes = knows or not (gains or sets_every_key(own.get("model"), testbed))
         belief = plain(testbed) if believes else None
