@@ -160,6 +160,21 @@ def test_for_the_recorder_alone_nothing_goes_over_dds(recorded: Recorded) -> Non
     assert recorded.over_dds == []
 
 
+def test_a_node_that_is_killed_takes_no_more_than_8_kb_along(recorded: Recorded) -> None:
+    alone_with_the_recorder(recorded)
+    messages = [
+        serialize_message(PlantState(tick=k, tip_deflection=[0.5] * 100)) for k in range(97)
+    ]
+    for data in messages:  # within one turn of the loop, which then is never reached
+        recorded.offer.publish(data)
+    heard: list[bytes] = []
+    until = monotonic() + 0.5
+    while monotonic() < until:
+        heard += [data for _, data in recorded.inbox.take([])]
+    assert heard == messages[: len(heard)]
+    assert sum(len(part(0, data)) for data in messages[len(heard) :]) <= 8192
+
+
 def test_who_else_listens_hears_all_and_the_log_has_it_once(recorded: Recorded) -> None:
     alone_with_the_recorder(recorded)
     before = recorded.publish(0)

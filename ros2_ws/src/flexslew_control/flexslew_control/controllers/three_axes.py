@@ -118,6 +118,8 @@ def controlled(
     attitude = plant.testbed.model().attitude
     plant = plant if belief is None else plant.with_belief(belief)
     turning = gyroscopic(plant.testbed, "gyroscopic") if with_gyroscopic else None
+    if turning is not None and attitude is not None:
+        turning = replace(turning, attitude=attitude)
     if allocation is None:
         return Controlled(plant.joint_names, plant.effort_limit, turning, None, plant, attitude)
     allocator = allocator_of(allocation, plant)
