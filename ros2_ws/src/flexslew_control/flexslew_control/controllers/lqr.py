@@ -8,6 +8,7 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
+from flexslew_control.controllers.turning_form import turning_form
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
 from flexslew_control.free_platform import LinearModel, joints_first, nominal
@@ -255,12 +256,26 @@ def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter | Turnin
 def linear(
     estimator: KalmanFilter | TurningFilter, law: LqrLaw, references: list[Reference]
 ) -> LinearForm | None:
-    """Return the law as matrices; see LawEntry. None: its gains change along the plan."""
+    """Return the law as matrices; see LawEntry. None: its gains are not all known."""
     if isinstance(estimator, TurningFilter):
-        return None
+        assert law.schedule is not None
+        if references[-1].velocity.any():  # those after the run lead to its last gains
+            return None
+        try:
+            each = [law.schedule.at(_of(references), k) for k in range(len(references))]
+        except LawFailed:
+            return None
+        by_tick = np.array(each)
+        cancel = np.broadcast_to(law.disturbance_gain, (len(by_tick), *law.disturbance_gain.shape))
+        return turning_form(estimator, -np.concatenate((by_tick, cancel), axis=2), references)
     m, n = law.gain.shape[0], law.gain.shape[1] // 2
     gains = OnDeviation(law.gain, law.disturbance_gain, np.zeros((m, n)))
     return nominal_form(estimator, gains, references, no_integral(m))
+
+
+def _of(references: list[Reference]) -> Callable[[int], Reference]:
+    """Return what gives the reference of a tick; after the last one it rests there."""
+    return lambda tick: references[min(tick, len(references) - 1)]
 
 
 LQR = LawEntry("lqr", Lqr, build, linear=linear, takes_over=True)

@@ -11,6 +11,7 @@ from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
 from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
+from flexslew_control.controllers.turning_form import Integrated, turning_form
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
 from flexslew_control.free_platform import LinearModel, joints_first, nominal
@@ -189,12 +190,15 @@ def _given(model: Designed, gains: GivenGains) -> PiGains:
 def linear(
     estimator: KalmanFilter | TurningFilter, law: IntegralLaw, references: list[Reference]
 ) -> LinearForm | None:
-    """Return the law as matrices; see LawEntry. None: its filter changes along the plan."""
-    if isinstance(estimator, TurningFilter):
-        return None
+    """Return the law as matrices; see LawEntry."""
     assert isinstance(law.deviation, NominalDeviation)
     found = law.deviation.gains
     m = len(found.kp)
+    if isinstance(estimator, TurningFilter):
+        behind = np.zeros((m, len(estimator.still.matrices.first) - found.kp.shape[1]))
+        about = -np.hstack((found.kp, found.kd, behind[:, found.kd.shape[1] :]))
+        integral = Integrated(-np.hstack((found.ki, behind)), law.integration)
+        return turning_form(estimator, about, references, integral)
     gains = OnDeviation(np.hstack((found.kp, found.kd)), np.zeros((m, m)), found.ki)
     return nominal_form(estimator, gains, references, law.integration)
 

@@ -11,9 +11,12 @@ from flexslew_control.controllers.design_model import (
     held_step,
 )
 from flexslew_control.controllers.one_appendage import OneAppendage, appendage_form
+from flexslew_control.controllers.plan_deviation import PlanDeviation
 from flexslew_control.controllers.sliding_surface import SlidingDesign
+from flexslew_control.controllers.turning_form import turning_form
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman import KalmanFilter
+from flexslew_control.estimators.turning_filter import TurningFilter
 from flexslew_control.law import Estimate, Estimator, Reference
 from flexslew_control.linear_form import (
     KalmanForm,
@@ -23,7 +26,7 @@ from flexslew_control.linear_form import (
     kalman_form,
     no_integral,
 )
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector
 from flexslew_plant.measurement import Measurement
 
 
@@ -116,7 +119,7 @@ class SlidingLaw:
         """Precompute what does not change."""
         nu, kappa = self.found.reaching_rate, self.attitude_gain
         # nu G + kappa G on the joints' columns alone
-        self._reaching = self.found.surface * (nu + kappa * self.observed.joint_rows)
+        self.reaching = self.found.surface * (nu + kappa * self.observed.joint_rows)
         self._innovation_gain = self.found.surface @ self.found.observer_gain
 
     def at_rest(self, a: Matrix) -> Matrix:
@@ -126,7 +129,7 @@ class SlidingLaw:
             a: A, shape (k, k).
         """
         inverse = self.observed.effectiveness(np.zeros(len(a)), self.found.surface)
-        return inverse @ (self.found.surface @ a + self._reaching)
+        return inverse @ (self.found.surface @ a + self.reaching)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -145,7 +148,7 @@ class SlidingLaw:
         }
         if self.drifts:
             summands["innovation"] = -inverse @ (self._innovation_gain @ estimate.innovation)
-        summands["reaching"] = -inverse @ (self._reaching @ (z - nominal))
+        summands["reaching"] = -inverse @ (self.reaching @ (z - nominal))
         self.terms = {name: observed.on_bench(effort) for name, effort in summands.items()}
         self.terms |= observed.platform(measurement, reference)
         total: Vector = sum(self.terms.values(), start=_NOTHING)
@@ -155,14 +158,28 @@ class SlidingLaw:
 _NOTHING = np.zeros(())
 
 
+def _of_deviation(law: SlidingLaw, observed: PlanDeviation, references: list[Reference]) -> Tensor:
+    """Return what multiplies [e, e'] about a plan, shape (ticks, joints, 2 n)."""
+    craft, surface = observed.craft, law.found.surface
+    inverse = observed.effectiveness(NOTHING, surface)
+    rest = craft.small.linear.state_matrix
+    found = np.empty((len(references), len(inverse), len(rest)))
+    for tick, reference in enumerate(references):
+        a = craft.state_matrix(reference.velocity) if observed.turning else rest
+        found[tick] = -inverse @ (surface @ a + law.reaching)
+    return found
+
+
 def sliding_form(
     estimator: Estimator, law: SlidingLaw, references: list[Reference]
 ) -> LinearForm | None:
     """Return output feedback with the linear model, tracking (b): (51) with D = 0.
 
-    Of one appendage in every mode: its D is known from the plan alone.
+    Of one appendage, and of a craft about its plan, in every mode: the plan alone tells the rest.
     """
     observed = law.observed
+    if isinstance(estimator, TurningFilter) and isinstance(observed, PlanDeviation):
+        return turning_form(estimator, _of_deviation(law, observed, references), references)
     if isinstance(observed, OneAppendage) and isinstance(estimator, SampledObserver):
         return appendage_form(law.found, observed, law.attitude_gain, references)
     if not isinstance(observed, JointsAndModes) or not observed.linear:

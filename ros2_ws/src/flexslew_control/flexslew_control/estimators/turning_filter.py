@@ -1,6 +1,7 @@
 """A Kalman filter of how far a turning craft is from its plan, in attitude, rates and modes."""
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,12 +10,20 @@ from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.turning_platform import TurningPlatform
 from flexslew_control.zero_order_hold import zero_order_hold
-from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 
 _WALK = 0.1  # of a disturbance, of the largest effort limit [1/sqrt(s)]
 _SECOND = 1.0  # times the square of that limit is the density of the noise on efforts [s]
+
+
+class FilterAlong(NamedTuple):
+    """A TurningFilter's matrices at the ticks of a plan; the first gain is that of its reset."""
+
+    states: Tensor  # F of the tick that begins, (ticks, k, k)
+    efforts: Tensor  # G, (ticks, k, joints)
+    gains: Tensor  # K of the tick's measurement, (ticks, k, outputs)
 
 
 @dataclass
@@ -82,6 +91,33 @@ class TurningFilter:
         self._last = self._estimate(reference, innovation, nis)
         return self._last
 
+    def along(self, references: list[Reference]) -> "FilterAlong":
+        """Return the filter of a plan from a reset on: no measurement changes its covariance."""
+        c, q, r = self._noise
+        (outputs, k), m, n = c.shape, self.platform.small.joints, self.platform.small.coordinates
+        ticks, p, each = len(references), self.still.matrices.first, np.eye(outputs)
+        found = FilterAlong(
+            np.empty((ticks, k, k)), np.empty((ticks, k, m)), np.zeros((ticks, k, outputs))
+        )
+        found.gains[0, :m, :m], found.gains[0, n : n + m, m:] = np.eye(m), np.eye(m)
+        velocities = np.array([reference.velocity for reference in references])
+        turns = np.flatnonzero((velocities[1:] != velocities[:-1]).any(axis=1))
+        stands_from = int(turns[-1]) + 1 if turns.size else 0  # the rates are those of the end
+        for tick, rates in enumerate(velocities):
+            f, found.efforts[tick] = self._step(rates)
+            found.states[tick] = f
+            if tick + 1 == ticks:
+                break
+            ahead = f @ p @ f.T + q
+            told = [corrected(np.zeros(k), ahead, e, c, r) for e in each]
+            found.gains[tick + 1], after = np.array([x for x, *_ in told]).T, told[0][1]
+            if tick > stands_from and np.array_equal(after, p):
+                found.states[tick:], found.efforts[tick:] = f, found.efforts[tick]
+                found.gains[tick + 1 :] = found.gains[tick + 1]
+                break
+            p = after
+        return found
+
     def settle(self, doublings: int) -> None:
         """Let the covariance become that of 2^doublings ticks later, in which nothing moves."""
         f, c, q, r = self._step(np.zeros(self.platform.small.joints))[0], *self._noise
@@ -102,7 +138,7 @@ class TurningFilter:
         """Return F and G of [e, e', d] over a tick about these rates."""
         if self._held is None or not np.array_equal(self._held[0], rates):
             b = self.platform.input_matrix
-            (k, m), states = b.shape, len(self._p)
+            (k, m), states = b.shape, len(self.still.matrices.first)
             f, g = np.eye(states), np.zeros((states, m))
             f[:k, :k], g[:k] = zero_order_hold(self.platform.state_matrix(rates), b, self.period)
             f[:k, k:] = g[:k, : states - k]

@@ -20,5 +20,6 @@ class Way(StrEnum):
     LAW = "bench: a law that is not linear"
     SETTINGS = "bench: a law that is not linear with these settings"
     TIPS = "bench: a law that reads instruments or rates of tips"
-    ATTITUDE = "bench: a Kalman filter in three axes"
+    ATTITUDE = "bench: a filter of joints that are no coordinates"
+    ALONG = "bench: a filter along the plan that each craft has for itself"
     FAR = "bench: a state without bounds"

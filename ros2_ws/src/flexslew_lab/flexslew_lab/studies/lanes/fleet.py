@@ -15,7 +15,7 @@ from flexslew_lab.metrics.metric import Ending, FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
 from flexslew_lab.studies.lanes.inputs import aim_of, course_of, gains_of, schedule_of
-from flexslew_lab.studies.lanes.lane_laws import kind_of
+from flexslew_lab.studies.lanes.lane_laws import is_large, kind_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import (
     LaneIntake,
@@ -88,6 +88,7 @@ class Lanes:
     _prepared: dict[Hashable, _Prepared | Way] = field(init=False, default_factory=dict)
     _gains: dict[Hashable, _Gains] = field(init=False, default_factory=dict)
     _intake: LaneIntake = field(init=False)
+    _large: dict[int, Hashable] = field(init=False, default_factory=dict)  # law, by variant
     _course: tuple[Hashable, Any] = field(init=False, default=(None, None))  # the newest
 
     def __post_init__(self) -> None:
@@ -200,7 +201,9 @@ class Lanes:
         return known.found
 
     def _made(self, lane: LaneTrial) -> _Prepared | Way:
-        trial = lane.trial
+        trial, variant = lane.trial, lane.case.variant
+        if self._large.get(variant, lane.law) != lane.law:
+            return Way.ALONG  # to make it takes as long as the bench's flight
         try:
             plan = self.plans.of(trial, lane.asked)
         except FlexslewError:
@@ -222,6 +225,8 @@ class Lanes:
             legs.append(Leg(first, name, form, controller.handover_ticks))
         if len({_filter_of(leg.form) for leg in legs}) > 1:
             return Way.SCHEDULE
+        if any(is_large(leg.form) for leg in legs):
+            self._large[variant] = lane.law
         aim, goal = aim_of(lane, plan)
         kinds = tuple((leg.first, leg.blended, kind_of(leg.form)) for leg in legs)
         kind = kinds, key, aim.tobytes()

@@ -10,6 +10,8 @@ from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver, SmallMotionForm
 from flexslew_plant.arrays import Tensor
 
+_MOST = 250_000  # numbers in a matrix of an observer, tick by tick, that each lane has for itself
+
 
 class Beside(NamedTuple):
     """The laws of a group, and what they know: one for all lanes, or one for each."""
@@ -28,7 +30,7 @@ def kind_of(form: LinearForm) -> Hashable:
     if isinstance(observer, SmallMotionForm):
         believed = observer.model.kernels, observer.model.before_modes
         parts, observer = observer.belief, observer.behind
-    if not isinstance(observer, LinearObserver):
+    if not isinstance(observer, LinearObserver) or is_large(form):
         return id(form)  # what a filter computes by tick is that of all lanes
     law, shared = form.law, form.shared
     shapes = tuple(np.shape(part) for part in (*law, *parts, *observer))
@@ -38,6 +40,11 @@ def kind_of(form: LinearForm) -> Hashable:
     filters = tuple(part.shape for part in form.attitude or ())
     integral = law.integral, law.unwinding, law.limit.tobytes(), integrand
     return believed, shapes, *integral, follows, kind, filters
+
+
+def is_large(form: LinearForm) -> bool:
+    """Return whether lanes have no room for such an observer each: it is another at every tick."""
+    return isinstance(form.observer, LinearObserver) and form.observer.state.size > _MOST
 
 
 def outputs_of(form: LinearForm, joints: int) -> int:
