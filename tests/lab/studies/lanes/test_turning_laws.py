@@ -60,11 +60,22 @@ def test_laws_about_their_plan_take_over_in_lanes_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=BIAS)), [0, 3])
 
 
-def test_crafts_with_a_filter_each_are_left_to_the_bench_after_the_first(
+def test_crafts_under_one_law_fly_beside_each_other(study_of: Callable[..., Study]) -> None:
+    trial = trial_of({"lqr": {}}, "lqr")
+    vary = {"testbed.platform.mass": {"uniform": [190.0, 210.0]}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
+    flown = [some for some, _ in Lanes(ready.study, ready.plans).fly(cases)]
+    assert [*map(len, flown)] == [3]
+    require_equal(ready, [0, 2])
+
+
+def test_laws_with_a_filter_each_are_left_to_the_bench_after_the_first(
     study_of: Callable[..., Study],
 ) -> None:
-    trial = trial_of({"lqr": {}}, "lqr") | {"duration": 60.0}  # of many ticks
-    vary = {"testbed.platform.mass": {"uniform": [190.0, 210.0]}}
+    own = {"filter": {"rate_sigma": 1e-3}}
+    trial = trial_of({"lqr": own}, "lqr") | {"duration": 60.0}  # of many ticks
+    vary = {"controllers.lqr.filter.rate_sigma": {"uniform": [1e-4, 1e-3]}}
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
     flown = [*Lanes(ready.study, ready.plans).fly(cases)]

@@ -21,5 +21,5 @@ class Way(StrEnum):
     SETTINGS = "bench: a law that is not linear with these settings"
     TIPS = "bench: a law that reads instruments or rates of tips"
     ATTITUDE = "bench: a filter of joints that are no coordinates"
-    ALONG = "bench: a filter along the plan that each craft has for itself"
+    ALONG = "bench: a filter about the plan that each law has for itself"
     FAR = "bench: a state without bounds"

@@ -203,7 +203,7 @@ class Lanes:
     def _made(self, lane: LaneTrial) -> _Prepared | Way:
         trial, variant = lane.trial, lane.case.variant
         if self._large.get(variant, lane.law) != lane.law:
-            return Way.ALONG  # to make it takes as long as the bench's flight
+            return Way.ALONG  # to make it takes as long as a flight of the bench
         try:
             plan = self.plans.of(trial, lane.asked)
         except FlexslewError:
