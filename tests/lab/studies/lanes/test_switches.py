@@ -108,6 +108,7 @@ def test_each_lane_has_gains_and_a_craft_of_its_own_on_every_leg(
     [
         ([{"at": 0.0, "switch": "pid"}], Way.SCHEDULE),  # a beginning in which nobody was before
         ([{"at": 1.0, "switch": "pid"}, {"at": 1.0, "switch": "lqr"}], Way.SCHEDULE),
+        ([{"at": 1.0, "switch": "rests"}], Way.NOT_ALLOWED),  # it follows no plan that moves
         ([{"at": 1.0, "switch": "own"}], Way.SWITCH),  # its state is its own, not an estimator's
     ],
 )
@@ -123,7 +124,7 @@ def test_what_only_the_bench_knows_is_left_to_it(
     }
     own = {"law": "linear", "system": system, "allow_unstable": True}
     trial = trial_of([(0.0, "pd"), (1.0, "pid"), (2.0, "lqr")]) | {"schedule": schedule}
-    trial["controllers"]["own"] = own
+    trial["controllers"] |= {"own": own, "rests": {"law": "modal_space"}}
     ready = prepare(study_of(flown=trial, lanes=True))
     case = case_of(ready.study, ready.samples, 0)
     left = [one.way for _, others in Lanes(ready.study, ready.plans).fly([case]) for one in others]

@@ -217,7 +217,7 @@ class Lanes:
         legs: list[Leg] = []
         for first, name in in_charge(trial):
             controller = _allowed(trial, name)
-            if controller is None or controller.adopt(plan):
+            if controller is None or controller.adopt(plan) or controller.reason:
                 return Way.NOT_ALLOWED
             form = form_of(trial, controller, course.references)
             if isinstance(form, Way):
