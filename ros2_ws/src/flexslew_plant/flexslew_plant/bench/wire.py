@@ -109,8 +109,16 @@ def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) ->
 
 
 def measurement_bytes(m: Measurement) -> bytes:
-    """Return the question as it goes over DDS."""
-    return stamped_bytes(stamp_of(m.time), m.tick, m.epoch, m[3:])
+    """Return the question as it goes over DDS: as stamped_bytes would, in less time."""
+    tick, epoch, time, name, position, velocity, tip, curvature, applied = m
+    part, length, word = _text(name)
+    q, v, w = position.tolist(), velocity.tolist(), tip.tolist()
+    c, u = curvature.tolist(), applied.tolist()
+    layout = _layout("<4siIIc3xQI", 28, (part, len(q), len(v), len(w), len(c), len(u)))
+    return layout.pack(
+        HEAD, *stamp_of(time), 1, b"\x00", tick, epoch, length, word,
+        len(q), *q, len(v), *v, len(w), *w, len(c), *c, len(u), *u,
+    )  # fmt: skip
 
 
 def truth_bytes(truth: Truth) -> bytes:
