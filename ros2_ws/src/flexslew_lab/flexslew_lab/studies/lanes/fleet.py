@@ -15,7 +15,7 @@ from flexslew_lab.metrics.metric import Ending, FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
 from flexslew_lab.studies.lanes.inputs import aim_of, course_of, gains_of, schedule_of
-from flexslew_lab.studies.lanes.lane_laws import is_large, kind_of
+from flexslew_lab.studies.lanes.lane_laws import is_large, kind_of, size_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import (
     LaneIntake,
@@ -40,6 +40,7 @@ from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
+_ROOM = 40_000_000  # for the numbers of their observers
 
 
 class ForBench(NamedTuple):
@@ -178,9 +179,11 @@ class Lanes:
     def _prepare(self, lane: LaneTrial) -> _Prepared | Way:
         """Return what is common to all like this one, or why the bench has to fly them."""
         if lane.law not in self._prepared:
-            while len(self._prepared) >= _KEPT:
-                self._prepared.pop(next(iter(self._prepared)))
             self._prepared[lane.law] = self._made(lane)
+            while len(self._prepared) > _KEPT or (
+                len(self._prepared) > 1 and sum(map(_size, self._prepared.values())) > _ROOM
+            ):
+                self._prepared.pop(next(iter(self._prepared)))
         return self._prepared[lane.law]
 
     def _gains_of(self, lane: LaneTrial, prepared: _Prepared) -> Vector | Way:
@@ -231,6 +234,13 @@ class Lanes:
         kinds = tuple((leg.first, leg.blended, kind_of(leg.form)) for leg in legs)
         kind = kinds, key, aim.tobytes()
         return _Prepared(tuple(legs), schedule_of(lane, course), aim, goal, kind)
+
+
+def _size(prepared: _Prepared | Way) -> int:
+    """Return how many numbers its observers hold."""
+    if isinstance(prepared, Way):
+        return 0
+    return sum(size_of(leg.form) for leg in prepared.legs)
 
 
 def _allowed(trial: Trial, name: str) -> Controller | None:

@@ -10,7 +10,7 @@ from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver, SmallMotionForm
 from flexslew_plant.arrays import Tensor
 
-_MOST = 250_000  # numbers in a matrix of an observer, tick by tick, that each lane has for itself
+_MOST = 400_000  # numbers of an observer, tick by tick, that each lane may have for itself
 
 
 class Beside(NamedTuple):
@@ -44,7 +44,13 @@ def kind_of(form: LinearForm) -> Hashable:
 
 def is_large(form: LinearForm) -> bool:
     """Return whether lanes have no room for such an observer each: it is another at every tick."""
-    return isinstance(form.observer, LinearObserver) and form.observer.state.size > _MOST
+    return size_of(form) > _MOST
+
+
+def size_of(form: LinearForm) -> int:
+    """Return how many numbers a linear observer holds, those of all ticks; of others zero."""
+    observer = form.observer
+    return sum(part.size for part in observer) if isinstance(observer, LinearObserver) else 0
 
 
 def outputs_of(form: LinearForm, joints: int) -> int:
