@@ -71,6 +71,11 @@ class LawForm(NamedTuple):
     limit: Vector  # of the law itself, (m,); inf: none
     quadratic: Matrix = np.zeros((0, 0))  # Q, (m, m m); empty: none
 
+    @property
+    def gains(self) -> Vector:
+        """kp, ki and kd one behind another, (3 m,)."""
+        return np.concatenate((self.kp, self.ki, self.kd))
+
 
 class SharedForm(NamedTuple):
     """What makes efforts of the torque of a law on the body axes; see allocation.AllocatedLaw."""

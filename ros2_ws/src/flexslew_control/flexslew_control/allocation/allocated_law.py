@@ -46,11 +46,11 @@ class AllocatedLaw:
         return effort
 
     def requested(self, reference: Reference) -> Reference:
-        """Return a reference as the law sees it."""
+        """Return a reference as the law sees it, or many in rows."""
         return reference._replace(
             position=self.attitude.turn_of(reference.position),
             velocity=self.attitude.turn_of(reference.velocity),
-            effort=self.allocator.torque @ reference.effort,
+            effort=reference.effort @ self.allocator.torque.T,
         )
 
     def _turn(self, estimate: Estimate, reference: Reference) -> tuple[Estimate, Reference]:

@@ -18,7 +18,7 @@ from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.estimators.attitude_tick import attitude_numbers
 from flexslew_control.law import Estimator, Law, PlantDescription, Reference
 from flexslew_control.linear_form import LinearForm, SharedForm
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 _AXES = ("x", "y", "z")
@@ -149,20 +149,22 @@ def form_on_axes(
         attitude = attitude_numbers(estimator)
         if attitude is None:
             return None
-    velocity = np.array([reference.velocity for reference in references])
-    effort = np.array([reference.effort for reference in references])
-    if isinstance(law, AllocatedLaw):  # see AllocatedLaw.requested, here for all ticks at once
-        turn, position = law.attitude.turn_of, np.array([r.position for r in references])
-        position, velocity = turn(position), turn(velocity)
-        effort = effort @ law.allocator.torque.T
-        shared = SharedForm(law.allocator.numbers, position, velocity)
+    wanted = Reference(
+        np.array([reference.position for reference in references]),
+        np.array([reference.velocity for reference in references]),
+        np.array([reference.effort for reference in references]),
+        NOTHING,
+    )
+    if isinstance(law, AllocatedLaw):
+        wanted = law.requested(wanted)
+        shared = SharedForm(law.allocator.numbers, wanted.position, wanted.velocity)
         law = law.law
-    found = form_of(law, effort)
+    found = form_of(law, wanted.effort)
     if found is None:
         return None
     form, turning = found
     own = form.law
     if turning is not None:
-        carried = turning.along(velocity)
+        carried = turning.along(wanted.velocity)
         own = own._replace(demand=own.demand - carried, quadratic=turning.of_products(own.kp.size))
     return form._replace(law=own, shared=shared, attitude=attitude)

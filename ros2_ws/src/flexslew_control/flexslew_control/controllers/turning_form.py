@@ -44,15 +44,13 @@ def turning_form(
     of_state, of_reading, held = gains @ believed, gains @ along.gains, along.efforts
     constant = -_each(held, effort) - _each(before, planned)
     if integrated is not None:
-        read, ticks = period * integrated.integrand @ along.gains, len(references)
-        own = np.concatenate(
-            (period * integrated.integrand @ believed, np.tile(np.eye(m), (ticks, 1, 1))), axis=2
-        )
-        state = np.concatenate((np.pad(state, ((0, 0), (0, 0), (0, m))), own), axis=1)
-        held = np.pad(held, ((0, 0), (0, m), (0, 0)))
-        before = np.concatenate((before, read), axis=1)
-        constant = np.concatenate((constant, -_each(read, planned)), axis=1)
-        of_state = np.concatenate((of_state, np.tile(np.eye(m), (ticks, 1, 1))), axis=2)
+        ticks, integrand = len(references), period * integrated.integrand
+        read, one = integrand @ along.gains, np.tile(np.eye(m), (ticks, 1, 1))
+        state = np.block([[state, np.zeros((ticks, k, m))], [integrand @ believed, one]])
+        held = np.block([[held], [np.zeros((ticks, m, m))]])
+        before = np.block([[before], [read]])
+        constant = np.hstack((constant, -_each(read, planned)))
+        of_state = np.block([of_state, one])
     observer = LinearObserver(np.zeros((state.shape[2], outputs)), state, held, before, constant)
     demand = effort - _each(of_reading, planned)
     form = observed_form(of_state, of_reading, demand, observer)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.estimators.kalman import KalmanFilter, corrected, predicted_covariance
+from flexslew_control.estimators.kalman import KalmanFilter, gain_of, predicted_covariance
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds.model import Model
 
@@ -52,8 +52,7 @@ def gained(estimator: KalmanFilter, ticks: int) -> GainedFilter | None:
             ahead = f @ p @ f.T + own.q
         else:
             ahead = predicted_covariance(dx, du[:, :d], p, own.q, period)
-        found = [corrected(np.zeros(k), ahead, e, own.c, own.r) for e in np.eye(len(own.c))]
-        gains[tick], after = np.array([x for x, *_ in found]).T, found[0][1]
+        gains[tick], after = gain_of(ahead, own.c, own.r)
         if np.array_equal(after, p):  # it is stationary
             gains[tick + 1 :] = gains[tick]
             break

@@ -160,6 +160,13 @@ def corrected(
     return x, 0.5 * (p + p.T), innovation, nis
 
 
+def gain_of(covariance: Matrix, c: Matrix, r: Vector) -> tuple[Matrix, Matrix]:
+    """Return what a measurement is multiplied by, shape (k, l), and P after it; see corrected."""
+    nothing = np.zeros(len(covariance))
+    told = [corrected(nothing, covariance, e, c, r) for e in np.eye(len(c))]
+    return np.array([x for x, *_ in told]).T, told[0][1]
+
+
 class FilterMatrices(NamedTuple):
     """The constants of a KalmanFilter of k states with l outputs."""
 

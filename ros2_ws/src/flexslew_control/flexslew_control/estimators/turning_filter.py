@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, corrected
+from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, corrected, gain_of
 from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.turning_platform import TurningPlatform
@@ -91,11 +91,11 @@ class TurningFilter:
         self._last = self._estimate(reference, innovation, nis)
         return self._last
 
-    def along(self, references: list[Reference]) -> "FilterAlong":
+    def along(self, references: list[Reference]) -> FilterAlong:
         """Return the filter of a plan from a reset on: no measurement changes its covariance."""
         c, q, r = self._noise
         (outputs, k), m, n = c.shape, self.platform.small.joints, self.platform.small.coordinates
-        ticks, p, each = len(references), self.still.matrices.first, np.eye(outputs)
+        ticks, p = len(references), self.still.matrices.first
         found = FilterAlong(
             np.empty((ticks, k, k)), np.empty((ticks, k, m)), np.zeros((ticks, k, outputs))
         )
@@ -109,8 +109,7 @@ class TurningFilter:
             if tick + 1 == ticks:
                 break
             ahead = f @ p @ f.T + q
-            told = [corrected(np.zeros(k), ahead, e, c, r) for e in each]
-            found.gains[tick + 1], after = np.array([x for x, *_ in told]).T, told[0][1]
+            found.gains[tick + 1], after = gain_of(ahead, c, r)
             if tick > stands_from and np.array_equal(after, p):
                 found.states[tick:], found.efforts[tick:] = f, found.efforts[tick]
                 found.gains[tick + 1 :] = found.gains[tick + 1]

@@ -12,7 +12,7 @@ class Way(StrEnum):
     METRICS = "bench: a metric of its own raises"
     MOTORS = "bench: motors with friction or quantisation"
     QUANTISED = "bench: quantised sensors"
-    SCHEDULE = "bench: faults, or targets that change"
+    SCHEDULE = "bench: faults, new targets, or switches at one tick"
     SWITCH = "bench: a switch to a law with a memory of its own"
     NO_PLAN = "bench: no plan"
     JOINTS = "bench: joints that are read in another way"

@@ -265,8 +265,6 @@ class Bench:
         1968): of second order.
         """
         model, period, now = self.model, self.settings.period, self.time
-        if self._friction is None and model.outside is None:
-            return model.advance(self._x, effort, period, t=now)
         x = model.pushed(self._x, 0.5 * period, now)
         if self._friction is None:
             after = model.advance(x, effort, period, t=now)

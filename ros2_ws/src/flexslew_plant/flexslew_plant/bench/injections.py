@@ -117,7 +117,7 @@ class Injections:
                 total = total + disturbance_effort(timed, tick, self._names.joints, self._period)
             if tick in (timed.start, timed.end):
                 self._tell(DisturbanceChanged(_plain_shapes(timed), tick == timed.start))
-        return kept(total) if self._disturbances else total
+        return kept(total)
 
 
 def _plain_shapes(timed: TimedDisturbance) -> dict[str, Any]:

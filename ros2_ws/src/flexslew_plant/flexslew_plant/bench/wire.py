@@ -20,6 +20,7 @@ HEAD = b"\x00\x01\x00\x00"  # encapsulation
 _LENGTH = Struct("<I")
 _QUESTION = Struct("<iII")  # stamp, length of frame_id
 _TICK = Struct("<QII")  # tick, epoch, length of controller
+_STAMPED = "<4siIIc3xQI", 28  # encapsulation, header, tick and epoch, and where they end
 _ANSWER = Struct("<iIQII")  # stamp, tick, epoch, length of controller
 
 
@@ -105,7 +106,7 @@ def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) ->
         else:
             parts.append("d")
             values.append(field)
-    return _layout("<4siIIc3xQI", 28, tuple(parts)).pack(*values)
+    return _layout(*_STAMPED, tuple(parts)).pack(*values)
 
 
 def measurement_bytes(m: Measurement) -> bytes:
@@ -114,7 +115,7 @@ def measurement_bytes(m: Measurement) -> bytes:
     part, length, word = _text(name)
     q, v, w = position.tolist(), velocity.tolist(), tip.tolist()
     c, u = curvature.tolist(), applied.tolist()
-    layout = _layout("<4siIIc3xQI", 28, (part, len(q), len(v), len(w), len(c), len(u)))
+    layout = _layout(*_STAMPED, (part, len(q), len(v), len(w), len(c), len(u)))
     return layout.pack(
         HEAD, *stamp_of(time), 1, b"\x00", tick, epoch, length, word,
         len(q), *q, len(v), *v, len(w), *w, len(c), *c, len(u), *u,

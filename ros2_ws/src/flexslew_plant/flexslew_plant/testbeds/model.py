@@ -229,7 +229,7 @@ class Model:
     ) -> Vector:
         """Return the state dt after t with the effort held (order 8, `steps` equal steps)."""
         self._require(x, effort)
-        after = x.copy() if x.dtype == np.float64 else np.array(x, dtype=np.float64)
+        after = np.array(x, dtype=np.float64)
         self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
         return after
 

@@ -191,7 +191,7 @@ class Lanes:
         trial, law = lane.trial, prepared.legs[0].form.law
         entry = law_entry(trial, trial.active)
         if len(prepared.legs) > 1 or not entry.lane_gains:
-            return np.concatenate((law.kp, law.ki, law.kd))
+            return law.gains
         own = trial.controllers[trial.active] or {}
         key = lane.law, repr([own.get(name) for name in entry.lane_gains])
         known, checked = self._gains.get(key), entry.checked or lane.model.leading is not None
@@ -227,7 +227,7 @@ class Lanes:
                 return form
             legs.append(Leg(first, name, form, controller.handover_ticks))
         if len({_filter_of(leg.form) for leg in legs}) > 1:
-            return Way.SCHEDULE
+            return Way.SWITCH
         if any(is_large(leg.form) for leg in legs):
             self._large[variant] = lane.law
         aim, goal = aim_of(lane, plan)

@@ -120,7 +120,7 @@ def gains_of(controller: Controller) -> Vector:
 
 
 def numbers_of(
-    group: Beside, follows: Schedule | SharedForm, since: int = -1, blended: int = 0
+    group: Beside, follows: Schedule | SharedForm, since: int, blended: int
 ) -> LawNumbers:
     """Return the laws of a group for the loop.
 

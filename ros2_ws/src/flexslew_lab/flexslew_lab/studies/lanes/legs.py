@@ -118,7 +118,7 @@ class LaneFlight:
                 self.w[at : at + end - begin] = w[begin:end]
         laws = self._laws[self._next].laws
         each = laws if len(laws) > 1 else laws * LANES
-        self._begin(np.array([np.concatenate((law.kp, law.ki, law.kd)) for law in each]))
+        self._begin(np.array([law.gains for law in each]))
 
     def _begin(self, gains: Matrix) -> None:
         """Begin the next leg, whose array is there."""
@@ -129,8 +129,8 @@ class LaneFlight:
         w[rows.law_limit : rows.limit] = np.repeat(limit, LANES)
         since = leg.first if self._next else -1
         numbers = numbers_of(law, leg.form.shared or self._schedule, since, leg.blended)
-        turns, attitude = first.model.attitude is not None, first.model.attitude
-        kinds = self._recorded, turns, self._heard is not None, bool(law.filters)
+        attitude, heard = first.model.attitude, self._heard
+        kinds = self._recorded, attitude is not None, heard is not None, bool(law.filters)
         terms = LawTerms.of(numbers)
         loop = lane_loop(first.kernel, sizes, terms, observer.observe, self._push, *kinds)
         self._loop: Callable[..., None] = partial(
@@ -142,7 +142,7 @@ class LaneFlight:
             numbers,
             self._errors,
             turned_joints(attitude, first.model.joints),
-            self._heard and self._heard.senses,
+            heard and heard.senses,
             self._pushes,
             observer.constants,
             observer.z,
