@@ -1,5 +1,6 @@
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -69,14 +70,16 @@ def test_what_fails_has_failed_and_runs_once(
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = alone: none beside it\n")
     calls = []
 
-    def counted(*arguments: str) -> int:
+    def counted(*arguments: str, **how: Any) -> Any:
         calls.append(arguments)
-        return real(*arguments, *(() if workers else ("-n", "0")))
+        return real(*arguments, *(() if workers else ("-n", "0")), **how)
 
     real = checkout._pytest
     monkeypatch.setattr(checkout, "_root", lambda: tmp_path)
     monkeypatch.setattr(checkout, "_pytest", counted)
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")  # most of the time is plugins'
+    monkeypatch.setenv("PYTEST_PLUGINS", "xdist.plugin")
     with pytest.raises(typer.Exit) as ended:
         checkout.test(typer.Context(TyperCommand("test")))
     assert (ended.value.exit_code, len(calls)) == (code, 3)

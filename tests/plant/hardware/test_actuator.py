@@ -1,3 +1,5 @@
+import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -36,23 +38,28 @@ def test_the_slew_rate_bounds_every_change() -> None:
     np.testing.assert_allclose(efforts[:, 1], -efforts[:, 0])
 
 
-def ramped(demands: Any, every: float, rate: float, lag: float) -> Any:
+EVERY = 0.1  # seconds from one of the demands to the next
+DEMANDS = np.random.default_rng(5).uniform(-9.0, 9.0, 30)
+
+
+@cache
+def ramped(rate: float, lag: float) -> Any:
     """Return the impulse of the continuous response up to every change of the demand.
 
     Integrated in steps of 20 us, which the ramp and the lag take piece by piece.
     """
     u, z, impulse, found = 0.0, 0.0, 0.0, []
-    steps = round(every / 2e-5)
-    dt = every / steps
-    for demand in demands:
+    steps = round(EVERY / 2e-5)
+    dt = EVERY / steps
+    kept = math.exp(-dt / lag) if lag else 0.0
+    for demand in DEMANDS.tolist():
         for _ in range(steps):
             before = u
-            u += np.clip(demand - u, -rate * dt, rate * dt)
+            u += min(max(demand - u, -rate * dt), rate * dt)
             if not lag:
                 impulse += 0.5 * (before + u) * dt
                 continue
             slope = (u - before) / dt
-            kept = np.exp(-dt / lag)
             after = u - slope * lag + (z - before + slope * lag) * kept
             impulse += 0.5 * (before + u) * dt - lag * (after - z)
             z = after
@@ -66,16 +73,15 @@ def ramped(demands: Any, every: float, rate: float, lag: float) -> Any:
 def test_the_impulse_of_a_slew_rate_does_not_depend_on_the_period(
     period: float, rate: float, lag: float
 ) -> None:
-    demands = np.random.default_rng(5).uniform(-9.0, 9.0, 30)
     motor = Actuator(ActuatorSettings(slew_rate=rate, lag=lag), np.array([150.0]), period)
     impulse, found = 0.0, []
-    for demand in demands:
-        for _ in range(round(0.1 / period)):
+    for demand in DEMANDS:
+        for _ in range(round(EVERY / period)):
             impulse += float(motor.apply(np.array([demand]))[0]) * period
         found.append(impulse)
     # the comparison meets the demand at the end of a step of 20 us: half a step of one change
     most = 30 * 2e-5 * rate * 2e-5
-    np.testing.assert_allclose(found, ramped(demands, 0.1, rate, lag), rtol=0.0, atol=most + 1e-12)
+    np.testing.assert_allclose(found, ramped(rate, lag), rtol=0.0, atol=most + 1e-12)
 
 
 @pytest.mark.parametrize("period", [0.05, 0.01])
