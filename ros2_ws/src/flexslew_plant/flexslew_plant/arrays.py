@@ -5,6 +5,7 @@ from typing import Any, TypeAlias, TypeVar, cast
 
 import numba
 import numpy as np
+from llvmlite.binding import set_option
 from numpy.typing import NDArray
 
 from flexslew_plant.cache_names import recognised
@@ -18,6 +19,10 @@ Indices: TypeAlias = NDArray[np.int64]  # which entries of a vector
 
 NOTHING: Vector = np.zeros(0)  # of what has no numbers
 NOTHING.flags.writeable = False
+
+# Loops that are written out cost a sixth of the compiler's time, and no kernel is faster for them.
+for _option in ("--unroll-threshold=0", "--unroll-partial-threshold=0"):
+    set_option("flexslew", _option)
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Array = TypeVar("_Array", bound=NDArray[Any])
