@@ -1,25 +1,54 @@
 """Runs against the wall clock on a machine that is not theirs alone: stalls and busy processors."""
 
 import os
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
+from select import select
 from threading import Event
 from typing import Any
 
 import numpy as np
 import pytest
-from flexslew_msgs.srv import SetRate
+from flexslew_msgs.action import PlanSlew
+from flexslew_msgs.srv import Note, SetRate, Tune
+from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
 from flexslew_lab.log.bag_reader import BagReader
+from tests.present import present
 
-from .bystander import Sleepers, beside, busy, stall
+from .bystander import Bystander, Sleepers, beside, busy, stall
 from .flight import Flight, slew
 
 pytestmark = pytest.mark.alone
 
 LAWS = ("pd_feedforward", "lqr", "output_feedback", "proportional_integral")
+TUNED = dict(
+    zip(
+        LAWS,
+        (
+            "{kp: [470.0, 470.0]}",
+            "{weights: {joint: 110.0}}",
+            "{effort_noise: 1.0e-3}",
+            "{weights: {joint: 110.0}}",
+        ),
+        strict=True,
+    )
+)
+LISTENER = """
+import rclpy
+from flexslew_msgs.msg import Measurement, PlantState
+rclpy.init()
+node = rclpy.create_node("listener")
+for topic, kind in (("measurement", Measurement), ("truth", PlantState)):
+    node.create_subscription(kind, topic, lambda message: None, 100)
+print("listens", flush=True)
+rclpy.spin(node)
+"""
 MORE_LAWS = "".join(f", {law}: {{}}" for law in LAWS[1:])
 RATES = (1.0, 10.0)
 STALLS = (0.1, 0.3)  # [wall s]
@@ -154,3 +183,68 @@ def test_at_real_time_neither_the_start_nor_a_pause_costs_a_tick(tmp_path: Path)
     flight, ours = watched(lambda: Flight(trial, tmp_path, 1, rests))
     assert flight.outcome == (0, ""), flight.log
     assert flight.metrics["missed_ticks"] == 0 or not ours, flight.log
+
+
+@contextmanager
+def listening(domain: int) -> Iterator[Callable[[], bool]]:
+    """Let somebody listen who is loaded, found and killed meanwhile; yield whether he is there."""
+    env = os.environ | {"ROS_DOMAIN_ID": str(domain)}
+    command = [sys.executable, "-c", LISTENER]
+    with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True) as listener:
+        says = present(listener.stdout)
+        try:
+            yield lambda: select([says], [], [], 0.0)[0] != []
+        finally:
+            listener.kill()
+
+
+def planned(bench: Bystander, request: str) -> str:
+    """Return what the planner answers when its plan is there."""
+    client = ActionClient(bench.node, PlanSlew, "plan_slew")
+    bench.until(client.server_is_ready)
+    goal = client.send_goal_async(PlanSlew.Goal(request=request))
+    bench.until(goal.done)
+    result = goal.result().get_result_async()
+    bench.until(result.done)
+    return str(result.result().result.message)
+
+
+def test_at_real_time_nothing_that_is_asked_of_a_bench_costs_a_tick(tmp_path: Path) -> None:
+    done: list[tuple[int, str]] = []  # from which tick on, and what
+
+    def work(pids: dict[str, int], domain: int) -> None:
+        with beside(domain) as bench:
+
+            def ask(kind: Any, name: str, **request: Any) -> None:
+                done.append((bench.tick, name))
+                answer = bench.ask(kind, name, **request)
+                assert answer.ok, answer.message
+                bench.pass_by(30)
+
+            bench.pass_by(30)
+            for law in (*LAWS[1:], LAWS[0]):
+                done.append((bench.tick, law))
+                bench.swap(law)
+                bench.pass_by(30)
+                ask(Tune, f"{law}/tune", settings=TUNED[law])
+            ask(Note, "note", text="it rings " * 1000)
+            for rate in (10.0, 1.0):
+                ask(SetRate, "set_rate", rate_factor=rate)
+            with listening(domain) as there:
+                done.append((bench.tick, "who listens begins"))
+                bench.until(there)
+                bench.pass_by(100)
+                done.append((bench.tick, "and is killed"))
+            bench.pass_by(30)
+            done.append((bench.tick, "a plan is made and taken"))
+            start = 0.01 * bench.tick + 100.0  # later than any machine needs to make it
+            request = f"goal: {{base_yaw: 0.2}}, duration: 10.0, start: {start}"
+            said = planned(bench, f"{{method: input_shaping, {request}}}")
+            assert said.startswith("taken by "), said
+            bench.pass_by(30)
+        raise KeyboardInterrupt
+
+    flight, ours = watched(lambda: Flight(slew(LONG, 1.0, MORE_LAWS), tmp_path, 1, work))
+    assert flight.outcome.exit_code == 130, flight.log
+    why = [(tick, [what for since, what in done if since <= tick][-1:]) for tick in missed(flight)]
+    assert not why or not ours

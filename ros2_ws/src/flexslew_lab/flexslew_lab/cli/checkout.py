@@ -112,7 +112,7 @@ def test(context: typer.Context) -> None:
         )
         with over_ros:
             plain = _pytest(
-                *("-n", f"{workers}", "--dist", "worksteal", *ignored), before=("nice",)
+                *("-n", f"{workers}", "--dist", "worksteal", *ignored), before=("nice", "-n", "5")
             )
             codes = [_code_of(plain), _code_of(over_ros)]
         said.seek(0)
