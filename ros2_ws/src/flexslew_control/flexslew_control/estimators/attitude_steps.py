@@ -85,9 +85,7 @@ def take_attitude(
 
     See attitude_filter.corrected_by_attitude.
     """
-    back = (-attitude[0], -attitude[1], -attitude[2], attitude[3])
-    read = (measured[0], measured[1], measured[2], measured[3])
-    innovation[0], innovation[1], innovation[2] = turn_of(multiplied(back, read))
+    compare_attitude(attitude, measured, innovation)
     return _correct(attitude, bias, covariance, innovation, np.eye(3), noise)
 
 
@@ -105,16 +103,36 @@ def take_direction(
 
     See attitude_filter.corrected_by_direction.
     """
+    shows, noise = np.empty((2, 3)), np.zeros((2, 2))
+    compare_direction(attitude, measured, inertial, innovation, shows)
+    noise[0, 0] = noise[1, 1] = sigma**2
+    return _correct(attitude, bias, covariance, innovation, shows, noise)
+
+
+@called
+def compare_attitude(attitude: Vector, measured: Vector, innovation: Vector) -> None:
+    """Write the turn from an attitude to the measured one, quaternions both, (3,) [rad]."""
+    back = (-attitude[0], -attitude[1], -attitude[2], attitude[3])
+    read = (measured[0], measured[1], measured[2], measured[3])
+    innovation[0], innovation[1], innovation[2] = turn_of(multiplied(back, read))
+
+
+@called
+def compare_direction(
+    attitude: Vector, measured: Vector, inertial: Vector, innovation: Vector, shows: Matrix
+) -> None:
+    """Write what a measured direction has across the believed one (2,), and H of the turn (2, 3).
+
+    See attitude_filter.corrected_by_direction.
+    """
     now = (attitude[0], attitude[1], attitude[2], attitude[3])
     x, y, z = along_turned(now, inertial[0], inertial[1], inertial[2])
-    two, shows, noise = np.empty((2, 3)), np.empty((2, 3)), np.zeros((2, 2))
+    two = np.empty((2, 3))
     write_across(x, y, z, two)
     for i in range(2):
         a, b, c = two[i, 0], two[i, 1], two[i, 2]
         innovation[i] = a * measured[0] + b * measured[1] + c * measured[2]
         shows[i, 0], shows[i, 1], shows[i, 2] = b * z - c * y, c * x - a * z, a * y - b * x
-        noise[i, i] = sigma**2
-    return _correct(attitude, bias, covariance, innovation, shows, noise)
 
 
 @compiled_once("two")
@@ -135,21 +153,9 @@ def _correct(
     shows: Matrix,
     noise: Matrix,
 ) -> float:
-    """Correct the belief by an innovation of H times the turn, by Joseph's form; return its nis."""
-    p, size = covariance, innovation.size
-    gain, told, spread = np.empty((size, 6)), innovation.copy(), noise.copy()
-    for i in range(size):
-        for j in range(6):
-            gain[i, j] = shows[i, 0] * p[0, j] + shows[i, 1] * p[1, j] + shows[i, 2] * p[2, j]
-        for j in range(size):
-            for n in range(3):
-                spread[i, j] += gain[i, n] * shows[j, n]
-    nis = _solve(spread, gain, told)
-    _narrow(p, gain, shows, noise)
-    error = np.zeros(6)
-    for i in range(size):
-        for j in range(6):
-            error[j] += gain[i, j] * innovation[i]
+    """Correct the belief by an innovation of H times the turn; return its nis."""
+    error = np.empty(6)
+    nis = narrow(covariance, innovation, shows, noise, error)
     before = (attitude[0], attitude[1], attitude[2], attitude[3])
     after = turned(before, error[0], error[1], error[2])
     attitude[0], attitude[1], attitude[2], attitude[3] = after
@@ -159,12 +165,42 @@ def _correct(
 
 
 @called
+def narrow(p: Matrix, innovation: Vector, shows: Matrix, noise: Matrix, error: Vector) -> float:
+    """Narrow P by an innovation of H times the first errors, by Joseph's form; return its nis.
+
+    Args:
+        p: covariance of all errors, in and out, shape (errors, errors).
+        innovation: shape (l,).
+        shows: H, shape (l, c): of the first c errors.
+        noise: R, shape (l, l).
+        error: out, the errors as they are believed then, shape (errors,).
+    """
+    size, c, errors = innovation.size, shows.shape[1], len(p)
+    gain, told, spread = np.zeros((size, errors)), innovation.copy(), noise.copy()
+    for i in range(size):
+        for n in range(c):
+            for j in range(errors):
+                gain[i, j] += shows[i, n] * p[n, j]
+        for j in range(size):
+            for n in range(c):
+                spread[i, j] += gain[i, n] * shows[j, n]
+    nis = _solve(spread, gain, told)
+    _joseph(p, gain, shows, noise)
+    for j in range(errors):
+        error[j] = 0.0
+    for i in range(size):
+        for j in range(errors):
+            error[j] += gain[i, j] * innovation[i]
+    return nis
+
+
+@called
 def _solve(s: Matrix, gain: Matrix, told: Vector) -> float:
     """Replace H P by S^-1 H P, the transposed gain, and return e^T S^-1 e; S and e are used up.
 
     S = H P H^T + R = L L^T by Cholesky.
     """
-    size, nis = told.size, 0.0
+    size, errors, nis = told.size, gain.shape[1], 0.0
     for i in range(size):  # L in the place of S, and L^-1 of both
         for j in range(i):
             for n in range(j):
@@ -172,44 +208,47 @@ def _solve(s: Matrix, gain: Matrix, told: Vector) -> float:
             s[i, j] /= s[j, j]
             s[i, i] -= s[i, j] ** 2
             told[i] -= s[i, j] * told[j]
-            for n in range(6):
+            for n in range(errors):
                 gain[i, n] -= s[i, j] * gain[j, n]
         s[i, i] = sqrt(s[i, i])
         told[i] /= s[i, i]
         nis += told[i] ** 2
-        for n in range(6):
+        for n in range(errors):
             gain[i, n] /= s[i, i]
     for i in range(size - 1, -1, -1):  # L^-T of the gain
-        for n in range(6):
-            for j in range(i + 1, size):
+        for j in range(i + 1, size):
+            for n in range(errors):
                 gain[i, n] -= s[j, i] * gain[j, n]
+        for n in range(errors):
             gain[i, n] /= s[i, i]
     return nis
 
 
 @called
-def _narrow(p: Matrix, gain: Matrix, shows: Matrix, noise: Matrix) -> None:
-    """Replace P by (1 - K H) P (1 - K H)^T + K R K^T, the gain (size, 6) being K^T."""
-    size = len(gain)
-    step, ahead = np.zeros((6, 3)), np.empty((6, 6))
-    for i in range(6):
-        if i < 3:
-            step[i, i] = 1.0
-        for j in range(3):
-            for n in range(size):
-                step[i, j] -= gain[n, i] * shows[n, j]
-    for i in range(6):
-        for j in range(6):
-            total = p[i, j] if i >= 3 else 0.0
-            for n in range(3):
-                total += step[i, n] * p[n, j]
-            ahead[i, j] = total
-    for i in range(6):
+def _joseph(p: Matrix, gain: Matrix, shows: Matrix, noise: Matrix) -> None:
+    """Replace P by (1 - K H) P (1 - K H)^T + K R K^T, the gain (l, errors) being K^T."""
+    size, c, errors = len(gain), shows.shape[1], len(p)
+    step, ahead = np.zeros((c, errors)), np.empty((errors, errors))  # 1 - K H, transposed
+    for j in range(c):
+        step[j, j] = 1.0
+        for n in range(size):
+            for i in range(errors):
+                step[j, i] -= gain[n, i] * shows[n, j]
+    for i in range(errors):
+        for j in range(errors):
+            ahead[i, j] = p[i, j] if i >= c else 0.0
+        for n in range(c):
+            for j in range(errors):
+                ahead[i, j] += step[n, i] * p[n, j]
+    for i in range(errors):
         for j in range(i + 1):
-            total = ahead[i, j] if j >= 3 else 0.0
-            for n in range(3):
-                total += ahead[i, n] * step[j, n]
-            for n in range(size):
-                for m in range(size):
-                    total += gain[n, i] * noise[n, m] * gain[m, j]
-            p[i, j] = p[j, i] = total
+            p[i, j] = ahead[i, j] if j >= c else 0.0
+        for n in range(c):
+            for j in range(i + 1):
+                p[i, j] += ahead[i, n] * step[n, j]
+        for n in range(size):
+            for m in range(size):
+                for j in range(i + 1):
+                    p[i, j] += gain[n, i] * noise[n, m] * gain[m, j]
+        for j in range(i):
+            p[j, i] = p[i, j]

@@ -3,17 +3,17 @@
 In compiled form what AttitudeEstimator says for one run with a RigidFilter, by the same steps.
 """
 
+from collections.abc import Callable
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from flexslew_control.estimators.attitude_estimator import LEAST, PRESENT, AttitudeEstimator
-from flexslew_control.estimators.attitude_filter import RigidFilter
 from flexslew_control.estimators.attitude_steps import carry, take_attitude, take_direction, turned
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled_once
 from flexslew_plant.testbeds.attitude import joint_turn, move_about
-from flexslew_plant.testbeds.quaternions import of_turn, turn_of
+from flexslew_plant.testbeds.quaternions import Quaternion, Turn, of_turn, turn_of
 
 _BIAS, _COVARIANCE, _FOUND, _SEEN = 4, 7, 43, 44  # where they begin in the memory
 
@@ -35,11 +35,9 @@ class AttitudeNumbers(NamedTuple):
     period: Vector  # one tick, (1,) [s]
 
 
-def attitude_numbers(estimator: AttitudeEstimator) -> AttitudeNumbers | None:
-    """Return the constants of an estimator; None: it believes more than attitude and bias."""
+def attitude_numbers(estimator: AttitudeEstimator) -> AttitudeNumbers:
+    """Return the constants of an estimator but for what it believes of a craft that bends."""
     it, s = estimator, estimator.settings
-    if not isinstance(it.filter, RigidFilter):
-        return None
     count, factor = len(it.trackers), s.noise_factor
     late = [(one.first, one.delay_ticks(it.period)) for one in it.trackers]
     noises = [factor**2 * one.covariance + LEAST**2 * np.eye(3) for one in it.trackers]
@@ -129,14 +127,30 @@ def attitude_tick(
         p = memory[_COVARIANCE:_FOUND].reshape((6, 6))
         carry(attitude, bias, p, seen[(k - late) % rows, gyro : gyro + 3], white, walk, dt)
     if k >= late:
-        _take(k - late, numbers, seen, memory)
+        belief, found = memory[:_FOUND], memory[_FOUND:_SEEN]
+        _take(k - late, numbers, numbers, seen, belief, found)
     q = (attitude[0], attitude[1], attitude[2], attitude[3])
     for tick in range(max(k - late, 0) + 1, k + 1):
         at = seen[tick % rows]
         x, y, z = at[gyro] - bias[0], at[gyro + 1] - bias[1], at[gyro + 2] - bias[2]
         q = turned(q, x * dt, y * dt, z * dt)
-    turn = turn_of(q)
     rate = (tips[gyro] - bias[0], tips[gyro + 1] - bias[1], tips[gyro + 2] - bias[2])
+    tell_joints(numbers, q, rate, position, velocity, reference, believed, rates)
+
+
+@called
+def tell_joints(
+    numbers: AttitudeNumbers,
+    attitude: Quaternion,
+    rate: Turn,
+    position: Vector,
+    velocity: Vector,
+    reference: Vector,
+    believed: Vector,
+    rates: Vector,
+) -> None:
+    """Write what joints read of an attitude and body rates; see attitude_tick."""
+    axes, turn = numbers.axes, turn_of(attitude)
     for i in range(believed.size):
         believed[i], rates[i] = position[i], velocity[i]
         a, b, c = axes[i, 0], axes[i, 1], axes[i, 2]
@@ -156,37 +170,85 @@ def _begin(numbers: AttitudeNumbers, reference: Vector, memory: Vector) -> None:
         memory[_COVARIANCE + 7 * i] = numbers.sigmas[i // 3] ** 2
 
 
+def reader(
+    told_first: Callable[..., None],
+    told_attitude: Callable[..., None],
+    told_direction: Callable[..., None],
+) -> Callable[..., None]:
+    """Return what corrects a belief by what was measured at its time.
+
+    It takes (time, AttitudeNumbers, own, seen, belief, found): a tick, what else the filter knows,
+    tips of tick k in row k % rows of `seen`, and the belief, attitude and bias first. found, (1,),
+    is not zero once there was an attitude.
+
+    Args:
+        told_first: takes (own, belief, attitude, noise) of the first attitude.
+        told_attitude: takes the same and the innovation, (3,).
+        told_direction: takes (own, belief, measured, inertial, sigma, innovation), (2,).
+    """
+
+    @called
+    def take(
+        time: int, numbers: AttitudeNumbers, own: Any, seen: Matrix, belief: Vector, found: Vector
+    ) -> None:
+        bias, rows, gyro = belief[_BIAS:_COVARIANCE], len(seen), numbers.gyro[0]
+        innovation, read, noise = np.empty(3), np.empty(4), np.empty((3, 3))
+        for n in range(len(numbers.tracker)):
+            first, delay = numbers.tracker[n]
+            at = seen[(time + delay) % rows, first : first + 4]
+            size = sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2 + at[3] ** 2)
+            if not size > PRESENT:
+                continue
+            here, square = seen[time % rows], 0.0
+            for i in range(3):
+                square += (here[gyro + i] - bias[i]) ** 2
+                noise[i] = numbers.tracker_noise[n, i]
+            for i in range(3):
+                noise[i, i] += numbers.rate_noise[n] * square
+            for i in range(4):
+                read[i] = at[i] / size
+            if found[0]:
+                told_attitude(own, belief, read, noise, innovation)
+            else:
+                found[0] = 1.0
+                told_first(own, belief, read, noise)
+        for n in range(len(numbers.sun)):
+            at = seen[time % rows, numbers.sun[n] : numbers.sun[n] + 3]
+            if found[0] and sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2) > PRESENT:
+                towards, sigma = numbers.sun_direction[n], numbers.sun_sigma[n]
+                told_direction(own, belief, at, towards, sigma, innovation[:2])
+
+    return cast(Callable[..., None], take)
+
+
 @called
-def _take(time: int, numbers: AttitudeNumbers, seen: Matrix, memory: Vector) -> None:
-    """Correct the belief by what was measured at its time, a tick."""
-    attitude, bias = memory[:_BIAS], memory[_BIAS:_COVARIANCE]
-    p = memory[_COVARIANCE:_FOUND].reshape((6, 6))
-    rows, innovation, gyro = len(seen), np.empty(3), numbers.gyro[0]
-    read, noise = np.empty(4), np.empty((3, 3))
-    for n in range(len(numbers.tracker)):
-        first, delay = numbers.tracker[n]
-        at = seen[(time + delay) % rows, first : first + 4]
-        size = sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2 + at[3] ** 2)
-        if not size > PRESENT:
-            continue
-        here, square = seen[time % rows], 0.0
-        for i in range(3):
-            square += (here[gyro + i] - bias[i]) ** 2
-            noise[i] = numbers.tracker_noise[n, i]
-        for i in range(3):
-            noise[i, i] += numbers.rate_noise[n] * square
-        for i in range(4):
-            read[i] = at[i] / size
-        if memory[_FOUND]:
-            take_attitude(attitude, bias, p, read, noise, innovation)
-            continue
-        memory[_FOUND] = 1.0
-        attitude[:] = read
-        p[:3, 3:] = 0.0
-        p[3:, :3] = 0.0
-        p[:3, :3] = noise
-    for n in range(len(numbers.sun)):
-        at = seen[time % rows, numbers.sun[n] : numbers.sun[n] + 3]
-        if memory[_FOUND] and sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2) > PRESENT:
-            towards, sigma = numbers.sun_direction[n], numbers.sun_sigma[n]
-            take_direction(attitude, bias, p, at, towards, sigma, innovation[:2])
+def _told_first(own: AttitudeNumbers, belief: Vector, read: Vector, noise: Matrix) -> None:
+    p = belief[_COVARIANCE:].reshape((6, 6))
+    belief[:_BIAS] = read
+    p[:3, 3:] = 0.0
+    p[3:, :3] = 0.0
+    p[:3, :3] = noise
+
+
+@called
+def _told_attitude(
+    own: AttitudeNumbers, belief: Vector, read: Vector, noise: Matrix, innovation: Vector
+) -> None:
+    p = belief[_COVARIANCE:].reshape((6, 6))
+    take_attitude(belief[:_BIAS], belief[_BIAS:_COVARIANCE], p, read, noise, innovation)
+
+
+@called
+def _told_direction(
+    own: AttitudeNumbers,
+    belief: Vector,
+    read: Vector,
+    inertial: Vector,
+    sigma: float,
+    innovation: Vector,
+) -> None:
+    p, bias = belief[_COVARIANCE:].reshape((6, 6)), belief[_BIAS:_COVARIANCE]
+    take_direction(belief[:_BIAS], bias, p, read, inertial, sigma, innovation)
+
+
+_take = reader(_told_first, _told_attitude, _told_direction)
