@@ -141,3 +141,24 @@ def test_with_modes_attitude_and_rate_are_known_better_than_by_the_gyro_alone() 
 def test_a_craft_that_more_joints_turn_is_refused_with_what_to_do() -> None:
     with pytest.raises(BadInput, match=r"three joints that turn it, and no others"):
         craft("observatory")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_gyro_tells_as_much_where_the_attitude_is_unknown(seed: int) -> None:
+    """An attitude known to a radian hides nothing of a gyro that is right to 1e-5 rad/s."""
+    rng = np.random.default_rng(seed)
+    model = read_testbed(shipped_values("three_axes")["testbed"], "testbed").model()
+    it = flexible_filter(model, GyroNoise(2e-6, 0.0), SETTINGS, 0.02)
+    efforts, readings = 0.2 * rng.standard_normal((8, 3)), 1e-2 * rng.standard_normal((8, 3))
+    start = Rotation.random(random_state=seed).as_quat()
+    beliefs = []
+    for sigma in (1e-5, 1.0):
+        belief = it.begin(start, readings[0], (sigma, BIAS))
+        for effort, reading in zip(efforts, readings, strict=True):
+            belief = it.carried(belief, reading, effort).belief
+        beliefs.append(belief)
+    known, unknown = beliefs
+    for name in ("attitude", "bias", "modes", "rates"):
+        size = abs(getattr(known, name)).max()
+        off = abs(getattr(unknown, name) - getattr(known, name)).max()
+        assert off < 1e-10 * size, name

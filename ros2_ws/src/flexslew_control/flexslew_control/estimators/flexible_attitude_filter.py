@@ -96,8 +96,8 @@ class FlexibleFilter:
         return self.platform.small.joints
 
     @cached_property
-    def _steps(self) -> int:
-        """Steps of a tick: none longer than one radian of the fastest mode."""
+    def steps(self) -> int:
+        """How many steps a tick has: none longer than one radian of the fastest mode."""
         linear = self.platform.small.linear
         fastest = float(np.abs(np.linalg.eigvals(linear.state_matrix)).max())
         return max(1, int(np.ceil(fastest * self.period)))
@@ -141,33 +141,34 @@ class FlexibleFilter:
         q = self._rest.copy()
         q[q.size - self.model.modes :] = belief.modes
         before = np.concatenate((q, belief.rates))
-        after = self.model.advance(before, effort, h, self._steps)
+        after = self.model.advance(before, effort, h, self.steps)
         turned = self.joints.orientation(self.model.joint_state(after)[0])
         middle = 0.5 * (self.model.joint_state(before)[1] + self.model.joint_state(after)[1])
         a, b = self.platform.state_matrix(middle), self.platform.input_matrix
         f, g = zero_order_hold(a, b, h)
-        step = block_diag(f, np.eye(3))
-        p = step @ belief.covariance @ step.T
-        p[:k, :k] += self.settings.effort_noise**2 / h * g @ g.T
-        p[-3:, -3:] += self.noise.walk**2 * h * np.eye(3)
-        then = np.zeros((3, k + 3))  # the turn at the start of the tick
-        then[:, : self._n] = self._turn
-        cross = then @ belief.covariance
-        both = np.block([[p, step @ cross.T], [cross @ step.T, cross @ then.T]])
+        step, pushed = block_diag(f, np.eye(3)), np.zeros((k + 3, k + 3))
+        pushed[:k, :k] = self.settings.effort_noise**2 / h * g @ g.T
+        pushed[-3:, -3:] = self.noise.walk**2 * h * np.eye(3)
         angle = rotation_vector(turned)
         slope = (np.eye(3) + 0.5 * skew(angle)) / h
-        shows = np.zeros((3, k + 6))
-        shows[:, : self._n], shows[:, k : k + 3] = slope @ self._turn, np.eye(3)
-        shows[:, -3:] = -slope @ to_body(turned)
+        shows = self._shown(slope)
+        shows[:, k:] = np.eye(3)
+        # of the error before the tick: one of the attitude turns with the craft and does not show.
+        # The difference of large covariances would be lost in their last digits
+        before = shows @ step
+        before[:, : self._joints] = 0.0
         white, walk = self.noise
         variance = (white**2 / h + walk**2 * h / 3.0) * np.eye(3)
+        p = belief.covariance
+        s = before @ p @ before.T + shows @ pushed @ shows.T + variance
+        gain = np.linalg.solve(s, before @ p @ step.T + shows @ pushed).T
+        left, kept = step - gain @ before, np.eye(k + 3) - gain @ shows
+        narrowed = left @ p @ left.T + kept @ pushed @ kept.T + gain @ variance @ gain.T
         moved = FlexibleBelief(
-            product(belief.attitude, turned), belief.bias, both,
+            product(belief.attitude, turned), belief.bias, narrowed,
             self.model.modal_state(after)[0], self.model.split(after)[1],
         )  # fmt: skip
-        told = self._corrected(moved, reading - angle / h - belief.bias, shows, variance)
-        narrowed = told.belief.covariance[: k + 3, : k + 3]
-        return told._replace(belief=told.belief._replace(covariance=narrowed))
+        return self._told(moved, reading - angle / h - belief.bias, gain, s)
 
     def told_attitude(self, belief: Any, measured: Vector, noise: Matrix) -> Correction:
         """Return the belief after a measured attitude; see corrected_by_attitude."""
@@ -214,19 +215,28 @@ class FlexibleFilter:
         self, belief: FlexibleBelief, innovation: Vector, shows: Matrix, noise: Matrix
     ) -> Correction:
         """Return the belief after an innovation of H times the error, by Joseph's form."""
-        p, n = belief.covariance, self._n
+        p = belief.covariance
         s = shows @ p @ shows.T + noise
         gain = np.linalg.solve(s, shows @ p).T
-        error, left = gain @ innovation, np.eye(len(p)) - gain @ shows
+        left = np.eye(len(p)) - gain @ shows
+        narrowed = left @ p @ left.T + gain @ noise @ gain.T
+        return self._told(belief._replace(covariance=narrowed), innovation, gain, s)
+
+    def _told(
+        self, belief: FlexibleBelief, innovation: Vector, gain: Matrix, variance: Matrix
+    ) -> Correction:
+        """Return a belief moved by an innovation; its covariance is that after it already."""
+        n, error = self._n, gain @ innovation
         turned = product(belief.attitude, quaternion(self._turn @ error[:n]))
         after = FlexibleBelief(
             turned / np.linalg.norm(turned),
             belief.bias + error[2 * n : 2 * n + 3],
-            left @ p @ left.T + gain @ noise @ gain.T,
+            belief.covariance,
             belief.modes + self.found.elastic(self.model.modes) @ error[self._joints : n],
             belief.rates + self.found.basis @ error[n : 2 * n],
         )
-        return Correction(after, innovation, float(innovation @ np.linalg.solve(s, innovation)))
+        nis = float(innovation @ np.linalg.solve(variance, innovation))
+        return Correction(after, innovation, nis)
 
 
 def flexible_filter(
