@@ -52,8 +52,7 @@ class Flight(NamedTuple):
     """What a filter is told, tick by tick."""
 
     tips: Matrix
-    position: Matrix  # of the joints as measured
-    velocity: Matrix
+    measured: Matrix  # positions, then velocities of the joints
     reference: Matrix
 
 
@@ -110,32 +109,31 @@ def flight(rng: np.random.Generator, it: AttitudeEstimator, sensors: list[Instru
                 tips[k, channels(one)] = rng.choice([np.nan, 0.0])
     moved = np.cumsum(0.05 * rng.standard_normal((TICKS, joints)), axis=0)
     reference = np.ascontiguousarray(moved if rng.random() < 0.8 else np.zeros((TICKS, joints)))
-    position, velocity = rng.standard_normal((2, TICKS, joints))
-    return Flight(tips, position, velocity, reference)
+    return Flight(tips, rng.standard_normal((TICKS, 2 * joints)), reference)
 
 
-def estimated(it: AttitudeEstimator, flown: Flight) -> tuple[Matrix, Matrix]:
+def estimated(it: AttitudeEstimator, flown: Flight) -> Matrix:
     """Return positions and velocities that the estimator believes."""
     rows = []
-    for k, (tips, position, velocity, reference) in enumerate(zip(*flown, strict=True)):
+    for k, (tips, measured, reference) in enumerate(zip(*flown, strict=True)):
+        position, velocity = np.split(measured, 2)
         still = np.zeros(len(position))
         it.expect(Reference(reference, still, still, NOTHING))
         seen = Measurement(k, 0, k * PERIOD, "", position, velocity, tips, tips, still)
         if k == 0:
             it.reset(seen)
         found = it.update(seen)
-        rows.append((found.position, found.velocity))
-    position, velocity = map(np.array, zip(*rows, strict=True))
-    return position, velocity
+        rows.append(np.concatenate((found.position, found.velocity)))
+    return np.array(rows)
 
 
-def ticked(numbers: AttitudeNumbers, flown: Flight) -> tuple[Matrix, Matrix]:
+def ticked(numbers: AttitudeNumbers, flown: Flight) -> Matrix:
     """Return the same of the compiled tick."""
     memory = np.full(attitude_memory(numbers, flown.tips.shape[1]), 7.0)
-    position, velocity = np.empty_like(flown.position), np.empty_like(flown.position)
+    believed = np.empty_like(flown.measured)
     for k, given in enumerate(zip(*flown, strict=True)):
-        attitude_tick(k, numbers, *given, memory, position[k], velocity[k])
-    return position, velocity
+        attitude_tick(k, numbers, *given, memory, believed[k])
+    return believed
 
 
 @pytest.mark.parametrize("suns", [0, 1, 2])
@@ -146,22 +144,19 @@ def test_the_compiled_tick_believes_what_the_estimator_believes(
     for seed in range(6):
         rng = np.random.default_rng([seed, suns, *delays])
         it, sensors = craft(rng, len(delays), suns, delays)
-        flown, numbers = flight(rng, it, sensors), attitude_numbers(it)
-        assert numbers is not None
-        expected, found = estimated(it, flown), ticked(numbers, flown)
+        flown = flight(rng, it, sensors)
+        expected, found = estimated(it, flown), ticked(attitude_numbers(it), flown)
         moving = np.flatnonzero(it.joints.reads)
         # the belief says something: it is neither the reference nor what the joints measure
-        assert abs(found[0] - flown.reference)[:, moving].max() > 1e-3
-        for one, other in zip(found, expected, strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+        assert abs(found[:, : len(it.joints.axes)] - flown.reference)[:, moving].max() > 1e-3
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_lanes_beside_each_other_have_constants_of_their_own() -> None:
     crafts = [craft(np.random.default_rng(5), 2, 1, delays)[0] for delays in ((0, 2), (1, 3))]
     each = [attitude_numbers(it) for it in crafts]
-    assert all(each)
-    both = AttitudeNumbers(*(np.array(parts) for parts in zip(*filter(None, each), strict=True)))
-    for lane, own in enumerate(filter(None, each)):
+    both = AttitudeNumbers(*(np.array(parts) for parts in zip(*each, strict=True)))
+    for lane, own in enumerate(each):
         for part, expected in zip(numbers_of(both, lane), own, strict=True):
             assert part.dtype == expected.dtype
             np.testing.assert_array_equal(part, expected)

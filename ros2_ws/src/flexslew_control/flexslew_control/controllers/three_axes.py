@@ -16,8 +16,10 @@ from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
 from flexslew_control.controllers.sampled_loop import SmallMotions, require_sampled_pd
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.estimators.attitude_tick import attitude_numbers
+from flexslew_control.estimators.flexible_attitude_filter import FlexibleFilter
+from flexslew_control.estimators.flexible_attitude_tick import flexible_numbers
 from flexslew_control.law import Estimator, Law, PlantDescription, Reference
-from flexslew_control.linear_form import LinearForm, SharedForm
+from flexslew_control.linear_form import FlexibleForm, LinearForm, SharedForm
 from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
@@ -144,11 +146,12 @@ def form_on_axes(
         form_of: returns the form of the law itself without its w x J w, and what adds that, from
             the efforts of its plan, shape (ticks, axes).
     """
-    shared = attitude = None
+    shared = attitude = flexible = None
     if isinstance(estimator, AttitudeEstimator):
-        attitude = attitude_numbers(estimator)
-        if attitude is None:
-            return None
+        attitude, believed = attitude_numbers(estimator), estimator.filter
+        if isinstance(believed, FlexibleFilter):
+            numbers = flexible_numbers(believed, estimator.settings)
+            flexible = FlexibleForm(believed.model, believed.steps, numbers)
     wanted = Reference(
         np.array([reference.position for reference in references]),
         np.array([reference.velocity for reference in references]),
@@ -167,4 +170,4 @@ def form_on_axes(
     if turning is not None:
         carried = turning.along(wanted.velocity)
         own = own._replace(demand=own.demand - carried, quadratic=turning.of_products(own.kp.size))
-    return form._replace(law=own, shared=shared, attitude=attitude)
+    return form._replace(law=own, shared=shared, attitude=attitude, flexible=flexible)

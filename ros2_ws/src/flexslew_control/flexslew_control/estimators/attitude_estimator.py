@@ -44,6 +44,10 @@ class TurnFilter(Protocol):
     """What an estimate of attitude, bias and perhaps more is made of; beliefs are its own."""
 
     @property
+    def noise(self) -> GyroNoise:
+        """That of the gyro."""
+
+    @property
     def channels(self) -> int:
         """How many innovations the gyro gives."""
 

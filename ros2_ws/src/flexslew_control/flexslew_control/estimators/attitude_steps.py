@@ -166,25 +166,27 @@ def _correct(
 
 @called
 def narrow(p: Matrix, innovation: Vector, shows: Matrix, noise: Matrix, error: Vector) -> float:
-    """Narrow P by an innovation of H times the first errors, by Joseph's form; return its nis.
+    """Narrow P by an innovation of H times the first three errors, by Joseph's form.
+
+    Returns its nis.
 
     Args:
         p: covariance of all errors, in and out, shape (errors, errors).
         innovation: shape (l,).
-        shows: H, shape (l, c): of the first c errors.
+        shows: H, shape (l, 3).
         noise: R, shape (l, l).
         error: out, the errors as they are believed then, shape (errors,).
     """
-    size, c, errors = innovation.size, shows.shape[1], len(p)
+    size, errors = innovation.size, len(p)
     gain, told, spread = np.zeros((size, errors)), innovation.copy(), noise.copy()
     for i in range(size):
-        for n in range(c):
+        for n in range(3):
             for j in range(errors):
                 gain[i, j] += shows[i, n] * p[n, j]
         for j in range(size):
-            for n in range(c):
+            for n in range(3):
                 spread[i, j] += gain[i, n] * shows[j, n]
-    nis = _solve(spread, gain, told)
+    nis = solve(spread, gain, told)
     _joseph(p, gain, shows, noise)
     for j in range(errors):
         error[j] = 0.0
@@ -195,7 +197,7 @@ def narrow(p: Matrix, innovation: Vector, shows: Matrix, noise: Matrix, error: V
 
 
 @called
-def _solve(s: Matrix, gain: Matrix, told: Vector) -> float:
+def solve(s: Matrix, gain: Matrix, told: Vector) -> float:
     """Replace H P by S^-1 H P, the transposed gain, and return e^T S^-1 e; S and e are used up.
 
     S = H P H^T + R = L L^T by Cholesky.
@@ -227,28 +229,34 @@ def _solve(s: Matrix, gain: Matrix, told: Vector) -> float:
 @called
 def _joseph(p: Matrix, gain: Matrix, shows: Matrix, noise: Matrix) -> None:
     """Replace P by (1 - K H) P (1 - K H)^T + K R K^T, the gain (l, errors) being K^T."""
-    size, c, errors = len(gain), shows.shape[1], len(p)
-    step, ahead = np.zeros((c, errors)), np.empty((errors, errors))  # 1 - K H, transposed
-    for j in range(c):
+    size, errors = len(gain), len(p)
+    step, ahead = np.zeros((3, errors)), np.empty((errors, errors))  # 1 - K H, transposed
+    for j in range(3):
         step[j, j] = 1.0
         for n in range(size):
             for i in range(errors):
                 step[j, i] -= gain[n, i] * shows[n, j]
     for i in range(errors):
         for j in range(errors):
-            ahead[i, j] = p[i, j] if i >= c else 0.0
-        for n in range(c):
+            ahead[i, j] = p[i, j] if i >= 3 else 0.0
+        for n in range(3):
             for j in range(errors):
                 ahead[i, j] += step[n, i] * p[n, j]
     for i in range(errors):
         for j in range(i + 1):
-            p[i, j] = ahead[i, j] if j >= c else 0.0
-        for n in range(c):
+            p[i, j] = ahead[i, j] if j >= 3 else 0.0
+        for n in range(3):
             for j in range(i + 1):
                 p[i, j] += ahead[i, n] * step[n, j]
-        for n in range(size):
-            for m in range(size):
-                for j in range(i + 1):
-                    p[i, j] += gain[n, i] * noise[n, m] * gain[m, j]
+        _add_noise(gain, noise, i, p[i])
         for j in range(i):
             p[j, i] = p[i, j]
+
+
+@called
+def _add_noise(gain: Matrix, noise: Matrix, i: int, row: Vector) -> None:
+    """Add K R K^T to the first entries of row i, up to the diagonal."""
+    for n in range(len(gain)):
+        for m in range(len(gain)):
+            for j in range(i + 1):
+                row[j] += gain[n, i] * noise[n, m] * gain[m, j]

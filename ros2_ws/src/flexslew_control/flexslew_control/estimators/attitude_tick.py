@@ -13,7 +13,7 @@ from flexslew_control.estimators.attitude_estimator import LEAST, PRESENT, Attit
 from flexslew_control.estimators.attitude_steps import carry, take_attitude, take_direction, turned
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled_once
 from flexslew_plant.testbeds.attitude import joint_turn, move_about
-from flexslew_plant.testbeds.quaternions import Quaternion, Turn, of_turn, turn_of
+from flexslew_plant.testbeds.quaternions import of_turn, turn_of
 
 _BIAS, _COVARIANCE, _FOUND, _SEEN = 4, 7, 43, 44  # where they begin in the memory
 
@@ -86,17 +86,15 @@ def numbers_of(all_lanes: AttitudeNumbers, lane: int) -> AttitudeNumbers:
     )
 
 
-@compiled_once("memory", "believed", "rates")
+@compiled_once("memory", "believed")
 def attitude_tick(
     k: int,
     numbers: AttitudeNumbers,
     tips: Vector,
-    position: Vector,
-    velocity: Vector,
+    measured: Vector,
     reference: Vector,
     memory: Vector,
     believed: Vector,
-    rates: Vector,
 ) -> None:
     """Write positions and velocities of the joints as they are believed at tick k.
 
@@ -104,15 +102,13 @@ def attitude_tick(
         k: tick, from 0 on, one after another.
         numbers: of the filter.
         tips: readings of all tips at this tick.
-        position: of the joints as measured; kept where they do not read the attitude.
-        velocity: of the joints as measured, likewise.
+        measured: positions, then velocities of the joints, shape (2 joints,); kept where they do
+            not read the attitude.
         reference: where the joints shall be.
         memory: in and out, see attitude_memory; anything at tick 0.
-        believed: positions about the reference, shape (joints,).
-        rates: shape (joints,).
+        believed: positions about the reference, then velocities, shape (2 joints,).
     """
-    axes, gyro, dt = numbers.axes, numbers.gyro[0], numbers.period[0]
-    late = 0
+    gyro, dt, late = numbers.gyro[0], numbers.period[0], 0
     for n in range(len(numbers.tracker)):
         late = max(late, numbers.tracker[n, 1])
     rows = late + 1
@@ -127,37 +123,33 @@ def attitude_tick(
         p = memory[_COVARIANCE:_FOUND].reshape((6, 6))
         carry(attitude, bias, p, seen[(k - late) % rows, gyro : gyro + 3], white, walk, dt)
     if k >= late:
-        belief, found = memory[:_FOUND], memory[_FOUND:_SEEN]
-        _take(k - late, numbers, numbers, seen, belief, found)
+        _take(k - late, numbers, numbers, seen, memory[:_FOUND], memory[_FOUND:_SEEN])
     q = (attitude[0], attitude[1], attitude[2], attitude[3])
     for tick in range(max(k - late, 0) + 1, k + 1):
         at = seen[tick % rows]
         x, y, z = at[gyro] - bias[0], at[gyro + 1] - bias[1], at[gyro + 2] - bias[2]
         q = turned(q, x * dt, y * dt, z * dt)
-    rate = (tips[gyro] - bias[0], tips[gyro + 1] - bias[1], tips[gyro + 2] - bias[2])
-    tell_joints(numbers, q, rate, position, velocity, reference, believed, rates)
+    found = np.empty(7)
+    found[0], found[1], found[2], found[3] = q
+    for i in range(3):
+        found[4 + i] = tips[gyro + i] - bias[i]
+    tell_joints(numbers, found, measured, reference, believed)
 
 
 @called
 def tell_joints(
-    numbers: AttitudeNumbers,
-    attitude: Quaternion,
-    rate: Turn,
-    position: Vector,
-    velocity: Vector,
-    reference: Vector,
-    believed: Vector,
-    rates: Vector,
+    numbers: AttitudeNumbers, found: Vector, measured: Vector, reference: Vector, believed: Vector
 ) -> None:
-    """Write what joints read of an attitude and body rates; see attitude_tick."""
-    axes, turn = numbers.axes, turn_of(attitude)
-    for i in range(believed.size):
-        believed[i], rates[i] = position[i], velocity[i]
+    """Write what joints read of an attitude and a body rate, `found`, (7,); see attitude_tick."""
+    axes, m = numbers.axes, reference.size
+    turn, rate = turn_of((found[0], found[1], found[2], found[3])), found[4:]
+    for i in range(m):
+        believed[i], believed[m + i] = measured[i], measured[m + i]
         a, b, c = axes[i, 0], axes[i, 1], axes[i, 2]
         if a != 0.0 or b != 0.0 or c != 0.0:
             believed[i] = a * turn[0] + b * turn[1] + c * turn[2]
-            rates[i] = a * rate[0] + b * rate[1] + c * rate[2]
-    move_about(axes, numbers.inverse, reference, believed)
+            believed[m + i] = a * rate[0] + b * rate[1] + c * rate[2]
+    move_about(axes, numbers.inverse, reference, believed[:m])
 
 
 @called
@@ -177,9 +169,9 @@ def reader(
 ) -> Callable[..., None]:
     """Return what corrects a belief by what was measured at its time.
 
-    It takes (time, AttitudeNumbers, own, seen, belief, found): a tick, what else the filter knows,
-    tips of tick k in row k % rows of `seen`, and the belief, attitude and bias first. found, (1,),
-    is not zero once there was an attitude.
+    It takes (time, AttitudeNumbers, own, seen, belief, known): a tick, what else the filter knows,
+    tips of tick k in row k % rows of `seen`, and the belief, attitude and bias first. known, (1,),
+    is zero until there was an attitude.
 
     Args:
         told_first: takes (own, belief, attitude, noise) of the first attitude.
@@ -189,7 +181,7 @@ def reader(
 
     @called
     def take(
-        time: int, numbers: AttitudeNumbers, own: Any, seen: Matrix, belief: Vector, found: Vector
+        time: int, numbers: AttitudeNumbers, own: Any, seen: Matrix, belief: Vector, known: Vector
     ) -> None:
         bias, rows, gyro = belief[_BIAS:_COVARIANCE], len(seen), numbers.gyro[0]
         innovation, read, noise = np.empty(3), np.empty(4), np.empty((3, 3))
@@ -207,14 +199,14 @@ def reader(
                 noise[i, i] += numbers.rate_noise[n] * square
             for i in range(4):
                 read[i] = at[i] / size
-            if found[0]:
+            if known[0]:
                 told_attitude(own, belief, read, noise, innovation)
             else:
-                found[0] = 1.0
+                known[0] = 1.0
                 told_first(own, belief, read, noise)
         for n in range(len(numbers.sun)):
             at = seen[time % rows, numbers.sun[n] : numbers.sun[n] + 3]
-            if found[0] and sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2) > PRESENT:
+            if known[0] and sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2) > PRESENT:
                 towards, sigma = numbers.sun_direction[n], numbers.sun_sigma[n]
                 told_direction(own, belief, at, towards, sigma, innovation[:2])
 

@@ -223,7 +223,7 @@ class FlexibleFilter:
         return self._told(belief._replace(covariance=narrowed), innovation, gain, s)
 
     def _told(
-        self, belief: FlexibleBelief, innovation: Vector, gain: Matrix, variance: Matrix
+        self, belief: FlexibleBelief, innovation: Vector, gain: Any, variance: Matrix
     ) -> Correction:
         """Return a belief moved by an innovation; its covariance is that after it already."""
         n, error = self._n, gain @ innovation

@@ -198,7 +198,7 @@ class Lanes:
         if known is None or (checked and known.testbed != trial.testbed):
             if len(self._gains) >= _KEPT:
                 self._gains.clear()
-            controller = _allowed(trial, trial.active)
+            controller = _allowed(trial, trial.active, "attitude")  # no filter has a part in them
             found = Way.NOT_ALLOWED if controller is None else gains_of(controller)
             known = self._gains[key] = _Gains(trial.testbed, found)
         return known.found
@@ -243,10 +243,10 @@ def _size(prepared: _Prepared | Way) -> int:
     return sum(size_of(leg.form) for leg in prepared.legs)
 
 
-def _allowed(trial: Trial, name: str) -> Controller | None:
-    """Return a controller of a trial; None: its design is refused."""
+def _allowed(trial: Trial, name: str, *left_out: str) -> Controller | None:
+    """Return a controller of a trial without some of its keys; None: its design is refused."""
     try:
-        return controller_of(trial, name)
+        return controller_of(trial, name, *left_out)
     except FlexslewError:
         return None
 
@@ -269,7 +269,8 @@ def form_of(trial: Trial, controller: Controller, references: list[Reference]) -
 
 def _filter_of(form: LinearForm) -> Hashable:
     """Return what is equal for laws whose filters of the attitude believe the same."""
-    return form.attitude and tuple(part.tobytes() for part in form.attitude)
+    craft = form.flexible.numbers if form.flexible is not None else ()
+    return form.attitude and tuple(part.tobytes() for part in (*form.attitude, *craft))
 
 
 def _ending(legs: Sequence[Leg], lane: LaneTrial) -> Ending:

@@ -7,8 +7,17 @@ import numpy as np
 
 from flexslew_control.allocation import sharing
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
-from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver, SmallMotionForm
+from flexslew_control.linear_form import (
+    FlexibleForm,
+    LawForm,
+    LinearForm,
+    LinearObserver,
+    SmallMotionForm,
+)
 from flexslew_plant.arrays import Tensor
+from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
+from flexslew_plant.testbeds.compiled.lanes import LaneKernel
+from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 
 _MOST = 400_000  # numbers of an observer, tick by tick, that each lane may have for itself
 
@@ -20,6 +29,7 @@ class Beside(NamedTuple):
     observers: list[Any]
     allocation: Any  # sharing.AllocationNumbers of all; None: there is none
     filters: list[AttitudeNumbers]  # of the attitude; none: there is none
+    crafts: list[FlexibleForm]  # what these believe besides; none: nothing
 
 
 def kind_of(form: LinearForm) -> Hashable:
@@ -37,9 +47,22 @@ def kind_of(form: LinearForm) -> Hashable:
     integrand = law.integrand.tobytes() if law.integral else b""
     follows = () if shared is None else (shared.position.tobytes(), shared.velocity.tobytes())
     kind = shared and sharing.kind_of(shared.allocation)
-    filters = tuple(part.shape for part in form.attitude or ())
     integral = law.integral, law.unwinding, law.limit.tobytes(), integrand
-    return believed, shapes, *integral, follows, kind, filters
+    return believed, shapes, *integral, follows, kind, _kind_of_filters(form)
+
+
+def craft_kernel(form: FlexibleForm) -> LaneKernel:
+    """Return how the craft flies in lanes that a filter believes in."""
+    return traced_kernel(form.model, False) or lane_by_lane(form.model)
+
+
+def _kind_of_filters(form: LinearForm) -> Hashable:
+    """Return what is equal for filters of the attitude that may go beside each other."""
+    numbers, craft = form.attitude, form.flexible
+    if numbers is None or craft is None:
+        return tuple(part.shape for part in numbers or ())
+    shapes = tuple(part.shape for part in (*numbers, *craft.numbers))
+    return shapes, craft_kernel(craft).advance, craft.steps, numbers.tracker.tobytes()
 
 
 def is_large(form: LinearForm) -> bool:
@@ -68,8 +91,9 @@ def beside(forms: Sequence[LinearForm]) -> Beside:
     shared = [form.shared.allocation for form in lanes if form.shared is not None]
     allocation = sharing.side_by_side(shared) if shared else None
     filters = [form.attitude for form in lanes if form.attitude is not None]
+    crafts = [form.flexible for form in lanes if form.flexible is not None]
     laws, observers = [form.law for form in lanes], [form.observer for form in lanes]
-    return Beside(laws, observers, allocation, filters)
+    return Beside(laws, observers, allocation, filters, crafts)
 
 
 def by_lane(parts: Sequence[Any], name: str, dimensions: int) -> Tensor:

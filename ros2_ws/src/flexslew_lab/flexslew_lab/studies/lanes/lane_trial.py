@@ -158,9 +158,10 @@ def law_entry(trial: Trial, name: str) -> LawEntry:
     return CONTROLLERS[law_of(name, trial.controllers[name] or {})[0]]
 
 
-def controller_of(trial: Trial, name: str) -> Controller:
-    """Return a controller of a trial, without a plan."""
+def controller_of(trial: Trial, name: str, *left_out: str) -> Controller:
+    """Return a controller of a trial, without a plan and without some of its keys."""
     law, own = law_of(name, trial.controllers[name] or {})
+    own = {key: value for key, value in own.items() if key not in left_out}
     return build_controller(name, law, own, plant_of(trial), trial.name)
 
 

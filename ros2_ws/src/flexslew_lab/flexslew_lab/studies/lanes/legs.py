@@ -18,7 +18,7 @@ from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import one_after_another
 from flexslew_lab.studies.lanes.pushed import pushes_of
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
-from flexslew_lab.studies.lanes.senses import heard_by
+from flexslew_lab.studies.lanes.senses import filter_of, heard_by
 from flexslew_lab.studies.lanes.turned import turned_joints
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds import initial_state
@@ -83,7 +83,7 @@ class LaneFlight:
             ]
         self._laws = laws
         self._outputs = max(outputs_of(leg.form, model.joints) for leg in self._legs)
-        self._heard = heard_by(lanes[:filled], laws[0].filters, self._outputs - 2 * model.joints)
+        self._heard = heard_by(lanes[:filled], laws[0], self._outputs - 2 * model.joints)
         self._push, self._pushes = pushes_of(lanes[:filled])
         self._drives = drives_of(self._lanes)
         self._errors = errors_of(self._lanes, self._outputs, len(schedule.time))
@@ -130,7 +130,7 @@ class LaneFlight:
         since = leg.first if self._next else -1
         numbers = numbers_of(law, leg.form.shared or self._schedule, since, leg.blended)
         attitude, heard = first.model.attitude, self._heard
-        kinds = self._recorded, attitude is not None, heard is not None, bool(law.filters)
+        kinds = self._recorded, attitude is not None, heard is not None, filter_of(law)
         terms = LawTerms.of(numbers)
         loop = lane_loop(first.kernel, sizes, terms, observer.observe, self._push, *kinds)
         self._loop: Callable[..., None] = partial(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexslew_lab.studies.lanes.efforts import LawNumbers, LawTerms, efforts_of
 from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
-from flexslew_lab.studies.lanes.senses import sensing
+from flexslew_lab.studies.lanes.senses import Filter, sensing
 from flexslew_lab.studies.lanes.turned import about_reference
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES, KernelRows, LaneKernel
@@ -46,7 +46,7 @@ def lane_loop(
     recorded: bool,
     turns: bool,
     heard: bool,
-    filtered: bool,
+    filtered: Filter | None,
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
@@ -67,7 +67,7 @@ def lane_loop(
         recorded: whether the truth is.
         turns: whether the joints read an attitude.
         heard: whether there are instruments.
-        filtered: whether filters tell the joints.
+        filtered: the filters that tell the joints; None: there are none.
     """
     m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
     rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
@@ -78,7 +78,7 @@ def lane_loop(
     locate, position, velocity, mode = kernel.read, *of_kernel[1:4]
     reading, earlier, effort = rows.reading, rows.earlier, rows.applied
     tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
-    about = about_reference(m, rows.reading, turns and not filtered)
+    about = about_reference(m, rows.reading, turns and filtered is None)
     sense = sensing(rows, sizes, heard, filtered)
 
     @vectorised

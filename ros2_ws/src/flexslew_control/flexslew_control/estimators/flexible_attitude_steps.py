@@ -1,0 +1,240 @@
+"""The steps of the filter with modes in compiled code, in place; see flexible_attitude_filter.
+
+Errors stand in the order [e of the joints, b, e of the others, v] here, so that the first of them
+are those that readings show. A belief is one vector: attitude, bias, modes, rates, covariance.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.estimators.attitude_steps import (
+    compare_attitude,
+    compare_direction,
+    narrow,
+    solve,
+    turned,
+)
+from flexslew_control.held_step import held_step
+from flexslew_plant.arrays import Matrix, Vector, called
+from flexslew_plant.testbeds.quaternions import Quaternion, multiplied, turn_of
+
+BIAS, MODES = 4, 7  # where they begin in a belief
+
+
+class FlexibleNumbers(NamedTuple):
+    """What a FlexibleFilter knows; those of many, row by row in one array each."""
+
+    packed: Vector  # numbers of the equations
+    rest: Vector  # q, (positions,)
+    axes: Matrix  # of the joints, (3, 3)
+    inverse: Matrix  # from the joints to the rotation vector, (3, 3)
+    start: Matrix  # from a body rate to v, (coordinates, 3)
+    rate: Matrix  # from v to the body rate, (3, coordinates)
+    moved: Matrix  # from the errors to modes, then v, (modes + coordinates, errors)
+    first: Matrix  # covariance at the start, (errors, errors)
+    # [A B] h of all errors but b, balanced, row by row: at rest, then by rates of the joints 1, 2
+    # and 3, then by their products 11, 12, 13, 22, 23 and 33, (10, k (k + efforts))
+    generators: Matrix
+    scale: Vector  # D of D^-1 A D, which balances them, then of the efforts, (k + efforts,)
+    deviations: Vector  # of efforts held for a tick, of the gyro, of the bias' walk, (3,)
+
+
+@called
+def begin(own: FlexibleNumbers, attitude: Quaternion, reading: Vector, belief: Vector) -> None:
+    """Write a belief in an attitude, and a rate as the gyro reads it."""
+    errors, start = len(own.first), own.start
+    v = belief[belief.size - errors**2 - len(start) : belief.size - errors**2]
+    belief[:] = 0.0
+    belief[0], belief[1], belief[2], belief[3] = attitude
+    for i in range(v.size):
+        for j in range(3):
+            v[i] += start[i, j] * reading[j]
+    _covariance(own, belief)[:] = own.first
+
+
+@called
+def carry(
+    own: FlexibleNumbers,
+    belief: Vector,
+    moved: Vector,
+    turn: Quaternion,
+    middle: Vector,
+    reading: Vector,
+    dt: float,
+) -> None:
+    """Take a belief to a tick later, and correct it by what the gyro has read of that tick.
+
+    Args:
+        own: of the filter.
+        belief: in and out.
+        moved: modes and v at the end of the tick by the equations, (modes + coordinates,).
+        turn: of the tick by them.
+        middle: rates of the joints in its middle, (3,) [rad/s].
+        reading: of the gyro, (3,) [rad/s].
+        dt: one tick [s].
+    """
+    p, errors, deviation = _covariance(own, belief), len(own.first), own.deviations[1]
+    angle, inverse = turn_of(turn), own.inverse
+    innovation, slope, shows = np.empty(3), np.empty((3, 3)), np.zeros((3, 6))
+    for i in range(3):
+        after, then = (i + 1) % 3, (i + 2) % 3
+        slope[i, i], slope[i, after], slope[i, then] = 1.0, -0.5 * angle[then], 0.5 * angle[after]
+        innovation[i] = reading[i] - angle[i] / dt - belief[BIAS + i]
+        shows[i, 3 + i] = 1.0
+    for i in range(3):
+        for j in range(3):
+            for n in range(3):
+                shows[i, j] += slope[i, n] / dt * inverse[n, j]
+    step = _over_a_tick(own, middle)
+    seen = _product(shows, step)
+    seen[:, :3] = 0.0  # an error of the attitude turns with the craft
+    ahead, noise = seen.copy(), step.shape[1] - 3
+    ahead[:, :errors] = _product(seen, p)
+    gain, variance = ahead @ step.T, ahead @ seen.T
+    for i in range(3):
+        variance[i, i] += deviation**2
+    solve(variance, gain, innovation.copy())
+    for i in range(errors):  # 1 - K H of what joins meanwhile, too
+        for n in range(3):
+            for j in range(noise):
+                step[i, j] -= gain[n, i] * seen[n, j]
+            step[i, noise + n] = deviation * gain[n, i]
+    ahead = step.copy()
+    ahead[:, :errors] = np.ascontiguousarray(step[:, :errors]) @ p
+    narrowed = ahead @ step.T
+    attitude = multiplied((belief[0], belief[1], belief[2], belief[3]), turn)
+    belief[0], belief[1], belief[2], belief[3] = attitude
+    for i in range(moved.size):
+        belief[MODES + i] = moved[i]
+    _correct(own, innovation @ gain, belief)
+    for i in range(errors):
+        for j in range(errors):
+            p[i, j] = narrowed[i, j]
+
+
+@called
+def told_first(own: FlexibleNumbers, belief: Vector, read: Vector, noise: Matrix) -> None:
+    """Replace the belief by one in the first measured attitude."""
+    p, axes = _covariance(own, belief), own.axes
+    belief[:BIAS] = read
+    p[:3] = 0.0
+    p[:, :3] = 0.0
+    for i in range(3):
+        for j in range(3):
+            for n in range(3):
+                for m in range(3):
+                    p[i, j] += axes[i, n] * noise[n, m] * axes[j, m]
+
+
+@called
+def told_attitude(
+    own: FlexibleNumbers, belief: Vector, read: Vector, noise: Matrix, innovation: Vector
+) -> None:
+    """Correct the belief by a measured attitude, and write the innovation (3,)."""
+    error = np.empty(len(own.first))
+    compare_attitude(belief[:BIAS], read, innovation)
+    narrow(_covariance(own, belief), innovation, own.inverse, noise, error)
+    _correct(own, error, belief)
+
+
+@called
+def told_direction(
+    own: FlexibleNumbers,
+    belief: Vector,
+    read: Vector,
+    inertial: Vector,
+    sigma: float,
+    innovation: Vector,
+) -> None:
+    """Correct the belief by a measured direction, and write the innovation (2,)."""
+    error, noise, inverse = np.empty(len(own.first)), np.zeros((2, 2)), own.inverse
+    of_turn, shows = np.empty((2, 3)), np.zeros((2, 3))
+    compare_direction(belief[:BIAS], read, inertial, innovation, of_turn)
+    for i in range(2):
+        noise[i, i] = sigma**2
+        for j in range(3):
+            for n in range(3):
+                shows[i, j] += of_turn[i, n] * inverse[n, j]
+    narrow(_covariance(own, belief), innovation, shows, noise, error)
+    _correct(own, error, belief)
+
+
+@called
+def rate_of(own: FlexibleNumbers, belief: Vector) -> Vector:
+    """Return the body rate that is believed, (3,) [rad/s]."""
+    rate, of_v, first = np.zeros(3), own.rate, MODES + len(own.moved) - len(own.start)
+    for i in range(3):
+        for j in range(of_v.shape[1]):
+            rate[i] += of_v[i, j] * belief[first + j]
+    return rate
+
+
+@called
+def _product(shows: Matrix, rows: Matrix) -> Matrix:
+    """Return a matrix of three rows times the first rows of another, as many as it has columns."""
+    out = np.zeros((3, rows.shape[1]))
+    for i in range(3):
+        for n in range(min(shows.shape[1], len(rows))):
+            for j in range(rows.shape[1]):
+                out[i, j] += shows[i, n] * rows[n, j]
+    return out
+
+
+@called
+def _covariance(own: FlexibleNumbers, belief: Vector) -> Matrix:
+    errors = len(own.first)
+    return belief[belief.size - errors**2 :].reshape((errors, errors))
+
+
+@called
+def _correct(own: FlexibleNumbers, error: Vector, belief: Vector) -> None:
+    """Move what is believed by an error; the covariance stays."""
+    x, y, z, inverse, moved = 0.0, 0.0, 0.0, own.inverse, own.moved
+    for j in range(3):
+        x += inverse[0, j] * error[j]
+        y += inverse[1, j] * error[j]
+        z += inverse[2, j] * error[j]
+        belief[BIAS + j] += error[3 + j]
+    before = (belief[0], belief[1], belief[2], belief[3])
+    belief[0], belief[1], belief[2], belief[3] = turned(before, x, y, z)
+    for i in range(len(moved)):
+        total = 0.0
+        for j in range(error.size):
+            total += moved[i, j] * error[j]
+        belief[MODES + i] += total
+
+
+@called
+def _over_a_tick(own: FlexibleNumbers, middle: Vector) -> Matrix:
+    """Return F over a tick, beside it the root of the covariance that joins meanwhile.
+
+    Args:
+        own: of the filter.
+        middle: rates of the joints, (3,) [rad/s].
+
+    Returns:
+        shape (errors, errors + 3 + efforts + 3), the last three columns zero.
+    """
+    k, errors, weights, at = len(own.first) - 3, len(own.first), np.empty(10), 4
+    weights[0] = 1.0
+    for n in range(3):
+        weights[1 + n] = middle[n]
+        for m in range(n, 3):
+            weights[at] = middle[n] * middle[m]
+            at += 1
+    both, scale = (weights @ own.generators).reshape((k, -1)), own.scale
+    held_step(both)
+    of_bias, of_effort, back = own.deviations[2], own.deviations[0], 1.0 / scale
+    step = np.zeros((errors, errors + 3 + both.shape[1] - k + 3))
+    for i in range(3):
+        step[3 + i, 3 + i], step[3 + i, errors + i] = 1.0, of_bias
+    for i in range(k):
+        row = step[i if i < 3 else i + 3]
+        for j in range(3):
+            row[j] = scale[i] * both[i, j] * back[j]
+        for j in range(3, k):
+            row[j + 3] = scale[i] * both[i, j] * back[j]
+        for j in range(k, both.shape[1]):
+            row[errors + 3 + j - k] = of_effort * scale[i] * both[i, j] * back[j]
+    return step
