@@ -19,13 +19,10 @@ from flexslew_control.estimators.attitude_tick import (
     attitude_numbers,
     tell_joints,
 )
-from flexslew_control.estimators.flexible_attitude_filter import (
-    AppendageModesSettings,
-    FlexibleFilter,
-)
+from flexslew_control.estimators.flexible_attitude_filter import AppendageModesSettings
 from flexslew_control.estimators.flexible_attitude_tick import (
+    flexible_form,
     flexible_memory,
-    flexible_numbers,
     flexible_of,
     flexible_tick,
 )
@@ -50,7 +47,7 @@ class Flight(NamedTuple):
 
 
 def described(rng: np.random.Generator, delays: tuple[int, ...], suns: int) -> dict[str, Any]:
-    """Return any craft with one boom that three wheels turn, and its sensors."""
+    """Return any craft with two booms that three wheels turn, and its sensors."""
     noisy = rng.random() < 0.8
     sensors: dict[str, Any] = {
         "gyro": {
@@ -70,16 +67,21 @@ def described(rng: np.random.Generator, delays: tuple[int, ...], suns: int) -> d
         sensors[f"sun_{k}"] = {
             "kind": "sun_sensor", "noise": 1e-4, "half_angle": 1.8, "sun": towards
         }  # fmt: skip
-    axes = np.eye(3) + 0.3 * rng.standard_normal((3, 3))
-    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    spins = np.eye(3) + 0.3 * rng.standard_normal((3, 3))
     wheels = {
-        f"wheel_{k}": {"axis": axis.tolist(), "inertia": 0.05, "limit": 2.0}
-        for k, axis in enumerate(axes)
+        f"wheel_{k}": {"axis": (spin / np.linalg.norm(spin)).tolist(), "inertia": 0.05, "limit": 2}
+        for k, spin in enumerate(spins)
     }
     size = rng.uniform(0.8, 1.2, 3) * [40.0, 35.0, 30.0]
     inertia = dict(zip(("xx", "yy", "zz"), size.tolist(), strict=True)) | {"xy": 1.0}
     platform = {"mass": rng.uniform(100.0, 200.0), "inertia": inertia}
-    return CRAFT | {"platform": platform, "wheels": wheels, "sensors": sensors}
+    boom = CRAFT["appendages"]["boom"]
+    axes = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    hinge = {"place": [0.3, -0.4, 0.1], "axes": axes}
+    other = boom | {"hinge": hinge, "shape": boom["shape"] | {"length": 4.0, "modes": 3}}
+    appendages = {"boom": boom, "other": other}
+    own = {"platform": platform, "appendages": appendages, "wheels": wheels, "sensors": sensors}
+    return CRAFT | own
 
 
 def estimator(rng: np.random.Generator, craft: dict[str, Any]) -> AttitudeEstimator:
@@ -107,7 +109,7 @@ def flight(rng: np.random.Generator, craft: dict[str, Any], reference: Matrix) -
     for k in range(TICKS):
         if k > 0:
             effort[k] = 0.9 * effort[k - 1] + rng.normal(0.0, 0.3, m)
-            x = model.advance(x, effort[k] + rng.normal(0.0, 0.03, m), PERIOD, 3)
+            x = model.advance(x, effort[k] + rng.normal(0.0, 0.03, m), PERIOD, 6)
         position, rate = model.joint_state(x)
         assert model.attitude is not None
         turned = start * Rotation.from_quat(model.attitude.orientation(position))
@@ -139,10 +141,10 @@ def side_by_side(parts: list[Any]) -> Any:
 def ticked(crafts: list[AttitudeEstimator], flights: list[Flight]) -> Matrix:
     """Return the same of the compiled tick, (crafts, ticks, 6)."""
     sensors = [attitude_numbers(it) for it in crafts]
-    filters = [it.filter for it in crafts if isinstance(it.filter, FlexibleFilter)]
-    assert len(filters) == len(crafts)
-    known = [flexible_numbers(one, it.settings) for one, it in zip(filters, crafts, strict=True)]
-    kernel, [steps] = lane_by_lane(filters[0].model), {one.steps for one in filters}
+    forms = [form for it in crafts if (form := flexible_form(it)) is not None]
+    known = [form.numbers for form in forms]
+    assert forms[0].steps > 1
+    kernel, [steps] = lane_by_lane(forms[0].model), {form.steps for form in forms}
     count = len(crafts)
     tick = flexible_tick(kernel, steps)
     memory = np.full((count, flexible_memory(sensors[0], known[0], len(flights[0].tips.T))), 7.0)
@@ -178,11 +180,9 @@ def test_the_compiled_tick_believes_what_the_estimators_believe(
 
 def test_crafts_beside_each_other_have_constants_of_their_own() -> None:
     rng = np.random.default_rng(5)
-    each = []
-    for _ in range(2):
-        it = estimator(rng, described(rng, (1,), 0))
-        assert isinstance(it.filter, FlexibleFilter)
-        each.append(flexible_numbers(it.filter, it.settings))
+    made = [flexible_form(estimator(rng, described(rng, (1,), 0))) for _ in range(2)]
+    each = [form.numbers for form in made if form is not None]
+    assert len(each) == 2
     both = side_by_side(each)
     for k, own in enumerate(each):
         for part, expected in zip(flexible_of(both, k), own, strict=True):

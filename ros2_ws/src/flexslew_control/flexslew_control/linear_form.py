@@ -15,7 +15,7 @@ import numpy as np
 
 from flexslew_control.allocation.sharing import AllocationNumbers
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
-from flexslew_control.estimators.flexible_attitude_steps import FlexibleNumbers
+from flexslew_control.estimators.flexible_attitude_tick import FlexibleForm
 from flexslew_control.estimators.gained_filter import GainedFilter, gained
 from flexslew_control.estimators.kalman import FilterMatrices, KalmanFilter
 from flexslew_control.estimators.small_motion_observer import MotionBelief
@@ -86,14 +86,6 @@ class SharedForm(NamedTuple):
     velocity: Matrix  # (ticks, 3) [rad/s]
 
 
-class FlexibleForm(NamedTuple):
-    """What a filter of the attitude believes of the craft: a FlexibleFilter."""
-
-    model: Model
-    steps: int  # of its equations in a tick
-    numbers: FlexibleNumbers
-
-
 class LinearForm(NamedTuple):
     """A law with what it knows of the bench."""
 
@@ -101,9 +93,7 @@ class LinearForm(NamedTuple):
     observer: LinearObserver | GainedFilter | KalmanForm | SmallMotionForm
     shared: SharedForm | None = None  # None: its efforts are those of the joints
     attitude: AttitudeNumbers | None = None  # the filter that tells the joints; None: as measured
-    flexible: FlexibleForm | None = (
-        None  # what it believes besides attitude and bias; None: nothing
-    )
+    flexible: FlexibleForm | None = None  # what that believes besides attitude and bias
 
 
 class Integration(NamedTuple):

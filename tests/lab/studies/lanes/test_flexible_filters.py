@@ -12,6 +12,7 @@ from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
+from flexslew_plant.settings import plain
 
 TRACKER: dict[str, Any] = {"kind": "star_tracker", "across": 5e-6, "about": 4e-5}
 ATTITUDE: dict[str, Any] = {"initial_bias": 5e-5, "modes": {}}
@@ -105,7 +106,8 @@ def test_crafts_fly_beside_each_other_where_their_trackers_are_equally_late(
     late = {"testbed.sensors.tracker.delay": {"choice": [0.0, 0.1]}}
     ready = prepare(study_of(flown=trial, lanes=True, vary=late | MASS))
     cases = [case_of(ready.study, ready.samples, k) for k in range(4)]
-    delays = [case_trial(ready.study, case).testbed.sensors["tracker"].delay for case in cases]
+    testbeds = [plain(case_trial(ready.study, case).testbed) for case in cases]
+    delays = [testbed["sensors"]["tracker"]["delay"] for testbed in testbeds]
     assert len(set(delays)) == 2
     flown = [[r.number for r in some] for some, _ in Lanes(ready.study, ready.plans).fly(cases)]
     expected = [[k for k in range(4) if delays[k] == delay] for delay in dict.fromkeys(delays)]

@@ -16,10 +16,9 @@ from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
 from flexslew_control.controllers.sampled_loop import SmallMotions, require_sampled_pd
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.estimators.attitude_tick import attitude_numbers
-from flexslew_control.estimators.flexible_attitude_filter import FlexibleFilter
-from flexslew_control.estimators.flexible_attitude_tick import flexible_numbers
+from flexslew_control.estimators.flexible_attitude_tick import flexible_form
 from flexslew_control.law import Estimator, Law, PlantDescription, Reference
-from flexslew_control.linear_form import FlexibleForm, LinearForm, SharedForm
+from flexslew_control.linear_form import LinearForm, SharedForm
 from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
@@ -148,10 +147,7 @@ def form_on_axes(
     """
     shared = attitude = flexible = None
     if isinstance(estimator, AttitudeEstimator):
-        attitude, believed = attitude_numbers(estimator), estimator.filter
-        if isinstance(believed, FlexibleFilter):
-            numbers = flexible_numbers(believed, estimator.settings)
-            flexible = FlexibleForm(believed.model, believed.steps, numbers)
+        attitude, flexible = attitude_numbers(estimator), flexible_form(estimator)
     wanted = Reference(
         np.array([reference.position for reference in references]),
         np.array([reference.velocity for reference in references]),

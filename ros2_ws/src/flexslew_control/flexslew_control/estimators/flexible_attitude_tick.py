@@ -6,12 +6,15 @@ motion of all crafts are advanced side by side, all else one after another.
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from flexslew_control.estimators.attitude_estimator import AttitudeFilterSettings
+from flexslew_control.estimators.attitude_estimator import (
+    AttitudeEstimator,
+    AttitudeFilterSettings,
+)
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers, numbers_of, reader
 from flexslew_control.estimators.flexible_attitude_filter import FlexibleFilter
 from flexslew_control.estimators.flexible_attitude_steps import (
@@ -28,6 +31,7 @@ from flexslew_control.estimators.flexible_attitude_steps import (
 from flexslew_plant.arrays import Matrix, Vector, called, compiled
 from flexslew_plant.testbeds.attitude import joint_turn
 from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel
+from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.quaternions import of_turn
 
 _TURNING = 0.1  # rates of the joints for which equations are balanced [rad/s]
@@ -35,8 +39,23 @@ _TURNING = 0.1  # rates of the joints for which equations are balanced [rad/s]
 _take = reader(told_first, told_attitude, told_direction)
 
 
-def flexible_numbers(it: FlexibleFilter, settings: AttitudeFilterSettings) -> FlexibleNumbers:
-    """Return what a filter with modes knows."""
+class FlexibleForm(NamedTuple):
+    """What the filter of an estimator believes besides attitude and bias: a FlexibleFilter."""
+
+    model: Model
+    steps: int  # of its equations in a tick
+    numbers: FlexibleNumbers
+
+
+def flexible_form(estimator: AttitudeEstimator) -> FlexibleForm | None:
+    """Return what the filter of an estimator believes; None: attitude and bias alone."""
+    it = estimator.filter
+    if not isinstance(it, FlexibleFilter):
+        return None
+    return FlexibleForm(it.model, it.steps, _numbers(it, estimator.settings))
+
+
+def _numbers(it: FlexibleFilter, settings: AttitudeFilterSettings) -> FlexibleNumbers:
     model, small, basis = it.model, it.platform.small, it.found.basis
     n, m, modes = small.coordinates, small.joints, model.modes
     order = np.concatenate((np.arange(m), 2 * n + np.arange(3), np.arange(m, 2 * n)))

@@ -7,8 +7,8 @@ import numpy as np
 
 from flexslew_control.allocation import sharing
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
+from flexslew_control.estimators.flexible_attitude_tick import FlexibleForm
 from flexslew_control.linear_form import (
-    FlexibleForm,
     LawForm,
     LinearForm,
     LinearObserver,
