@@ -65,6 +65,10 @@ def carry(
 ) -> None:
     """Take a belief to a tick later, and correct it by what the gyro has read of that tick.
 
+    F and the root of Q stand beside each other, W = [F Q^(1/2)]: what the gyro shows of the errors
+    before the tick and of what joins meanwhile is C = H W, and the covariance becomes
+    (W - K C) diag(P, 1) (W - K C)^T + K R K^T.
+
     Args:
         own: of the filter.
         belief: in and out.

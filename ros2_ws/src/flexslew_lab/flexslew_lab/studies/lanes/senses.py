@@ -163,12 +163,8 @@ def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: Filter | None) -> C
     def sense(
         k: int, senses: Senses, draws: Matrix, reference: Vector, w: Vector, filled: int
     ) -> None:
-        parts, read, joints = (
-            senses.parts,
-            np.zeros((filled, channels + m)),
-            np.empty((filled, 2 * m)),
-        )
-        x = np.empty(senses.body.size)
+        parts, x = senses.parts, np.empty(senses.body.size)
+        read, joints = np.zeros((filled, channels + m)), np.empty((filled, 2 * m))
         body = MovingBody(
             x[: parts[0]], x[parts[0] : parts[1]], x[parts[1] : parts[2]], x[parts[2] : parts[3]]
         )
