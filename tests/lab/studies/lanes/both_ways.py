@@ -35,6 +35,7 @@ def require_equal(ready: Preparation, numbers: list[int]) -> None:
     """Fly the trials both ways and compare every metric."""
     cases = [case_of(ready.study, ready.samples, k) for k in numbers]
     results = [r for some, _ in Lanes(ready.study, ready.plans).fly(cases) for r in some]
+    results.sort(key=lambda result: result.number)
     assert [r.number for r in results] == numbers
     for result, case in zip(results, cases, strict=True):
         bench = flown(ready.study, case, ready.plans)

@@ -96,12 +96,10 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
         (Way.QUANTISED, {"sensors": {"joint_position": {"quantisation": 1e-5}}}),
         (Way.MOTORS, {"actuator": {"quantisation": 0.1}}),
         (Way.NO_PLAN, {"plan": None}),
+        (Way.JUDGED, {"plausibility": {}}),
         (
-            Way.SCHEDULE,
-            {
-                "allow_faults": True,
-                "schedule": [{"at": 1.0, "fault": {"kind": "command_lost", "probability": 0.1}}],
-            },
+            Way.JUDGED,
+            {"controllers": {"lqr": {"monitor": {}}}, "active": "lqr"},
         ),
     ],
 )

@@ -9,8 +9,8 @@ import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
 
 from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.lanes.charge import Charge, charge_of
 from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.lanes.lane_trial import in_charge
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -84,7 +84,9 @@ def test_each_lane_has_gains_and_a_craft_of_its_own_on_every_leg(
     study_of: Callable[..., Study],
 ) -> None:
     observatory, _ = read_trial("observatory", None)
-    assert in_charge(observatory) == [(0, "slewing"), (4200, "settling"), (9000, "pointing")]
+    charge = charge_of(observatory)
+    assert isinstance(charge, Charge)
+    assert charge.legs == ((0, "slewing"), (4200, "settling"), (9000, "pointing"))
     trial = plain(observatory) | {
         "duration": 30.0,
         "plan": {"method": "reference_only", "goal": {"to": [0.1, -0.06, 0.99]}, "duration": 20.0},

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from flexslew_control.allocation.sharing import share
+from flexslew_lab.studies.lanes.lane_faults import LaneFaults, broken_demand, broken_motors
 from flexslew_lab.studies.lanes.observers import add_products
 from flexslew_lab.studies.lanes.rows import Rows, Sizes
 from flexslew_lab.studies.lanes.turned import TurnedJoints
@@ -35,6 +36,13 @@ class LawNumbers(NamedTuple):
     allocation: Any  # sharing.AllocationNumbers; None: its efforts are those of the joints
 
 
+class Troubles(NamedTuple):
+    """What disturbs the lanes, and what breaks in them."""
+
+    disturbance: Tensor  # (ticks, joints, 1 or LANES) [N m or N]
+    faults: LaneFaults | None  # None: there are none
+
+
 class LawTerms(NamedTuple):
     """Which of the law's products there are; a loop computes no others."""
 
@@ -53,7 +61,7 @@ class LawTerms(NamedTuple):
 def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
     """Return what writes the efforts of a tick and takes the integral to the next one.
 
-    It takes (k, t, dt, schedule, LawNumbers, TurnedJoints, z, w, first lanes to be asked for).
+    It takes (k, t, dt, Troubles, LawNumbers, TurnedJoints, z, w, first lanes to be asked for).
 
     Args:
         total: where the efforts stand that the kernel holds.
@@ -75,7 +83,7 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
         k: int,
         t: float,
         dt: float,
-        schedule: Any,
+        troubles: Troubles,
         law: LawNumbers,
         turned: TurnedJoints,
         z: Vector,
@@ -108,12 +116,12 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
                 integrate(k, i, dt, law, z, w)
             if not shared:
                 blend(k, i, law, w)
-                drive(i, dt, schedule.disturbance[k, i], w)
+                drive(k, i, dt, troubles, w, filled)
         if shared:
             give(t, law.allocation, w, filled)
             for i in range(m):
                 blend(k, i, law, w)
-                drive(i, dt, schedule.disturbance[k, i], w)
+                drive(k, i, dt, troubles, w, filled)
 
     return cast(Callable[..., None], efforts)
 
@@ -238,10 +246,20 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a drive makes of a demand; see Actuator and Thrusters."""
     effort, limit, least = rows.applied, rows.limit, rows.least
     pulsed, pulse, owed = sizes.pulsed, rows.pulse, rows.owed
-    follow, follows = _follow(rows, sizes), sizes.slewed or sizes.lagged
+    follow = _follow(rows, sizes)
+    apart, ask, give = sizes.apart, broken_demand(rows, sizes), broken_motors(rows, sizes)
 
     @vectorised
-    def drive(i: int, dt: float, disturbance: float, w: Vector) -> None:
+    def disturb(k: int, i: int, troubles: Troubles, w: Vector) -> None:
+        row, disturbance = i * LANES, troubles.disturbance
+        base = disturbance[k, i, 0]
+        for lane in range(LANES):
+            pushed = disturbance[k, i, lane] if apart else base
+            w[total + row + lane] = w[effort + row + lane] + pushed
+
+    @vectorised
+    def drive(k: int, i: int, dt: float, troubles: Troubles, w: Vector, filled: int) -> None:
+        ask(k, i, troubles.faults, w, filled)
         for at in range(i * LANES, (i + 1) * LANES):
             applied = min(max(w[effort + at], w[least + at]), w[limit + at])
             if pulsed:
@@ -252,11 +270,9 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                 w[owed + at] = still if w[pulse + at] > 0.0 else 0.0
                 applied = impulse / dt if w[pulse + at] > 0.0 else applied
             w[effort + at] = applied
-            w[total + at] = applied + disturbance
-        if follows:
-            follow(i, dt, w)
-            for at in range(i * LANES, (i + 1) * LANES):
-                w[total + at] = w[effort + at] + disturbance
+        follow(i, dt, w)
+        give(k, i, troubles.faults, w, filled)
+        disturb(k, i, troubles, w)
 
     return cast(Callable[..., None], drive)
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import KalmanForm, LinearForm
 from flexslew_control.plan_file import plan_hash
-from flexslew_lab.metrics.metric import Ending, FlownManoeuvre
+from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
 from flexslew_lab.studies.lanes.inputs import aim_of, course_of, gains_of, schedule_of
@@ -21,7 +20,6 @@ from flexslew_lab.studies.lanes.lane_trial import (
     LaneIntake,
     LaneTrial,
     controller_of,
-    in_charge,
     law_entry,
 )
 from flexslew_lab.studies.lanes.legs import LaneFlight, Leg
@@ -32,7 +30,6 @@ from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.events import Switched, event_of
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
@@ -142,14 +139,13 @@ class Lanes:
         )
         states = first.model.positions + first.model.coordinates
         start = flight.w[: first.model.joints * LANES].reshape(-1, LANES).copy()
-        ending = _ending(prepared.legs, first)
         if recorded:
-            measured = self._recorded(group, prepared, flight, ending)
+            measured = self._recorded(group, prepared, flight)
         else:
             for cut in flight.cuts(len(prepared.schedule.time)):
                 flight.fly(*cut)
             aim = prepared.goal
-            found = LaneMetrics(first, flight.rows, prepared.schedule, aim, start, ending)
+            found = LaneMetrics(group, flight.rows, prepared.schedule, aim, start)
             measured = found.metrics(flight.w).__getitem__
         results, lost = [], []
         far = np.abs(flight.w[: states * LANES].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
@@ -162,12 +158,12 @@ class Lanes:
         return results, lost
 
     def _recorded(
-        self, group: Sequence[LaneTrial], prepared: _Prepared, flight: LaneFlight, ending: Ending
+        self, group: Sequence[LaneTrial], prepared: _Prepared, flight: LaneFlight
     ) -> Callable[[int], dict[str, float | None] | None]:
         """Fly a group that is measured from its truth; return what gives the metrics of each."""
         model, period = group[0].model, group[0].trial.period
         source = self.study.source
-        found = [RecordedMetrics(lane, prepared.goal, source, ending) for lane in group]
+        found = [RecordedMetrics(lane, prepared.goal, source) for lane in group]
         record = np.empty((LANES, TICKS, model.positions + model.coordinates + model.joints))
         for first, last in flight.cuts(TICKS):
             flight.fly(first, last, record)
@@ -218,7 +214,7 @@ class Lanes:
             self._course = key, course_of(plan, key[1])
         course = self._course[1]
         legs: list[Leg] = []
-        for first, name in in_charge(trial):
+        for first, name in lane.happens.charge.legs:
             controller = _allowed(trial, name)
             if controller is None or controller.adopt(plan) or controller.reason:
                 return Way.NOT_ALLOWED
@@ -233,7 +229,7 @@ class Lanes:
         aim, goal = aim_of(lane, plan)
         kinds = tuple((leg.first, leg.blended, kind_of(leg.form)) for leg in legs)
         kind = kinds, key, aim.tobytes()
-        return _Prepared(tuple(legs), schedule_of(lane, course), aim, goal, kind)
+        return _Prepared(tuple(legs), schedule_of(course), aim, goal, kind)
 
 
 def _size(prepared: _Prepared | Way) -> int:
@@ -270,18 +266,6 @@ def form_of(trial: Trial, controller: Controller, references: list[Reference]) -
 def _filter_of(form: LinearForm) -> Hashable:
     """Return what is equal for laws whose filters of the attitude believe the same."""
     return form.attitude and tuple(part.tobytes() for part in form.attitude)
-
-
-def _ending(legs: Sequence[Leg], lane: LaneTrial) -> Ending:
-    """Return what the truth does not say: who took over from whom, without a step."""
-    none, period = [0.0] * lane.model.efforts, lane.trial.period
-    events = [
-        event_of(
-            Switched(before.controller, leg.controller, none), leg.first, leg.first * period, 0, ""
-        )
-        for before, leg in pairwise(legs)
-    ]
-    return Ending(events, [], True)
 
 
 def _heard(form: LinearForm, model: Model) -> Way:

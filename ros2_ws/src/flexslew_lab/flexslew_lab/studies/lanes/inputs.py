@@ -1,5 +1,7 @@
 """What the lanes of a group are given: schedule, aim, gains, errors of the sensors."""
 
+from collections.abc import Sequence
+from dataclasses import is_dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +14,8 @@ from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.metrics.settling import settling_band
-from flexslew_lab.studies.lanes.efforts import LawNumbers
+from flexslew_lab.studies.lanes.efforts import LawNumbers, Troubles
+from flexslew_lab.studies.lanes.lane_faults import faults_of
 from flexslew_lab.studies.lanes.lane_laws import Beside, by_lane
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule
@@ -20,7 +23,7 @@ from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.hardware.actuator import Actuator
-from flexslew_plant.hardware.disturbances import TimedDisturbance, disturbance_effort
+from flexslew_plant.hardware.disturbances import disturbance_effort
 from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
@@ -52,25 +55,32 @@ def course_of(plan: Plan, ticks: int) -> LaneCourse:
     )
 
 
-def schedule_of(lane: LaneTrial, course: LaneCourse) -> Schedule:
+def schedule_of(course: LaneCourse) -> Schedule:
     """Return what is the same in every lane, tick by tick."""
-    return Schedule(
-        *course[1:],
-        _disturbances(lane.trial, lane.model, len(course.references)),
-    )
+    return Schedule(*course[1:])
 
 
-def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
+def troubles_of(lanes: Sequence[LaneTrial], filled: int, ticks: int) -> Troubles:
+    """Return what disturbs and breaks a group, of which the first lanes are filled."""
+    found: list[Matrix] = []
+    for before, lane in zip([None, *lanes], lanes, strict=False):
+        alike = before is not None and before.happens.disturbances == lane.happens.disturbances
+        found.append(found[-1] if alike else _disturbance(lane, ticks))
+    apart = any(one is not found[0] for one in found)
+    disturbance = np.stack(found if apart else found[:1], axis=-1)
+    return Troubles(disturbance, faults_of(lanes[:filled], ticks))
+
+
+def _disturbance(lane: LaneTrial, ticks: int) -> Matrix:
+    model, period = lane.model, lane.trial.period
     total = np.zeros((ticks, model.joints))
-    for entry in trial.schedule:
-        if entry.disturbance is None:
+    for timed in lane.happens.disturbances:
+        if not any(map(is_dataclass, timed.shapes.values())):
+            steady = disturbance_effort(timed, timed.start, model.joint_names, period)
+            total[timed.start : int(min(timed.end, ticks))] += steady
             continue
-        start = round(entry.at / trial.period)
-        end = ticks if entry.until is None else round(entry.until / trial.period)
-        end = max(end, start + 1)
-        timed = TimedDisturbance(entry.disturbance, start, end)
-        for k in range(start, min(end, ticks)):
-            total[k] += disturbance_effort(timed, k, model.joint_names, trial.period)
+        for k in range(timed.start, int(min(timed.end, ticks))):
+            total[k] += disturbance_effort(timed, k, model.joint_names, period)
     return total
 
 

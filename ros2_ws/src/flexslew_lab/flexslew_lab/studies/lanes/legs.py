@@ -11,7 +11,7 @@ import numpy as np
 from flexslew_control.linear_form import LawForm, LinearForm
 from flexslew_lab.studies.lanes.beginning import Beginning, beginning
 from flexslew_lab.studies.lanes.efforts import LawTerms
-from flexslew_lab.studies.lanes.inputs import drives_of, errors_of, numbers_of
+from flexslew_lab.studies.lanes.inputs import drives_of, errors_of, numbers_of, troubles_of
 from flexslew_lab.studies.lanes.lane_laws import beside, outputs_of
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
@@ -87,6 +87,7 @@ class LaneFlight:
         self._push, self._pushes = pushes_of(lanes[:filled])
         self._drives = drives_of(self._lanes)
         self._errors = errors_of(self._lanes, self._outputs, len(schedule.time))
+        self._troubles = troubles_of(lanes, filled, len(schedule.time) - 1)
         self._next = 0  # leg
         self.rows = rows_of(first.kernel.size, self._sizes(0))
         self.w = self._at_rest(aim)
@@ -139,6 +140,7 @@ class LaneFlight:
             first.trial.period,
             first.steps,
             self._schedule,
+            self._troubles,
             numbers,
             self._errors,
             turned_joints(attitude, first.model.joints),
@@ -166,6 +168,8 @@ class LaneFlight:
             bool(first.trial.actuator.slew_rate),
             bool(first.trial.actuator.lag),
             k > 0,
+            self._troubles.faults is not None,
+            self._troubles.disturbance.shape[2] > 1,
         )
 
     def _at_rest(self, aim: Vector) -> Vector:

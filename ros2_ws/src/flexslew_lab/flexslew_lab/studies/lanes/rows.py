@@ -23,12 +23,15 @@ class Sizes(NamedTuple):
     slewed: bool  # torques of motors ramp
     lagged: bool  # torques of motors lag
     taken: bool  # the law took over from another one
+    broken: bool  # there are faults
+    apart: bool  # each lane has disturbances of its own
 
 
 class Rows(NamedTuple):
     """Where each begins, behind what the kernel placed."""
 
     applied: int  # effort of the drives
+    asked: int  # demand that faults may hold
     reading: int  # of this tick
     earlier: int  # reading of the one before
     seen: int  # what a law on body axes takes for its joints, then rates
@@ -69,7 +72,7 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     """Return where everything begins in the array of such a group."""
     m, read, tip, n = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes, sizes.axes
     seen, products, taken = n * sizes.shared, n * n * sizes.quadratic, m * sizes.taken
-    law = (m, read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
+    law = (read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
     drives = (tip, m, m, m, n, m, m, m, 4)  # to motor
-    counts = (*law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
+    counts = (m, m * sizes.broken, *law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))

@@ -11,6 +11,7 @@ from flexslew_control.estimators.attitude_tick import (
     attitude_tick,
     numbers_of,
 )
+from flexslew_lab.studies.lanes.lane_faults import nothing_spoilt, spoil
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.rows import Rows, Sizes
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, compiled
@@ -80,7 +81,7 @@ def _side_by_side(filters: Sequence[AttitudeNumbers]) -> AttitudeNumbers:
 def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: bool) -> Callable[..., None]:
     """Return what writes readings of instruments, and joints as a filter believes in them.
 
-    It takes (k, Senses, draws of this tick, reference, w, first lanes to be asked for).
+    It takes (k, Senses, draws of this tick, reference, LaneFaults, w, first lanes to be asked for).
 
     Args:
         rows: of the group.
@@ -90,9 +91,16 @@ def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: bool) -> Callable[.
     """
     m, tips, channels = sizes.joints, sizes.outputs - 2 * sizes.joints, sizes.appendages
     reading, told = rows.reading, rows.reading + 2 * m * LANES
+    spoilt = spoil if sizes.broken else nothing_spoilt
 
     def nothing(
-        k: int, senses: Senses, draws: Matrix, reference: Vector, w: Vector, filled: int
+        k: int,
+        senses: Senses,
+        draws: Matrix,
+        reference: Vector,
+        faults: Any,
+        w: Vector,
+        filled: int,
     ) -> None:
         pass
 
@@ -113,7 +121,13 @@ def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: bool) -> Callable[.
             w[reading + (m + i) * LANES + lane] = rates[i]
 
     def sense(
-        k: int, senses: Senses, draws: Matrix, reference: Vector, w: Vector, filled: int
+        k: int,
+        senses: Senses,
+        draws: Matrix,
+        reference: Vector,
+        faults: Any,
+        w: Vector,
+        filled: int,
     ) -> None:
         parts, read = senses.parts, np.zeros(channels)
         x = np.empty(senses.body.size)
@@ -125,6 +139,7 @@ def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: bool) -> Callable[.
                 x[i] = w[senses.body[i] * LANES + lane]
             own, memory = senses.constants[lane], senses.memory[lane]
             read_instruments(k, senses.layout, own, body, draws[lane], memory, read)
+            spoilt(k, lane, faults, 2 * m, read)
             for i in range(tips):
                 w[told + i * LANES + lane] = read[i]
             if filtered:
