@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.lab.studies.lanes.both_ways import CRAFT, require_equal
+from tests.lab.studies.lanes.both_ways import CRAFT, require_equal, ways_of
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.flight import flown
 from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_plant.faults import FAULTS
@@ -106,16 +106,6 @@ def test_random_faults_fly_in_lanes_as_on_the_bench(
     answered = [k for k, way in enumerate(ways_of(ready, 8)) if way is Way.LANES]
     assert len(answered) >= 3  # of the others the first answer of a newcomer is lost
     require_equal(ready, answered[:3])
-
-
-def ways_of(ready: Preparation, count: int) -> list[Way]:
-    """Return how the first trials are flown."""
-    cases = [case_of(ready.study, ready.samples, k) for k in range(count)]
-    ways: dict[int, Way] = {}
-    for some, others in Lanes(ready.study, ready.plans).fly(cases):
-        ways |= {one.number: Way.LANES for one in some}
-        ways |= {one.case.number: one.way for one in others}
-    return [ways[k] for k in range(count)]
 
 
 SILENT = {"at": 0.9, "fault": {"kind": "controller_silent", "controller": "pd"}}

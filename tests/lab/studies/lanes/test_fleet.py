@@ -93,8 +93,7 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
             Way.SETTINGS,  # tracking (a)
             {"controllers": {"output_feedback": {}}, "active": "output_feedback"},
         ),
-        (Way.QUANTISED, {"sensors": {"joint_position": {"quantisation": 1e-5}}}),
-        (Way.MOTORS, {"actuator": {"quantisation": 0.1}}),
+        (Way.MOTORS, {"actuator": {"viscous_friction": 0.1}}),
         (Way.NO_PLAN, {"plan": None}),
         (Way.JUDGED, {"plausibility": {}}),
         (

@@ -10,8 +10,8 @@ class Way(StrEnum):
     BENCH = "bench"  # nobody asked for lanes
     NOT_ALLOWED = "bench: refused"  # it says why
     METRICS = "bench: a metric of its own raises"
-    MOTORS = "bench: motors with friction or quantisation"
-    QUANTISED = "bench: quantised sensors"
+    MOTORS = "bench: motors with friction"
+    EDGE = "bench: a value at the edge of a quantum or a pulse"
     SCHEDULE = "bench: new targets, switches at one tick, or a switch that is not answered"
     BRAKE = "bench: the brake takes over"
     NAN = "bench: sensors that read NaN"

@@ -12,6 +12,7 @@ import numpy as np
 from flexslew_control.allocation.sharing import share
 from flexslew_lab.studies.lanes.lane_faults import LaneFaults, broken_demand, broken_motors
 from flexslew_lab.studies.lanes.observers import add_products
+from flexslew_lab.studies.lanes.quanta import GUARD, in_steps, near_edge
 from flexslew_lab.studies.lanes.rows import Rows, Sizes
 from flexslew_lab.studies.lanes.turned import TurnedJoints
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
@@ -246,7 +247,8 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a drive makes of a demand; see Actuator and Thrusters."""
     effort, limit, least = rows.applied, rows.limit, rows.least
     pulsed, pulse, owed = sizes.pulsed, rows.pulse, rows.owed
-    follow = _follow(rows, sizes)
+    follow, stepped, doubt = _follow(rows, sizes), sizes.stepped, rows.doubt
+    quantum = rows.motor + 2 * LANES
     apart, ask, give = sizes.apart, broken_demand(rows, sizes), broken_motors(rows, sizes)
 
     @vectorised
@@ -262,8 +264,16 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
         ask(k, i, troubles.faults, w, filled)
         for at in range(i * LANES, (i + 1) * LANES):
             applied = min(max(w[effort + at], w[least + at]), w[limit + at])
+            lane = at - i * LANES
+            if stepped and w[quantum + lane] > 0.0:
+                near = near_edge(applied, w[limit + at], w[quantum + lane])
+                w[doubt + lane] = 1.0 if near else w[doubt + lane]
+                applied = in_steps(applied, w[limit + at], w[quantum + lane])
             if pulsed:
                 asked, most = applied * dt + w[owed + at], w[limit + at] * dt
+                near = abs(abs(asked) - w[pulse + at]) < GUARD * most
+                near = near and w[pulse + at] > 0.0
+                w[doubt + lane] = 1.0 if near else w[doubt + lane]
                 impulse = min(max(asked, -most), most)
                 impulse = 0.0 if abs(impulse) < w[pulse + at] else impulse
                 still = min(max(asked - impulse, -w[pulse + at]), w[pulse + at])
@@ -281,7 +291,7 @@ def _follow(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a motor's slew rate and lag make of an effort; see Actuator."""
     effort, ramp, torque = rows.applied, rows.ramp, rows.torque
     slewed, lagged = sizes.slewed, sizes.lagged
-    lag_of, rate_of, rise_of, mean_of = (rows.motor + k * LANES for k in range(4))
+    lag_of, rate_of, _, rise_of, mean_of = (rows.motor + k * LANES for k in range(5))
 
     @vectorised
     def follow(i: int, dt: float, w: Vector) -> None:

@@ -150,11 +150,13 @@ class Lanes:
         results, lost = [], []
         far = np.abs(flight.w[: states * LANES].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
         for k, lane in enumerate(group):
-            metrics = measured(k) if far[k] < _FAR else None
+            bounded, doubtful = far[k] < _FAR, flight.in_doubt(k)
+            metrics = measured(k) if bounded and not doubtful else None
             if metrics is not None:
                 results.append(Flown(lane.case.number, metrics, None, "ok", "", Way.LANES))
             else:
-                lost.append(ForBench(lane.case, Way.METRICS if far[k] < _FAR else Way.FAR))
+                way = Way.FAR if not bounded else Way.EDGE if doubtful else Way.METRICS
+                lost.append(ForBench(lane.case, way))
         return results, lost
 
     def _recorded(

@@ -118,7 +118,9 @@ def _drives(trial: Trial, model: Model) -> Vector:
     thrusters = thrusters_of(motor.shortest_pulse, model.joint_names, limit, trial.period)
     pulses = 0.0 * limit if thrusters is None else thrusters.least_impulse
     rises = Actuator(motor, limit, trial.period).rises
-    return np.concatenate((limit, least, pulses, (motor.lag, motor.slew_rate, *rises)))
+    return np.concatenate(
+        (limit, least, pulses, (motor.lag, motor.slew_rate, motor.quantisation, *rises))
+    )
 
 
 def gains_of(controller: Controller) -> Vector:
@@ -156,6 +158,15 @@ def numbers_of(
         blended,
         group.allocation,
     )
+
+
+def quanta_of(lanes: Sequence[LaneTrial], outputs: int) -> Matrix:
+    """Return the quanta of what the law reads, (outputs, LANES); 0: none."""
+    m, tips = lanes[0].model.joints, outputs - 2 * lanes[0].model.joints
+    each = [lane.trial.sensors for lane in lanes]
+    channels = [(s.joint_position, s.joint_velocity, s.tip_deflection) for s in each]
+    steps = np.array([[channel.quantisation for channel in own] for own in channels]).T
+    return np.repeat(steps, (m, m, tips), axis=0)
 
 
 def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:

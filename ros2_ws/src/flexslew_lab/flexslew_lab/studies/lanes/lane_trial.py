@@ -10,6 +10,7 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
 from flexslew_lab.studies.lanes.charge import Charge, charge_of
+from flexslew_lab.studies.lanes.quanta import FINER
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
@@ -85,7 +86,7 @@ class LaneIntake:
         except FlexslewError:
             return Way.NOT_ALLOWED
         fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
-        steps = max(1, ceil(fast / kernel.reach))
+        steps = max(1, ceil(fast / kernel.reach)) * (FINER if fast and _is_quantised(trial) else 1)
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
         told = b""
@@ -175,10 +176,16 @@ def _known_before(trial: Trial) -> tuple[ScheduleEntry, ...]:
     return tuple(e for e in trial.schedule if e.at <= 0.0 and isinstance(e.fault, CommandDelay))
 
 
+def _is_quantised(trial: Trial) -> bool:
+    """Return whether last digits may turn into whole quanta, or pulses."""
+    motor = trial.actuator
+    channels = any(channel.quantisation for channel in _read_channels(trial))
+    return bool(channels or motor.quantisation or motor.shortest_pulse)
+
+
 def way_of_settings(trial: Trial, charge: Charge) -> Way:
     """Return LANES, or what of a trial's settings only the bench knows."""
-    s, motor = trial.sensors, trial.actuator
-    channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
+    motor = trial.actuator
     own = [trial.controllers[name] or {} for _, name in charge.legs]
     laws = [law_of(leg[1], values)[0] for leg, values in zip(charge.legs, own, strict=True)]
     known = all(law in CONTROLLERS and CONTROLLERS[law].linear for law in laws)
@@ -187,8 +194,7 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
     )
     later = known and all(CONTROLLERS[law].takes_over for law in laws[1:])
     obstacles = (
-        (bool(motor.quantisation or motor.viscous_friction or motor.coulomb_friction), Way.MOTORS),
-        (any(channel.quantisation for channel in channels), Way.QUANTISED),
+        (bool(motor.viscous_friction or motor.coulomb_friction), Way.MOTORS),
         (any(entry.retarget is not None for entry in trial.schedule), Way.SCHEDULE),
         (any(isinstance(entry.fault, SensorNan) for entry in trial.schedule), Way.NAN),
         (judged, Way.JUDGED),

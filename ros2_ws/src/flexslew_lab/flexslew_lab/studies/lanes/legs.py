@@ -11,7 +11,13 @@ import numpy as np
 from flexslew_control.linear_form import LawForm, LinearForm
 from flexslew_lab.studies.lanes.beginning import Beginning, beginning
 from flexslew_lab.studies.lanes.efforts import LawTerms
-from flexslew_lab.studies.lanes.inputs import drives_of, errors_of, numbers_of, troubles_of
+from flexslew_lab.studies.lanes.inputs import (
+    drives_of,
+    errors_of,
+    numbers_of,
+    quanta_of,
+    troubles_of,
+)
 from flexslew_lab.studies.lanes.lane_laws import beside, outputs_of
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
@@ -88,10 +94,15 @@ class LaneFlight:
         self._drives = drives_of(self._lanes)
         self._errors = errors_of(self._lanes, self._outputs, len(schedule.time))
         self._troubles = troubles_of(lanes, filled, len(schedule.time) - 1)
+        self._quanta = quanta_of(self._lanes, self._outputs)
         self._next = 0  # leg
         self.rows = rows_of(first.kernel.size, self._sizes(0))
         self.w = self._at_rest(aim)
         self._begin(gains)
+
+    def in_doubt(self, lane: int) -> bool:
+        """Return whether a value of a lane was too near to an edge, see quanta."""
+        return self._sizes(0).doubtful and bool(self.w[self.rows.doubt + lane])
 
     def cuts(self, most: int) -> list[tuple[int, int]]:
         """Return all ticks in pieces that `fly` takes at once, no longer than `most`."""
@@ -167,6 +178,8 @@ class LaneFlight:
             bool(self._drives[:, 2 * m : 3 * m].any()),
             bool(first.trial.actuator.slew_rate),
             bool(first.trial.actuator.lag),
+            bool(self._drives[:, 3 * m + 2].any()),
+            bool(self._quanta.any()),
             k > 0,
             self._troubles.faults is not None,
             self._troubles.disturbance.shape[2] > 1,
@@ -181,7 +194,9 @@ class LaneFlight:
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: state.size] = state.ravel()
         w[rows.tip : rows.law_limit] = np.repeat(aim, LANES)
-        w[rows.limit : rows.residual_tip] = self._drives.T.ravel()
+        w[rows.limit : rows.quantum] = self._drives.T.ravel()
+        if rows.doubt > rows.quantum:
+            w[rows.quantum : rows.doubt] = self._quanta.ravel()
         if appendages.rate is not None:
             w[rows.tip_rate : rows.end] = np.repeat(appendages.rate, LANES)
         w[rows.outside : rows.terminal] = -np.inf

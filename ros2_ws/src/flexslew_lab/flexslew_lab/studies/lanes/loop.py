@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexslew_lab.studies.lanes.efforts import LawNumbers, LawTerms, Troubles, efforts_of
 from flexslew_lab.studies.lanes.lane_faults import setting_in
 from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
+from flexslew_lab.studies.lanes.quanta import quantising
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.lanes.senses import sensing
 from flexslew_lab.studies.lanes.turned import about_reference
@@ -79,6 +80,7 @@ def lane_loop(
     reading, earlier, effort = rows.reading, rows.earlier, rows.applied
     tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
     about = about_reference(m, rows.reading, turns and not filtered)
+    quantise = quantising(rows, sizes)
     set_in, sense = setting_in(rows, sizes, heard), sensing(rows, sizes, heard, filtered)
 
     @vectorised
@@ -133,6 +135,7 @@ def lane_loop(
             if k == ticks:
                 break
             read(k, error, w)
+            quantise(w)
             set_in(k, troubles.faults, w, filled)
             if heard:
                 draw, reference = draws[k - first], schedule.position[k]
