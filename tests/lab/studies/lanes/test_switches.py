@@ -80,6 +80,12 @@ def test_random_schedules_fly_in_lanes_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial_of(legs), lanes=True, vary=limit)), [0, 1, 2])
 
 
+def test_of_switches_at_one_tick_the_last_one_takes_effect(study_of: Callable[..., Study]) -> None:
+    legs = [(0.0, "pd"), (0.5, "lqr"), (1.0, "pid"), (1.0, "steady"), (1.0, "lqr"), (1.0, "pid")]
+    limit = {"testbed.effort_limit.0": {"uniform": [20.0, 60.0]}}
+    require_equal(prepare(study_of(flown=trial_of(legs), lanes=True, vary=limit)), [0, 1, 2])
+
+
 def test_each_lane_has_gains_and_a_craft_of_its_own_on_every_leg(
     study_of: Callable[..., Study],
 ) -> None:
@@ -109,7 +115,7 @@ def test_each_lane_has_gains_and_a_craft_of_its_own_on_every_leg(
     ("schedule", "way"),
     [
         ([{"at": 0.0, "switch": "pid"}], Way.SCHEDULE),  # a beginning in which nobody was before
-        ([{"at": 1.0, "switch": "pid"}, {"at": 1.0, "switch": "lqr"}], Way.SCHEDULE),
+        ([{"at": 1.0, "switch": "pid"}, {"at": 1.0, "switch": "pd"}], Way.SCHEDULE),  # with a step
         ([{"at": 1.0, "switch": "rests"}], Way.NOT_ALLOWED),  # it follows no plan that moves
         ([{"at": 1.0, "switch": "own"}], Way.SWITCH),  # its state is its own, not an estimator's
     ],

@@ -12,7 +12,7 @@ class Way(StrEnum):
     METRICS = "bench: a metric of its own raises"
     MOTORS = "bench: motors with friction"
     EDGE = "bench: a value at the edge of a quantum or a pulse"
-    SCHEDULE = "bench: new targets, switches at one tick, or a switch that is not answered"
+    SCHEDULE = "bench: a switch at the start, or one that is not answered"
     BRAKE = "bench: the brake takes over"
     NAN = "bench: sensors that read NaN"
     JUDGED = "bench: sensors or an estimate that are looked at"

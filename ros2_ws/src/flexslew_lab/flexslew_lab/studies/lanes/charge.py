@@ -69,13 +69,17 @@ def charge_of(trial: Trial, faults: Sequence[Timed] = ()) -> Charge | Way:
             continue
         if not due:
             break
-        tick, newcomer = due.pop(0)
-        if newcomer == name:
+        newcomers = [newcomer for tick, newcomer in due if tick == until]
+        due, newcomer = due[len(newcomers) :], newcomers[-1]  # the others never answer
+        if set(newcomers) == {name}:
             continue
-        if tick == first or _silenced(lost, losing, newcomer)[tick]:
-            return Way.SCHEDULE
+        if first == until:  # nor does the heir
+            legs.pop()
+        led = legs[-1][1] if legs else newcomer
+        if newcomer in (name, led) or _silenced(lost, losing, newcomer)[until]:
+            return Way.SCHEDULE  # who goes on does so with a step
         facts.append(Switched(name, newcomer, 0.0))
-        legs.append((tick, newcomer))
+        legs.append((until, newcomer))
     if missed.any():
         facts.append(AnswerMissed(ticks=int(missed.sum())))
     facts += [FaultChanged(True) for timed in faults if timed.start <= end]

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Hashable
+from dataclasses import replace
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.bench.injections import injection_of
+from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.faults import Names, Timed
@@ -72,12 +74,12 @@ class LaneIntake:
     def lane_trial(self, case: Case) -> LaneTrial | Way:
         """Return a case ready for a lane; a way where only the bench can fly it."""
         try:
-            trial = case_trial(self._study, case)
+            trial, asked = _turned(case_trial(self._study, case))
             model = trial.testbed.model()
             happens = self._happening(case.variant, trial, model)
             if isinstance(happens, Way):
                 return happens
-            common = self._said(case.variant, trial, happens.charge)
+            common = self._said(case.variant, trial, happens.charge, asked)
             way = common.way if common.way is not Way.LANES else way_of_testbed(trial)
             if way is not Way.LANES:
                 return way
@@ -114,7 +116,7 @@ class LaneIntake:
             self._happens[variant] = source, found  # no chance, which is the seed's
         return found
 
-    def _said(self, variant: int, trial: Trial, charge: Charge) -> _Common:
+    def _said(self, variant: int, trial: Trial, charge: Charge, asked: str) -> _Common:
         testbed = trial.testbed
         known_before = _known_before(trial)
         source: tuple[Any, ...] = (trial.plan, trial.controllers, charge.legs, known_before)
@@ -131,7 +133,7 @@ class LaneIntake:
             return self._common[variant]
         law, own = law_of(trial.active, trial.controllers[trial.active] or {})
         gains, believes = CONTROLLERS[law].lane_gains, True
-        asked = plan_key(trial)
+        asked = asked or plan_key(trial)
         shared = [law, trial.duration, charge.legs, plain(known_before), testbed.kind]
         legs = {name: trial.controllers[name] for _, name in charge.legs}
         if len(legs) > 1:  # each law is made for each trial
@@ -149,6 +151,18 @@ class LaneIntake:
         if not (believes or uses_testbed(plain(trial.plan), testbed)):
             self._common[variant] = common
         return common
+
+
+def _turned(trial: Trial) -> tuple[Trial, str]:
+    """Return a trial with the new targets of its schedule as turns of its testbed.
+
+    Behind it stands its plan_key, which is that of the schedule; empty: it has no new targets.
+    """
+    if all(entry.retarget is None for entry in trial.schedule):
+        return trial, ""
+    others = tuple(entry for entry in trial.schedule if entry.retarget is None)
+    testbed = with_schedule(trial.testbed, trial.schedule)
+    return replace(trial, testbed=testbed, schedule=others), plan_key(trial)
 
 
 class Injected(NamedTuple):
@@ -195,7 +209,6 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
     later = known and all(CONTROLLERS[law].takes_over for law in laws[1:])
     obstacles = (
         (bool(motor.viscous_friction or motor.coulomb_friction), Way.MOTORS),
-        (any(entry.retarget is not None for entry in trial.schedule), Way.SCHEDULE),
         (any(isinstance(entry.fault, SensorNan) for entry in trial.schedule), Way.NAN),
         (judged, Way.JUDGED),
         (trial.plan is None, Way.NO_PLAN),
