@@ -94,7 +94,15 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
             {"controllers": {"output_feedback": {}}, "active": "output_feedback"},
         ),
         (Way.MOTORS, {"actuator": {"viscous_friction": 0.1}}),
-        (Way.NO_PLAN, {"plan": None}),
+        (
+            Way.NO_PLAN,
+            {
+                "plan": None,
+                "controllers": {"output_feedback": {"mode": "tracking_b", "observer": "steady"}},
+                "active": "output_feedback",
+                "sensors": {"joint_position": {"bias": 1e-4}},
+            },
+        ),
         (Way.JUDGED, {"plausibility": {}}),
         (
             Way.JUDGED,

@@ -17,7 +17,7 @@ class Way(StrEnum):
     NAN = "bench: sensors that read NaN"
     JUDGED = "bench: sensors or an estimate that are looked at"
     SWITCH = "bench: a switch to a law with a memory of its own"
-    NO_PLAN = "bench: no plan"
+    NO_PLAN = "bench: no plan for a filter about one"
     JOINTS = "bench: joints that are read in another way"
     EFFORTS = "bench: efforts that are no joints'"
     LAW = "bench: a law that is not linear"

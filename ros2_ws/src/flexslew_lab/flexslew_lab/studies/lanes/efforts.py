@@ -22,8 +22,8 @@ from flexslew_plant.testbeds.compiled.lanes import LANES
 class LawNumbers(NamedTuple):
     """The law of every lane; tensors by lane_laws.by_lane. See linear_form.LawForm."""
 
-    position: Matrix  # that it follows, (ticks, axes)
-    velocity: Matrix
+    position: Tensor  # that it follows, (ticks, axes, 1), or one tick of every lane's
+    velocity: Matrix  # (ticks, axes)
     from_state: Tensor
     from_output: Tensor
     to_integral: Tensor
@@ -48,6 +48,7 @@ class LawTerms(NamedTuple):
     """Which of the law's products there are; a loop computes no others."""
 
     own: bool  # each lane has a demand of its own
+    apart: bool  # each lane holds a position of its own
     state: bool
     output: bool
     integral: bool
@@ -56,7 +57,8 @@ class LawTerms(NamedTuple):
     def of(cls, law: LawNumbers) -> "LawTerms":
         """Return those of a law."""
         products = (law.from_state, law.from_output, law.to_integral)
-        return cls(law.demand.shape[2] > 1, *(bool(product.any()) for product in products))
+        apart = law.position.shape[2] > 1
+        return cls(law.demand.shape[2] > 1, apart, *(bool(product.any()) for product in products))
 
 
 def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
@@ -71,7 +73,7 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
         terms: of the law.
     """
     m, n, shared, quadratic = sizes.joints, sizes.axes, sizes.shared, sizes.quadratic
-    own, from_state, from_output, _ = terms
+    own, apart, from_state, from_output, _ = terms
     reading, products, kp, kd = rows.reading, rows.products, rows.kp, rows.kd
     seen, effort = (rows.seen, rows.demand) if shared else (reading, rows.applied)
     see, give, drive = _see(rows, sizes), _give(rows, sizes), _drive(total, rows, sizes)
@@ -99,12 +101,13 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
         demand_of = law.demand
         for i in range(n):
             row = i * LANES
-            base, requested, turning = demand_of[k, i, 0], law.position[k, i], law.velocity[k, i]
+            position, tick = law.position, 0 if apart else k
+            base, requested, turning = demand_of[k, i, 0], position[tick, i, 0], law.velocity[k, i]
             for lane in range(LANES):
                 at = row + lane
                 w[effort + at] = (
                     (demand_of[k, i, lane] if own else base)
-                    + w[kp + at] * (requested - w[seen + at])
+                    + w[kp + at] * ((position[0, i, lane] if apart else requested) - w[seen + at])
                     + w[kd + at] * (turning - w[seen + n * LANES + at])
                 )
             if from_state:
@@ -170,6 +173,7 @@ def _integrate(
     """
     total, ki, limit, to_integral = rows.integral, rows.ki, rows.law_limit, terms.integral
     m, held, taken, shared = sizes.joints, rows.held, sizes.taken, sizes.shared
+    apart = terms.apart
 
     @vectorised
     def begin(i: int, law: LawNumbers, w: Vector) -> None:
@@ -184,14 +188,16 @@ def _integrate(
 
     @vectorised
     def integrate(k: int, i: int, dt: float, law: LawNumbers, z: Vector, w: Vector) -> None:
-        row, rate, requested = i * LANES, law.integrand[k, i, 0], law.position[k, i]
+        row, rate, position = i * LANES, law.integrand[k, i, 0], law.position
+        requested = position[0 if apart else k, i, 0]
         if taken and k == law.since:
             begin(i, law, w)
-        for at in range(row, row + LANES):
+        for lane in range(LANES):
+            at = row + lane
             demand = w[effort + at] + w[total + at]
             given = min(max(demand, -w[limit + at]), w[limit + at])
             back = law.unwinding * (given - demand)
-            error = requested - w[seen + at]
+            error = (position[0, i, lane] if apart else requested) - w[seen + at]
             w[effort + at] = given
             w[total + at] += dt * (rate + w[ki + at] * error + back)
         if to_integral:

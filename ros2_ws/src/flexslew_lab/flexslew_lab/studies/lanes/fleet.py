@@ -9,11 +9,19 @@ import numpy as np
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import KalmanForm, LinearForm
+from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.lanes.inputs import aim_of, course_of, gains_of, schedule_of
+from flexslew_lab.studies.lanes.inputs import (
+    LaneCourse,
+    aim_of,
+    course_of,
+    gains_of,
+    resting_course,
+    schedule_of,
+)
 from flexslew_lab.studies.lanes.lane_laws import is_large, kind_of, size_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import (
@@ -201,6 +209,18 @@ class Lanes:
             known = self._gains[key] = _Gains(trial.testbed, found)
         return known.found
 
+    def _followed(self, lane: LaneTrial, plan: Plan | None) -> LaneCourse:
+        """Return a trial's plan tick by tick, or its rest where it has none."""
+        trial = lane.trial
+        ticks = round(trial.duration / trial.period)
+        hold = np.zeros(lane.model.joints) if lane.hold is None else lane.hold
+        key = (hold.tobytes() if plan is None else plan_hash(plan)), ticks
+        if key != self._course[0]:
+            rest = resting_course(hold, trial.period, ticks)
+            self._course = key, rest if plan is None else course_of(plan, ticks)
+        course: LaneCourse = self._course[1]
+        return course
+
     def _made(self, lane: LaneTrial) -> _Prepared | Way:
         trial, variant = lane.trial, lane.case.variant
         if self._large.get(variant, lane.law) != lane.law:
@@ -209,17 +229,18 @@ class Lanes:
             plan = self.plans.of(trial, lane.asked)
         except FlexslewError:
             return Way.NOT_ALLOWED
-        if plan is None:
-            return Way.NOT_ALLOWED
-        key = plan_hash(plan), round(trial.duration / trial.period)
-        if key != self._course[0]:
-            self._course = key, course_of(plan, key[1])
-        course = self._course[1]
+        course = self._followed(lane, plan)
         legs: list[Leg] = []
         for first, name in lane.happens.charge.legs:
             controller = _allowed(trial, name)
-            if controller is None or controller.adopt(plan) or controller.reason:
+            if controller is None or (plan and controller.adopt(plan)) or controller.reason:
                 return Way.NOT_ALLOWED
+            if (
+                lane.hold is not None
+                and lane.hold.any()
+                and hasattr(controller.estimator, "expect")
+            ):
+                return Way.NO_PLAN  # it expects a rest at zero first
             form = form_of(trial, controller, course.references)
             if isinstance(form, Way):
                 return form
@@ -230,7 +251,9 @@ class Lanes:
             self._large[variant] = lane.law
         aim, goal = aim_of(lane, plan)
         kinds = tuple((leg.first, leg.blended, kind_of(leg.form)) for leg in legs)
-        kind = kinds, key, aim.tobytes()
+        apart = plan is None and lane.model.attitude is None  # each may hold its own position
+        follows = len(course.references) if apart else self._course[0]
+        kind = kinds, follows, aim.tobytes()
         return _Prepared(tuple(legs), schedule_of(course), aim, goal, kind)
 
 

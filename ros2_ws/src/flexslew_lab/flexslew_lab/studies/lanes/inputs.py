@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import is_dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
-from flexslew_control.linear_form import SharedForm
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import FlownManoeuvre
@@ -20,7 +20,7 @@ from flexslew_lab.studies.lanes.lane_laws import Beside, by_lane
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector, kept
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.hardware.actuator import Actuator
 from flexslew_plant.hardware.disturbances import disturbance_effort
@@ -43,8 +43,7 @@ class LaneCourse(NamedTuple):
 def course_of(plan: Plan, ticks: int) -> LaneCourse:
     """Return a plan tick by tick."""
     references = [plan.reference(k) for k in range(ticks)]
-    stamps = (stamp_of(k * plan.period) for k in range(ticks + 1))
-    time = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
+    time = _stamps(plan.period, ticks)
     return LaneCourse(
         references,
         time,
@@ -53,6 +52,32 @@ def course_of(plan: Plan, ticks: int) -> LaneCourse:
         np.array([r.position for r in references]),
         np.array([r.velocity for r in references]),
     )
+
+
+def resting_course(hold: Vector, period: float, ticks: int) -> LaneCourse:
+    """Return the course of who has no plan and holds what it has first measured.
+
+    Args:
+        hold: positions of the joints, shape (joints,) [rad or m].
+        period: one tick [s].
+        ticks: of the trial.
+    """
+    still, always = np.zeros(hold.size), np.ones(ticks + 1, np.bool_)
+    return LaneCourse(
+        [Reference(hold, still, still, NOTHING)] * ticks,
+        _stamps(period, ticks),
+        always,
+        always,
+        np.tile(hold, (ticks, 1)),
+        np.tile(still, (ticks, 1)),
+    )
+
+
+@lru_cache(maxsize=4)
+def _stamps(period: float, ticks: int) -> Vector:
+    """Return the stamps of ticks as the log has them, shape (ticks + 1,) [s]."""
+    stamps = (stamp_of(k * period) for k in range(ticks + 1))
+    return kept(np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps]))
 
 
 def schedule_of(course: LaneCourse) -> Schedule:
@@ -84,14 +109,15 @@ def _disturbance(lane: LaneTrial, ticks: int) -> Matrix:
     return total
 
 
-def aim_of(lane: LaneTrial, plan: Plan) -> tuple[Vector, FlownManoeuvre]:
+def aim_of(lane: LaneTrial, plan: Plan | None) -> tuple[Vector, FlownManoeuvre]:
     """Return what a group is measured against: rows from `tip` to `band`, and as a record."""
-    testbed = lane.trial.testbed
-    goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
-    assert goal.goal is not None
+    testbed, nowhere = lane.trial.testbed, np.zeros(lane.model.joints)
+    goal = FlownManoeuvre(0.0, 0.0, None, nowhere)
+    if plan is not None:
+        goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
     rows = (
         lane.model.appendages.tip.ravel(),
-        goal.goal,
+        np.nan + nowhere if goal.goal is None else goal.goal,
         np.sign(goal.displacement),
         settling_band(goal.displacement),
     )
@@ -131,21 +157,30 @@ def gains_of(controller: Controller) -> Vector:
     return np.concatenate((gains.kp, getattr(gains, "ki", np.zeros(gains.kp.size)), gains.kd))
 
 
+def positions_of(lanes: Sequence[LaneTrial], schedule: Schedule) -> Tensor:
+    """Return the positions that joints shall have, (ticks, joints, 1), or (1, joints, LANES)."""
+    holds = [lane.hold for lane in lanes if lane.hold is not None]
+    if any(hold is not holds[0] and (hold != holds[0]).any() for hold in holds):
+        return np.array(holds).T[None].copy()
+    return schedule.position[:, :, None]
+
+
 def numbers_of(
-    group: Beside, follows: Schedule | SharedForm, since: int, blended: int
+    group: Beside, position: Tensor, velocity: Matrix, since: int, blended: int
 ) -> LawNumbers:
     """Return the laws of a group for the loop.
 
     Args:
         group: the laws.
-        follows: what they do.
+        position: that they follow, (ticks or 1, axes, 1 or LANES).
+        velocity: that they follow, (ticks, axes).
         since: tick at which they take over; -1: they are in charge from the start.
         blended: ticks in which the efforts of the one before are blended out.
     """
     laws = group.laws
     return LawNumbers(
-        follows.position,
-        follows.velocity,
+        position,
+        velocity,
         by_lane(laws, "from_state", 2),
         by_lane(laws, "from_output", 2),
         by_lane(laws, "to_integral", 2),

@@ -40,11 +40,11 @@ class LaneMetrics:
         aim: FlownManoeuvre,
         at_rest: Matrix,
     ) -> None:
-        assert aim.goal is not None
         lane = lanes[0]
-        self._goal = aim.goal
+        joints = lane.model.joints
+        self._goal = np.full(joints, np.nan) if aim.goal is None else aim.goal
         self._rows, self._of_kernel, self._aim = rows, lane.kernel.rows, aim
-        self._names, self._first = lane.model.joint_names, at_rest.T - aim.goal
+        self._names, self._first = lane.model.joint_names, at_rest.T - self._goal
         self._ended, time = bool(schedule.over.any()), schedule.time
         self._times = float(time[0]), float(time[-1])
         testbed = lane.trial.testbed
@@ -83,18 +83,19 @@ class LaneMetrics:
             return w[begin : begin + len(self._names) * LANES].reshape(-1, LANES).T
 
         after = 1.0 if self._ended else np.nan  # what counts after the end of the manoeuvre
+        aimed = np.nan if aim.goal is None else 1.0  # what counts where there is a goal
         final = joints(of_kernel.position) - self._goal
         errors = goal_errors(aim, None, self._first, final, joints(of_kernel.rate))
         squares = joints(rows.square_sum)
         return {
             "residual_tip_deflection": after * one(rows.residual_tip),
             "peak_tip_deflection": one(rows.peak_tip),
-            **self._by_joint("residual_attitude_error", after * joints(rows.residual)),
+            **self._by_joint("residual_attitude_error", after * aimed * joints(rows.residual)),
             **self._by_joint("final_error", final),
             "goal_error": after * errors,
-            "terminal_error_norm": after * one(rows.terminal),
+            "terminal_error_norm": after * aimed * one(rows.terminal),
             **self._by_joint(
-                "settling_time", settling_times(aim, joints(rows.outside), self._times[1])
+                "settling_time", aimed * settling_times(aim, joints(rows.outside), self._times[1])
             ),
             **self._by_joint("overshoot", overshoots(aim, joints(rows.beyond))),
             **self._by_joint("peak_effort", joints(rows.peak_effort)),

@@ -1,10 +1,12 @@
 """Which trials may fly beside each other in lanes."""
 
 import json
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from math import ceil
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from flexslew_control.controllers import CONTROLLERS, LawEntry, build_controller
 from flexslew_control.controllers.controller import Controller
@@ -15,15 +17,19 @@ from flexslew_lab.studies.lanes.quanta import FINER
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
+from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.injections import injection_of
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.faults import Names, Timed
 from flexslew_plant.faults.actuators import CommandDelay
+from flexslew_plant.faults.injection import Faults
 from flexslew_plant.faults.sensors import SensorNan
 from flexslew_plant.hardware.disturbances import TimedDisturbance
+from flexslew_plant.hardware.sensors import Sensors, exact_readings
 from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import initial_state
 from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel, knows_frequency
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
@@ -47,6 +53,7 @@ class LaneTrial(NamedTuple):
     model: Model
     kernel: LaneKernel
     steps: int  # of the kernel per tick
+    hold: Vector | None  # first measured positions, which are held where there is no plan
     happens: Happening
     law: Hashable  # trials for which it is equal have the same law, but for its lane_gains
     together: Hashable  # trials for which it is equal may fly at once, if their laws may
@@ -97,8 +104,10 @@ class LaneIntake:
         motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate)
         outside = model.outside and (model.outside.add, model.outside.numbers.size)
         bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor, outside)
-        law, together = (common.law, *bench), (common.course, *bench)
-        own = trial, common.asked, model, kernel, steps
+        hold = None if trial.plan is not None else _first_measured(trial, model, happens.faults)
+        held = b"" if hold is None else hold.tobytes()
+        law, together = (common.law, held, *bench), (common.course, *bench)
+        own = trial, common.asked, model, kernel, steps, hold
         return LaneTrial(case, *own, happens, law, together)
 
     def _happening(self, variant: int, trial: Trial, model: Model) -> Happening | Way:
@@ -148,7 +157,7 @@ class LaneIntake:
             json.dumps(part, sort_keys=True) for part in (shared, [*shared, asked, own, belief])
         )
         common = _Common(source, way, noisy, asked, *texts)
-        if not (believes or uses_testbed(plain(trial.plan), testbed)):
+        if not (believes or uses_testbed(plain(trial.plan) or {}, testbed)):
             self._common[variant] = common
         return common
 
@@ -190,6 +199,19 @@ def _known_before(trial: Trial) -> tuple[ScheduleEntry, ...]:
     return tuple(e for e in trial.schedule if e.at <= 0.0 and isinstance(e.fault, CommandDelay))
 
 
+def _first_measured(trial: Trial, model: Model, faults: Sequence[Timed]) -> Vector:
+    """Return the positions of the joints that are measured at tick 0, shape (joints,)."""
+    x, seed = initial_state(trial.testbed), [trial.seed, 0]  # epoch 0
+    rng, instruments = np.random.default_rng(seed), model.appendages.begun(trial.period, seed)
+    sensors = Sensors(trial.sensors, rng, model.appendages.errors, instruments)
+    nothing = np.zeros(model.efforts)
+    readings = sensors.read(exact_readings(model, x, nothing, 0.0), x)
+    names = Names(model.joint_names, model.appendages.names, ())
+    breaks = Faults(names, trial.seed, 0, tuple(faults))
+    breaks.begin(0, nothing, nothing)
+    return breaks.read(readings).joint_position
+
+
 def _is_quantised(trial: Trial) -> bool:
     """Return whether last digits may turn into whole quanta, or pulses."""
     motor = trial.actuator
@@ -211,7 +233,6 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
         (bool(motor.viscous_friction or motor.coulomb_friction), Way.MOTORS),
         (any(isinstance(entry.fault, SensorNan) for entry in trial.schedule), Way.NAN),
         (judged, Way.JUDGED),
-        (trial.plan is None, Way.NO_PLAN),
         (not known, Way.LAW),  # its entry's `linear` has the last word
         (not later, Way.SWITCH),
     )

@@ -15,6 +15,7 @@ from flexslew_lab.studies.lanes.inputs import (
     drives_of,
     errors_of,
     numbers_of,
+    positions_of,
     quanta_of,
     troubles_of,
 )
@@ -95,6 +96,7 @@ class LaneFlight:
         self._errors = errors_of(self._lanes, self._outputs, len(schedule.time))
         self._troubles = troubles_of(lanes, filled, len(schedule.time) - 1)
         self._quanta = quanta_of(self._lanes, self._outputs)
+        self._positions = positions_of(lanes, schedule)
         self._next = 0  # leg
         self.rows = rows_of(first.kernel.size, self._sizes(0))
         self.w = self._at_rest(aim)
@@ -140,7 +142,10 @@ class LaneFlight:
         limit = np.minimum(law.laws[0].limit, np.finfo(float).max)
         w[rows.law_limit : rows.limit] = np.repeat(limit, LANES)
         since = leg.first if self._next else -1
-        numbers = numbers_of(law, leg.form.shared or self._schedule, since, leg.blended)
+        position, velocity = self._positions, self._schedule.velocity
+        if leg.form.shared is not None:
+            position, velocity = leg.form.shared.position[:, :, None], leg.form.shared.velocity
+        numbers = numbers_of(law, position, velocity, since, leg.blended)
         attitude, heard = first.model.attitude, self._heard
         kinds = self._recorded, attitude is not None, heard is not None, bool(law.filters)
         terms = LawTerms.of(numbers)
