@@ -155,10 +155,10 @@ class Lanes:
             aim = prepared.goal
             found = LaneMetrics(group, flight.rows, prepared.schedule, aim, start)
             measured = found.metrics(flight.w).__getitem__
-        results, lost = [], []
+        results, lost, doubt = [], [], flight.in_doubt()
         far = np.abs(flight.w[: states * LANES].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
         for k, lane in enumerate(group):
-            bounded, doubtful = far[k] < _FAR, flight.in_doubt(k)
+            bounded, doubtful = far[k] < _FAR, bool(doubt[k])
             metrics = measured(k) if bounded and not doubtful else None
             if metrics is not None:
                 results.append(Flown(lane.case.number, metrics, None, "ok", "", Way.LANES))
@@ -230,16 +230,12 @@ class Lanes:
         except FlexslewError:
             return Way.NOT_ALLOWED
         course = self._followed(lane, plan)
-        legs: list[Leg] = []
+        legs, holds = list[Leg](), lane.hold is not None and lane.hold.any()
         for first, name in lane.happens.charge.legs:
             controller = _allowed(trial, name)
             if controller is None or (plan and controller.adopt(plan)) or controller.reason:
                 return Way.NOT_ALLOWED
-            if (
-                lane.hold is not None
-                and lane.hold.any()
-                and hasattr(controller.estimator, "expect")
-            ):
+            if holds and hasattr(controller.estimator, "expect"):
                 return Way.NO_PLAN  # it expects a rest at zero first
             form = form_of(trial, controller, course.references)
             if isinstance(form, Way):

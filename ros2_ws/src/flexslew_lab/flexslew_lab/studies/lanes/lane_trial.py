@@ -3,7 +3,7 @@
 import json
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from math import ceil
+from math import ceil, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,7 +95,9 @@ class LaneIntake:
         except FlexslewError:
             return Way.NOT_ALLOWED
         fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
-        steps = max(1, ceil(fast / kernel.reach)) * (FINER if fast and _is_quantised(trial) else 1)
+        steps = max(1, ceil(fast / kernel.reach))
+        if isfinite(kernel.reach) and _is_quantised(trial):
+            steps *= FINER
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
         told = b""

@@ -102,9 +102,11 @@ class LaneFlight:
         self.w = self._at_rest(aim)
         self._begin(gains)
 
-    def in_doubt(self, lane: int) -> bool:
-        """Return whether a value of a lane was too near to an edge, see quanta."""
-        return self._sizes(0).doubtful and bool(self.w[self.rows.doubt + lane])
+    def in_doubt(self) -> Vector:
+        """Return of every lane whether a value was too near to an edge, 0 or 1; see quanta."""
+        if not self._sizes(0).doubtful:
+            return np.zeros(LANES)
+        return self.w[self.rows.doubt : self.rows.doubt + LANES]
 
     def cuts(self, most: int) -> list[tuple[int, int]]:
         """Return all ticks in pieces that `fly` takes at once, no longer than `most`."""
