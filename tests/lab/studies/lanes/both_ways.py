@@ -8,6 +8,7 @@ from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.flight import flown
 from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import Preparation
+from flexslew_lab.studies.ways import Way
 
 CRAFT: dict[str, Any] = {
     "kind": "spacecraft",
@@ -35,6 +36,7 @@ def require_equal(ready: Preparation, numbers: list[int]) -> None:
     """Fly the trials both ways and compare every metric."""
     cases = [case_of(ready.study, ready.samples, k) for k in numbers]
     results = [r for some, _ in Lanes(ready.study, ready.plans).fly(cases) for r in some]
+    results.sort(key=lambda result: result.number)
     assert [r.number for r in results] == numbers
     for result, case in zip(results, cases, strict=True):
         bench = flown(ready.study, case, ready.plans)
@@ -45,3 +47,13 @@ def require_equal(ready: Preparation, numbers: list[int]) -> None:
                 assert ours is None, name
             else:
                 assert ours == pytest.approx(value, rel=TOLERANCE, abs=TOLERANCE), name
+
+
+def ways_of(ready: Preparation, count: int) -> list[Way]:
+    """Return how the first trials are flown."""
+    cases = [case_of(ready.study, ready.samples, k) for k in range(count)]
+    ways: dict[int, Way] = {}
+    for some, others in Lanes(ready.study, ready.plans).fly(cases):
+        ways |= {one.number: Way.LANES for one in some}
+        ways |= {one.case.number: one.way for one in others}
+    return [ways[k] for k in range(count)]

@@ -93,15 +93,20 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
             Way.SETTINGS,  # tracking (a)
             {"controllers": {"output_feedback": {}}, "active": "output_feedback"},
         ),
-        (Way.QUANTISED, {"sensors": {"joint_position": {"quantisation": 1e-5}}}),
-        (Way.MOTORS, {"actuator": {"quantisation": 0.1}}),
-        (Way.NO_PLAN, {"plan": None}),
+        (Way.MOTORS, {"actuator": {"viscous_friction": 0.1}}),
         (
-            Way.SCHEDULE,
+            Way.NO_PLAN,
             {
-                "allow_faults": True,
-                "schedule": [{"at": 1.0, "fault": {"kind": "command_lost", "probability": 0.1}}],
+                "plan": None,
+                "controllers": {"output_feedback": {"mode": "tracking_b", "observer": "steady"}},
+                "active": "output_feedback",
+                "sensors": {"joint_position": {"bias": 1e-4}},
             },
+        ),
+        (Way.JUDGED, {"plausibility": {}}),
+        (
+            Way.JUDGED,
+            {"controllers": {"lqr": {"monitor": {}}}, "active": "lqr"},
         ),
     ],
 )
@@ -167,7 +172,7 @@ def test_any_testbed_whose_joints_come_first_flies_in_lanes(
 TURNING = {"motion": {"at": 0.5, "duration": 2.0, "to": 0.3, "axis": [1.0, 0.0, 0.0]}}
 
 
-@pytest.mark.parametrize("what", ["speed limit", "driven hinge", "prescribed turn"])
+@pytest.mark.parametrize("what", ["speed limit", "driven hinge", "prescribed turn", "new target"])
 def test_a_spacecraft_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], what: str
 ) -> None:
@@ -179,8 +184,13 @@ def test_a_spacecraft_flies_in_lanes_as_on_the_bench(
     elif what == "driven hinge":
         boom["hinge"] |= {"kind": "driven", "spring": 20.0}
         gains = {"kp": [30.0, 0.0], "kd": [60.0, 1.0]}
-    elif what == "prescribed turn":
+    else:
         boom["hinge"] |= TURNING
+    schedule = [{"at": 1.0, "until": 1.5, "disturbance": {joint: 0.1}}]
+    if what == "new target":
+        turn = {"appendage": "boom", "to": -0.2, "duration": 1.5}
+        schedule.append({"at": 3.0, "retarget": turn})
+        vary["schedule.1.retarget.to"] = {"uniform": [-0.3, 0.2]}
     plan: dict[str, Any] = {"method": "reference_only", "goal": {joint: 0.4}, "duration": 4.0}
     if what == "driven hinge":
         plan["method"] = "none"
@@ -189,7 +199,7 @@ def test_a_spacecraft_flies_in_lanes_as_on_the_bench(
         "testbed": testbed,
         "plan": plan,
         "controllers": {"pd_feedforward": gains},
-        "schedule": [{"at": 1.0, "until": 1.5, "disturbance": {joint: 0.1}}],
+        "schedule": schedule,
         "sensors": {"joint_velocity": {"noise": 1e-4}},
     }
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))

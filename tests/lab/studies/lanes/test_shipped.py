@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from flexslew_control.law import Reference
+from flexslew_lab.studies.lanes.charge import charge_of
 from flexslew_lab.studies.lanes.fleet import form_of
 from flexslew_lab.studies.lanes.lane_trial import (
     controller_of,
-    in_charge,
+    injections_of,
     way_of_settings,
     way_of_testbed,
 )
@@ -19,18 +20,22 @@ from flexslew_plant.testbeds import initial_positions
 
 FOR_THE_BENCH = {
     "predictive_m1": Way.LAW,
-    "swap_demo": Way.SCHEDULE,
+    "swap_demo": Way.SETTINGS,
 }
 
 
 def way_of(trial: Trial) -> Way:
     """Return how a study flies a trial, from a reference that rests."""
-    for way in (way_of_settings(trial), way_of_testbed(trial)):
+    model = trial.testbed.model()
+    charge = charge_of(trial, injections_of(trial, model).faults)
+    if isinstance(charge, Way):
+        return charge
+    for way in (way_of_settings(trial, charge), way_of_testbed(trial)):
         if way is not Way.LANES:
             return way
     still = np.array(list(initial_positions(trial.testbed).values()))
     references = [Reference(still, 0.0 * still, 0.0 * still, NOTHING)]
-    forms = [form_of(trial, controller_of(trial, name), references) for _, name in in_charge(trial)]
+    forms = [form_of(trial, controller_of(trial, name), references) for _, name in charge.legs]
     return next((form for form in forms if isinstance(form, Way)), Way.LANES)
 
 

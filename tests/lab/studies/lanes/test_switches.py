@@ -9,8 +9,8 @@ import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
 
 from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.lanes.charge import Charge, charge_of
 from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.lanes.lane_trial import in_charge
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -80,11 +80,19 @@ def test_random_schedules_fly_in_lanes_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial_of(legs), lanes=True, vary=limit)), [0, 1, 2])
 
 
+def test_of_switches_at_one_tick_the_last_one_takes_effect(study_of: Callable[..., Study]) -> None:
+    legs = [(0.0, "pd"), (0.5, "lqr"), (1.0, "pid"), (1.0, "steady"), (1.0, "lqr"), (1.0, "pid")]
+    limit = {"testbed.effort_limit.0": {"uniform": [20.0, 60.0]}}
+    require_equal(prepare(study_of(flown=trial_of(legs), lanes=True, vary=limit)), [0, 1, 2])
+
+
 def test_each_lane_has_gains_and_a_craft_of_its_own_on_every_leg(
     study_of: Callable[..., Study],
 ) -> None:
     observatory, _ = read_trial("observatory", None)
-    assert in_charge(observatory) == [(0, "slewing"), (4200, "settling"), (9000, "pointing")]
+    charge = charge_of(observatory)
+    assert isinstance(charge, Charge)
+    assert charge.legs == ((0, "slewing"), (4200, "settling"), (9000, "pointing"))
     trial = plain(observatory) | {
         "duration": 30.0,
         "plan": {"method": "reference_only", "goal": {"to": [0.1, -0.06, 0.99]}, "duration": 20.0},
@@ -107,7 +115,7 @@ def test_each_lane_has_gains_and_a_craft_of_its_own_on_every_leg(
     ("schedule", "way"),
     [
         ([{"at": 0.0, "switch": "pid"}], Way.SCHEDULE),  # a beginning in which nobody was before
-        ([{"at": 1.0, "switch": "pid"}, {"at": 1.0, "switch": "lqr"}], Way.SCHEDULE),
+        ([{"at": 1.0, "switch": "pid"}, {"at": 1.0, "switch": "pd"}], Way.SCHEDULE),  # with a step
         ([{"at": 1.0, "switch": "rests"}], Way.NOT_ALLOWED),  # it follows no plan that moves
         ([{"at": 1.0, "switch": "own"}], Way.SWITCH),  # its state is its own, not an estimator's
     ],

@@ -24,6 +24,7 @@ from flexslew_lab.trial.trial import (
     set_up,
 )
 from flexslew_plant.bench.bench import Bench
+from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import command_delays
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
 from flexslew_plant.own_code import one_line
@@ -91,7 +92,7 @@ def plan_key(trial: Trial) -> str:
     motors = [plain(trial.actuator), late.tolist()]
     asked = [plan, trial.period, list(trial.testbed.effort_limit), motors]
     if uses_testbed(plan, trial.testbed):
-        asked.append(plain(trial.testbed))
+        asked.append(plain(with_schedule(trial.testbed, trial.schedule)))
     elif "model" not in plan:
         asked.append(initial_positions(trial.testbed))
     if not plan.get("feedback"):

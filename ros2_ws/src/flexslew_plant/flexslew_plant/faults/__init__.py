@@ -1,6 +1,6 @@
 """The faults: what can break. A new one is a file that ends in its entry, and a line here.
 
-Offers: actuators, effects, injection.
+Offers: actuators, chance, commands, effects, injection, sensors.
 """
 
 from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeAlias

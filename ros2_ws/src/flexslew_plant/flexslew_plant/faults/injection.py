@@ -2,12 +2,10 @@
 
 from functools import partial
 from typing import Any, NamedTuple
-from zlib import crc32
-
-import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.faults import Timed
+from flexslew_plant.faults.chance import drawn, key_of
 from flexslew_plant.faults.effects import Effect, Fate, FaultContext, Names
 from flexslew_plant.hardware.sensors import Readings
 from flexslew_plant.measurement import EffortCommand
@@ -139,6 +137,5 @@ class Faults:
     def _happens(self, timed: Timed, probability: float) -> bool:
         """Return whether chance strikes at this tick."""
         fault: Any = timed.fault
-        key = (self._seed, self._epoch, timed.start, crc32(fault.kind.encode()), fault.seed)
-        draw = np.random.default_rng((*key, self._tick)).random()
-        return bool(draw < probability)
+        key = key_of(self._seed, self._epoch, timed.start, fault.kind, fault.seed)
+        return drawn(key, self._tick) < probability

@@ -10,7 +10,9 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from flexslew_control.allocation.sharing import share
+from flexslew_lab.studies.lanes.lane_faults import LaneFaults, broken_demand, broken_motors
 from flexslew_lab.studies.lanes.observers import add_products
+from flexslew_lab.studies.lanes.quanta import GUARD, in_steps, near_edge
 from flexslew_lab.studies.lanes.rows import Rows, Sizes
 from flexslew_lab.studies.lanes.turned import TurnedJoints
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
@@ -20,8 +22,8 @@ from flexslew_plant.testbeds.compiled.lanes import LANES
 class LawNumbers(NamedTuple):
     """The law of every lane; tensors by lane_laws.by_lane. See linear_form.LawForm."""
 
-    position: Matrix  # that it follows, (ticks, axes)
-    velocity: Matrix
+    position: Tensor  # that it follows, (ticks, axes, 1), or one tick of every lane's
+    velocity: Matrix  # (ticks, axes)
     from_state: Tensor
     from_output: Tensor
     to_integral: Tensor
@@ -35,10 +37,18 @@ class LawNumbers(NamedTuple):
     allocation: Any  # sharing.AllocationNumbers; None: its efforts are those of the joints
 
 
+class Troubles(NamedTuple):
+    """What disturbs the lanes, and what breaks in them."""
+
+    disturbance: Tensor  # (ticks, joints, 1 or LANES) [N m or N]
+    faults: LaneFaults | None  # None: there are none
+
+
 class LawTerms(NamedTuple):
     """Which of the law's products there are; a loop computes no others."""
 
     own: bool  # each lane has a demand of its own
+    apart: bool  # each lane holds a position of its own
     state: bool
     output: bool
     integral: bool
@@ -47,13 +57,14 @@ class LawTerms(NamedTuple):
     def of(cls, law: LawNumbers) -> "LawTerms":
         """Return those of a law."""
         products = (law.from_state, law.from_output, law.to_integral)
-        return cls(law.demand.shape[2] > 1, *(bool(product.any()) for product in products))
+        apart = law.position.shape[2] > 1
+        return cls(law.demand.shape[2] > 1, apart, *(bool(product.any()) for product in products))
 
 
 def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
     """Return what writes the efforts of a tick and takes the integral to the next one.
 
-    It takes (k, t, dt, schedule, LawNumbers, TurnedJoints, z, w, first lanes to be asked for).
+    It takes (k, t, dt, Troubles, LawNumbers, TurnedJoints, z, w, first lanes to be asked for).
 
     Args:
         total: where the efforts stand that the kernel holds.
@@ -62,7 +73,7 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
         terms: of the law.
     """
     m, n, shared, quadratic = sizes.joints, sizes.axes, sizes.shared, sizes.quadratic
-    own, from_state, from_output, _ = terms
+    own, apart, from_state, from_output, _ = terms
     reading, products, kp, kd = rows.reading, rows.products, rows.kp, rows.kd
     seen, effort = (rows.seen, rows.demand) if shared else (reading, rows.applied)
     see, give, drive = _see(rows, sizes), _give(rows, sizes), _drive(total, rows, sizes)
@@ -75,7 +86,7 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
         k: int,
         t: float,
         dt: float,
-        schedule: Any,
+        troubles: Troubles,
         law: LawNumbers,
         turned: TurnedJoints,
         z: Vector,
@@ -90,12 +101,13 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
         demand_of = law.demand
         for i in range(n):
             row = i * LANES
-            base, requested, turning = demand_of[k, i, 0], law.position[k, i], law.velocity[k, i]
+            position, tick = law.position, 0 if apart else k
+            base, requested, turning = demand_of[k, i, 0], position[tick, i, 0], law.velocity[k, i]
             for lane in range(LANES):
                 at = row + lane
                 w[effort + at] = (
                     (demand_of[k, i, lane] if own else base)
-                    + w[kp + at] * (requested - w[seen + at])
+                    + w[kp + at] * ((position[0, i, lane] if apart else requested) - w[seen + at])
                     + w[kd + at] * (turning - w[seen + n * LANES + at])
                 )
             if from_state:
@@ -108,12 +120,12 @@ def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callabl
                 integrate(k, i, dt, law, z, w)
             if not shared:
                 blend(k, i, law, w)
-                drive(i, dt, schedule.disturbance[k, i], w)
+                drive(k, i, dt, troubles, w, filled)
         if shared:
             give(t, law.allocation, w, filled)
             for i in range(m):
                 blend(k, i, law, w)
-                drive(i, dt, schedule.disturbance[k, i], w)
+                drive(k, i, dt, troubles, w, filled)
 
     return cast(Callable[..., None], efforts)
 
@@ -161,6 +173,7 @@ def _integrate(
     """
     total, ki, limit, to_integral = rows.integral, rows.ki, rows.law_limit, terms.integral
     m, held, taken, shared = sizes.joints, rows.held, sizes.taken, sizes.shared
+    apart = terms.apart
 
     @vectorised
     def begin(i: int, law: LawNumbers, w: Vector) -> None:
@@ -175,14 +188,16 @@ def _integrate(
 
     @vectorised
     def integrate(k: int, i: int, dt: float, law: LawNumbers, z: Vector, w: Vector) -> None:
-        row, rate, requested = i * LANES, law.integrand[k, i, 0], law.position[k, i]
+        row, rate, position = i * LANES, law.integrand[k, i, 0], law.position
+        requested = position[0 if apart else k, i, 0]
         if taken and k == law.since:
             begin(i, law, w)
-        for at in range(row, row + LANES):
+        for lane in range(LANES):
+            at = row + lane
             demand = w[effort + at] + w[total + at]
             given = min(max(demand, -w[limit + at]), w[limit + at])
             back = law.unwinding * (given - demand)
-            error = requested - w[seen + at]
+            error = (position[0, i, lane] if apart else requested) - w[seen + at]
             w[effort + at] = given
             w[total + at] += dt * (rate + w[ki + at] * error + back)
         if to_integral:
@@ -238,25 +253,42 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a drive makes of a demand; see Actuator and Thrusters."""
     effort, limit, least = rows.applied, rows.limit, rows.least
     pulsed, pulse, owed = sizes.pulsed, rows.pulse, rows.owed
-    follow, follows = _follow(rows, sizes), sizes.slewed or sizes.lagged
+    follow, stepped, doubt = _follow(rows, sizes), sizes.stepped, rows.doubt
+    quantum = rows.motor + 2 * LANES
+    apart, ask, give = sizes.apart, broken_demand(rows, sizes), broken_motors(rows, sizes)
 
     @vectorised
-    def drive(i: int, dt: float, disturbance: float, w: Vector) -> None:
+    def disturb(k: int, i: int, troubles: Troubles, w: Vector) -> None:
+        row, disturbance = i * LANES, troubles.disturbance
+        base = disturbance[k, i, 0]
+        for lane in range(LANES):
+            pushed = disturbance[k, i, lane] if apart else base
+            w[total + row + lane] = w[effort + row + lane] + pushed
+
+    @vectorised
+    def drive(k: int, i: int, dt: float, troubles: Troubles, w: Vector, filled: int) -> None:
+        ask(k, i, troubles.faults, w, filled)
         for at in range(i * LANES, (i + 1) * LANES):
             applied = min(max(w[effort + at], w[least + at]), w[limit + at])
+            lane = at - i * LANES
+            if stepped and w[quantum + lane] > 0.0:
+                near = near_edge(applied, w[limit + at], w[quantum + lane])
+                w[doubt + lane] = 1.0 if near else w[doubt + lane]
+                applied = in_steps(applied, w[limit + at], w[quantum + lane])
             if pulsed:
                 asked, most = applied * dt + w[owed + at], w[limit + at] * dt
+                near = abs(abs(asked) - w[pulse + at]) < GUARD * most
+                near = near and w[pulse + at] > 0.0
+                w[doubt + lane] = 1.0 if near else w[doubt + lane]
                 impulse = min(max(asked, -most), most)
                 impulse = 0.0 if abs(impulse) < w[pulse + at] else impulse
                 still = min(max(asked - impulse, -w[pulse + at]), w[pulse + at])
                 w[owed + at] = still if w[pulse + at] > 0.0 else 0.0
                 applied = impulse / dt if w[pulse + at] > 0.0 else applied
             w[effort + at] = applied
-            w[total + at] = applied + disturbance
-        if follows:
-            follow(i, dt, w)
-            for at in range(i * LANES, (i + 1) * LANES):
-                w[total + at] = w[effort + at] + disturbance
+        follow(i, dt, w)
+        give(k, i, troubles.faults, w, filled)
+        disturb(k, i, troubles, w)
 
     return cast(Callable[..., None], drive)
 
@@ -265,7 +297,7 @@ def _follow(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a motor's slew rate and lag make of an effort; see Actuator."""
     effort, ramp, torque = rows.applied, rows.ramp, rows.torque
     slewed, lagged = sizes.slewed, sizes.lagged
-    lag_of, rate_of, rise_of, mean_of = (rows.motor + k * LANES for k in range(4))
+    lag_of, rate_of, _, rise_of, mean_of = (rows.motor + k * LANES for k in range(5))
 
     @vectorised
     def follow(i: int, dt: float, w: Vector) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,18 +9,25 @@ import numpy as np
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import KalmanForm, LinearForm
+from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
-from flexslew_lab.metrics.metric import Ending, FlownManoeuvre
+from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.lanes.inputs import aim_of, course_of, gains_of, schedule_of
+from flexslew_lab.studies.lanes.inputs import (
+    LaneCourse,
+    aim_of,
+    course_of,
+    gains_of,
+    resting_course,
+    schedule_of,
+)
 from flexslew_lab.studies.lanes.lane_laws import is_large, kind_of, size_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import (
     LaneIntake,
     LaneTrial,
     controller_of,
-    in_charge,
     law_entry,
 )
 from flexslew_lab.studies.lanes.legs import LaneFlight, Leg
@@ -32,7 +38,6 @@ from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.events import Switched, event_of
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
@@ -142,32 +147,33 @@ class Lanes:
         )
         states = first.model.positions + first.model.coordinates
         start = flight.w[: first.model.joints * LANES].reshape(-1, LANES).copy()
-        ending = _ending(prepared.legs, first)
         if recorded:
-            measured = self._recorded(group, prepared, flight, ending)
+            measured = self._recorded(group, prepared, flight)
         else:
             for cut in flight.cuts(len(prepared.schedule.time)):
                 flight.fly(*cut)
             aim = prepared.goal
-            found = LaneMetrics(first, flight.rows, prepared.schedule, aim, start, ending)
+            found = LaneMetrics(group, flight.rows, prepared.schedule, aim, start)
             measured = found.metrics(flight.w).__getitem__
-        results, lost = [], []
+        results, lost, doubt = [], [], flight.in_doubt()
         far = np.abs(flight.w[: states * LANES].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
         for k, lane in enumerate(group):
-            metrics = measured(k) if far[k] < _FAR else None
+            bounded, doubtful = far[k] < _FAR, bool(doubt[k])
+            metrics = measured(k) if bounded and not doubtful else None
             if metrics is not None:
                 results.append(Flown(lane.case.number, metrics, None, "ok", "", Way.LANES))
             else:
-                lost.append(ForBench(lane.case, Way.METRICS if far[k] < _FAR else Way.FAR))
+                way = Way.FAR if not bounded else Way.EDGE if doubtful else Way.METRICS
+                lost.append(ForBench(lane.case, way))
         return results, lost
 
     def _recorded(
-        self, group: Sequence[LaneTrial], prepared: _Prepared, flight: LaneFlight, ending: Ending
+        self, group: Sequence[LaneTrial], prepared: _Prepared, flight: LaneFlight
     ) -> Callable[[int], dict[str, float | None] | None]:
         """Fly a group that is measured from its truth; return what gives the metrics of each."""
         model, period = group[0].model, group[0].trial.period
         source = self.study.source
-        found = [RecordedMetrics(lane, prepared.goal, source, ending) for lane in group]
+        found = [RecordedMetrics(lane, prepared.goal, source) for lane in group]
         record = np.empty((LANES, TICKS, model.positions + model.coordinates + model.joints))
         for first, last in flight.cuts(TICKS):
             flight.fly(first, last, record)
@@ -203,6 +209,18 @@ class Lanes:
             known = self._gains[key] = _Gains(trial.testbed, found)
         return known.found
 
+    def _followed(self, lane: LaneTrial, plan: Plan | None) -> LaneCourse:
+        """Return a trial's plan tick by tick, or its rest where it has none."""
+        trial = lane.trial
+        ticks = round(trial.duration / trial.period)
+        hold = np.zeros(lane.model.joints) if lane.hold is None else lane.hold
+        key = (hold.tobytes() if plan is None else plan_hash(plan)), ticks
+        if key != self._course[0]:
+            rest = resting_course(hold, trial.period, ticks)
+            self._course = key, rest if plan is None else course_of(plan, ticks)
+        course: LaneCourse = self._course[1]
+        return course
+
     def _made(self, lane: LaneTrial) -> _Prepared | Way:
         trial, variant = lane.trial, lane.case.variant
         if self._large.get(variant, lane.law) != lane.law:
@@ -211,17 +229,14 @@ class Lanes:
             plan = self.plans.of(trial, lane.asked)
         except FlexslewError:
             return Way.NOT_ALLOWED
-        if plan is None:
-            return Way.NOT_ALLOWED
-        key = plan_hash(plan), round(trial.duration / trial.period)
-        if key != self._course[0]:
-            self._course = key, course_of(plan, key[1])
-        course = self._course[1]
-        legs: list[Leg] = []
-        for first, name in in_charge(trial):
+        course = self._followed(lane, plan)
+        legs, holds = list[Leg](), lane.hold is not None and lane.hold.any()
+        for first, name in lane.happens.charge.legs:
             controller = _allowed(trial, name)
-            if controller is None or controller.adopt(plan) or controller.reason:
+            if controller is None or (plan and controller.adopt(plan)) or controller.reason:
                 return Way.NOT_ALLOWED
+            if holds and hasattr(controller.estimator, "expect"):
+                return Way.NO_PLAN  # it expects a rest at zero first
             form = form_of(trial, controller, course.references)
             if isinstance(form, Way):
                 return form
@@ -232,8 +247,10 @@ class Lanes:
             self._large[variant] = lane.law
         aim, goal = aim_of(lane, plan)
         kinds = tuple((leg.first, leg.blended, kind_of(leg.form)) for leg in legs)
-        kind = kinds, key, aim.tobytes()
-        return _Prepared(tuple(legs), schedule_of(lane, course), aim, goal, kind)
+        apart = plan is None and lane.model.attitude is None  # each may hold its own position
+        follows = len(course.references) if apart else self._course[0]
+        kind = kinds, follows, aim.tobytes()
+        return _Prepared(tuple(legs), schedule_of(course), aim, goal, kind)
 
 
 def _size(prepared: _Prepared | Way) -> int:
@@ -271,18 +288,6 @@ def _filter_of(form: LinearForm) -> Hashable:
     """Return what is equal for laws whose filters of the attitude believe the same."""
     craft = form.flexible.numbers if form.flexible is not None else ()
     return form.attitude and tuple(part.tobytes() for part in (*form.attitude, *craft))
-
-
-def _ending(legs: Sequence[Leg], lane: LaneTrial) -> Ending:
-    """Return what the truth does not say: who took over from whom, without a step."""
-    none, period = [0.0] * lane.model.efforts, lane.trial.period
-    events = [
-        event_of(
-            Switched(before.controller, leg.controller, none), leg.first, leg.first * period, 0, ""
-        )
-        for before, leg in pairwise(legs)
-    ]
-    return Ending(events, [], True)
 
 
 def _heard(form: LinearForm, model: Model) -> Way:

@@ -1,5 +1,8 @@
 """What the lanes of a group are given: schedule, aim, gains, errors of the sensors."""
 
+from collections.abc import Sequence
+from dataclasses import is_dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,20 +10,20 @@ from numpy.typing import NDArray
 
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
-from flexslew_control.linear_form import SharedForm
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.metrics.settling import settling_band
-from flexslew_lab.studies.lanes.efforts import LawNumbers
+from flexslew_lab.studies.lanes.efforts import LawNumbers, Troubles
+from flexslew_lab.studies.lanes.lane_faults import faults_of
 from flexslew_lab.studies.lanes.lane_laws import Beside, by_lane
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector, kept
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.hardware.actuator import Actuator
-from flexslew_plant.hardware.disturbances import TimedDisturbance, disturbance_effort
+from flexslew_plant.hardware.disturbances import disturbance_effort
 from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
@@ -40,8 +43,7 @@ class LaneCourse(NamedTuple):
 def course_of(plan: Plan, ticks: int) -> LaneCourse:
     """Return a plan tick by tick."""
     references = [plan.reference(k) for k in range(ticks)]
-    stamps = (stamp_of(k * plan.period) for k in range(ticks + 1))
-    time = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
+    time = _stamps(plan.period, ticks)
     return LaneCourse(
         references,
         time,
@@ -52,36 +54,70 @@ def course_of(plan: Plan, ticks: int) -> LaneCourse:
     )
 
 
-def schedule_of(lane: LaneTrial, course: LaneCourse) -> Schedule:
-    """Return what is the same in every lane, tick by tick."""
-    return Schedule(
-        *course[1:],
-        _disturbances(lane.trial, lane.model, len(course.references)),
+def resting_course(hold: Vector, period: float, ticks: int) -> LaneCourse:
+    """Return the course of who has no plan and holds what it has first measured.
+
+    Args:
+        hold: positions of the joints, shape (joints,) [rad or m].
+        period: one tick [s].
+        ticks: of the trial.
+    """
+    still, always = np.zeros(hold.size), np.ones(ticks + 1, np.bool_)
+    return LaneCourse(
+        [Reference(hold, still, still, NOTHING)] * ticks,
+        _stamps(period, ticks),
+        always,
+        always,
+        np.tile(hold, (ticks, 1)),
+        np.tile(still, (ticks, 1)),
     )
 
 
-def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
+@lru_cache(maxsize=4)
+def _stamps(period: float, ticks: int) -> Vector:
+    """Return the stamps of ticks as the log has them, shape (ticks + 1,) [s]."""
+    stamps = (stamp_of(k * period) for k in range(ticks + 1))
+    return kept(np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps]))
+
+
+def schedule_of(course: LaneCourse) -> Schedule:
+    """Return what is the same in every lane, tick by tick."""
+    return Schedule(*course[1:])
+
+
+def troubles_of(lanes: Sequence[LaneTrial], filled: int, ticks: int) -> Troubles:
+    """Return what disturbs and breaks a group, of which the first lanes are filled."""
+    found: list[Matrix] = []
+    for before, lane in zip([None, *lanes], lanes, strict=False):
+        alike = before is not None and before.happens.disturbances == lane.happens.disturbances
+        found.append(found[-1] if alike else _disturbance(lane, ticks))
+    apart = any(one is not found[0] for one in found)
+    disturbance = np.stack(found if apart else found[:1], axis=-1)
+    return Troubles(disturbance, faults_of(lanes[:filled], ticks))
+
+
+def _disturbance(lane: LaneTrial, ticks: int) -> Matrix:
+    model, period = lane.model, lane.trial.period
     total = np.zeros((ticks, model.joints))
-    for entry in trial.schedule:
-        if entry.disturbance is None:
+    for timed in lane.happens.disturbances:
+        if not any(map(is_dataclass, timed.shapes.values())):
+            steady = disturbance_effort(timed, timed.start, model.joint_names, period)
+            total[timed.start : int(min(timed.end, ticks))] += steady
             continue
-        start = round(entry.at / trial.period)
-        end = ticks if entry.until is None else round(entry.until / trial.period)
-        end = max(end, start + 1)
-        timed = TimedDisturbance(entry.disturbance, start, end)
-        for k in range(start, min(end, ticks)):
-            total[k] += disturbance_effort(timed, k, model.joint_names, trial.period)
+        for k in range(timed.start, int(min(timed.end, ticks))):
+            total[k] += disturbance_effort(timed, k, model.joint_names, period)
     return total
 
 
-def aim_of(lane: LaneTrial, plan: Plan) -> tuple[Vector, FlownManoeuvre]:
+def aim_of(lane: LaneTrial, plan: Plan | None) -> tuple[Vector, FlownManoeuvre]:
     """Return what a group is measured against: rows from `tip` to `band`, and as a record."""
-    testbed = lane.trial.testbed
-    goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
-    assert goal.goal is not None
+    testbed, nowhere = lane.trial.testbed, np.zeros(lane.model.joints)
+    goal = FlownManoeuvre(0.0, 0.0, None, nowhere)
+    if plan is not None:
+        goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
     rows = (
         lane.model.appendages.tip.ravel(),
-        goal.goal,
+        np.nan + nowhere if goal.goal is None else goal.goal,
         np.sign(goal.displacement),
         settling_band(goal.displacement),
     )
@@ -108,7 +144,9 @@ def _drives(trial: Trial, model: Model) -> Vector:
     thrusters = thrusters_of(motor.shortest_pulse, model.joint_names, limit, trial.period)
     pulses = 0.0 * limit if thrusters is None else thrusters.least_impulse
     rises = Actuator(motor, limit, trial.period).rises
-    return np.concatenate((limit, least, pulses, (motor.lag, motor.slew_rate, *rises)))
+    return np.concatenate(
+        (limit, least, pulses, (motor.lag, motor.slew_rate, motor.quantisation, *rises))
+    )
 
 
 def gains_of(controller: Controller) -> Vector:
@@ -119,21 +157,30 @@ def gains_of(controller: Controller) -> Vector:
     return np.concatenate((gains.kp, getattr(gains, "ki", np.zeros(gains.kp.size)), gains.kd))
 
 
+def positions_of(lanes: Sequence[LaneTrial], schedule: Schedule) -> Tensor:
+    """Return the positions that joints shall have, (ticks, joints, 1), or (1, joints, LANES)."""
+    holds = [lane.hold for lane in lanes if lane.hold is not None]
+    if any(hold is not holds[0] and (hold != holds[0]).any() for hold in holds):
+        return np.array(holds).T[None].copy()
+    return schedule.position[:, :, None]
+
+
 def numbers_of(
-    group: Beside, follows: Schedule | SharedForm, since: int, blended: int
+    group: Beside, position: Tensor, velocity: Matrix, since: int, blended: int
 ) -> LawNumbers:
     """Return the laws of a group for the loop.
 
     Args:
         group: the laws.
-        follows: what they do.
+        position: that they follow, (ticks or 1, axes, 1 or LANES).
+        velocity: that they follow, (ticks, axes).
         since: tick at which they take over; -1: they are in charge from the start.
         blended: ticks in which the efforts of the one before are blended out.
     """
     laws = group.laws
     return LawNumbers(
-        follows.position,
-        follows.velocity,
+        position,
+        velocity,
         by_lane(laws, "from_state", 2),
         by_lane(laws, "from_output", 2),
         by_lane(laws, "to_integral", 2),
@@ -146,6 +193,15 @@ def numbers_of(
         blended,
         group.allocation,
     )
+
+
+def quanta_of(lanes: Sequence[LaneTrial], outputs: int) -> Matrix:
+    """Return the quanta of what the law reads, (outputs, LANES); 0: none."""
+    m, tips = lanes[0].model.joints, outputs - 2 * lanes[0].model.joints
+    each = [lane.trial.sensors for lane in lanes]
+    channels = [(s.joint_position, s.joint_velocity, s.tip_deflection) for s in each]
+    steps = np.array([[channel.quantisation for channel in own] for own in channels]).T
+    return np.repeat(steps, (m, m, tips), axis=0)
 
 
 def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:

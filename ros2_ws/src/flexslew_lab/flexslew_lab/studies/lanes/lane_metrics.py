@@ -1,5 +1,7 @@
 """From what the loop counted to the metrics of all trials at once, by the rules for all runs."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flexslew_lab.metrics.course import CourseMetric
@@ -15,6 +17,7 @@ from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.studies.lanes.rows import Rows
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.events import Event
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 
@@ -22,34 +25,39 @@ class LaneMetrics:
     """The metrics of trials that flew beside each other; all are measured alike.
 
     Args:
-        lane: one of them.
+        lanes: the trials.
         rows: of the array.
         schedule: that all followed.
         aim: of the manoeuvre.
         at_rest: joint positions at the start, shape (joints, lanes) [rad or m].
-        ending: what else happened, in all of them.
     """
 
     def __init__(
         self,
-        lane: LaneTrial,
+        lanes: Sequence[LaneTrial],
         rows: Rows,
         schedule: Schedule,
         aim: FlownManoeuvre,
         at_rest: Matrix,
-        ending: Ending,
     ) -> None:
-        assert aim.goal is not None
-        self._goal = aim.goal
+        lane = lanes[0]
+        joints = lane.model.joints
+        self._goal = np.full(joints, np.nan) if aim.goal is None else aim.goal
         self._rows, self._of_kernel, self._aim = rows, lane.kernel.rows, aim
-        self._names, self._first = lane.model.joint_names, at_rest.T - aim.goal
+        self._names, self._first = lane.model.joint_names, at_rest.T - self._goal
         self._ended, time = bool(schedule.over.any()), schedule.time
         self._times = float(time[0]), float(time[-1])
         testbed = lane.trial.testbed
         setup = RunSetup(self._names, aim, np.array(testbed.effort_limit), testbed)
         course = CourseMetric(setup)
         course.ticks, course.times = (0, len(time) - 1), self._times
-        self._alike = columns_of(merged((Takeovers(setup), OperatorChanges(setup), course), ending))
+        of_events = Takeovers(setup), OperatorChanges(setup), course
+        found: dict[tuple[Event, ...], dict[str, float | None]] = {}
+        for one in lanes:
+            events = one.happens.charge.events
+            if events not in found:
+                found[events] = columns_of(merged(of_events, Ending(events, [], True)))
+        self._others = [found[one.happens.charge.events] for one in lanes]
 
     def metrics(self, w: Vector) -> list[dict[str, float | None]]:
         """Return the columns of every lane of the flown array."""
@@ -58,9 +66,10 @@ class LaneMetrics:
         table = np.array(list(found.values())).T
         known = np.isfinite(table).all(axis=1).tolist()
         lanes = []
-        for row, whole in zip(table.tolist(), known, strict=True):
+        each = zip(table.tolist(), known, self._others, strict=False)  # the filled ones
+        for row, whole, others in each:
             values = row if whole else [x if abs(x) < np.inf else None for x in row]
-            lanes.append({**dict(zip(found, values, strict=True)), **self._alike})
+            lanes.append({**dict(zip(found, values, strict=True)), **others})
         return lanes
 
     def _columns(self, w: Vector) -> dict[str, Vector]:
@@ -74,18 +83,19 @@ class LaneMetrics:
             return w[begin : begin + len(self._names) * LANES].reshape(-1, LANES).T
 
         after = 1.0 if self._ended else np.nan  # what counts after the end of the manoeuvre
+        aimed = np.nan if aim.goal is None else 1.0  # what counts where there is a goal
         final = joints(of_kernel.position) - self._goal
         errors = goal_errors(aim, None, self._first, final, joints(of_kernel.rate))
         squares = joints(rows.square_sum)
         return {
             "residual_tip_deflection": after * one(rows.residual_tip),
             "peak_tip_deflection": one(rows.peak_tip),
-            **self._by_joint("residual_attitude_error", after * joints(rows.residual)),
+            **self._by_joint("residual_attitude_error", after * aimed * joints(rows.residual)),
             **self._by_joint("final_error", final),
             "goal_error": after * errors,
-            "terminal_error_norm": after * one(rows.terminal),
+            "terminal_error_norm": after * aimed * one(rows.terminal),
             **self._by_joint(
-                "settling_time", settling_times(aim, joints(rows.outside), self._times[1])
+                "settling_time", aimed * settling_times(aim, joints(rows.outside), self._times[1])
             ),
             **self._by_joint("overshoot", overshoots(aim, joints(rows.beyond))),
             **self._by_joint("peak_effort", joints(rows.peak_effort)),

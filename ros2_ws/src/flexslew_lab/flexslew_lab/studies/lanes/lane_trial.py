@@ -1,23 +1,47 @@
 """Which trials may fly beside each other in lanes."""
 
 import json
-from collections.abc import Hashable
-from math import ceil
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
+from math import ceil, isfinite
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from flexslew_control.controllers import CONTROLLERS, LawEntry, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
+from flexslew_lab.studies.lanes.charge import Charge, charge_of
+from flexslew_lab.studies.lanes.quanta import FINER
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.injections import injection_of
+from flexslew_plant.bench.retarget import with_schedule
+from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.errors import FlexslewError
+from flexslew_plant.faults import Names, Timed
+from flexslew_plant.faults.actuators import CommandDelay
+from flexslew_plant.faults.injection import Faults
+from flexslew_plant.faults.sensors import SensorNan
+from flexslew_plant.hardware.disturbances import TimedDisturbance
+from flexslew_plant.hardware.sensors import Sensors, exact_readings
 from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import initial_state
 from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel, knows_frequency
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 from flexslew_plant.testbeds.model import Model
+
+
+class Happening(NamedTuple):
+    """What happens to a trial by its schedule."""
+
+    charge: Charge
+    disturbances: tuple[TimedDisturbance, ...]
+    faults: tuple[Timed, ...]
 
 
 class LaneTrial(NamedTuple):
@@ -29,6 +53,8 @@ class LaneTrial(NamedTuple):
     model: Model
     kernel: LaneKernel
     steps: int  # of the kernel per tick
+    hold: Vector | None  # first measured positions, which are held where there is no plan
+    happens: Happening
     law: Hashable  # trials for which it is equal have the same law, but for its lane_gains
     together: Hashable  # trials for which it is equal may fly at once, if their laws may
 
@@ -50,13 +76,17 @@ class LaneIntake:
     def __init__(self, study: Study) -> None:
         self._study = study
         self._common: dict[int, _Common] = {}  # newest by variant
+        self._happens: dict[int, tuple[tuple[Any, ...], Happening | Way]] = {}
 
     def lane_trial(self, case: Case) -> LaneTrial | Way:
         """Return a case ready for a lane; a way where only the bench can fly it."""
         try:
-            trial = case_trial(self._study, case)
-            common = self._said(case.variant, trial)
+            trial, asked = _turned(case_trial(self._study, case))
             model = trial.testbed.model()
+            happens = self._happening(case.variant, trial, model)
+            if isinstance(happens, Way):
+                return happens
+            common = self._said(case.variant, trial, happens.charge, asked)
             way = common.way if common.way is not Way.LANES else way_of_testbed(trial)
             if way is not Way.LANES:
                 return way
@@ -66,6 +96,8 @@ class LaneIntake:
             return Way.NOT_ALLOWED
         fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
         steps = max(1, ceil(fast / kernel.reach))
+        if isfinite(kernel.reach) and _is_quantised(trial):
+            steps *= FINER
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
         told = b""
@@ -74,27 +106,47 @@ class LaneIntake:
         motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate)
         outside = model.outside and (model.outside.add, model.outside.numbers.size)
         bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor, outside)
-        law, together = (common.law, *bench), (common.course, *bench)
-        return LaneTrial(case, trial, common.asked, model, kernel, steps, law, together)
+        hold = None if trial.plan is not None else _first_measured(trial, model, happens.faults)
+        held = b"" if hold is None else hold.tobytes()
+        law, together = (common.law, held, *bench), (common.course, *bench)
+        own = trial, common.asked, model, kernel, steps, hold
+        return LaneTrial(case, *own, happens, law, together)
 
-    def _said(self, variant: int, trial: Trial) -> _Common:
+    def _happening(self, variant: int, trial: Trial, model: Model) -> Happening | Way:
+        """Return what happens to a trial; that of the one before, if it is the same."""
+        source: tuple[Any, ...] = (trial.schedule, trial.active, trial.fallback, trial.max_missed)
+        source += (trial.duration, trial.period, trial.testbed.effort_limit)
+        source += model.joint_names, model.appendages.names
+        known = self._happens.get(variant)
+        if known is not None and known[0] == source:
+            return known[1]
+        injected = injections_of(trial, model)
+        charge = charge_of(trial, injected.faults)
+        found = charge if isinstance(charge, Way) else Happening(charge, *injected)
+        if not any(getattr(timed.fault, "probability", 1.0) < 1.0 for timed in injected.faults):
+            self._happens[variant] = source, found  # no chance, which is the seed's
+        return found
+
+    def _said(self, variant: int, trial: Trial, charge: Charge, asked: str) -> _Common:
         testbed = trial.testbed
-        source: tuple[Any, ...] = (trial.plan, trial.controllers, trial.active, trial.schedule)
-        source += (trial.period, trial.duration, trial.metrics, trial.allow_faults, trial.actuator)
+        known_before = _known_before(trial)
+        source: tuple[Any, ...] = (trial.plan, trial.controllers, charge.legs, known_before)
+        source += (trial.period, trial.duration, trial.metrics, trial.plausibility, trial.actuator)
+        source += (tuple(type(entry.fault) for entry in trial.schedule),)
         source += (trial.sensors, type(testbed), testbed.effort_limit, testbed.initial)
         known = self._common.get(variant)
         if known is not None and known.source == source:
             return known
         channels = _read_channels(trial)
         noisy = tuple(bool(channel.noise or channel.bias) for channel in channels)
-        if (way := way_of_settings(trial)) is not Way.LANES:
+        if (way := way_of_settings(trial, charge)) is not Way.LANES:
             self._common[variant] = _Common(source, way, noisy)
             return self._common[variant]
         law, own = law_of(trial.active, trial.controllers[trial.active] or {})
         gains, believes = CONTROLLERS[law].lane_gains, True
-        asked = plan_key(trial)
-        shared = [law, trial.duration, plain(trial.schedule), testbed.kind]
-        legs = {name: trial.controllers[name] for _, name in in_charge(trial)}
+        asked = asked or plan_key(trial)
+        shared = [law, trial.duration, charge.legs, plain(known_before), testbed.kind]
+        legs = {name: trial.controllers[name] for _, name in charge.legs}
         if len(legs) > 1:  # each law is made for each trial
             own = legs
         else:
@@ -107,26 +159,82 @@ class LaneIntake:
             json.dumps(part, sort_keys=True) for part in (shared, [*shared, asked, own, belief])
         )
         common = _Common(source, way, noisy, asked, *texts)
-        if not (believes or uses_testbed(plain(trial.plan), testbed)):
+        if not (believes or uses_testbed(plain(trial.plan) or {}, testbed)):
             self._common[variant] = common
         return common
 
 
-def way_of_settings(trial: Trial) -> Way:
+def _turned(trial: Trial) -> tuple[Trial, str]:
+    """Return a trial with the new targets of its schedule as turns of its testbed.
+
+    Behind it stands its plan_key, which is that of the schedule; empty: it has no new targets.
+    """
+    if all(entry.retarget is None for entry in trial.schedule):
+        return trial, ""
+    others = tuple(entry for entry in trial.schedule if entry.retarget is None)
+    testbed = with_schedule(trial.testbed, trial.schedule)
+    return replace(trial, testbed=testbed, schedule=others), plan_key(trial)
+
+
+class Injected(NamedTuple):
+    """What disturbs a trial and what breaks in it, in the order of its schedule."""
+
+    disturbances: tuple[TimedDisturbance, ...]
+    faults: tuple[Timed, ...]
+
+
+def injections_of(trial: Trial, model: Model) -> Injected:
+    """Return what disturbs a trial and what breaks in it; see injection_of for what is refused."""
+    limits = tuple(trial.testbed.effort_limit)
+    names = Names(model.joint_names, model.appendages.names, limits)
+    found = [
+        injection_of(entry, names, trial.period, "schedule")
+        for entry in trial.schedule
+        if entry.disturbance is not None or entry.fault is not None
+    ]
+    disturbances = tuple(one for one in found if isinstance(one, TimedDisturbance))
+    return Injected(disturbances, tuple(one for one in found if isinstance(one, Timed)))
+
+
+def _known_before(trial: Trial) -> tuple[ScheduleEntry, ...]:
+    """Return what plans and laws know of the schedule before the flight; see plant_of."""
+    return tuple(e for e in trial.schedule if e.at <= 0.0 and isinstance(e.fault, CommandDelay))
+
+
+def _first_measured(trial: Trial, model: Model, faults: Sequence[Timed]) -> Vector:
+    """Return the positions of the joints that are measured at tick 0, shape (joints,)."""
+    x, seed = initial_state(trial.testbed), [trial.seed, 0]  # epoch 0
+    rng, instruments = np.random.default_rng(seed), model.appendages.begun(trial.period, seed)
+    sensors = Sensors(trial.sensors, rng, model.appendages.errors, instruments)
+    nothing = np.zeros(model.efforts)
+    readings = sensors.read(exact_readings(model, x, nothing, 0.0), x)
+    names = Names(model.joint_names, model.appendages.names, ())
+    breaks = Faults(names, trial.seed, 0, tuple(faults))
+    breaks.begin(0, nothing, nothing)
+    return breaks.read(readings).joint_position
+
+
+def _is_quantised(trial: Trial) -> bool:
+    """Return whether last digits may turn into whole quanta, or pulses."""
+    motor = trial.actuator
+    channels = any(channel.quantisation for channel in _read_channels(trial))
+    return bool(channels or motor.quantisation or motor.shortest_pulse)
+
+
+def way_of_settings(trial: Trial, charge: Charge) -> Way:
     """Return LANES, or what of a trial's settings only the bench knows."""
-    s, motor = trial.sensors, trial.actuator
-    channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
-    legs = in_charge(trial)
-    laws = [law_of(name, trial.controllers[name] or {})[0] for _, name in legs]
+    motor = trial.actuator
+    own = [trial.controllers[name] or {} for _, name in charge.legs]
+    laws = [law_of(leg[1], values)[0] for leg, values in zip(charge.legs, own, strict=True)]
     known = all(law in CONTROLLERS and CONTROLLERS[law].linear for law in laws)
-    ticks = {tick for tick, _ in legs}
-    broken = any(entry.disturbance is None and entry.switch is None for entry in trial.schedule)
+    judged = trial.plausibility is not None or any(
+        values.get("monitor") is not None for values in own
+    )
     later = known and all(CONTROLLERS[law].takes_over for law in laws[1:])
     obstacles = (
-        (bool(motor.quantisation or motor.viscous_friction or motor.coulomb_friction), Way.MOTORS),
-        (any(channel.quantisation for channel in channels), Way.QUANTISED),
-        (broken or len(ticks) < len(legs), Way.SCHEDULE),
-        (trial.plan is None, Way.NO_PLAN),
+        (bool(motor.viscous_friction or motor.coulomb_friction), Way.MOTORS),
+        (any(isinstance(entry.fault, SensorNan) for entry in trial.schedule), Way.NAN),
+        (judged, Way.JUDGED),
         (not known, Way.LAW),  # its entry's `linear` has the last word
         (not later, Way.SWITCH),
     )
@@ -141,16 +249,6 @@ def way_of_testbed(trial: Trial) -> Way:
         (model.efforts != model.joints, Way.EFFORTS),
     )
     return next((way for there, way in obstacles if there), Way.LANES)
-
-
-def in_charge(trial: Trial) -> list[tuple[int, str]]:
-    """Return which controllers a trial's schedule puts in charge, each from which tick on."""
-    legs, end = [(0, trial.active)], round(trial.duration / trial.period)
-    switches = [(round(e.at / trial.period), e.switch) for e in trial.schedule if e.switch]
-    for tick, name in sorted(switches, key=lambda switch: switch[0]):
-        if tick < end and name != legs[-1][1]:
-            legs.append((tick, name))
-    return legs
 
 
 def law_entry(trial: Trial, name: str) -> LawEntry:

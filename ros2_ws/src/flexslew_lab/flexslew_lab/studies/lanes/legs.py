@@ -11,7 +11,14 @@ import numpy as np
 from flexslew_control.linear_form import LawForm, LinearForm
 from flexslew_lab.studies.lanes.beginning import Beginning, beginning
 from flexslew_lab.studies.lanes.efforts import LawTerms
-from flexslew_lab.studies.lanes.inputs import drives_of, errors_of, numbers_of
+from flexslew_lab.studies.lanes.inputs import (
+    drives_of,
+    errors_of,
+    numbers_of,
+    positions_of,
+    quanta_of,
+    troubles_of,
+)
 from flexslew_lab.studies.lanes.lane_laws import beside, outputs_of
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
@@ -87,10 +94,19 @@ class LaneFlight:
         self._push, self._pushes = pushes_of(lanes[:filled])
         self._drives = drives_of(self._lanes)
         self._errors = errors_of(self._lanes, self._outputs, len(schedule.time))
+        self._troubles = troubles_of(lanes, filled, len(schedule.time) - 1)
+        self._quanta = quanta_of(self._lanes, self._outputs)
+        self._positions = positions_of(lanes, schedule)
         self._next = 0  # leg
         self.rows = rows_of(first.kernel.size, self._sizes(0))
         self.w = self._at_rest(aim)
         self._begin(gains)
+
+    def in_doubt(self) -> Vector:
+        """Return of every lane whether a value was too near to an edge, 0 or 1; see quanta."""
+        if not self._sizes(0).doubtful:
+            return np.zeros(LANES)
+        return self.w[self.rows.doubt : self.rows.doubt + LANES]
 
     def cuts(self, most: int) -> list[tuple[int, int]]:
         """Return all ticks in pieces that `fly` takes at once, no longer than `most`."""
@@ -128,7 +144,10 @@ class LaneFlight:
         limit = np.minimum(law.laws[0].limit, np.finfo(float).max)
         w[rows.law_limit : rows.limit] = np.repeat(limit, LANES)
         since = leg.first if self._next else -1
-        numbers = numbers_of(law, leg.form.shared or self._schedule, since, leg.blended)
+        position, velocity = self._positions, self._schedule.velocity
+        if leg.form.shared is not None:
+            position, velocity = leg.form.shared.position[:, :, None], leg.form.shared.velocity
+        numbers = numbers_of(law, position, velocity, since, leg.blended)
         attitude, heard = first.model.attitude, self._heard
         kinds = self._recorded, attitude is not None, heard is not None, filter_of(law)
         terms = LawTerms.of(numbers)
@@ -139,6 +158,7 @@ class LaneFlight:
             first.trial.period,
             first.steps,
             self._schedule,
+            self._troubles,
             numbers,
             self._errors,
             turned_joints(attitude, first.model.joints),
@@ -165,7 +185,11 @@ class LaneFlight:
             bool(self._drives[:, 2 * m : 3 * m].any()),
             bool(first.trial.actuator.slew_rate),
             bool(first.trial.actuator.lag),
+            bool(self._drives[:, 3 * m + 2].any()),
+            bool(self._quanta.any()),
             k > 0,
+            self._troubles.faults is not None,
+            self._troubles.disturbance.shape[2] > 1,
         )
 
     def _at_rest(self, aim: Vector) -> Vector:
@@ -177,7 +201,9 @@ class LaneFlight:
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: state.size] = state.ravel()
         w[rows.tip : rows.law_limit] = np.repeat(aim, LANES)
-        w[rows.limit : rows.residual_tip] = self._drives.T.ravel()
+        w[rows.limit : rows.quantum] = self._drives.T.ravel()
+        if rows.doubt > rows.quantum:
+            w[rows.quantum : rows.doubt] = self._quanta.ravel()
         if appendages.rate is not None:
             w[rows.tip_rate : rows.end] = np.repeat(appendages.rate, LANES)
         w[rows.outside : rows.terminal] = -np.inf

@@ -11,8 +11,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.efforts import LawNumbers, LawTerms, efforts_of
+from flexslew_lab.studies.lanes.efforts import LawNumbers, LawTerms, Troubles, efforts_of
+from flexslew_lab.studies.lanes.lane_faults import setting_in
 from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
+from flexslew_lab.studies.lanes.quanta import quantising
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.lanes.senses import Filter, sensing
 from flexslew_lab.studies.lanes.turned import about_reference
@@ -30,7 +32,6 @@ class Schedule(NamedTuple):
     started: NDArray[np.bool_]  # it has, (ticks + 1,)
     position: Matrix  # reference, (ticks, joints)
     velocity: Matrix
-    disturbance: Matrix  # (ticks, joints)
 
 
 Loop = Callable[..., None]
@@ -50,13 +51,13 @@ def lane_loop(
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, LawNumbers, error, turned, Senses, LanePushes, observer, z,
-    memory, filled, first, last, record, draws): w of lanes.Advance with the rows of `rows` behind;
-    `error` of the readings, (ticks + 1 or 1, outputs LANES); TurnedJoints, if `turns`; w, z and
-    memory in and out; `observer` as `observe` wants it, which is asked for the first `filled` lanes
-    at least; ticks from `first` to before `last`. If `recorded`, the truth goes into `record`,
-    (LANES, ticks, states + joints), and is measured afterwards; else the loop counts what the
-    metrics need. `draws` are the instruments', (ticks, lanes, draws).
+    It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, turned, Senses, LanePushes,
+    observer, z, memory, filled, first, last, record, draws): w of lanes.Advance with the rows of
+    `rows` behind; `error` of the readings, (ticks + 1 or 1, outputs LANES); TurnedJoints, if
+    `turns`; w, z and memory in and out; `observer` as `observe` wants it, which is asked for the
+    first `filled` lanes at least; ticks from `first` to before `last`. If `recorded`, the truth
+    goes into `record`, (LANES, ticks, states + joints), and is measured afterwards; else the loop
+    counts what the metrics need. `draws` are the instruments', (ticks, lanes, draws).
 
     Args:
         kernel: of the testbed.
@@ -79,7 +80,8 @@ def lane_loop(
     reading, earlier, effort = rows.reading, rows.earlier, rows.applied
     tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
     about = about_reference(m, rows.reading, turns and filtered is None)
-    sense = sensing(rows, sizes, heard, filtered)
+    quantise = quantising(rows, sizes)
+    set_in, sense = setting_in(rows, sizes, heard), sensing(rows, sizes, heard, filtered)
 
     @vectorised
     def read(k: int, error: Matrix, w: Vector) -> None:
@@ -106,6 +108,7 @@ def lane_loop(
         dt: float,
         steps: int,
         schedule: Any,
+        troubles: Troubles,
         law: LawNumbers,
         error: Matrix,
         turned: Any,
@@ -132,11 +135,14 @@ def lane_loop(
             if k == ticks:
                 break
             read(k, error, w)
+            quantise(w)
+            set_in(k, troubles.faults, w, filled)
             if heard:
-                sense(k, senses, draws[k - first], schedule.position[k], w, filled)
+                draw, reference = draws[k - first], schedule.position[k]
+                sense(k, senses, draw, reference, troubles.faults, w, filled)
             about(w, turned, schedule.position[k], filled)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
-            efforts(k, schedule.time[k], dt, schedule, law, turned, z, w, filled)
+            efforts(k, schedule.time[k], dt, troubles, law, turned, z, w, filled)
             push(k * dt, 0.5 * dt, pushes, filled, w)
             advance(k * dt, dt, steps, filled, w)
             push(k * dt + dt, -0.5 * dt, pushes, filled, w)

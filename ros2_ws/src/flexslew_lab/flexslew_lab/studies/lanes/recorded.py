@@ -25,11 +25,10 @@ class RecordedMetrics:
         lane: the trial.
         aim: of its manoeuvre.
         source: of the study, to name in an error.
-        ending: what else happened.
     """
 
-    def __init__(self, lane: LaneTrial, aim: FlownManoeuvre, source: str, ending: Ending) -> None:
-        self._lane, self._ending, model = lane, ending, lane.model
+    def __init__(self, lane: LaneTrial, aim: FlownManoeuvre, source: str) -> None:
+        self._lane, model = lane, lane.model
         self._modes, self._failed = model.positions - model.modes, False
         limit = np.array(lane.trial.testbed.effort_limit)
         setup = RunSetup(model.joint_names, aim, limit, lane.trial.testbed)
@@ -56,7 +55,8 @@ class RecordedMetrics:
         """Return the columns of the trial; None: a metric of its own has raised an error."""
         if not self._failed:
             with self._own_may_fail():
-                return columns_of(self._epoch.result(self._ending))
+                ending = Ending(self._lane.happens.charge.events, [], True)
+                return columns_of(self._epoch.result(ending))
         return None
 
     @contextmanager

@@ -22,13 +22,23 @@ class Sizes(NamedTuple):
     pulsed: bool  # drives are on or off
     slewed: bool  # torques of motors ramp
     lagged: bool  # torques of motors lag
+    stepped: bool  # they are multiples of a quantum
+    quantised: bool  # readings are
     taken: bool  # the law took over from another one
+    broken: bool  # there are faults
+    apart: bool  # each lane has disturbances of its own
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether a last digit may turn into a whole quantum, or a pulse."""
+        return self.quantised or self.stepped or self.pulsed
 
 
 class Rows(NamedTuple):
     """Where each begins, behind what the kernel placed."""
 
     applied: int  # effort of the drives
+    asked: int  # demand that faults may hold
     reading: int  # of this tick
     earlier: int  # reading of the one before
     seen: int  # what a law on body axes takes for its joints, then rates
@@ -51,7 +61,11 @@ class Rows(NamedTuple):
     limit: int  # of the drives
     least: int  # effort of the drives
     pulse: int  # impulse of their shortest pulse
-    motor: int  # lag, slew rate, and how far a step has gone: at the end of a tick, in its mean
+    motor: (
+        int  # lag, slew rate, quantum, and parts of a step gone: at the end of a tick, in its mean
+    )
+    quantum: int  # of each reading; 0: none
+    doubt: int  # 1: something was too near to an edge, see quanta
     residual_tip: int  # from here on: what the metrics count
     peak_tip: int
     residual: int
@@ -69,7 +83,8 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     """Return where everything begins in the array of such a group."""
     m, read, tip, n = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes, sizes.axes
     seen, products, taken = n * sizes.shared, n * n * sizes.quadratic, m * sizes.taken
-    law = (m, read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
-    drives = (tip, m, m, m, n, m, m, m, 4)  # to motor
-    counts = (*law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
+    law = (read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
+    quanta = read * sizes.quantised, int(sizes.doubtful)
+    drives = (tip, m, m, m, n, m, m, m, 5, *quanta)  # to doubt
+    counts = (m, m * sizes.broken, *law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))

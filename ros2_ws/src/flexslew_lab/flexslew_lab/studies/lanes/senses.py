@@ -13,6 +13,7 @@ from flexslew_control.estimators.attitude_tick import (
     tell_joints,
 )
 from flexslew_control.estimators.flexible_attitude_tick import flexible_memory, flexible_tick
+from flexslew_lab.studies.lanes.lane_faults import nothing_spoilt, spoil
 from flexslew_lab.studies.lanes.lane_laws import Beside, craft_kernel
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.rows import Rows, Sizes
@@ -142,7 +143,7 @@ def _flexible_filter(kernel: LaneKernel, steps: int) -> Filter:
 def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: Filter | None) -> Callable[..., None]:
     """Return what writes readings of instruments, and joints as a filter believes in them.
 
-    It takes (k, Senses, draws of this tick, reference, w, first lanes to be asked for).
+    It takes (k, Senses, draws of this tick, reference, LaneFaults, w, first lanes to be asked for).
 
     Args:
         rows: of the group.
@@ -154,14 +155,27 @@ def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: Filter | None) -> C
     reading, told, effort = rows.reading, rows.reading + 2 * m * LANES, rows.applied
     filtering = filtered is not None
     believe = filtered or rigid_filter
+    spoilt = spoil if sizes.broken else nothing_spoilt
 
     def nothing(
-        k: int, senses: Senses, draws: Matrix, reference: Vector, w: Vector, filled: int
+        k: int,
+        senses: Senses,
+        draws: Matrix,
+        reference: Vector,
+        faults: Any,
+        w: Vector,
+        filled: int,
     ) -> None:
         pass
 
     def sense(
-        k: int, senses: Senses, draws: Matrix, reference: Vector, w: Vector, filled: int
+        k: int,
+        senses: Senses,
+        draws: Matrix,
+        reference: Vector,
+        faults: Any,
+        w: Vector,
+        filled: int,
     ) -> None:
         parts, x = senses.parts, np.empty(senses.body.size)
         read, joints = np.zeros((filled, channels + m)), np.empty((filled, 2 * m))
@@ -172,9 +186,9 @@ def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: Filter | None) -> C
             for i in range(x.size):
                 x[i] = w[senses.body[i] * LANES + lane]
             own, memory = senses.constants[lane], senses.memory[lane]
-            read_instruments(
-                k, senses.layout, own, body, draws[lane], memory, read[lane, :channels]
-            )
+            heard_now = read[lane, :channels]
+            read_instruments(k, senses.layout, own, body, draws[lane], memory, heard_now)
+            spoilt(k, lane, faults, 2 * m, heard_now)
             for i in range(tips):
                 w[told + i * LANES + lane] = read[lane, i]
             for i in range(m):

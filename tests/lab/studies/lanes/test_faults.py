@@ -1,0 +1,207 @@
+"""Faults in a schedule fly in lanes as on the bench, each lane with its own."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.lab.studies.lanes.both_ways import CRAFT, require_equal, ways_of
+
+from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.flight import flown
+from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.run import prepare
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
+from flexslew_plant.faults import FAULTS
+from flexslew_plant.testbeds import read_testbed
+
+PLAN = {"method": "none", "goal": {"base_yaw": 0.2, "hub_pitch": -0.1}, "duration": 2.0}
+LAWS: dict[str, dict[str, Any]] = {
+    "pd": {"law": "pd_feedforward", "handover_time": 0.3},
+    "pid": {"law": "collocated_pid", "ki": [40.0, 30.0], "tracking_time": 0.4},
+    "lqr": {"law": "lqr", "handover_time": 0.0},
+}
+SIZES = {  # of what is random in faults that have it
+    "effort": [-20.0, 20.0],
+    "gain": [-0.2, 1.2],
+    "bias": [-2e-3, 2e-3],
+    "probability": [0.05, 0.4],
+}
+
+
+def faulty(study_of: Callable[..., Study], faults: list[dict[str, Any]], **keys: Any) -> Study:
+    """Return a study of csa in which times and sizes of the faults differ from trial to trial."""
+    schedule, vary = [{"at": 0.3, "until": 0.9, "disturbance": {"hub_pitch": 3.0}}], {}
+    for k, fault in enumerate(faults, start=1):
+        at = 0.2 + 0.13 * k
+        schedule.append({"at": at, "until": at + 1.5, "fault": fault})
+        vary[f"schedule.{k}.at"] = {"uniform": [at - 0.1, at + 0.4]}
+        for name in fault.keys() & SIZES.keys():
+            vary[f"schedule.{k}.fault.{name}"] = {"uniform": SIZES[name]}
+    vary["schedule.0.disturbance.hub_pitch"] = {"uniform": [1.0, 8.0]}
+    schedule += keys.pop("switches", [])
+    trial = {
+        "duration": 3.0,
+        "testbed": {"modes": 1, "effort_limit": [60.0, 40.0]},
+        "plan": PLAN,
+        "controllers": LAWS,
+        "active": "pd",
+        "allow_faults": True,
+        "sensors": {"joint_velocity": {"noise": 1e-4}, "tip_deflection": {"noise": 1e-4}},
+        "schedule": schedule,
+        **keys,
+    }
+    return study_of(flown=trial, lanes=True, vary=vary)
+
+
+NAN = {"kind": "sensor_nan", "channel": "joint_position"}
+LOST = {"at": 1.1, "until": 1.22, "fault": {"kind": "command_lost"}}
+KINDS: list[dict[str, Any]] = [
+    {"kind": "actuator_stuck", "joint": "hub_pitch"},
+    {"kind": "actuator_stuck", "joint": "base_yaw", "effort": 5.0},
+    {"kind": "actuator_gain", "joint": "hub_pitch", "gain": 0.5},
+    {"kind": "command_delay", "ticks": 3},
+    {"kind": "command_delay", "ticks": 0.4, "joint": "base_yaw"},
+    {"kind": "command_delay", "ticks": 2.6, "joint": "hub_pitch"},
+    {"kind": "command_lost", "probability": 0.2},
+    {"kind": "command_late", "probability": 0.2, "ticks": 2, "seed": 4},
+    {"kind": "command_reordered", "probability": 0.2},
+    {"kind": "command_duplicated", "probability": 0.3},
+    {"kind": "sensor_bias", "channel": "joint_position", "of": "base_yaw", "bias": 1e-3},
+    {"kind": "sensor_bias", "channel": "joint_velocity", "bias": 1e-3},
+    {"kind": "sensor_dropout", "channel": "joint_velocity", "probability": 0.1},
+    {"kind": "sensor_dropout", "channel": "tip_deflection"},
+    {"kind": "sensor_dropout", "channel": "root_curvature"},
+    {"kind": "sensor_freeze", "channel": "joint_velocity", "of": "hub_pitch"},
+    {"kind": "sensor_freeze", "channel": "joint_position"},
+]
+
+
+def test_every_fault_but_those_that_silence_a_law_is_flown_alone_below() -> None:
+    left = {"controller_silent", "sensor_nan"}
+    assert {fault["kind"] for fault in KINDS} | left == FAULTS.keys()
+
+
+@pytest.mark.parametrize("fault", KINDS, ids=lambda fault: "-".join(map(str, fault.values())))
+@pytest.mark.parametrize("law", ["pd", "lqr"])  # on joints, and on an estimate with tips
+def test_a_fault_acts_in_lanes_as_on_the_bench(
+    study_of: Callable[..., Study], law: str, fault: dict[str, Any]
+) -> None:
+    ready = prepare(faulty(study_of, [fault], active=law, max_missed=100))
+    require_equal(ready, [0, 1, 2])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_faults_fly_in_lanes_as_on_the_bench(
+    study_of: Callable[..., Study], seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    faults = [KINDS[k] for k in rng.integers(len(KINDS), size=5)]
+    motors = {"lag": 0.05, "slew_rate": 200.0} if seed % 2 else {"shortest_pulse": 0.002}
+    switches = [{"at": 1.31, "switch": "pid"}, {"at": 2.2, "switch": "lqr"}]
+    study = faulty(study_of, faults, switches=switches, actuator=motors, max_missed=100)
+    ready = prepare(study)
+    answered = [k for k, way in enumerate(ways_of(ready, 8)) if way is Way.LANES]
+    assert len(answered) >= 3  # of the others the first answer of a newcomer is lost
+    require_equal(ready, answered[:3])
+
+
+SILENT = {"at": 0.9, "fault": {"kind": "controller_silent", "controller": "pd"}}
+
+
+def test_who_falls_silent_is_followed_by_a_fallback_as_on_the_bench(
+    study_of: Callable[..., Study],
+) -> None:
+    lost = {"kind": "command_lost", "probability": 0.5}
+    switches = [SILENT, {"at": 1.6, "switch": "pid"}]
+    study = faulty(study_of, [lost], switches=switches, fallback=["pd", "lqr", "pid"], max_missed=4)
+    ready = prepare(study)
+    flies = [k for k, way in enumerate(ways_of(ready, 12)) if way is Way.LANES]
+    assert len(flies) >= 3
+    require_equal(ready, flies[:4])
+    bench = flown(ready.study, case_of(ready.study, ready.samples, flies[0]), ready.plans)
+    assert (bench.metrics["fallbacks"] or 0.0) >= 1.0
+
+
+def test_a_switch_at_the_tick_of_a_fallback_takes_effect(study_of: Callable[..., Study]) -> None:
+    switches = [SILENT, {"at": 0.94, "switch": "pid"}]  # four missed ticks later
+    study = faulty(study_of, [], switches=switches, fallback=["lqr"], max_missed=4)
+    require_equal(prepare(study), [0, 1])
+
+
+def test_faults_of_one_study_fly_beside_each_other(study_of: Callable[..., Study]) -> None:
+    study = faulty(study_of, [KINDS[0], KINDS[3], KINDS[6], KINDS[12]], max_missed=100)
+    ready = prepare(study)
+    cases = [case_of(ready.study, ready.samples, k) for k in range(12)]
+    groups = [len(some) for some, _ in Lanes(ready.study, ready.plans).fly(cases) if some]
+    assert groups == [12]
+
+
+@pytest.mark.parametrize(
+    ("way", "keys"),
+    [
+        (Way.BRAKE, {"switches": [SILENT]}),
+        (Way.NAN, {"switches": [{"at": 1.0, "fault": NAN}]}),
+        (Way.SCHEDULE, {"switches": [LOST, {"at": 1.2, "switch": "lqr"}], "max_missed": 100}),
+    ],
+)
+def test_what_only_the_bench_knows_is_left_to_it(
+    study_of: Callable[..., Study], way: Way, keys: dict[str, Any]
+) -> None:
+    assert ways_of(prepare(faulty(study_of, [], **keys)), 1) == [way]
+
+
+def test_a_fault_that_the_bench_refuses_is_refused(study_of: Callable[..., Study]) -> None:
+    trial = {
+        "testbed": {"modes": 1, "effort_limit": [60.0, 40.0]},
+        "allow_faults": True,
+        "schedule": [
+            {"at": 0.5, "fault": {"kind": "actuator_stuck", "joint": "base_yaw", "effort": 50.0}}
+        ],
+    }
+    effort = {"schedule.0.fault.effort": {"uniform": [40.0, 70.0]}}  # within the limit, and beyond
+    ready = prepare(study_of(flown=trial, lanes=True, vary=effort))
+    efforts = ready.samples["schedule.0.fault.effort"].to_pylist()
+    ways = [Way.LANES if effort <= 60.0 else Way.NOT_ALLOWED for effort in efforts]
+    assert len(set(ways)) == 2
+    assert ways_of(ready, len(ways)) == ways
+
+
+def test_instruments_and_filters_of_an_attitude_are_misled_alike(
+    study_of: Callable[..., Study],
+) -> None:
+    axes = {"roll": [1.0, 0.0, 0.0], "pitch": [0.0, 1.0, 0.0], "yaw": [0.0, 0.0, 1.0]}
+    testbed = deepcopy(CRAFT)
+    testbed["wheels"] = {n: {"axis": a, "inertia": 0.05, "limit": 20.0} for n, a in axes.items()}
+    testbed["sensors"] = {
+        "gyro": {"kind": "gyro", "angle_random_walk": 1e-5, "bias_spread": 1e-4},
+        "tracker": {"kind": "star_tracker", "across": 1e-4, "about": 5e-4, "interval": 0.2},
+    }
+    names = read_testbed(testbed, "test").model().appendages.names
+    gyro = next(name for name in names if name.startswith("gyro"))
+    faults = [
+        {"kind": "sensor_bias", "channel": "tip_deflection", "of": gyro, "bias": 1e-3},
+        {"kind": "sensor_freeze", "channel": "joint_velocity", "of": "yaw"},
+        {"kind": "sensor_dropout", "channel": "tip_deflection", "probability": 0.2},
+        {"kind": "actuator_gain", "joint": "pitch", "gain": 0.6},
+    ]
+    trial = {
+        "duration": 3.0,
+        "period": 0.05,
+        "testbed": testbed,
+        "plan": {
+            "method": "reference_only",
+            "goal": {"axis": [1.0, -0.6, 0.4], "angle": 0.4},
+            "duration": 2.5,
+        },
+        "controllers": {"pd_feedforward": {"kp": [20.0], "kd": [60.0], "attitude": {}}},
+        "allow_faults": True,
+        "schedule": [{"at": 0.5 * k, "fault": fault} for k, fault in enumerate(faults)],
+    }
+    vary = {
+        "testbed.platform.mass": {"uniform": [140.0, 160.0]},
+        "schedule.3.fault.gain": {"uniform": [0.3, 0.9]},
+    }
+    require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 3])
