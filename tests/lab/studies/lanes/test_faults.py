@@ -169,8 +169,9 @@ def test_a_fault_that_the_bench_refuses_is_refused(study_of: Callable[..., Study
     assert ways_of(ready, len(ways)) == ways
 
 
+@pytest.mark.parametrize("attitude", [{}, {"modes": {}}], ids=["rigid", "modes"])
 def test_instruments_and_filters_of_an_attitude_are_misled_alike(
-    study_of: Callable[..., Study],
+    study_of: Callable[..., Study], attitude: dict[str, Any]
 ) -> None:
     axes = {"roll": [1.0, 0.0, 0.0], "pitch": [0.0, 1.0, 0.0], "yaw": [0.0, 0.0, 1.0]}
     testbed = deepcopy(CRAFT)
@@ -196,7 +197,7 @@ def test_instruments_and_filters_of_an_attitude_are_misled_alike(
             "goal": {"axis": [1.0, -0.6, 0.4], "angle": 0.4},
             "duration": 2.5,
         },
-        "controllers": {"pd_feedforward": {"kp": [20.0], "kd": [60.0], "attitude": {}}},
+        "controllers": {"pd_feedforward": {"kp": [20.0], "kd": [60.0], "attitude": attitude}},
         "allow_faults": True,
         "schedule": [{"at": 0.5 * k, "fault": fault} for k, fault in enumerate(faults)],
     }
