@@ -24,6 +24,10 @@ NOTHING.flags.writeable = False
 for _option in ("--unroll-threshold=0", "--unroll-partial-threshold=0"):
     set_option("flexslew", _option)
 
+# What a function does not say it has from the one that it is first compiled for: where that is
+# `vectorised`, its products would be fused with sums from then on, on disk, too.
+_STRICT: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Array = TypeVar("_Array", bound=NDArray[Any])
 
@@ -52,7 +56,7 @@ def compiled(function: _Function) -> _Function:
     Floating point stays strictly IEEE (no fastmath, no contraction across runs), so the same
     inputs give the same bits in every process of one machine.
     """
-    kept = numba.njit(cache=True, error_model="numpy")(function)
+    kept = numba.njit(cache=True, **_STRICT)(function)
     return cast(_Function, one_at_a_time(recognised(kept)))
 
 
@@ -67,7 +71,7 @@ def compiled_once(*written: str) -> Callable[[_Function], _Function]:
     """
 
     def made(function: _Function) -> _Function:
-        kept = recognised(numba.njit(cache=True, error_model="numpy")(function))
+        kept = recognised(numba.njit(cache=True, **_STRICT)(function))
         return cast(_Function, for_all_access(one_at_a_time(kept), written))
 
     return made
@@ -75,10 +79,10 @@ def compiled_once(*written: str) -> Callable[[_Function], _Function]:
 
 def inlined(function: _Function) -> _Function:
     """Return function for use inside compiled ones, where its body replaces the call."""
-    return cast(_Function, recognised(numba.njit(inline="always", error_model="numpy")(function)))
+    return cast(_Function, recognised(numba.njit(inline="always", **_STRICT)(function)))
 
 
-MERGED = {"forceinline": True, "error_model": "numpy"}  # what merged asks of Numba
+MERGED = {"forceinline": True, **_STRICT}  # what merged asks of Numba
 
 
 def merged(*written: str, strided: bool = True) -> Callable[[_Function], _Function]:
@@ -104,7 +108,7 @@ def called(function: _Function) -> _Function:
 
     For what is called from many places: `inlined` would compile its body for each of them.
     """
-    return cast(_Function, recognised(numba.njit(error_model="numpy")(function)))
+    return cast(_Function, recognised(numba.njit(**_STRICT)(function)))
 
 
 @called
