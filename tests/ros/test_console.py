@@ -1,4 +1,7 @@
-"""A session at the bench in a real browser: every row of the page, and its log flown again."""
+"""A session at the bench in a real browser: every row of the page, and its log flown again.
+
+A browser that draws in software takes all of the machine: no other test runs beside it.
+"""
 
 from functools import partial
 from pathlib import Path
@@ -13,6 +16,7 @@ from tests.browser import FOUND, chromium
 from .console_page import Page, console, trial_file
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(1200)
 def test_a_session_worked_by_hand_flies_again_with_the_same_bits(tmp_path: Path) -> None:
     run = tmp_path / "run"
