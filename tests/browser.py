@@ -164,7 +164,7 @@ def chromium(*more: str) -> Iterator[Browser]:
         pytest.fail(MISSING)
     with tempfile.TemporaryDirectory() as profile:
         child = subprocess.Popen(
-            [*_yielding(), driver, "--port=0"],
+            [*_unprivileged(), driver, "--port=0"],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
@@ -198,13 +198,13 @@ def chromium(*more: str) -> Iterator[Browser]:
             child.wait(10)
 
 
-def _yielding() -> list[str]:
-    """Return a prefix with which a browser gives way to every bench, also where root starts it.
+def _unprivileged() -> list[str]:
+    """Return a prefix with which root starts a browser as others do: no more urgent than a bench.
 
     With the right to, Chromium draws at nice -8, and the nodes of a bench wait for its frames.
     """
     found = shutil.which("setpriv") if os.geteuid() == 0 else None
-    return [*([found, "--bounding-set=-sys_nice"] if found else []), "nice", "-n", "5"]
+    return [found, "--bounding-set=-sys_nice"] if found else []
 
 
 def _call(method: str, address: str, body: Any) -> Any:

@@ -5,8 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from tempfile import TemporaryFile
-from typing import IO, Annotated
+from typing import Annotated
 
 import typer
 
@@ -88,37 +87,26 @@ def extras() -> None:
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
-    Without arguments those that need no ROS run beside those over ROS, which come first where both
-    compute and wait two thirds of their time: of the former as many as there are processors, of the
-    latter twice as many files, at most eight each. What is said of those over ROS follows when all
-    others have ended. At last those run, alone, that hold a bench against the wall clock. A test
-    that fails has failed: none runs twice.
+    Without arguments as many run side by side as there are processors, at most eight: first those
+    that need no ROS, then those over ROS, a file at a time and twice as many files, as benches
+    wait more than they compute, and at last, alone, those that hold a bench against the wall
+    clock. A test that fails has failed: none runs twice.
 
     Example: `./flexslew test tests/plant -k energy`
     """
     _wait_for_machine_code()
     if context.args:
-        raise typer.Exit(_code_of(_pytest(*context.args)))
+        raise typer.Exit(_pytest(*context.args))
     workers = min(os.cpu_count() or 2, _MOST)
     waiting = min(2 * workers, _MOST)
     ignored = (f"--ignore={part}" for part in OVER_ROS)
-    colour = "yes" if sys.stdout.isatty() else "no"
-    with TemporaryFile() as said:
-        # a long file at the end is shared; the benches of a file over ROS stay with one process
-        over_ros = _pytest(
-            *("-n", f"{waiting}", "--dist", "loadfile", *OVER_ROS, "-m", "not alone"),
-            *("--color", colour),
-            output=said,
-        )
-        with over_ros:
-            plain = _pytest(
-                *("-n", f"{workers}", "--dist", "worksteal", *ignored), before=("nice", "-n", "5")
-            )
-            codes = [_code_of(plain), _code_of(over_ros)]
-        said.seek(0)
-        print(said.read().decode(), end="", flush=True)
-    codes.append(_code_of(_pytest(*OVER_ROS, "-m", "alone")))
-    raise typer.Exit(max(codes))
+    # a long file at the end is shared; the benches of a file over ROS stay with one process
+    parts = (
+        ("-n", f"{workers}", "--dist", "worksteal", *ignored),
+        ("-n", f"{waiting}", "--dist", "loadfile", *OVER_ROS, "-m", "not alone"),
+        (*OVER_ROS, "-m", "alone"),
+    )
+    raise typer.Exit(max(_pytest(*part) for part in parts))
 
 
 def _wait_for_machine_code() -> None:
@@ -127,18 +115,10 @@ def _wait_for_machine_code() -> None:
         wait_for(machine_code_log())
 
 
-def _pytest(
-    *arguments: str, before: tuple[str, ...] = (), output: IO[bytes] | None = None
-) -> subprocess.Popen[bytes]:
-    """Start pytest, by a command `before` it, and let it write to `output`."""
-    command = [*before, sys.executable, "-P", "-m", "pytest", *arguments]
-    return subprocess.Popen(command, cwd=_root(), stdout=output)
-
-
-def _code_of(process: subprocess.Popen[bytes]) -> int:
-    """Return the exit code of a process; one that a signal ended has 128 and its number."""
-    with process:
-        code = process.wait()
+def _pytest(*arguments: str) -> int:
+    """Return the exit code of pytest; one that a signal ended has 128 and its number."""
+    command = [sys.executable, "-P", "-m", "pytest", *arguments]
+    code = subprocess.run(command, cwd=_root(), check=False).returncode
     return code if code >= 0 else 128 - code
 
 
