@@ -216,8 +216,8 @@ class Lanes:
         hold = np.zeros(lane.model.joints) if lane.hold is None else lane.hold
         key = (hold.tobytes() if plan is None else plan_hash(plan)), ticks
         if key != self._course[0]:
-            rest = resting_course(hold, trial.period, ticks)
-            self._course = key, rest if plan is None else course_of(plan, ticks)
+            made = course_of(plan, ticks) if plan else resting_course(hold, trial.period, ticks)
+            self._course = key, made
         course: LaneCourse = self._course[1]
         return course
 

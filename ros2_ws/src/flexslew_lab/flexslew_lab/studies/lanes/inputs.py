@@ -17,7 +17,7 @@ from flexslew_lab.metrics.settling import settling_band
 from flexslew_lab.studies.lanes.efforts import LawNumbers, Troubles
 from flexslew_lab.studies.lanes.lane_faults import faults_of
 from flexslew_lab.studies.lanes.lane_laws import Beside, by_lane
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.lane_trial import LaneTrial, read_channels
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector, kept
@@ -198,8 +198,7 @@ def numbers_of(
 def quanta_of(lanes: Sequence[LaneTrial], outputs: int) -> Matrix:
     """Return the quanta of what the law reads, (outputs, LANES); 0: none."""
     m, tips = lanes[0].model.joints, outputs - 2 * lanes[0].model.joints
-    each = [lane.trial.sensors for lane in lanes]
-    channels = [(s.joint_position, s.joint_velocity, s.tip_deflection) for s in each]
+    channels = [read_channels(lane.trial) for lane in lanes]
     steps = np.array([[channel.quantisation for channel in own] for own in channels]).T
     return np.repeat(steps, (m, m, tips), axis=0)
 
@@ -208,9 +207,8 @@ def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
     """Return bias and noise of what the law reads, (readings or 1, outputs LANES)."""
     m, tips = lanes[0].model.joints, len(lanes[0].model.appendages.names)
     widths = (m, m, tips, tips)
-    sensors = lanes[0].trial.sensors
     channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
-    noisy = any(getattr(sensors, name).noise for name in channels[:3])
+    noisy = any(channel.noise for channel in read_channels(lanes[0].trial))
     error = np.zeros((readings if noisy else 1, outputs, LANES))
     for k, lane in enumerate(lanes):
         if k > 0 and lane is lanes[k - 1]:  # it only fills up

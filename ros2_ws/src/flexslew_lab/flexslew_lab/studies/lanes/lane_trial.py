@@ -137,7 +137,7 @@ class LaneIntake:
         known = self._common.get(variant)
         if known is not None and known.source == source:
             return known
-        channels = _read_channels(trial)
+        channels = read_channels(trial)
         noisy = tuple(bool(channel.noise or channel.bias) for channel in channels)
         if (way := way_of_settings(trial, charge)) is not Way.LANES:
             self._common[variant] = _Common(source, way, noisy)
@@ -217,7 +217,7 @@ def _first_measured(trial: Trial, model: Model, faults: Sequence[Timed]) -> Vect
 def _is_quantised(trial: Trial) -> bool:
     """Return whether last digits may turn into whole quanta, or pulses."""
     motor = trial.actuator
-    channels = any(channel.quantisation for channel in _read_channels(trial))
+    channels = any(channel.quantisation for channel in read_channels(trial))
     return bool(channels or motor.quantisation or motor.shortest_pulse)
 
 
@@ -263,6 +263,7 @@ def controller_of(trial: Trial, name: str, *left_out: str) -> Controller:
     return build_controller(name, law, own, plant_of(trial), trial.name)
 
 
-def _read_channels(trial: Trial) -> tuple[Any, Any, Any]:
+def read_channels(trial: Trial) -> tuple[Any, Any, Any]:
+    """Return the settings of the sensors that a law may read: joints, their rates, tips."""
     s = trial.sensors
     return s.joint_position, s.joint_velocity, s.tip_deflection

@@ -61,9 +61,7 @@ class Rows(NamedTuple):
     limit: int  # of the drives
     least: int  # effort of the drives
     pulse: int  # impulse of their shortest pulse
-    motor: (
-        int  # lag, slew rate, quantum, and parts of a step gone: at the end of a tick, in its mean
-    )
+    motor: int  # lag, slew rate, quantum, parts of a step gone: at a tick's end, in its mean
     quantum: int  # of each reading; 0: none
     doubt: int  # 1: something was too near to an edge, see quanta
     residual_tip: int  # from here on: what the metrics count
