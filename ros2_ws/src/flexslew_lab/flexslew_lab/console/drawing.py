@@ -1,10 +1,11 @@
 """The elements of the page as one browser shows them, by NiceGUI."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from nicegui import ui
+from nicegui import background_tasks, ui
 
 from flexslew_lab.console.charting import whole
 from flexslew_lab.console.gui import Element, Gui, accepted
@@ -12,6 +13,7 @@ from flexslew_lab.console.scene_drawing import SceneDrawing
 from flexslew_lab.console.sheet import SCRIPT, SHEET
 
 _PLACES = ("folder", "tools", "grid")  # of other elements
+_LARGE = ("chart", "scene")  # what a page draws for longer than it takes to send
 # whether the browser draws in three dimensions: 0 not at all, 1 by the processor, 2 by a card
 _WEBGL = """(() => {
   const gl = document.createElement("canvas").getContext("webgl2");
@@ -21,6 +23,9 @@ _WEBGL = """(() => {
   return /swiftshader|llvmpipe|software/i.test(by) ? 1 : 2;
 })()"""
 _PATIENCE = 20.0  # for a page to begin [wall s]
+# once all that was sent before is on the screen; a page that nobody sees waits until somebody does
+_DRAWN = "return new Promise(then => requestAnimationFrame(() => setTimeout(then, 0)))"
+_ASLEEP = 30.0  # after which such a page gets the next pictures all the same [wall s]
 
 
 class PageView:
@@ -39,6 +44,9 @@ class PageView:
         self.gui, self.number, self.gone = gui, number, False
         self._say, self._show, self._client = say, show, ui.context.client
         self._drawn: dict[Element, Any] = {}
+        self._sent = False  # something large since the page was last asked whether it has drawn
+        self._drawing = False  # it was asked, and has not answered
+        self._late: dict[Element, None] = {}  # what has changed since
         self._client.on_delete(self._leave)
         self._client.on_connect(self._catch_up)
         ui.add_css(SHEET)
@@ -62,15 +70,34 @@ class PageView:
                 drawn.show(element.data)
 
     def update(self, element: Element) -> None:
-        """Show what has changed of an element."""
+        """Show what has changed of an element; what is large once the page has drawn the last."""
         drawn = self._drawn.get(element)
         if drawn is None or self.gone:
             return
+        if element.kind in _LARGE:
+            if self._drawing:
+                self._late[element] = None
+                return
+            self._sent = True
         with self._client:
             if element.kind in ("column", *_PLACES):
                 self._follow(element, drawn)
             _UPDATES.get(element.kind, _nothing)(self, element, drawn)
             _see(drawn, element)
+
+    def follow(self) -> None:
+        """Have the page say when it has drawn what was sent to it."""
+        if self._sent and self.hears and not self._drawing:
+            self._sent, self._drawing = False, True
+            background_tasks.create(self._until_drawn())
+
+    async def _until_drawn(self) -> None:
+        with suppress(TimeoutError), self._client:
+            await self._client.run_javascript(_DRAWN, timeout=_ASLEEP)
+        self._drawing, late, self._late = False, self._late, {}
+        for element in late:
+            self.update(element)
+        self.follow()
 
     def _leave(self) -> None:
         self.gone = True
@@ -78,7 +105,7 @@ class PageView:
     def _catch_up(self) -> None:
         """Draw again what was not sent while nobody listened."""
         for element in list(self._drawn):
-            if element.kind in ("chart", "scene"):
+            if element.kind in _LARGE:
                 self.update(element)
 
     def _place(self, element: Element, name: str) -> None:

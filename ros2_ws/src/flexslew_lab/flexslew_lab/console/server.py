@@ -104,6 +104,7 @@ class ConsoleServer:
         for view in self.views:
             for element in changed.values():
                 view.update(element)
+            view.follow()
 
 
 @cache
