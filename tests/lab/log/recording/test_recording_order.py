@@ -8,7 +8,7 @@ import pytest
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.log.recording.open_ticks import PATIENCE
-from flexslew_lab.log.recording.recording_order import Ordered, RecordingOrder
+from flexslew_lab.log.recording.recording_order import _SURE, Ordered, RecordingOrder
 
 PERIOD = 10_000_000  # [ns]
 TICKS = 150
@@ -88,13 +88,52 @@ def test_no_answer_is_missing_before_the_end_of_a_log_that_is_cut_anywhere(seed:
     assert all(len(ticks) == TICKS - len(lost) for ticks in answered.values())
 
 
+@pytest.mark.parametrize("seed", range(30))
+def test_ticks_that_come_two_ways_are_in_order_whichever_way_is_slower(seed: int) -> None:
+    """At first over DDS alone, which is held up; then on the line, which overtakes it."""
+    rng = np.random.default_rng(seed)
+    order, log = RecordingOrder(), list[Ordered]()
+    changed, held_up = int(rng.integers(13, TICKS)), rng.uniform(0.0, 10.0)  # after a first tick
+    arriving = []
+    for tick in range(TICKS):
+        for topic in ("/measurement", "/truth", *ANSWERS):
+            both = topic in ("/measurement", "/truth")  # of the plant, whose DDS it is
+            slow = held_up if both and changed - 12 <= tick < changed else 0.0
+            arriving.append((tick * 0.005 + slow + rng.uniform(0.0, 0.004), message(topic, tick)))
+    arriving.sort(key=lambda arrival: arrival[0])
+    for at in np.arange(0.0, arriving[-1][0] + 0.01, 0.005):
+        due = [which for when, which in arriving if at - 0.005 <= when < at]
+        log += order.take(due, float(at))
+    log += order.take((), float(at), last=True)
+    assert [tick_of(m) for m in log if m.topic == "/measurement"] == list(range(TICKS))
+    assert [m.at for m in log] == sorted(m.at for m in log)
+    assert len(log) == 4 * TICKS
+
+
+def test_a_tick_that_never_comes_is_given_up_and_the_next_gap_is_waited_for_again() -> None:
+    order = RecordingOrder()
+    write(order, message("/measurement", 0), *answers(0))
+    for tick in (1, 2, 4, 5, 8, 9):  # 3, 6 and 7 are lost
+        order.take([message(topic, tick) for topic in ("/measurement", "/truth", *ANSWERS)], 0.0)
+    assert write(order, now=_SURE) == []
+    assert {tick for _, tick in write(order, now=_SURE + 0.1)} == {4, 5}
+    assert write(order, now=2.0 * _SURE) == []
+    assert {tick for _, tick in write(order, now=2.0 * _SURE + 0.2)} == {8, 9}
+
+
+def test_an_epoch_begins_with_the_first_tick_that_is_heard_of_it() -> None:
+    order = RecordingOrder()
+    for epoch, first in ((0, 7), (1, 0), (2, 3)):
+        for tick in range(first, first + 3):
+            write(order, message("/measurement", tick, epoch), *answers(tick, epoch=epoch))
+    assert order.take((), 0.0, last=False) != []
+    assert order.take((), 0.0, last=True) == []
+
+
 def write(order: RecordingOrder, *messages: Message, now: float = 0.0) -> list[tuple[str, int]]:
     """Let the messages arrive, each question with the truth; return what else is written."""
-    truths = [
-        message("/truth", decode(TOPICS[topic].type, data).tick)
-        for topic, data in messages
-        if topic == "/measurement"
-    ]
+    questions = [decode(TOPICS[t].type, data) for t, data in messages if t == "/measurement"]
+    truths = [message("/truth", question.tick, question.epoch) for question in questions]
     found = order.take((*messages, *truths), now)
     return [(entry.topic, tick_of(entry)) for entry in found if entry.topic != "/truth"]
 
@@ -131,8 +170,8 @@ def test_a_controller_that_never_says_its_state_is_waited_for_once() -> None:
     assert [tick for _, tick in found] == [5, 5]  # as soon as there is something newer
 
 
-def answers(tick: int, name: str = "pd") -> list[Message]:
-    return [message(topic, tick, name=name) for topic in ANSWERS]
+def answers(tick: int, name: str = "pd", epoch: int = 0) -> list[Message]:
+    return [message(topic, tick, epoch, name) for topic in ANSWERS]
 
 
 def test_an_answer_of_another_controller_settles_nothing_and_the_brake_needs_none() -> None:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import stamp_offset, time_at
+from flexslew_lab.log.recording.consecutive import Consecutive
 from flexslew_lab.log.recording.open_ticks import FOLLOWED, PATIENCE, OpenTicks
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -18,13 +19,14 @@ _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
 _LENGTH, _TRANSFORM = struct.Struct("<I"), struct.Struct("<7d")  # of a sequence or a string
 _HEAD, _STAMP_SIZE = 4, 8  # [B]; from behind the head CDR aligns
 _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
-# For the other of the two, once it was heard [wall s]: it comes, as late as a starved machine makes
-# it. A plant may publish no truth at all; for that PATIENCE is enough.
+# For the other of the two, once it was heard, and for a tick between two [wall s]: it comes, as
+# late as a starved machine makes it. A plant may publish no truth at all; for that PATIENCE is
+# enough.
 _SURE = 15.0
 _FRAMES = frozenset({topics.TF, topics.TF_STATIC})  # of all benches of a domain
 _DISPLAYED = tuple("/" + name.lstrip("/") for name in DISPLAYED)  # they have none
 _RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
-_UNHEARD = 0, -1  # epoch and time of a topic that never came
+_NOTHING = 0, -1  # epoch and time before all others
 _time, _by_time = itemgetter(0, 1), itemgetter(0, 1, 2)
 
 
@@ -42,8 +44,9 @@ class RecordingOrder:
     """Sorts messages as they come; hands out what is surely complete.
 
     The topics of one tick do not arrive at one moment, so what is newer than the newest message of
-    the round before waits for the next one; and a tick waits until its answer is there, or known to
-    be missed, or has been waited for long enough: see OpenTicks.
+    the round before waits for the next one. A tick waits for the ticks before it, which may come
+    another way, and until its answer is there, or known to be missed, or has been waited for long
+    enough: see Consecutive and OpenTicks.
 
     Args:
         namespace: of the bench, absolute: frames of others are left out.
@@ -62,9 +65,10 @@ class RecordingOrder:
         self._stamp = {topic: stamp_offset(known.type) for topic, known in TOPICS.items()}
         self._waiting: list[Ordered] = []
         self._open = OpenTicks()
-        self._plant = dict.fromkeys(_OF_PLANT, _UNHEARD)  # newest epoch and time by topic
-        self._slowest = _UNHEARD  # of these
+        self._plant = {topic: Consecutive() for topic in _OF_PLANT}
+        self._slowest = _NOTHING  # epoch and time up to which they have come
         self._moved_at = 0.0  # when it moved or was the newest [wall s]
+        self._waits_since = 0.0  # for the other of the two, which was never heard [wall s]
 
     def take(
         self, messages: Iterable[tuple[str, bytes]], now: float, last: bool = False
@@ -86,7 +90,7 @@ class RecordingOrder:
                 except struct.error:
                     self.garbled.add(topic)
                     continue
-                plant[topic] = max(plant[topic], (epoch, at))
+                plant[topic].hear(epoch, tick, at)
                 if (epoch, at) >= self.newest:
                     self.newest, self.tick = (epoch, at), tick
             fresh.append((topic, at, data))
@@ -111,13 +115,18 @@ class RecordingOrder:
         return done
 
     def _horizon(self, now: float) -> tuple[int, int]:
-        """Return up to which time the messages of the plant have come, topic by topic."""
-        slowest, fastest = min(self._plant.values()), max(self._plant.values())
-        if slowest == fastest or slowest != self._slowest:
+        """Return up to which time all messages of the plant have come, or are given up."""
+        heard = [topic for topic in self._plant.values() if topic.heard]
+        if len(heard) != 1:
+            self._waits_since = now
+        elif now - self._waits_since <= PATIENCE:
+            return _NOTHING
+        if now - self._moved_at > _SURE and any([topic.skip() for topic in heard]):
+            self._moved_at = now
+        slowest = min((topic.whole for topic in heard), default=self.newest)
+        if slowest == self.newest or slowest != self._slowest:
             self._slowest, self._moved_at = slowest, now
-        patience = PATIENCE if slowest == _UNHEARD else _SURE
-        behind = slowest != fastest and now - self._moved_at <= patience
-        return slowest if behind else self.newest
+        return slowest if now - self._moved_at <= _SURE else self.newest
 
     def _epoch(self, topic: str, at: int, data: bytes) -> int:
         """Return the epoch to which a message belongs; the plant's newest one is known."""

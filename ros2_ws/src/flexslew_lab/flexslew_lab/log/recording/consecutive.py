@@ -1,0 +1,45 @@
+"""Up to which tick a topic has come: behind a gap it has not, whatever was heard."""
+
+
+class Consecutive:
+    """Follows the ticks of one topic, which a publisher sends in their order.
+
+    They may overtake each other on their way, as two ways to a recorder are not equally fast. In an
+    epoch the first tick that is heard is the first one there is.
+
+    Attributes:
+        whole: epoch and simulated time [ns] of the last tick before the first gap.
+        heard: something has come.
+    """
+
+    def __init__(self) -> None:
+        self.whole = 0, -1
+        self._next = -1  # tick
+        self._ahead: dict[int, int] = {}  # behind a gap: simulated time by tick
+
+    @property
+    def heard(self) -> bool:
+        """Something has come."""
+        return self._next >= 0
+
+    def hear(self, epoch: int, tick: int, at: int) -> None:
+        """Take a tick and its simulated time [ns]."""
+        if epoch > self.whole[0] or not self.heard:
+            self._ahead, self._next = {}, tick
+        if epoch < self.whole[0] or tick < self._next:
+            return
+        self._ahead[tick] = at
+        self._follow(epoch)
+
+    def skip(self) -> bool:
+        """Give up the first gap; return whether there was one."""
+        if not self._ahead:
+            return False
+        self._next = min(self._ahead)
+        self._follow(self.whole[0])
+        return True
+
+    def _follow(self, epoch: int) -> None:
+        while (at := self._ahead.pop(self._next, None)) is not None:
+            self.whole = epoch, at
+            self._next += 1
