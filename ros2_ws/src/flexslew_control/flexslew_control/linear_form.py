@@ -3,13 +3,14 @@
 u(k) = f(k) + kp (q_d - q) + kd (q_d' - q') + K z(k) + H y(k) + Q (q' x q') + s(k),
 s' = g(k) + ki (q_d - q) + G z(k) + (sat(u) - u) / T_t,
 with y the measured joints, their rates and the first of the tips, f and g from the reference alone,
-and z the state of an observer: see LinearObserver, SmallMotionForm, KalmanForm and GainedFilter,
-whose z is its state and then its innovation, too. The products of the rates q', which gyroscopic
+and z the state of an observer: see LinearObserver, SmallMotionForm, KalmanForm, SteadyForm and
+GainedFilter, whose z is its state and then its innovation, too. What a law makes of the equations
+of motion is part of z as well: see OnModelForm. The products of the rates q', which gyroscopic
 torques are of, are all that is not linear. A law on the turn about the body axes has them for its
 joints: see SharedForm.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -43,6 +44,31 @@ class KalmanForm(NamedTuple):
 
     model: Model
     matrices: FilterMatrices
+
+
+class SteadyForm(NamedTuple):
+    """x' = f(x, u) + K (y - C x) by a step of RK4 a tick, y and u held: z is x, then y - C x.
+
+    It begins at the measured joints, all else at rest and zero.
+    """
+
+    model: Model
+    gain: Matrix  # K, (2 n, l)
+    output: Matrix  # C, (l, 2 n)
+
+
+class OnModelForm(NamedTuple):
+    """What an observer knows, x and e, and efforts u by the equations of motion: z = [x, e, u].
+
+    u = (G B(x))^-1 [r(k) - G f(x, 0) - R x - W e].
+    """
+
+    observer: KalmanForm | SteadyForm | GainedFilter
+    model: Model  # of f and B
+    surface: Matrix  # G, (m, 2 n)
+    reaching: Matrix  # R, (m, 2 n)
+    innovation: Matrix  # W, (m, l)
+    demand: Matrix  # r, (ticks, m)
 
 
 class SmallMotionForm(NamedTuple):
@@ -86,11 +112,16 @@ class SharedForm(NamedTuple):
     velocity: Matrix  # (ticks, 3) [rad/s]
 
 
+Observer: TypeAlias = (
+    LinearObserver | GainedFilter | KalmanForm | SteadyForm | SmallMotionForm | OnModelForm
+)
+
+
 class LinearForm(NamedTuple):
     """A law with what it knows of the bench."""
 
     law: LawForm
-    observer: LinearObserver | GainedFilter | KalmanForm | SmallMotionForm
+    observer: Observer
     shared: SharedForm | None = None  # None: its efforts are those of the joints
     attitude: AttitudeNumbers | None = None  # the filter that tells the joints; None: as measured
     flexible: FlexibleForm | None = None  # what that believes besides attitude and bias
@@ -133,7 +164,7 @@ def observed_form(
     from_state: Matrix,
     from_output: Matrix,
     demand: Matrix,
-    observer: LinearObserver | SmallMotionForm,
+    observer: LinearObserver | SmallMotionForm | OnModelForm,
     gains: tuple[Vector, Vector] | None = None,
 ) -> LinearForm:
     """Return a law on an observer's state and on what is read, without an integral of its own.

@@ -32,6 +32,7 @@ LAWS: dict[str, dict[str, Any]] = {
         "observer": "steady",
         "attitude_gain": 0.1,
     },
+    "output_feedback, on the equations of motion": {},
 }
 PLAN = {
     "method": "reference_only",
@@ -68,10 +69,19 @@ def test_every_linear_law_flies_as_on_the_bench(
     require_equal(ready, [0, 5])
 
 
-def test_what_a_law_believes_of_each_bench_is_its_own(prepared: Callable[..., Preparation]) -> None:
+@pytest.mark.parametrize(
+    "law", [{"mode": "tracking_b", "observer": "steady"}, {}], ids=["linear", "equations"]
+)
+def test_what_a_law_believes_of_each_bench_is_its_own(
+    prepared: Callable[..., Preparation], law: dict[str, Any]
+) -> None:
     belief = {"model": {"damping_ratio": 0.02}}  # all else as on the bench that it meets
-    controllers = {"output_feedback": {"mode": "tracking_b", "observer": "steady"} | belief}
-    ready = prepared(controllers=controllers, active="output_feedback", replan=True)
+    keys: dict[str, Any] = {"controllers": {"output_feedback": law | belief}}
+    keys |= {"active": "output_feedback"}
+    require_equal(prepared(replan=True, **keys), [0, 5])
+    ready = prepared(**keys)  # one plan for all: they fly beside each other
+    cases = [case_of(ready.study, ready.samples, k) for k in (0, 5)]
+    assert [len(some) for some, _ in Lanes(ready.study, ready.plans).fly(cases)] == [2]
     require_equal(ready, [0, 5])
 
 
@@ -89,10 +99,6 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
 @pytest.mark.parametrize(
     ("way", "trial"),
     [
-        (
-            Way.SETTINGS,  # tracking (a)
-            {"controllers": {"output_feedback": {}}, "active": "output_feedback"},
-        ),
         (Way.MOTORS, {"actuator": {"viscous_friction": 0.1}}),
         (
             Way.NO_PLAN,

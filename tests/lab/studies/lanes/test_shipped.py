@@ -18,10 +18,7 @@ from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import NOTHING
 from flexslew_plant.testbeds import initial_positions
 
-FOR_THE_BENCH = {
-    "predictive_m1": Way.LAW,
-    "swap_demo": Way.SETTINGS,
-}
+FOR_THE_BENCH = {"predictive_m1": Way.LAW}
 
 
 def way_of(trial: Trial) -> Way:

@@ -197,6 +197,16 @@ class JointsAndModes:
             return now, slope
         return now * self._joint_rows, slope * self._joint_rows
 
+    def nominal_states(self, references: list[Reference]) -> tuple[Matrix, Matrix]:
+        """Return the same at N references, shape (N, 2 n) each."""
+        sizes = {(one.state.size, one.next_state.size) for one in references}
+        if len(sizes) == 1 and references[0].next_state.size:
+            rows = [np.array(column) for column in list(zip(*references, strict=True))[:5]]
+            return self.nominal_state(Reference(*rows))
+        pairs = [self.nominal_state(one) for one in references]
+        states, slopes = (np.array(column) for column in zip(*pairs, strict=True))
+        return states, slopes
+
     def on_bench(self, effort: Vector) -> Vector:
         """Return the efforts as they are."""
         return effort

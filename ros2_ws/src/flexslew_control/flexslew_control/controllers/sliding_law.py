@@ -23,8 +23,11 @@ from flexslew_control.linear_form import (
     LawForm,
     LinearForm,
     LinearObserver,
+    OnModelForm,
+    SteadyForm,
     kalman_form,
     no_integral,
+    observed_form,
 )
 from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector
 from flexslew_plant.measurement import Measurement
@@ -173,25 +176,27 @@ def _of_deviation(law: SlidingLaw, observed: PlanDeviation, references: list[Ref
 def sliding_form(
     estimator: Estimator, law: SlidingLaw, references: list[Reference]
 ) -> LinearForm | None:
-    """Return output feedback with the linear model, tracking (b): (51) with D = 0.
+    """Return output feedback (51) as a linear form.
 
-    Of one appendage, and of a craft about its plan, in every mode: the plan alone tells the rest.
+    Of one appendage, and of a craft about its plan, and with D = 0, tracking (b), the plan alone
+    tells what else there is; of all else z has the efforts by the equations of motion.
     """
     observed = law.observed
     if isinstance(estimator, TurningFilter) and isinstance(observed, PlanDeviation):
         return turning_form(estimator, _of_deviation(law, observed, references), references)
     if isinstance(observed, OneAppendage) and isinstance(estimator, SampledObserver):
         return appendage_form(law.found, observed, law.attitude_gain, references)
-    if not isinstance(observed, JointsAndModes) or not observed.linear:
+    if not isinstance(observed, JointsAndModes):
         return None
+    if not observed.linear:
+        return _on_model(estimator, law, observed, references)
     system, surface, m = observed.system, law.found.surface, observed.model.joints
     inverse = observed.effectiveness(observed.origin, surface)
     rates = law.found.reaching_rate + law.attitude_gain * observed.joint_rows
     reaching = inverse @ (surface * rates)
     innovation = -inverse @ (surface @ law.found.observer_gain)
     equivalent = inverse @ surface @ system.a
-    pairs = [observed.nominal_state(w) for w in references]
-    nominal, slope = (np.array(column) for column in zip(*pairs, strict=True))
+    nominal, slope = observed.nominal_states(references)
     demand = slope @ (inverse @ surface).T + nominal @ reaching.T + equivalent @ observed.origin
     of_state, outputs = -equivalent - reaching, len(system.c)
     found: LinearObserver | GainedFilter | KalmanForm
@@ -217,6 +222,26 @@ def sliding_form(
         **none_integrated,
     )
     return LinearForm(form, found)
+
+
+def _on_model(
+    estimator: Estimator, law: SlidingLaw, observed: JointsAndModes, references: list[Reference]
+) -> LinearForm | None:
+    """Return the law whose drift and effectiveness are those of the equations of motion."""
+    found: KalmanForm | SteadyForm | GainedFilter
+    if isinstance(estimator, KalmanFilter):
+        found = kalman_form(estimator, len(references))
+    elif isinstance(estimator, SampledObserver):
+        found = SteadyForm(observed.model, observed.gain, observed.system.c)
+    else:
+        return None
+    surface, gain, c = law.found.surface, law.found.observer_gain, observed.system.c
+    nominal, slope = observed.nominal_states(references)
+    demand = slope @ surface.T + nominal @ law.reaching.T
+    m, (outputs, states) = len(surface), c.shape
+    efforts = OnModelForm(found, observed.model, surface, law.reaching, surface @ gain, demand)
+    chosen = np.hstack((np.zeros((m, states + outputs)), np.eye(m)))
+    return observed_form(chosen, np.zeros((m, outputs)), 0.0 * demand, efforts)
 
 
 def _sampled(observed: JointsAndModes) -> LinearObserver:

@@ -1,6 +1,6 @@
 """Observers of a group of lanes before their first tick, of whichever kind they are."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,12 +8,27 @@ import numpy as np
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman_tick import FilterBelief
 from flexslew_control.estimators.small_motion_observer import MotionBelief
-from flexslew_control.linear_form import LinearForm, LinearObserver, SmallMotionForm
+from flexslew_control.linear_form import (
+    KalmanForm,
+    LinearObserver,
+    Observer,
+    SmallMotionForm,
+    SteadyForm,
+)
 from flexslew_lab.studies.lanes.lane_laws import by_lane
 from flexslew_lab.studies.lanes.observers import Observe, gained, kalman, linear
+from flexslew_lab.studies.lanes.on_model import (
+    LaneEfforts,
+    LaneSteady,
+    observed_and_acted,
+    on_model,
+    steady,
+)
 from flexslew_lab.studies.lanes.small_motions import LaneMotions, small_motions
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import NOTHING, Vector
 from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.model import Model
 
 
 class Beginning(NamedTuple):
@@ -25,29 +40,48 @@ class Beginning(NamedTuple):
     memory: Vector  # what it keeps besides, flat
 
 
-def beginning(form: LinearForm, observers: Sequence[Any]) -> Beginning:
+def beginning(found: Observer, observers: Sequence[Any]) -> Beginning:
     """Return the observer of a controller.
 
     Args:
-        form: of the first lane.
-        observers: one for all lanes, or one for each, which no Kalman filter has.
+        found: of the first lane.
+        observers: one for all lanes, or one for each, which no GainedFilter is.
     """
-    found = form.observer
     if isinstance(found, LinearObserver):
         k = found.constant.shape[-1]
-        return Beginning(linear(k), _linear(observers), np.zeros(k * LANES), np.empty(k * LANES))
+        return Beginning(linear(k), _linear(observers), _room(k), _room(k))
     if isinstance(found, SmallMotionForm):
         return _small_motions(found, observers)
     if isinstance(found, GainedFilter):
         outputs, k = found.output.shape
         filtered = GainedFilter(*map(np.ascontiguousarray, found))
-        return Beginning(gained(k), filtered, np.zeros((k + outputs) * LANES), np.empty(k * LANES))
-    k, outputs = len(found.matrices.origin), len(found.matrices.c)
-    constants = FilterBelief(found.model.packed, *map(np.ascontiguousarray, found.matrices))
-    memory = np.empty(LANES * (k + k * k))
-    model = found.model
-    observe = kalman(model.kernels, model.before_modes, model.coordinates)
-    return Beginning(observe, constants, np.zeros((k + outputs) * LANES), memory)
+        return Beginning(gained(k), filtered, _room(k + outputs), _room(k))
+    if isinstance(found, KalmanForm):
+        k, outputs = len(found.matrices.origin), len(found.matrices.c)
+        belief = FilterBelief(*_stacked((one.model.packed, *one.matrices) for one in observers))
+        memory = np.empty(LANES * (k + k * k))
+        return Beginning(kalman(*_of(found.model)), belief, _room(k + outputs), memory)
+    if isinstance(found, SteadyForm):
+        gains = LaneSteady(*_stacked((one.model.packed, *one[1:]) for one in observers))
+        return Beginning(steady(*_of(found.model)), gains, _room(sum(found.gain.shape)), NOTHING)
+    first = beginning(found.observer, [one.observer for one in observers])
+    efforts = LaneEfforts(*_stacked((one.model.packed, *one[2:]) for one in observers))
+    observe = observed_and_acted(first.observe, first.z.size, on_model(*_of(found.model)))
+    z = np.concatenate((first.z, _room(len(found.surface))))
+    return Beginning(observe, (first.constants, efforts), z, first.memory)
+
+
+def _of(model: Model) -> tuple[Kernels, int, int]:
+    return model.kernels, model.before_modes, model.coordinates
+
+
+def _room(rows: int) -> Vector:
+    return np.zeros(rows * LANES)
+
+
+def _stacked(parts: Iterable[tuple[Any, ...]]) -> list[Any]:
+    """Return arrays of every lane, an axis for lanes in front."""
+    return [np.array(arrays, dtype=float) for arrays in zip(*parts, strict=True)]
 
 
 def _small_motions(first: SmallMotionForm, forms: Sequence[SmallMotionForm]) -> Beginning:

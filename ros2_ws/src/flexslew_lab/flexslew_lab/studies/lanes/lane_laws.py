@@ -8,11 +8,15 @@ import numpy as np
 from flexslew_control.allocation import sharing
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.estimators.flexible_attitude_tick import FlexibleForm
+from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.linear_form import (
+    KalmanForm,
     LawForm,
     LinearForm,
     LinearObserver,
+    Observer,
     SmallMotionForm,
+    SteadyForm,
 )
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
@@ -34,21 +38,37 @@ class Beside(NamedTuple):
 
 def kind_of(form: LinearForm) -> Hashable:
     """Return what is equal for laws that may fly beside each other."""
-    observer = form.observer
-    believed: Hashable = None
-    parts: tuple[Any, ...] = ()
-    if isinstance(observer, SmallMotionForm):
-        believed = observer.model.kernels, observer.model.before_modes
-        parts, observer = observer.belief, observer.behind
-    if not isinstance(observer, LinearObserver) or is_large(form):
-        return id(form)  # what a filter computes by tick is that of all lanes
+    known = _kind_of_observer(form.observer)
+    if known is None or is_large(form):
+        return id(form)
     law, shared = form.law, form.shared
-    shapes = tuple(np.shape(part) for part in (*law, *parts, *observer))
+    shapes = tuple(np.shape(part) for part in law)
     integrand = law.integrand.tobytes() if law.integral else b""
     follows = () if shared is None else (shared.position.tobytes(), shared.velocity.tobytes())
     kind = shared and sharing.kind_of(shared.allocation)
     integral = law.integral, law.unwinding, law.limit.tobytes(), integrand
-    return believed, shapes, *integral, follows, kind, _kind_of_filters(form)
+    return known, shapes, *integral, follows, kind, _kind_of_filters(form)
+
+
+def _kind_of_observer(found: Observer) -> Hashable:
+    """Return what is equal for observers beside each other; None: there is one for all lanes.
+
+    What a GainedFilter computes by tick is that of all lanes.
+    """
+    if isinstance(found, GainedFilter):
+        return None
+    if isinstance(found, LinearObserver):
+        return tuple(part.shape for part in found)
+    believed = found.model.kernels, found.model.before_modes, found.model.packed.shape
+    if isinstance(found, KalmanForm):
+        return believed, tuple(part.shape for part in found.matrices)
+    if isinstance(found, SteadyForm):
+        return believed, found.gain.shape
+    if isinstance(found, SmallMotionForm):
+        behind = tuple(part.shape for part in found.behind)
+        return believed, tuple(part.shape for part in found.belief), behind
+    known = _kind_of_observer(found.observer)
+    return known and (believed, known, found.demand.shape)
 
 
 def craft_kernel(form: FlexibleForm) -> LaneKernel:

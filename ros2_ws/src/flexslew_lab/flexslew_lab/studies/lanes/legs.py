@@ -75,7 +75,7 @@ class LaneFlight:
         laws = [beside([of[k].form for of in legs]) for k in range(len(legs[0]))]
         names = [leg.controller for leg in self._legs]
         found = {  # by name: whoever is in charge first, the loops are the same
-            name: beginning(leg.form, law.observers)
+            name: beginning(leg.form.observer, law.observers)
             for name, leg, law in sorted(
                 zip(names, self._legs, laws, strict=True), key=itemgetter(0)
             )

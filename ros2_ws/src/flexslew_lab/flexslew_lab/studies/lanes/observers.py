@@ -174,6 +174,8 @@ def gained(states: int) -> Observe:
 def kalman(kernels: Kernels, before: int, n: int) -> Observe:
     """Return the Kalman filter that predicts by equations, lane after lane as on the bench.
 
+    Its constants are a FilterBelief with an axis for lanes in front; one entry: the same in all.
+
     Args:
         kernels: the equations that it believes in.
         before: coordinates before the modes.
@@ -186,16 +188,17 @@ def kalman(kernels: Kernels, before: int, n: int) -> Observe:
         k: int,
         t: float,
         dt: float,
-        belief: FilterBelief,
+        beliefs: FilterBelief,
         signals: LaneSignals,
         z: Vector,
         memory: Vector,
         filled: int,
     ) -> None:
-        outputs, states = belief.c.shape
-        m, each = belief.g.shape[1], states + states * states
+        lanes, outputs, states = beliefs.c.shape
+        m, each = beliefs.g.shape[2], states + states * states
         read, held, innovation = np.empty(outputs), np.empty(m), np.zeros(outputs)
         for lane in range(filled):
+            one = lane if lanes > 1 else 0
             own = memory[lane * each : (lane + 1) * each]
             x, p = own[:states], own[states:].reshape((states, states))
             for i in range(outputs):
@@ -208,8 +211,18 @@ def kalman(kernels: Kernels, before: int, n: int) -> Observe:
                     x[i], x[n + i] = read[i], read[m + i]
                 for i in range(states):
                     for j in range(states):
-                        p[i, j] = belief.first[i, j]
+                        p[i, j] = beliefs.first[one, i, j]
             else:
+                belief = FilterBelief(
+                    beliefs.packed[one],
+                    beliefs.f[one],
+                    beliefs.g[one],
+                    beliefs.q[one],
+                    beliefs.c[one],
+                    beliefs.r[one],
+                    beliefs.origin[one],
+                    beliefs.first[one],
+                )
                 tick(belief, t - dt, dt, held, read, x, p, innovation)
             for i in range(states):
                 z[i * LANES + lane] = x[i]

@@ -1,0 +1,174 @@
+"""Observers and laws on the equations of motion in lanes, lane after lane as on the bench."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled
+from flexslew_plant.testbeds.compiled.bound import bound
+from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.kernels import Kernels
+
+
+class LaneSteady(NamedTuple):
+    """linear_form.SteadyForm of the lanes beside each other; one entry: the same in all."""
+
+    packed: Matrix  # the model's numbers, (lanes, size)
+    gain: Tensor  # K, (lanes, 2 n, l)
+    output: Tensor  # C, (lanes, l, 2 n)
+
+
+class LaneEfforts(NamedTuple):
+    """linear_form.OnModelForm without its observer, of the lanes beside each other."""
+
+    packed: Matrix  # (lanes, size)
+    surface: Tensor  # G, (lanes, m, 2 n)
+    reaching: Tensor  # R, (lanes, m, 2 n)
+    innovation: Tensor  # W, (lanes, m, l)
+    demand: Tensor  # r, (lanes, ticks, m)
+
+
+@lru_cache
+def steady(kernels: Kernels, before: int, n: int) -> Observe:
+    """Return the observer of linear_form.SteadyForm.
+
+    Args:
+        kernels: the equations that it believes in.
+        before: coordinates before the modes.
+        n: coordinates.
+    """
+    step = _step(kernels, before, n)
+
+    @compiled
+    def observe(
+        k: int,
+        t: float,
+        dt: float,
+        lanes: LaneSteady,
+        signals: LaneSignals,
+        z: Vector,
+        memory: Vector,
+        filled: int,
+    ) -> None:
+        count, states, outputs = lanes.gain.shape
+        m = outputs // 2  # the tip, if it is read, is one more
+        x, y, held = np.zeros(states), np.empty(outputs), np.empty(m)
+        for lane in range(filled):
+            one = lane if count > 1 else 0
+            gain, output = lanes.gain[one], lanes.output[one]
+            if k == 0:
+                for i in range(m):
+                    x[i] = signals.y[i * LANES + lane]
+                    x[n + i] = signals.y[(m + i) * LANES + lane]
+            else:
+                for i in range(states):
+                    x[i] = z[i * LANES + lane]
+                for i in range(outputs):
+                    y[i] = signals.earlier[i * LANES + lane]
+                for i in range(m):
+                    held[i] = signals.effort[i * LANES + lane]
+                step(lanes.packed[one], gain, output, y, held, dt, x)
+            for i in range(outputs):
+                y[i] = signals.y[i * LANES + lane]
+            innovation = y - output @ x
+            for i in range(states):
+                z[i * LANES + lane] = x[i]
+            for i in range(outputs):
+                z[(states + i) * LANES + lane] = innovation[i]
+
+    return cast(Observe, observe)
+
+
+def _step(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
+    """Return what takes x one tick on; see JointsAndModes.advanced."""
+    derivative = bound(kernels, n, before).derivative
+
+    @compiled
+    def slope(
+        packed: Vector, x: Vector, effort: Vector, gain: Matrix, output: Matrix, y: Vector
+    ) -> Vector:
+        return derivative(packed, 0.0, x, effort) + gain @ (y - output @ x)
+
+    @compiled
+    def step(
+        packed: Vector,
+        gain: Matrix,
+        output: Matrix,
+        y: Vector,
+        held: Vector,
+        dt: float,
+        x: Vector,
+    ) -> None:
+        k1 = slope(packed, x, held, gain, output, y)
+        k2 = slope(packed, x + 0.5 * dt * k1, held, gain, output, y)
+        k3 = slope(packed, x + 0.5 * dt * k2, held, gain, output, y)
+        k4 = slope(packed, x + dt * k3, held, gain, output, y)
+        x += dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+
+    return cast(Callable[..., None], step)
+
+
+@lru_cache
+def on_model(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
+    """Return what writes the efforts of linear_form.OnModelForm behind what its observer knows.
+
+    Args:
+        kernels: the equations of the law.
+        before: coordinates before the modes.
+        n: coordinates.
+    """
+    model = bound(kernels, n, before)
+    derivative, jacobian, states = model.derivative, model.jacobian, 2 * n
+
+    @compiled
+    def act(k: int, lanes: LaneEfforts, z: Vector, filled: int) -> None:
+        count, m, outputs = lanes.innovation.shape
+        x, innovation, nothing = np.empty(states), np.empty(outputs), np.zeros(m)
+        dx, du = np.empty((states, states)), np.empty((states, m))
+        tick = min(k, lanes.demand.shape[1] - 1)
+        for lane in range(filled):
+            one = lane if count > 1 else 0
+            packed, surface = lanes.packed[one], lanes.surface[one]
+            for i in range(states):
+                x[i] = z[i * LANES + lane]
+            for i in range(outputs):
+                innovation[i] = z[(states + i) * LANES + lane]
+            drift = derivative(packed, 0.0, x, nothing)
+            jacobian(packed, 0.0, x, nothing, dx, du)
+            asked = lanes.demand[one, tick] - surface @ drift
+            asked -= lanes.reaching[one] @ x + lanes.innovation[one] @ innovation
+            given = np.linalg.solve(surface @ du, asked)
+            for i in range(m):
+                z[(states + outputs + i) * LANES + lane] = given[i]
+
+    return cast(Callable[..., None], act)
+
+
+@lru_cache
+def observed_and_acted(first: Observe, known: int, act: Callable[..., None]) -> Observe:
+    """Return an observer and what acts on what it knows as one.
+
+    Args:
+        first: the observer, whose constants are the first of two.
+        known: size of its flat state.
+        act: see on_model.
+    """
+
+    @compiled
+    def observe(
+        k: int,
+        t: float,
+        dt: float,
+        both: tuple[LaneSteady, LaneEfforts],
+        signals: LaneSignals,
+        z: Vector,
+        memory: Vector,
+        filled: int,
+    ) -> None:
+        first(k, t, dt, both[0], signals, z[:known], memory, filled)
+        act(k, both[1], z, filled)
+
+    return cast(Observe, observe)
