@@ -45,6 +45,39 @@ def test_motors_with_a_lag_or_a_slew_rate_fly_in_lanes_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2])
 
 
+def test_joints_that_stick_fly_in_lanes_as_on_the_bench(study_of: Callable[..., Study]) -> None:
+    trial = {
+        "duration": 5.0,
+        "testbed": {"modes": 1, "effort_limit": [60.0, 40.0]},
+        "plan": PLAN,
+        "controllers": {"pd_feedforward": {"kp": 100.0, "kd": 200.0}},
+        "sensors": {"joint_velocity": {"noise": 1e-4}},
+        "actuator": {"viscous_friction": {"hub_pitch": 0.5}, "coulomb_friction": 2.0},
+        "schedule": [{"at": 2.0, "until": 2.5, "disturbance": {"base_yaw": 10.0}}],
+    }
+    vary = {
+        "actuator.coulomb_friction": {"loguniform": [0.01, 10.0]},
+        "actuator.coulomb_speed": {"loguniform": [1e-5, 1e-2]},
+        "actuator.viscous_friction.hub_pitch": {"uniform": [0.0, 20.0]},
+    }
+    require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2, 3])
+
+
+def test_wheels_with_friction_fly_in_lanes_as_on_the_bench(study_of: Callable[..., Study]) -> None:
+    trial = {
+        "duration": 3.0,
+        "testbed": CRAFT,
+        "plan": {"method": "reference_only", "goal": {"roll": 0.2}, "duration": 2.0},
+        "controllers": {"pd_feedforward": {"kp": [30.0], "kd": [60.0]}},
+        "actuator": {"viscous_friction": 1e-3, "coulomb_friction": {"roll": 0.05}},
+    }
+    vary = {
+        "actuator.coulomb_friction.roll": {"loguniform": [1e-3, 1.0]},
+        "testbed.platform.mass": {"uniform": [140.0, 160.0]},
+    }
+    require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2])
+
+
 def test_benches_with_limits_of_their_own_fly_beside_each_other(
     study_of: Callable[..., Study],
 ) -> None:

@@ -99,7 +99,6 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
 @pytest.mark.parametrize(
     ("way", "trial"),
     [
-        (Way.MOTORS, {"actuator": {"viscous_friction": 0.1}}),
         (
             Way.NO_PLAN,
             {

@@ -10,7 +10,6 @@ class Way(StrEnum):
     BENCH = "bench"  # nobody asked for lanes
     NOT_ALLOWED = "bench: refused"  # it says why
     METRICS = "bench: a metric of its own raises"
-    MOTORS = "bench: motors with friction"
     EDGE = "bench: a value at the edge of a quantum or a pulse"
     SCHEDULE = "bench: a switch at the start, or one that is not answered"
     BRAKE = "bench: the brake takes over"

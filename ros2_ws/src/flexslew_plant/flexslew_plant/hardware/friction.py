@@ -17,9 +17,9 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.testbeds.model import Model, Motors
 
-_ROUNDS = 30  # at most, of integrations of a tick
+ROUNDS = 30  # at most, of integrations of a tick
 _SWEEPS = 200  # at most, over the joints
-_CLOSE = 1e-12  # change of the friction at which it is found, of its size
+CLOSE = 1e-12  # change of the friction at which it is found, of its size
 
 
 @compiled
@@ -98,9 +98,48 @@ def balanced(
             found = ((after - v[i]) / dt - g) / a
             change = max(change, abs(found - r[i]))
             r[i] = found
-        if change <= 0.1 * _CLOSE * np.abs(r).max():
+        if change <= 0.1 * CLOSE * np.abs(r).max():
             break
     return r
+
+
+@compiled_once()
+def next_friction(
+    r: Vector,
+    v: Vector,
+    after: Vector,
+    way: Vector,
+    mobility: Matrix,
+    viscous: Vector,
+    coulomb: Vector,
+    speed: float,
+    dt: float,
+) -> Vector:
+    """Return the mean friction, shape (m,), that goes with a tick flown under another one.
+
+    It takes energy or none from every joint: one that turns round within the tick may come out with
+    a mean friction along its way; then it gets what makes it end where it began.
+
+    Args:
+        r: under which the joints went their way, shape (m,) [N m or N].
+        v: their rates before, shape (m,) [rad/s or m/s].
+        after: their rates after it, shape (m,) [rad/s or m/s].
+        way: from the beginning to the end, shape (m,) [rad or m].
+        mobility: as in balanced, as are all that follow.
+        viscous: c.
+        coulomb: F.
+        speed: v_c.
+        dt: one tick.
+    """
+    free = (after - v) / dt - mobility @ r
+    found = balanced(r, free, mobility, v, viscous, coulomb, speed, dt)
+    reach = 0.5 * dt**2
+    further = way + reach * (mobility @ (found - r))
+    for i in range(found.size):
+        if found[i] * further[i] > 0.0:
+            still = found[i] - further[i] / (reach * mobility[i, i])
+            found[i] = min(max(still, min(found[i], 0.0)), max(found[i], 0.0))
+    return found
 
 
 class Friction:
@@ -120,7 +159,7 @@ class Friction:
         self._law = *coefficients(motors, settings), settings.coulomb_speed
         self._period = period
         one = np.ones(1)
-        balanced(one, one, np.eye(1), one, one, one, 1.0, period)  # compiled before tick 0
+        next_friction(one, one, one, one, np.eye(1), one, one, 1.0, period)  # before tick 0
 
     def advance(
         self, x: Vector, effort: Vector, mobility: Matrix, step: Callable[[Vector], Vector]
@@ -136,41 +175,18 @@ class Friction:
         chosen, at, speed, sign, dt = *self._motors[1:], self._period
         mobility = np.ascontiguousarray(mobility[np.ix_(chosen, chosen)])
         v, r = sign * x[speed], np.zeros(len(chosen))
-        for _ in range(_ROUNDS):
+        for _ in range(ROUNDS):
             total = effort.astype(np.float64)
             total[chosen] += r
             after = step(total)
             rate = sign * after[speed]
             if not np.isfinite(rate).all():
                 break
-            free = (rate - v) / dt - mobility @ r
-            found = balanced(r, free, mobility, v, *self._law, dt)
-            found = self._dissipative(found, r, sign * (after[at] - x[at]), mobility)
-            if np.abs(found - r).max() <= _CLOSE * np.abs(found).max():
+            found = next_friction(r, v, rate, sign * (after[at] - x[at]), mobility, *self._law, dt)
+            if np.abs(found - r).max() <= CLOSE * np.abs(found).max():
                 break
             r = found
         return after
-
-    def _dissipative(self, found: Vector, r: Vector, way: Vector, mobility: Matrix) -> Vector:
-        """Return the friction so that it takes energy or none from every joint.
-
-        A joint that turns round within the tick may come out with a mean friction along its way;
-        then it gets what makes it end where it began.
-
-        Args:
-            found: mean friction, shape (m,) [N m or N].
-            r: the friction under which the joints went their way.
-            way: from the beginning to the end of the tick, shape (m,) [rad or m].
-            mobility: as in advance.
-        """
-        reach = 0.5 * self._period**2
-        way = way + reach * (mobility @ (found - r))
-        along = found * way > 0.0
-        if not along.any():
-            return found
-        still = found - way / (reach * np.diag(mobility))
-        least, most = np.minimum(found, 0.0), np.maximum(found, 0.0)
-        return np.where(along, np.clip(still, least, most), found)
 
 
 def coefficients(motors: Motors, settings: ActuatorSettings) -> tuple[Vector, Vector]:

@@ -27,6 +27,7 @@ from flexslew_plant.faults.actuators import CommandDelay
 from flexslew_plant.faults.injection import Faults
 from flexslew_plant.faults.sensors import SensorNan
 from flexslew_plant.hardware.disturbances import TimedDisturbance
+from flexslew_plant.hardware.friction import friction_of
 from flexslew_plant.hardware.sensors import Sensors, exact_readings
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import initial_state
@@ -55,6 +56,7 @@ class LaneTrial(NamedTuple):
     steps: int  # of the kernel per tick
     hold: Vector | None  # first measured positions, which are held where there is no plan
     happens: Happening
+    rubs: bool  # its motors have friction
     law: Hashable  # trials for which it is equal have the same law, but for its lane_gains
     together: Hashable  # trials for which it is equal may fly at once, if their laws may
 
@@ -92,6 +94,7 @@ class LaneIntake:
                 return way
             bound = trial.testbed if knows_frequency(trial.testbed) else None
             kernel = traced_kernel(model, bound is not None) or lane_by_lane(model)
+            rubs = friction_of(trial.actuator, model, trial.period) is not None
         except FlexslewError:
             return Way.NOT_ALLOWED
         fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
@@ -103,14 +106,14 @@ class LaneIntake:
         told = b""
         if model.appendages.instruments:
             told = model.appendages.packed(trial.period, None).layout.tobytes()
-        motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate)
+        motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate), rubs
         outside = model.outside and (model.outside.add, model.outside.numbers.size)
         bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor, outside)
         hold = None if trial.plan is not None else _first_measured(trial, model, happens.faults)
         held = b"" if hold is None else hold.tobytes()
         law, together = (common.law, held, *bench), (common.course, *bench)
         own = trial, common.asked, model, kernel, steps, hold
-        return LaneTrial(case, *own, happens, law, together)
+        return LaneTrial(case, *own, happens, rubs, law, together)
 
     def _happening(self, variant: int, trial: Trial, model: Model) -> Happening | Way:
         """Return what happens to a trial; that of the one before, if it is the same."""
@@ -223,7 +226,6 @@ def _is_quantised(trial: Trial) -> bool:
 
 def way_of_settings(trial: Trial, charge: Charge) -> Way:
     """Return LANES, or what of a trial's settings only the bench knows."""
-    motor = trial.actuator
     own = [trial.controllers[name] or {} for _, name in charge.legs]
     laws = [law_of(leg[1], values)[0] for leg, values in zip(charge.legs, own, strict=True)]
     known = all(law in CONTROLLERS and CONTROLLERS[law].linear for law in laws)
@@ -232,7 +234,6 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
     )
     later = known and all(CONTROLLERS[law].takes_over for law in laws[1:])
     obstacles = (
-        (bool(motor.viscous_friction or motor.coulomb_friction), Way.MOTORS),
         (any(isinstance(entry.fault, SensorNan) for entry in trial.schedule), Way.NAN),
         (judged, Way.JUDGED),
         (not known, Way.LAW),  # its entry's `linear` has the last word

@@ -19,6 +19,7 @@ from flexslew_lab.studies.lanes.inputs import (
     quanta_of,
     troubles_of,
 )
+from flexslew_lab.studies.lanes.lane_friction import movement_of
 from flexslew_lab.studies.lanes.lane_laws import beside, outputs_of
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
@@ -92,6 +93,7 @@ class LaneFlight:
         self._outputs = max(outputs_of(leg.form, model.joints) for leg in self._legs)
         self._heard = heard_by(lanes[:filled], laws[0], self._outputs - 2 * model.joints)
         self._push, self._pushes = pushes_of(lanes[:filled])
+        self._move, self._friction = movement_of(lanes)
         self._drives = drives_of(self._lanes)
         self._errors = errors_of(self._lanes, self._outputs, len(schedule.time))
         self._troubles = troubles_of(lanes, filled, len(schedule.time) - 1)
@@ -151,7 +153,9 @@ class LaneFlight:
         attitude, heard = first.model.attitude, self._heard
         kinds = self._recorded, attitude is not None, heard is not None, filter_of(law)
         terms = LawTerms.of(numbers)
-        loop = lane_loop(first.kernel, sizes, terms, observer.observe, self._push, *kinds)
+        loop = lane_loop(
+            first.kernel, sizes, terms, observer.observe, self._push, self._move, *kinds
+        )
         self._loop: Callable[..., None] = partial(
             loop,
             w,
@@ -164,6 +168,7 @@ class LaneFlight:
             turned_joints(attitude, first.model.joints),
             heard and heard.senses,
             self._pushes,
+            self._friction,
             observer.constants,
             observer.z,
             observer.memory,

@@ -44,6 +44,7 @@ def lane_loop(
     terms: LawTerms,
     observe: Observe,
     push: Callable[..., None],
+    move: Callable[..., None],
     recorded: bool,
     turns: bool,
     heard: bool,
@@ -52,12 +53,12 @@ def lane_loop(
     """Return the loop for a testbed and a law of these sizes.
 
     It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, turned, Senses, LanePushes,
-    observer, z, memory, filled, first, last, record, draws): w of lanes.Advance with the rows of
-    `rows` behind; `error` of the readings, (ticks + 1 or 1, outputs LANES); TurnedJoints, if
-    `turns`; w, z and memory in and out; `observer` as `observe` wants it, which is asked for the
-    first `filled` lanes at least; ticks from `first` to before `last`. If `recorded`, the truth
-    goes into `record`, (LANES, ticks, states + joints), and is measured afterwards; else the loop
-    counts what the metrics need. `draws` are the instruments', (ticks, lanes, draws).
+    LaneFriction, observer, z, memory, filled, first, last, record, draws): w of lanes.Advance with
+    the rows of `rows` behind; `error` of the readings, (ticks + 1 or 1, outputs LANES);
+    TurnedJoints, if `turns`; w, z and memory in and out; `observer` as `observe` wants it, which is
+    asked for the first `filled` lanes at least; ticks from `first` to before `last`. If `recorded`,
+    the truth goes into `record`, (LANES, ticks, states + joints), and is measured afterwards; else
+    the loop counts what the metrics need. `draws` are the instruments', (ticks, lanes, draws).
 
     Args:
         kernel: of the testbed.
@@ -65,6 +66,7 @@ def lane_loop(
         terms: of the law.
         observe: of the law.
         push: what acts from outside; see pushed.pushes_of.
+        move: what takes the testbed one tick on; see lane_friction.movement_of.
         recorded: whether the truth is.
         turns: whether the joints read an attitude.
         heard: whether there are instruments.
@@ -72,7 +74,7 @@ def lane_loop(
     """
     m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
     rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
-    advance, efforts = kernel.advance, efforts_of(of_kernel.effort, rows, sizes, terms)
+    efforts = efforts_of(of_kernel.effort, rows, sizes, terms)
     metrics = (
         _recorded(of_kernel.effort, rows, sizes) if recorded else _measure(of_kernel, rows, sizes)
     )
@@ -114,6 +116,7 @@ def lane_loop(
         turned: Any,
         senses: Any,
         pushes: Any,
+        friction: Any,
         observer: Any,
         z: Vector,
         memory: Vector,
@@ -144,7 +147,7 @@ def lane_loop(
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
             efforts(k, schedule.time[k], dt, troubles, law, turned, z, w, filled)
             push(k * dt, 0.5 * dt, pushes, filled, w)
-            advance(k * dt, dt, steps, filled, w)
+            move(k * dt, dt, steps, friction, filled, w)
             push(k * dt + dt, -0.5 * dt, pushes, filled, w)
 
     return cast(Loop, loop)

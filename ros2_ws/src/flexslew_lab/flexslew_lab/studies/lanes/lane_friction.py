@@ -1,0 +1,165 @@
+"""Friction of motors in lanes: a tick is flown until it and the friction agree."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from flexslew_lab.studies.lanes.lane_trial import LaneTrial
+from flexslew_plant.arrays import Indices, Matrix, Vector, compiled, put, vectorised
+from flexslew_plant.hardware.friction import CLOSE, ROUNDS, coefficients, next_friction
+from flexslew_plant.testbeds.compiled import interface, mass
+from flexslew_plant.testbeds.compiled.lanes import LANES, Advance
+from flexslew_plant.testbeds.kernels import Kernels
+
+
+class LaneFriction(NamedTuple):
+    """What the friction of every lane reads; see hardware.friction."""
+
+    packed: Matrix  # numbers of the equations, (lanes, size)
+    viscous: Matrix  # (lanes, motors) [N m s/rad]
+    coulomb: Matrix  # (lanes, motors) [N m]
+    speed: Vector  # v_c, (lanes,) [rad/s]
+    efforts: Indices  # which of them drive the motors; see model.Motors
+    position: Indices
+    rate: Indices
+    sign: Vector
+
+
+def movement_of(lanes: Sequence[LaneTrial]) -> tuple[Callable[..., None], LaneFriction | None]:
+    """Return what takes the lanes of a group one tick on, and the friction that it reads."""
+    first, model = lanes[0], lanes[0].model
+    if not first.rubs:
+        return moving(first.kernel.advance), None
+    motors = [lane.model.own_motors for lane in lanes]
+    actuators = [lane.trial.actuator for lane in lanes]
+    pairs = [coefficients(one, given) for one, given in zip(motors, actuators, strict=True)]
+    viscous, coulomb = (np.array(rows) for rows in zip(*pairs, strict=True))
+    speed = np.array([given.coulomb_speed for given in actuators])
+    packed = np.array([lane.model.packed for lane in lanes])
+    sizes = model.coordinates, model.before_modes, model.efforts
+    slide = sliding(first.kernel.advance, model.kernels, *sizes)
+    return slide, LaneFriction(packed, viscous, coulomb, speed, *motors[0][1:])
+
+
+@lru_cache
+def moving(advance: Advance) -> Callable[..., None]:
+    """Return what takes lanes without friction one tick on, called as `sliding` is."""
+
+    @vectorised
+    def move(t: float, dt: float, steps: int, friction: None, filled: int, w: Vector) -> None:
+        advance(t, dt, steps, filled, w)
+
+    return cast(Callable[..., None], move)
+
+
+@lru_cache
+def sliding(advance: Advance, kernels: Kernels, n: int, before: int, m: int) -> Callable[..., None]:
+    """Return what takes lanes one tick on, with the friction of their motors.
+
+    It takes (t, dt, steps, LaneFriction, first lanes to be asked for, w).
+
+    Args:
+        advance: of the lanes without friction.
+        kernels: their equations.
+        n: coordinates.
+        before: of them before the modes.
+        m: efforts.
+    """
+    states, mobility = 2 * n + kernels.extra_positions, _mobility(kernels, n, before, m)
+
+    @compiled
+    def slide(
+        t: float, dt: float, steps: int, friction: LaneFriction, filled: int, w: Vector
+    ) -> None:
+        motors, start = friction.sign.size, w[: (states + m) * LANES].copy()
+        r, done = np.zeros((filled, motors)), np.zeros(filled, np.bool_)
+        mobilities = np.empty((filled, m, m))
+        for lane in range(filled):
+            mobility(friction.packed[lane], t, start, lane, mobilities[lane])
+        for _ in range(ROUNDS):
+            for i in range(start.size):
+                w[i] = start[i]
+            for lane in range(filled):
+                for i in range(motors):
+                    w[(states + friction.efforts[i]) * LANES + lane] += r[lane, i]
+            advance(t, dt, steps, filled, w)
+            for lane in range(filled):
+                if not done[lane]:
+                    done[lane] = _agreed(friction, mobilities[lane], start, w, lane, dt, r[lane])
+            if done.all():
+                break
+        for i in range(states * LANES, start.size):
+            w[i] = start[i]
+
+    return cast(Callable[..., None], slide)
+
+
+@compiled
+def _agreed(
+    friction: LaneFriction,
+    mobility: Matrix,
+    start: Vector,
+    w: Vector,
+    lane: int,
+    dt: float,
+    r: Vector,
+) -> bool:
+    """Return whether a lane went its way under the friction that goes with it; else put that in r.
+
+    Args:
+        friction: of all lanes.
+        mobility: of all actuators, B^T M^-1 B.
+        start: states before the tick, flat.
+        w: states after it, flat.
+        lane: that is asked for.
+        dt: one tick [s].
+        r: friction, (motors,), in and out [N m or N].
+    """
+    motors = r.size
+    v, after, way, own = r.copy(), r.copy(), r.copy(), np.empty((motors, motors))
+    for i in range(motors):
+        sign, at = friction.sign[i], friction.position[i] * LANES + lane
+        rate = friction.rate[i] * LANES + lane
+        v[i], after[i], way[i] = sign * start[rate], sign * w[rate], sign * (w[at] - start[at])
+        for j in range(motors):
+            own[i, j] = mobility[friction.efforts[i], friction.efforts[j]]
+    if not np.isfinite(after).all():
+        return True
+    viscous, coulomb = friction.viscous[lane], friction.coulomb[lane]
+    speed = friction.speed[lane]
+    found = next_friction(r, v, after, way, own, viscous, coulomb, speed, dt)
+    if np.abs(found - r).max() <= CLOSE * np.abs(found).max():
+        return True
+    put(found, r)
+    return False
+
+
+@lru_cache
+def _mobility(kernels: Kernels, n: int, before: int, m: int) -> Callable[..., None]:
+    """Return what writes B^T M^-1 B of a lane, (m, m); see Model.mobility."""
+    states, square = 2 * n + kernels.extra_positions, n if kernels.full_mass else before
+
+    @compiled
+    def mobility(packed: Vector, t: float, w: Vector, lane: int, out: Matrix) -> None:
+        x, unit = np.zeros(states), np.zeros(m)
+        for i in range(states - n):
+            x[i] = w[i * LANES + lane]
+        joints, coupling = np.empty((square, square)), np.empty((square, n - square))
+        modal, bias, columns = np.empty(n - square), np.empty(n), np.zeros((m, n))
+        interface.terms(kernels, packed, t, x, joints, coupling, modal, bias)
+        mass.factor(joints, coupling, modal)
+        for j in range(m):
+            unit[j] = 1.0
+            interface.actuation(kernels, packed, t, x, unit, columns[j])
+            unit[j] = 0.0
+        for j in range(m):
+            moved = columns[j].copy()
+            mass.solve(joints, coupling, modal, moved)
+            for i in range(m):
+                out[i, j] = 0.0
+                for k in range(n):
+                    out[i, j] += columns[i, k] * moved[k]
+
+    return cast(Callable[..., None], mobility)
