@@ -1,13 +1,14 @@
 """What is held to the wall clock goes before all that is not real-time, where it may."""
 
 import os
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
 from flexslew_msgs.srv import SetRate
 
-from flexslew_plant.ros.realtime import CONTROLLER, PLANT
+from flexslew_plant.ros.realtime import IN_CHARGE, NONE, PLANT, STANDBY, RealTime
 
 from .bystander import beside
 from .flight import Flight, slew
@@ -33,24 +34,48 @@ def scheduled(pid: int) -> set[tuple[int, int]]:
 
 
 @pytest.mark.skipif(not allowed(), reason="needs CAP_SYS_NICE or an rtprio limit")
-def test_plant_and_who_is_in_charge_are_real_time_while_a_clock_paces_them(tmp_path: Path) -> None:
+def test_plant_and_controllers_are_real_time_while_a_clock_paces_them(tmp_path: Path) -> None:
     def act(pids: dict[str, int], domain: int) -> None:
-        def real_time(*names: str) -> bool:
+        def real_time(**priorities: int) -> bool:
             requested = {n: {(os.SCHED_OTHER, 0)} for n in ("plant", FIRST, SECOND, "recorder")}
-            for name in names:
-                requested[name] = {(REAL_TIME, PLANT if name == "plant" else CONTROLLER)}
+            requested |= {name: {(REAL_TIME, one)} for name, one in priorities.items()}
             return {name: scheduled(pids[name]) for name in requested} == requested
 
+        def led_by(first: int, second: int) -> Callable[[], bool]:
+            return partial(real_time, plant=PLANT, **{FIRST: first, SECOND: second})
+
         with beside(domain) as bench:
-            bench.until(partial(real_time, "plant", FIRST))
+            bench.until(led_by(IN_CHARGE, STANDBY))
             bench.swap(SECOND)
-            bench.until(partial(real_time, "plant", SECOND))
+            bench.until(led_by(STANDBY, IN_CHARGE))
             assert bench.ask(SetRate, "set_rate", rate_factor=0.0).ok
             bench.until(real_time)
             bench.swap(FIRST)
             assert bench.ask(SetRate, "set_rate", rate_factor=2.0).ok
-            bench.until(partial(real_time, "plant", FIRST))
+            bench.until(led_by(IN_CHARGE, STANDBY))
         raise KeyboardInterrupt
 
     trial = slew(1e5, 5.0, f", {SECOND}: {{law: lqr, requires_plan: false}}")
     assert Flight(trial, tmp_path, 1, act).outcome.exit_code == 130
+
+
+@pytest.mark.parametrize("limit", range(5))
+def test_who_may_have_less_has_that_and_goes_back_to_what_others_have(
+    monkeypatch: pytest.MonkeyPatch, limit: int
+) -> None:
+    """By the rules of sched(7) for those with an rtprio limit and no other right."""
+    now = [os.SCHED_OTHER, 0]
+
+    def set_scheduler(thread: int, policy: int, parameters: os.sched_param) -> None:
+        once = os.SCHED_RESET_ON_FORK
+        if parameters.sched_priority > limit or now[0] & once > policy & once:
+            raise PermissionError
+        now[:] = policy, parameters.sched_priority
+
+    monkeypatch.setattr(os, "sched_setscheduler", set_scheduler)
+    one = RealTime()
+    for wanted in (PLANT, IN_CHARGE, STANDBY, IN_CHARGE):
+        one.want(wanted)
+        assert now[1] == min(wanted, limit)
+    one.want(NONE)
+    assert now == [os.SCHED_OTHER | (os.SCHED_RESET_ON_FORK if limit else 0), 0]

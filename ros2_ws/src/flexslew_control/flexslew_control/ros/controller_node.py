@@ -25,7 +25,7 @@ from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
-from flexslew_plant.ros.realtime import CONTROLLER, RealTime
+from flexslew_plant.ros.realtime import IN_CHARGE, NONE, STANDBY, RealTime
 
 _POLL_PERIOD = 0.02  # between two polls at the graph while not ready [wall s]
 
@@ -64,7 +64,7 @@ class ControllerNode:
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
-        self._realtime = RealTime(CONTROLLER)
+        self._realtime = RealTime()
         self._tuning = Tuning(node, self._host, self._settings.law, self._serve)
 
     def poll(self) -> float:
@@ -119,7 +119,8 @@ class ControllerNode:
         if message.state == RUNNING != self._state:
             self.answering.expect()
         self._state = message.state
-        self._realtime.want(message.active == self._host.name and message.rate_factor > 0.0)
+        mine = IN_CHARGE if message.active == self._host.name else STANDBY
+        self._realtime.want(mine if message.rate_factor > 0.0 else NONE)
 
     def _serve(self) -> bool:
         """Answer a question that waits; return whether there was one."""

@@ -25,7 +25,7 @@ from flexslew_plant.ros.plant.parameters import CHANGEABLE, PlantParameters
 from flexslew_plant.ros.plant.report import NOTICE, PlantReport
 from flexslew_plant.ros.plant.services import Services
 from flexslew_plant.ros.plant.settings import PlantSettings
-from flexslew_plant.ros.realtime import PLANT, RealTime
+from flexslew_plant.ros.realtime import NONE, PLANT, RealTime
 from flexslew_plant.settings import plain, yaml_text
 
 
@@ -56,7 +56,7 @@ class Plant:
         self._exchange = Exchange(node, self._outlets, loop, self.session, self._take, neighbour)
         self.session.presence = self._alive.presence
         self._truth = self._outlets.publisher(topics.TRUTH)
-        self._events, self._realtime = EventLog(node, self._outlets), RealTime(PLANT)
+        self._events, self._realtime = EventLog(node, self._outlets), RealTime()
         self.display = Display(node, self._outlets, bench, self._settings.display_rate)
         self.session.watched = lambda: self._said() or self.display.due(bench.tick)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
@@ -76,7 +76,7 @@ class Plant:
             return NOTICE / 4
         self._exchange.look(now)
         wait = self.session.poll(now)
-        self._realtime.want(self.session.pacing.paced)
+        self._realtime.want(PLANT if self.session.pacing.paced else NONE)
         self._send()
         wait = min(wait, self._exchange.call(wait), self._services.poll(now))
         self._report.poll(now)

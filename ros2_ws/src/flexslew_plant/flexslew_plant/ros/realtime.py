@@ -1,33 +1,44 @@
-"""Real-time priority for the two processes of a loop that is held to the wall clock."""
+"""Real-time priority for the processes of a loop that is held to the wall clock."""
 
 import os
-from contextlib import suppress
 
-PLANT, CONTROLLER = 2, 1  # priorities: a law that computes too long does not hold up the plant
+# Priorities. A law that computes too long does not hold up the plant, nor does one that waits for
+# its turn hold up the one in charge; but it has seen all that it must know when it takes over.
+PLANT, IN_CHARGE, STANDBY, NONE = 3, 2, 1, 0
 
 
 class RealTime:
     """Gives this process real-time priority where its user is allowed to.
 
-    Root may, and who has an `rtprio` limit (limits.conf(5)); for others nothing changes. Without
+    Root may, and who has an `rtprio` limit (limits.conf(5)), which may be less than is wanted; for
+    others nothing changes. Without
     it a page that is drawn, or a compiler, holds up a tick now and then where processors are few.
     What this process starts meanwhile goes on without.
 
-    Args:
-        priority: among real-time processes.
     """
 
-    def __init__(self, priority: int) -> None:
-        self._priority, self._requested = priority, False
+    def __init__(self) -> None:
+        self._priority = NONE
 
-    def want(self, requested: bool) -> None:
-        """Change how all threads are scheduled, where that is news."""
-        if requested == self._requested:
+    def want(self, priority: int) -> None:
+        """Change how all threads are scheduled, where that is news; NONE: as anybody else."""
+        if priority == self._priority:
             return
-        self._requested = requested
-        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if requested else os.SCHED_OTHER
-        for thread in os.listdir("/proc/self/task"):
-            with suppress(OSError):  # not allowed, or it has just ended
-                os.sched_setscheduler(
-                    int(thread), policy, os.sched_param(self._priority * requested)
-                )
+        self._priority = priority
+        for thread in map(int, os.listdir("/proc/self/task")):
+            for policy, allowed in _ways(priority):
+                try:
+                    os.sched_setscheduler(thread, policy, os.sched_param(allowed))
+                except PermissionError:
+                    continue
+                except ProcessLookupError:  # it has just ended
+                    pass
+                break
+
+
+def _ways(priority: int) -> list[tuple[int, int]]:
+    """Return policies and priorities, the best first, of which one may be allowed."""
+    once = os.SCHED_RESET_ON_FORK  # only who may do everything takes this back
+    if priority == NONE:
+        return [(os.SCHED_OTHER, NONE), (os.SCHED_OTHER | once, NONE)]
+    return [(os.SCHED_FIFO | once, less) for less in range(priority, NONE, -1)]
