@@ -88,6 +88,19 @@ def test_an_entry_after_the_end_is_refused(tmp_path: Path) -> None:
             load_trial(path)
 
 
+def test_a_fault_that_silences_nobody_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.yaml"
+    text = """
+    allow_faults: true
+    schedule: [{at: 1.0, fault: {kind: controller_silent, controller: NAME}}]
+    """
+    path.write_text(text.replace("NAME", "pd_feedforward"))
+    load_trial(path)
+    path.write_text(text.replace("NAME", "pd_feedforwrd"))
+    with pytest.raises(BadInput, match=r"schedule\.0\.fault\.controller: .*mean pd_feedforward\?"):
+        load_trial(path)
+
+
 def test_a_trial_with_units_is_that_in_si() -> None:
     with_units = [
         "duration=1 min", "period=10 ms", "plan.duration=0.5 min", "plan.goal.hub_pitch=45 deg",

@@ -26,6 +26,7 @@ from flexslew_plant.bench.records import BenchSettings, PaceSettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import command_delays, require_allowed
 from flexslew_plant.errors import BadInput
+from flexslew_plant.faults.commands import ControllerSilent
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.hardware.sensors import SensorSettings
 from flexslew_plant.near_names import did_you_mean
@@ -114,8 +115,8 @@ def checked_trial(trial: Trial, source: str) -> Trial:
     """Return a trial that is about to be flown, checked for what an old log may still hold.
 
     Raises:
-        BadInput: an entry of the schedule lies after the end, or a plan that ends in motion is over
-            before it.
+        BadInput: an entry of the schedule lies after the end or silences nobody, or a plan that
+            ends in motion is over before the run.
     """
     until = getattr(trial.plan, "turns_until", None)
     if until is not None and round(until / trial.period) < round(trial.duration / trial.period):
@@ -135,7 +136,18 @@ def checked_trial(trial: Trial, source: str) -> Trial:
                 f"schedule.{i}.at",
                 entry.at,
             )
+        if isinstance(entry.fault, ControllerSilent):
+            _require_controller(
+                trial, entry.fault.controller, source, f"schedule.{i}.fault.controller"
+            )
     return trial
+
+
+def _require_controller(trial: Trial, name: str, source: str, key: str) -> None:
+    if name not in trial.controllers:
+        known = ", ".join(trial.controllers)
+        hint = did_you_mean(name, trial.controllers)
+        raise BadInput(f"{name} is not in controllers; {hint}allowed: {known}", source, key)
 
 
 def parse_trial(text: str, source: str, trust: Trust = NO_CODE) -> Trial:
@@ -157,11 +169,7 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
         f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch
     }
     for key, controller in requested.items():
-        if controller not in trial.controllers:
-            known = ", ".join(trial.controllers)
-            hint = did_you_mean(controller, trial.controllers)
-            words = f"{controller} is not in controllers; {hint}allowed: {known}"
-            raise BadInput(words, source, key)
+        _require_controller(trial, controller, source, key)
     require_allowed(trial.schedule, trial.allow_faults, source)
     return _with_files(trial, source)
 
