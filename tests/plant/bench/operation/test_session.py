@@ -381,3 +381,21 @@ def test_repeated_questions_make_no_rejections_in_a_healthy_run() -> None:
         lab.send()
     lab.until(30)
     assert lab.kinds("rejected", "missed") == []
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0])
+def test_a_newcomer_after_the_brake_that_never_answers_leaves_the_bench_to_the_brake(
+    rate: float,
+) -> None:
+    lab = Lab(rate=rate, fallback=("a",)).until(10)
+    for on in (True, False):
+        assert lab.it.brake(on).ok
+        lab.until(lab.it.bench.tick + 5)
+    lab.stopped.add("b")
+    assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 2), lab.now) is None
+    lab.until(lab.it.bench.tick + 20)
+    (took_over,) = [e for e in lab.events if e.kind in ("fallback", "brake")]
+    assert took_over.kind == "brake"
+    assert [e.data["controller"] for e in lab.events if e.kind == "missed"] == ["b"] * 5
+    assert all(e.data["controller"] for e in lab.events if e.kind == "not_ready")  # not the brake
+    assert lab.it.bench.drive.active == ""
