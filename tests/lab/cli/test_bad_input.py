@@ -35,6 +35,14 @@ def call(
         (("trial", "--rate", "nan"), "--rate: nan"),
         (("trial", "--rate", "inf"), "--rate: inf"),
         (("trial", "--rate", "-1"), "--rate: -1.0"),
+        (
+            ("trial", "--in-process", "--set", "period=1e-300"),
+            "duration: 100.0 is not allowed",
+        ),
+        (
+            ("plan", "--set", "plan.duration=1e9"),
+            "plan: duration: 1000000000.0 is not",
+        ),
         (("trial", "--in-process", "--out", "/proc/x"), "--out: /proc/x cannot be written"),
         (("trial", "--in-process", "--out", "/dev/null"), "--out: /dev/null is a file"),
         (
@@ -89,3 +97,18 @@ def test_a_broken_benchmark_costs_no_figure_of_the_others(
     assert code == 1
     assert [line.split() for line in out.splitlines()[1:]] == [["a", "1"], ["c", "3"]]
     assert "failed: b: OSError: no room" in err
+
+
+def test_a_fault_of_the_program_is_no_check_that_failed(
+    call: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("flexslew_lab.trial.sources.shipped_trials", broken)
+    error: Exception = RuntimeError("it broke")
+    code, _, err = call("trials")
+    assert code == 3
+    assert err.endswith("RuntimeError: it broke\n")
+    error = MemoryError("Unable to allocate 16 GiB")
+    assert call("trials") == (3, "", "error: out of memory: Unable to allocate 16 GiB\n")

@@ -111,13 +111,19 @@ def text_of(path: Path) -> str:
         raise BadInput(f"cannot be read: {why}", path) from None
 
 
+_MOST_TICKS = 1e12  # of a run
+
+
 def checked_trial(trial: Trial, source: str) -> Trial:
     """Return a trial that is about to be flown, checked for what an old log may still hold.
 
     Raises:
-        BadInput: an entry of the schedule lies after the end or silences nobody, or a plan that
-            ends in motion is over before the run.
+        BadInput: it has too many ticks, an entry of the schedule lies after the end or silences
+            nobody, or a plan that ends in motion is over before the run.
     """
+    if not trial.duration / trial.period <= _MOST_TICKS:
+        words = f"more than {_MOST_TICKS:g} ticks of {trial.period:g} s"
+        raise BadInput(words, source, "duration", trial.duration)
     until = getattr(trial.plan, "turns_until", None)
     if until is not None and round(until / trial.period) < round(trial.duration / trial.period):
         raise BadInput(
