@@ -99,6 +99,27 @@ def test_a_broken_benchmark_costs_no_figure_of_the_others(
     assert "failed: b: OSError: no room" in err
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("model", "t.yaml", "--to", "t.yaml"),
+        ("plan", "t.yaml", "--out", "t.yaml"),
+        ("plan", "t.yaml", "--figure", "t.yaml"),
+        ("analyse", "t.yaml", "--out", "t.yaml"),
+        ("compare", "t.yaml", "--out", "t.yaml"),
+        ("gains", "t.yaml", "--out", "t.yaml"),
+    ],
+    ids=lambda words: " ".join(words[::2]),
+)
+def test_no_command_writes_over_the_trial_that_it_reads(
+    words: tuple[str, ...], call: Call, tmp_path: Path
+) -> None:
+    (tmp_path / "t.yaml").write_text("duration: 1.0\n")
+    code, _, err = call(*words)
+    assert (code, err) == (2, f"error: {words[2]}: t.yaml is the trial itself; give another name\n")
+    assert (tmp_path / "t.yaml").read_text() == "duration: 1.0\n"
+
+
 def test_a_fault_of_the_program_is_no_check_that_failed(
     call: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -164,7 +164,7 @@ def plan(
 
     for path, option in ((out, "--out"), (figure, "--figure")):
         if path is not None:
-            writable_file(path, option)
+            writable_file(path, option, file)
     requested, source = read_trial(file, sets)
     settings = plan_section_of(requested, source)
     if method is not None:
