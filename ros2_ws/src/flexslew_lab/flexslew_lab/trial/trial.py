@@ -21,6 +21,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planners import PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
+from flexslew_lab.trial.joint_quantities import require_units_of_joints
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings, PaceSettings
 from flexslew_plant.bench.retarget import with_schedule
@@ -166,6 +167,7 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     if not isinstance(values, dict):
         raise BadInput("holds no keys; `flexslew trials` lists examples", source)
     trial: Trial = validated(Trial, values, source, trust)
+    require_units_of_joints(Trial, values, trial.testbed, source)
     if trial.trust != trust:
         trial = replace(trial, trust=trust)
     requested = {"active": trial.active} | {
