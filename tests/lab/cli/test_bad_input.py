@@ -35,6 +35,14 @@ def call(
         (("trial", "--rate", "nan"), "--rate: nan"),
         (("trial", "--rate", "inf"), "--rate: inf"),
         (("trial", "--rate", "-1"), "--rate: -1.0"),
+        (
+            ("trial", "--in-process", "--set", "period=1e-300"),
+            "duration: 100.0 is not allowed",
+        ),
+        (
+            ("plan", "--set", "plan.duration=1e9"),
+            "plan: duration: 1000000000.0 is not",
+        ),
         (("trial", "--in-process", "--out", "/proc/x"), "--out: /proc/x cannot be written"),
         (("trial", "--in-process", "--out", "/dev/null"), "--out: /dev/null is a file"),
         (
@@ -89,3 +97,39 @@ def test_a_broken_benchmark_costs_no_figure_of_the_others(
     assert code == 1
     assert [line.split() for line in out.splitlines()[1:]] == [["a", "1"], ["c", "3"]]
     assert "failed: b: OSError: no room" in err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("model", "t.yaml", "--to", "t.yaml"),
+        ("plan", "t.yaml", "--out", "t.yaml"),
+        ("plan", "t.yaml", "--figure", "t.yaml"),
+        ("analyse", "t.yaml", "--out", "t.yaml"),
+        ("compare", "t.yaml", "--out", "t.yaml"),
+        ("gains", "t.yaml", "--out", "t.yaml"),
+    ],
+    ids=lambda words: " ".join(words[::2]),
+)
+def test_no_command_writes_over_the_trial_that_it_reads(
+    words: tuple[str, ...], call: Call, tmp_path: Path
+) -> None:
+    (tmp_path / "t.yaml").write_text("duration: 1.0\n")
+    code, _, err = call(*words)
+    assert (code, err) == (2, f"error: {words[2]}: t.yaml is the trial itself; give another name\n")
+    assert (tmp_path / "t.yaml").read_text() == "duration: 1.0\n"
+
+
+def test_a_fault_of_the_program_is_no_check_that_failed(
+    call: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("flexslew_lab.trial.sources.shipped_trials", broken)
+    error: Exception = RuntimeError("it broke")
+    code, _, err = call("trials")
+    assert code == 3
+    assert err.endswith("RuntimeError: it broke\n")
+    error = MemoryError("Unable to allocate 16 GiB")
+    assert call("trials") == (3, "", "error: out of memory: Unable to allocate 16 GiB\n")

@@ -37,6 +37,21 @@ def test_a_file_is_no_folder_and_a_folder_no_file(tmp_path: Path) -> None:
         writable_file(tmp_path, "--figure")
 
 
+def test_neither_a_log_nor_the_trial_that_is_read_is_overwritten(tmp_path: Path) -> None:
+    trial, log, other = tmp_path / "t.yaml", tmp_path / "bag_0.mcap", tmp_path / "old.html"
+    trial.write_text("duration: 1.0")
+    log.touch()
+    other.touch()
+    (tmp_path / "link.yaml").symlink_to(trial)
+    for path in (trial, tmp_path / "link.yaml"):
+        with pytest.raises(BadInput, match=r"--to: .* is the trial itself"):
+            writable_file(path, "--to", str(trial))
+    with pytest.raises(BadInput, match=r"--figure: .* is a log"):
+        writable_file(log, "--figure")
+    assert writable_file(other, "--out", str(trial)) == other
+    assert writable_file(tmp_path / "m1", "--out", "m1") == tmp_path / "m1"
+
+
 def test_a_run_gets_a_new_folder_and_no_used_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,5 +1,6 @@
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tests.present import present
@@ -86,6 +87,56 @@ def test_an_entry_after_the_end_is_refused(tmp_path: Path) -> None:
         path.write_text(text.replace("AT", late))
         with pytest.raises(BadInput, match=r"schedule\.0\.at: .* the run ends at 10 s"):
             load_trial(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("plan: {method: none, goal: {hub_pitch: 30 cm}}", "plan.goal.hub_pitch"),
+        ("plan: {method: reference_only, initial: {base_yaw: 2 m}}", "plan.initial.base_yaw"),
+        (
+            "plan: {method: minimax_feedforward, joint_range: {base_yaw: [-1 deg, 5 mm]}}",
+            "plan.joint_range.base_yaw.1",
+        ),
+        (
+            "testbed: {kind: floating_oscillator}\nplan: {method: none, goal: {mass: 30 deg}}",
+            "plan.goal.mass",
+        ),
+        (
+            "schedule: [{at: 0, disturbance: {hub_pitch: {pulse: {amplitude: 3 N, width: 1}}}}]",
+            "schedule.0.disturbance.hub_pitch.pulse.amplitude",
+        ),
+    ],
+)
+def test_a_joint_that_turns_is_given_in_no_unit_of_one_that_slides(text: str, key: str) -> None:
+    with pytest.raises(BadInput, match=rf"t\.yaml: {key}: .* give a number in "):
+        parse_trial(text, "t.yaml")
+
+
+def test_every_joint_takes_the_units_of_its_own_kind() -> None:
+    turns: Any = parse_trial("plan: {method: none, goal: {hub_pitch: 90 deg}}", "t.yaml")
+    assert turns.plan.goal == {"hub_pitch": pi / 2}
+    text = """
+    testbed: {kind: floating_oscillator}
+    plan: {method: none, goal: {mass: 30 cm}}
+    schedule: [{at: 0.0, disturbance: {mass: {sine: {amplitude: 20 mN, frequency: 1.0}}}}]
+    """
+    slides: Any = parse_trial(text, "t.yaml")
+    assert slides.plan.goal == {"mass": 0.3}
+    assert slides.schedule[0].disturbance["mass"].sine.amplitude == 0.02
+
+
+def test_a_fault_that_silences_nobody_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.yaml"
+    text = """
+    allow_faults: true
+    schedule: [{at: 1.0, fault: {kind: controller_silent, controller: NAME}}]
+    """
+    path.write_text(text.replace("NAME", "pd_feedforward"))
+    load_trial(path)
+    path.write_text(text.replace("NAME", "pd_feedforwrd"))
+    with pytest.raises(BadInput, match=r"schedule\.0\.fault\.controller: .*mean pd_feedforward\?"):
+        load_trial(path)
 
 
 def test_a_trial_with_units_is_that_in_si() -> None:

@@ -81,3 +81,12 @@ def test_a_name_that_the_testbed_lacks_is_refused_with_the_known_ones(kind: Any)
     if fault.subject(NAMES) is not None:
         with pytest.raises(BadInput, match=r"schedule\.0\.fault\.\w+: the testbed has no \w+; all"):
             check_fault(fault, Names(("other",), (), (1.0,)), "schedule.0.fault")
+
+
+def test_a_thruster_is_not_stuck_the_way_that_it_does_not_push() -> None:
+    names = NAMES._replace(one_way=(1,))
+    stuck = {"kind": "actuator_stuck", "joint": "right"}
+    check_fault(validated(FaultSettings, {**stuck, "effort": 5.0}, "test"), names, "fault")
+    with pytest.raises(BadInput, match=r"fault\.effort: -5\.0 .* right is a thruster"):
+        check_fault(validated(FaultSettings, {**stuck, "effort": -5.0}, "test"), names, "fault")
+    check_fault(validated(FaultSettings, {**stuck, "effort": -5.0}, "test"), NAMES, "fault")

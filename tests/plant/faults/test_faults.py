@@ -9,6 +9,7 @@ from flexslew_plant.bench.operation.backlog import Backlog
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import BrakeTookOver, FallbackTookOver, Level
 from flexslew_plant.events.run import Objection
+from flexslew_plant.hardware.disturbances import Pulse, shape_effort
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.refusal import Cause
 from flexslew_plant.settings import plain, validated, yaml_text
@@ -320,6 +321,51 @@ def test_disturbances_have_the_shape_and_the_mean_of_their_formula() -> None:
     assert not found[:100].any()
     assert [event.tick for event in run.of("disturbance")] == [100, AT_TICK, UNTIL_TICK]
     assert run.of("disturbance")[1].data["hub_pitch"]["pulse"]["amplitude"] == -2.0
+
+
+def test_pulses_that_are_no_whole_ticks_keep_their_impulse() -> None:
+    def impulses(ticks: int, **pulse: float) -> Any:
+        """Return the impulse until the end of each tick [N m s]."""
+        shape = validated(Pulse, {"pulse": pulse}, "test")
+        return np.cumsum([0.01 * shape_effort(shape, k, 0.01) for k in range(ticks)])
+
+    ends = 0.01 * np.arange(1, 301)
+    for width, every in ((0.004, 1.0), (0.015, 1.0), (0.012, 0.0333), (0.001, 0.0007)):
+        fine = np.arange(0.5e-5, 3.0, 1e-5)  # midpoints
+        on = np.cumsum(fine % every < width) * 1e-5
+        found = impulses(300, amplitude=2.0, width=width, every=every)
+        assert found == pytest.approx(2.0 * on[999::1000], abs=5e-4)
+    assert impulses(300, amplitude=2.0, width=0.004) == pytest.approx(np.full(300, 0.008))
+    once = impulses(300, amplitude=2.0, width=0.025)
+    assert once == pytest.approx(2.0 * np.minimum(ends, 0.025))
+    assert (
+        impulses(300, amplitude=3.0, width=0.2, every=0.3).tolist()
+        == np.cumsum([0.01 * 3.0 * (k % 30 < 20) for k in range(300)]).tolist()
+    )  # whole ticks have no error of rounding
+
+
+def test_a_disturbance_that_is_ended_before_it_begins_leaves_no_event_of_one() -> None:
+    for end_tick in (100, 148, 149):  # the end is a tick later
+        numbers: list[int] = []
+
+        def operate(bench: Any, end: int = end_tick, numbers: list[int] = numbers) -> None:
+            if bench.tick == 50:
+                numbers.append(bench.inject("{disturbance: {base_yaw: 5.0}}", 150).number)
+            if bench.tick == end:
+                assert bench.end_fault(numbers[0]).ok
+
+        run = Run(settings(duration=2.0), meanwhile=operate)
+        assert not run.of("disturbance")
+        assert not any(truth.disturbance.any() for truth in run.truths)
+        assert len(run.of("injected")) == len(run.of("fault_ended")) == 1
+
+
+def test_a_sensor_that_drops_out_reads_zero_whatever_else_is_wrong_with_it() -> None:
+    entries = [
+        {"at": 0.0, "fault": {"kind": kind, "channel": "joint_velocity"}}
+        for kind in ("sensor_nan", "sensor_dropout")
+    ]
+    assert not Bench(settings(schedule=entries)).question.joint_velocity.any()
 
 
 def test_an_injected_fault_does_what_a_scheduled_one_does() -> None:

@@ -34,6 +34,18 @@ def test_ticks_after_the_recorder_left_are_counted_where_the_plant_tells_them() 
     ]
 
 
+def test_a_bench_that_is_reset_again_before_it_starts_lacks_no_tick() -> None:
+    resets = [event("reset", 0, epoch, from_tick=30 * (epoch == 1)) for epoch in (1, 2, 3)]
+    starts = event("started", 0), event("started", 0, 3)
+    last = event("finished", 5, 3)
+    assert wrong({0: 0, 3: 0}, {0: 30, 3: 5}, *starts, *resets, last) == []
+    # one that started had a truth at tick 0
+    again = event("started", 0, 2)
+    assert wrong({0: 0, 3: 0}, {0: 30, 3: 5}, *starts, *resets, again, last) == [
+        "1 ticks missing: epoch 2 was flown to tick 0"
+    ]
+
+
 def test_a_log_without_the_plant_s_last_word_says_so() -> None:
     assert wrong({0: 0}, {0: 460}, event("started", 0)) == [
         "the plant's final event is missing: it may have run on from tick 460"

@@ -381,3 +381,45 @@ def test_repeated_questions_make_no_rejections_in_a_healthy_run() -> None:
         lab.send()
     lab.until(30)
     assert lab.kinds("rejected", "missed") == []
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0])
+def test_a_newcomer_after_the_brake_that_never_answers_leaves_the_bench_to_the_brake(
+    rate: float,
+) -> None:
+    lab = Lab(rate=rate, fallback=("a",)).until(10)
+    for on in (True, False):
+        assert lab.it.brake(on).ok
+        lab.until(lab.it.bench.tick + 5)
+    lab.stopped.add("b")
+    assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 2), lab.now) is None
+    lab.until(lab.it.bench.tick + 20)
+    (took_over,) = [e for e in lab.events if e.kind in ("fallback", "brake")]
+    assert took_over.kind == "brake"
+    assert [e.data["controller"] for e in lab.events if e.kind == "missed"] == ["b"] * 5
+    assert all(e.data["controller"] for e in lab.events if e.kind == "not_ready")  # not the brake
+    assert lab.it.bench.drive.active == ""
+
+
+@pytest.mark.parametrize("rate", [0.0, 10.0])
+def test_a_controller_that_is_started_again_on_a_paused_bench_goes_on_with_it(rate: float) -> None:
+    lab = Lab(rate=rate).until(1500)
+    it = lab.it
+    for name in ("a", "b"):
+        it.backlog.heard(name, 1500, 0)
+    assert it.pause(lab.now).ok
+    lab.poll()
+    for name in ("a", "b"):  # a new process has seen nothing, and the bench is far beyond
+        it.backlog.heard(name, 0, 0)
+    assert it.switch(SwitchRequest("b", it.bench.tick + 2), lab.now) is None
+    assert it.start().ok
+    lab.poll()
+    assert it.run.running
+    assert it.waiting_for == []
+    for name in ("a", "b"):
+        it.backlog.heard(name, it.bench.tick, 0)
+    lab.until(1600)
+    assert lab.kinds("switched", "switch_dropped", "missed") == ["switched"]
+    it.backlog.heard("a", 200, 0)  # one that is slow, and has questions to work off
+    assert it.pause(lab.now).ok
+    assert it.reason("a", lab.now).cause is Cause.BEHIND

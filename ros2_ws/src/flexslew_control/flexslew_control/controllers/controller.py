@@ -226,7 +226,7 @@ class Controller:
                 self._expect(self.reference(tick))
             if not follows:
                 self._hold = self._at_rest(measurement.joint_position)
-                if tick > 0:
+                if tick > 0 or (self._fresh and measurement.epoch > 0):  # started again
                     self._tell(EstimateBegan(self.name, self._fresh), measurement)
             self._fresh = False
             seen = self._about_reference(measurement)

@@ -124,6 +124,7 @@ def plan_settings(values: Any, source: str, trust: Trust = NO_CODE) -> PlanSetti
     return settings
 
 
+_MOST_TICKS = 10_000_000  # of a manoeuvre
 _FARTHEST = 1e3  # a goal; beyond it only the numbers of planners are tested [rad or m]
 
 
@@ -219,11 +220,21 @@ def make_plan(
         raise BadInput("positive, one per actuator", key="effort_limit", value=limit.tolist())
     _require_near(settings, "")
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
+    lasts = getattr(settings, "duration", None)
+    if isinstance(lasts, float) and lasts / period > _MOST_TICKS:
+        raise BadInput(
+            f"more than {_MOST_TICKS:,} ticks of {period:g} s", "plan", "duration", lasts
+        )
     settings = _by_joint(settings, plant)
     try:
         plan = planner_of(settings).make(settings, plant, feedback, progress or ignore, law)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         words = f"{settings.method}: its numbers are out of range ({error}); take another goal"
+        raise PlanFailed(words) from error
+    except MemoryError as error:  # gains so high that the slew takes millions of steps
+        words = (
+            f"{settings.method}: out of memory ({error}); take lower gains or a shorter duration"
+        )
         raise PlanFailed(words) from error
     require_clear(plan, plant.testbed)
     require_one_way(plan, plant)

@@ -379,7 +379,8 @@ class Slewing:
             return ""
         fewer = getattr(settings, "functions", _MOST_FUNCTIONS)
         lasts = settings.duration / (fewer + 1)
-        fastest = 2.0 * np.pi / float(slew.model.linearise(slew.model.rest({})).frequencies[-1])
+        frequencies = slew.model.linearise(slew.model.rest({})).frequencies
+        fastest = 2.0 * np.pi / float(frequencies[-1]) if frequencies.size else np.inf
         if lasts < 0.5 * fastest:
             return ""
         for factor in (2, 4, 8):

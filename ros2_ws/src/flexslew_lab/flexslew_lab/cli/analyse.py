@@ -44,7 +44,7 @@ def analyse(
     from flexslew_lab.trial.sources import read_trial
 
     requested, source = read_trial(file, sets)
-    target = writable_file(out or new_file(f"{requested.name}-analysis.html"), "--out")
+    target = writable_file(out or new_file(f"{requested.name}-analysis.html"), "--out", file)
     with for_people.status("analysing"):
         found = analysed(requested, source, controller, at, joints_of(rest))
     proof = None

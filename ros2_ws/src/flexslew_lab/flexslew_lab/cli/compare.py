@@ -48,7 +48,7 @@ def compare(
 
     requested, source = read_trial(file, sets)
     words = "laws" if by_law else "compare"
-    target = writable_file(out or new_file(f"{requested.name}-{words}.html"), "--out")
+    target = writable_file(out or new_file(f"{requested.name}-{words}.html"), "--out", file)
     described = (laws if by_law else planners)(requested, source)
     with progress("compare", "plans and flights") as advance:
         found = compared(described, advance, workers or os.cpu_count() or 1)

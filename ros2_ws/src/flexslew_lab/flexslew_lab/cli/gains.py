@@ -55,7 +55,7 @@ def gains(
     from flexslew_lab.trial.sources import read_trial
 
     requested, source = read_trial(file, sets)
-    target = writable_file(out or new_file(f"{requested.name}-gains.html"), "--out")
+    target = writable_file(out or new_file(f"{requested.name}-gains.html"), "--out", file)
     varied = gains_of(requested, source, controller, gain or ())
     with for_people.status("flying"):
         found = searched(

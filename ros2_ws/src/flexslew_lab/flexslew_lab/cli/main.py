@@ -4,6 +4,7 @@ import json
 import math
 import os
 import sys
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -163,7 +164,7 @@ def plan(
 
     for path, option in ((out, "--out"), (figure, "--figure")):
         if path is not None:
-            writable_file(path, option)
+            writable_file(path, option, file)
     requested, source = read_trial(file, sets)
     settings = plan_section_of(requested, source)
     if method is not None:
@@ -302,7 +303,7 @@ def _called() -> str:
 
 @while_running()
 def main() -> None:
-    """Run the command line; every known error is one line."""
+    """Run the command line; every known error is one line, any other one a traceback and code 3."""
     try:
         sys.exit(_exit_code())
     finally:
@@ -332,20 +333,22 @@ def _exit_code() -> int:
     except FlexslewError as error:
         say(str(error), head="error: ")
         code = 2
-    except ModuleNotFoundError as error:
-        if not remedy(error):
-            raise
-        say(remedy(error), head="error: ")
-        code = 2
+    except MemoryError as error:
+        say(f"out of memory: {error}", head="error: ")
+        code = 3
     except OSError as error:  # a disk that is full, a file that went away
         where = f"{error.filename}: " if error.filename else ""
         say(f"{where}{error.strerror or error}", head="error: ")
         code = 2
     except Exception as error:
-        if not hasattr(error, "format_message"):  # click's usage errors have it
-            raise
-        say(str(error.format_message()), head="error: ")
         code = 2
+        if hasattr(error, "format_message"):  # click's usage errors have it
+            say(str(error.format_message()), head="error: ")
+        elif isinstance(error, ModuleNotFoundError) and remedy(error):
+            say(remedy(error), head="error: ")
+        else:  # Python would end with 1, which means a check that failed
+            traceback.print_exc()
+            code = 3
     return code
 
 

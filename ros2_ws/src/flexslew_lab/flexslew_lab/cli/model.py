@@ -38,7 +38,7 @@ def model(
     from flexslew_lab.analysis.trial_models import model_of, point_of
     from flexslew_lab.trial.sources import read_trial
 
-    writable_file(to, "--to")
+    writable_file(to, "--to", file)
     requested, _ = read_trial(file, sets)
     point = point_of(requested, at, joints_of(rest))
     system = model_of(point, sampled)

@@ -48,7 +48,7 @@ def step(
     Example: `./flexslew step 100`
     """
     if not 1 <= ticks < 2**32:
-        raise BadInput("at least 1", key="ticks", value=ticks)
+        raise BadInput("at least 1, below 2^32", key="ticks", value=ticks)
     _done(namespace, lambda bench: bench.step(ticks))
 
 

@@ -16,6 +16,7 @@ from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode
+from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
@@ -128,7 +129,9 @@ class LoggedControllers:
         """Let an estimator begin in flight; that of a new process with the newest plan, untuned."""
         name = what.controller
         if what.fresh:
-            plan = self.by_name[name].plan
+            its = [a for a in self._due if a.controller == name and a.first == key]
+            self._due = [a for a in self._due if a not in its]
+            plan = its[-1].plan if its else self.by_name[name].plan
             self._laws[name] = self._first[name]
             self.by_name[name] = self._built(name)
             if plan is not None:
@@ -178,7 +181,9 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
 def adoptions(bag: BagReader) -> list[Adoption]:
     """Return who took which plan from which question on, in that order.
 
-    A recorder may hear a controller late, so every status says when its plan was taken.
+    A recorder may hear a controller late, so every status says when its plan was taken. One that
+    was started again does not know when: what it took before its first question counts from there
+    on, which is an event.
 
     Raises:
         BadInput: a controller says that it follows a plan that is not in the log.
@@ -186,17 +191,33 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     plans = {p.hash: plan_of(p, str(bag.path)) for p in bag.overview.plans}
     following: dict[str, tuple[str, int]] = {}
     begun: dict[str, Key] = {}
+    seen: dict[str, Key] = {}  # newest question
+    started_again: dict[str, Plan] = {}
     found = []
-    for _, kind, _, _, data in bag.messages(("/controller_status",)):
+    for topic, kind, _, _, data in bag.messages(("/controller_status", "/events")):
         status = decode(kind, data)
+        if topic == "/events":
+            event = logged_event(status, str(bag.path))
+            what, key = event.what, (event.epoch, event.tick)
+            if isinstance(what, EstimateBegan) and what.fresh and what.controller in started_again:
+                begun[what.controller] = key
+                found.append(Adoption(what.controller, key, started_again.pop(what.controller)))
+            continue
         name, requested = status.controller, status.plan_hash
+        at = int(status.epoch), int(status.last_tick)
+        before = seen.get(name, at)
+        seen[name] = max(before, at)
         if not requested or following.get(name) == (requested, status.plan_number):
             continue
         if requested not in plans:
             raise BadInput(
                 f"{name} follows plan {requested[:12]}, which is not in the log", bag.path
             )
+        anew = status.plan_number <= following.get(name, ("", 0))[1] or at < before
         following[name] = requested, status.plan_number
+        if anew and status.plan_number and not (status.last_tick or status.plan_tick):
+            started_again[name] = plans[requested]
+            continue
         first = int(status.plan_epoch), int(status.plan_tick)
         if not status.plan_number:  # of an older log: what it had seen when it said so
             first = int(status.epoch), int(status.last_tick) + 1

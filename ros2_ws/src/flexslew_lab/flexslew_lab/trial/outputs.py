@@ -13,18 +13,24 @@ RUNS = Path("runs")  # below the working directory
 WITHOUT = "without_feedforward"  # bag of the same trial without feedforward, in a run's folder
 
 
-def writable_file(path: Path, option: str) -> Path:
+def writable_file(path: Path, option: str, read: str | Path | None = None) -> Path:
     """Return the path after checking that a file can be written there; nothing is left behind.
 
     Args:
         path: the file; its folder is made when it is written.
         option: what named it on the command line, for the error.
+        read: a trial, of which the command makes what it writes: a file, or a shipped one's name.
 
     Raises:
-        BadInput: it is a folder, or its folder cannot hold it.
+        BadInput: it is a folder, its folder cannot hold it, or it is the trial or a log, which
+            would be lost.
     """
     if os.path.isdir(path):
         raise BadInput(f"{option}: {path} is a folder; give the name of a file")
+    if read and os.path.exists(read) and os.path.exists(path) and os.path.samefile(read, path):
+        raise BadInput(f"{option}: {path} is the trial itself; give another name")
+    if path.suffix == ".mcap" and os.path.exists(path):
+        raise BadInput(f"{option}: {path} is a log; give another name")
     if os.path.exists(path) and not os.access(path, os.W_OK):
         raise BadInput(f"{option}: {path} cannot be written: it is read-only")
     _try(path.parent, path, option, path.name)

@@ -21,11 +21,13 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planners import PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
+from flexslew_lab.trial.joint_quantities import require_units_of_joints
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings, PaceSettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import command_delays, require_allowed
 from flexslew_plant.errors import BadInput
+from flexslew_plant.faults.commands import ControllerSilent
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.hardware.sensors import SensorSettings
 from flexslew_plant.near_names import did_you_mean
@@ -110,13 +112,19 @@ def text_of(path: Path) -> str:
         raise BadInput(f"cannot be read: {why}", path) from None
 
 
+_MOST_TICKS = 1e12  # of a run
+
+
 def checked_trial(trial: Trial, source: str) -> Trial:
     """Return a trial that is about to be flown, checked for what an old log may still hold.
 
     Raises:
-        BadInput: an entry of the schedule lies after the end, or a plan that ends in motion is over
-            before it.
+        BadInput: it has too many ticks, an entry of the schedule lies after the end or silences
+            nobody, or a plan that ends in motion is over before the run.
     """
+    if not trial.duration / trial.period <= _MOST_TICKS:
+        words = f"more than {_MOST_TICKS:g} ticks of {trial.period:g} s"
+        raise BadInput(words, source, "duration", trial.duration)
     until = getattr(trial.plan, "turns_until", None)
     if until is not None and round(until / trial.period) < round(trial.duration / trial.period):
         raise BadInput(
@@ -135,7 +143,18 @@ def checked_trial(trial: Trial, source: str) -> Trial:
                 f"schedule.{i}.at",
                 entry.at,
             )
+        if isinstance(entry.fault, ControllerSilent):
+            _require_controller(
+                trial, entry.fault.controller, source, f"schedule.{i}.fault.controller"
+            )
     return trial
+
+
+def _require_controller(trial: Trial, name: str, source: str, key: str) -> None:
+    if name not in trial.controllers:
+        known = ", ".join(trial.controllers)
+        hint = did_you_mean(name, trial.controllers)
+        raise BadInput(f"{name} is not in controllers; {hint}allowed: {known}", source, key)
 
 
 def parse_trial(text: str, source: str, trust: Trust = NO_CODE) -> Trial:
@@ -148,6 +167,7 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     if not isinstance(values, dict):
         raise BadInput("holds no keys; `flexslew trials` lists examples", source)
     trial: Trial = validated(Trial, values, source, trust)
+    require_units_of_joints(Trial, values, trial.testbed, source)
     if trial.trust != trust:
         trial = replace(trial, trust=trust)
     requested = {"active": trial.active} | {
@@ -157,11 +177,7 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
         f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch
     }
     for key, controller in requested.items():
-        if controller not in trial.controllers:
-            known = ", ".join(trial.controllers)
-            hint = did_you_mean(controller, trial.controllers)
-            words = f"{controller} is not in controllers; {hint}allowed: {known}"
-            raise BadInput(words, source, key)
+        _require_controller(trial, controller, source, key)
     require_allowed(trial.schedule, trial.allow_faults, source)
     return _with_files(trial, source)
 

@@ -84,7 +84,10 @@ class Bench:
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.allow_faults)
         self._names = Names(
-            self.model.joint_names, self.appendages.names, tuple(self.limit.tolist())
+            self.model.joint_names,
+            self.appendages.names,
+            tuple(self.limit.tolist()),
+            self.model.one_way,
         )
         self._known = [
             injection_of(entry, self._names, settings.period, f"schedule.{i}")

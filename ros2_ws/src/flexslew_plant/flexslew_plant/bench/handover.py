@@ -134,6 +134,8 @@ class Handover:
         """
         heirs: list[str] = []
         for name in self._chain():
+            if not name:  # a newcomer came after the brake, which is always ready
+                break
             if name != self._drive.active and name not in self._fallen | self._misled:
                 heirs.append(name)
                 if name not in self._unready:

@@ -92,7 +92,10 @@ class Injections:
             self.faults.end(injection, tick)
         else:
             k = next(k for k, d in enumerate(self._disturbances) if d is injection)
-            self._disturbances[k] = self._all[number] = injection._replace(end=tick)
+            if tick <= injection.start:
+                del self._disturbances[k]
+            else:
+                self._disturbances[k] = self._all[number] = injection._replace(end=tick)
         self._ended.add(number)
 
     def active(self, tick: int) -> list[ActiveFault]:

@@ -47,14 +47,19 @@ def check_fault(fault: Fault, names: Names, place: str) -> None:
         place: where the fault stands, for the error.
 
     Raises:
-        BadInput: an unknown joint or appendage, with the known ones; an effort beyond the limit.
+        BadInput: an unknown joint or appendage, with the known ones; an effort beyond the limit,
+            or against the direction in which alone a thruster pushes.
     """
     about = fault.subject(names)
     if about is not None and about.name not in about.known:
         known = ", ".join(about.known)
         raise BadInput(f"{place}.{about.key}: the testbed has no {about.name}; allowed: {known}")
     if about is not None and about.effort is not None:
-        most = names.limits[names.joints.index(about.name)]
+        k = names.joints.index(about.name)
+        most = names.limits[k]
+        if k in names.one_way and about.effort < 0.0:
+            words = f"{about.name} is a thruster, which pushes one way: at least 0"
+            raise BadInput(words, key=f"{place}.effort", value=about.effort)
         if not abs(about.effort) <= most:
             words = f"{about.name} gives at most {most:g}, its effort limit"
             raise BadInput(words, key=f"{place}.effort", value=about.effort)

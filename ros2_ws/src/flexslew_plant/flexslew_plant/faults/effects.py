@@ -31,6 +31,7 @@ class Names(NamedTuple):
     joints: tuple[str, ...]
     appendages: tuple[str, ...]
     limits: tuple[float, ...]  # of the effort of each joint [N m or N]
+    one_way: tuple[int, ...] = ()  # which joints are pushed in their positive direction alone
 
     def of(self, channel: str) -> tuple[str, ...]:
         """Return who has a sensor of this channel."""

@@ -63,7 +63,7 @@ class SensorDropout:
         """Return the effect on the readings."""
 
         def wrong(reading: Vector) -> Vector:
-            return 0.0 * reading if context.happens(self.probability) else reading
+            return np.zeros_like(reading) if context.happens(self.probability) else reading
 
         return _reading(self, context.names, wrong)
 

@@ -25,7 +25,7 @@ class PulseShape:
     """A constant for a while, once or again and again."""
 
     amplitude: float  # [N m or N]
-    width: Positive  # [s]
+    width: Positive  # [s]; each tick applies its mean, so that the impulse is right
     every: Positive | None = None  # from one beginning to the next [s]; null: once
 
 
@@ -97,10 +97,24 @@ def shape_effort(shape: Shape, ticks: int, period: float) -> float:
         return s.amplitude * (cos(angle) - cos(angle + turn)) / turn
     if isinstance(shape, Pulse):
         p = shape.pulse
-        width = max(1, round(p.width / period))
-        again = inf if p.every is None else max(1, round(p.every / period))
-        return p.amplitude if ticks % again < width else 0.0
+        width = _in_ticks(p.width, period)
+        every = inf if p.every is None else _in_ticks(p.every, period)
+        return p.amplitude * (_time_on(ticks + 1, width, every) - _time_on(ticks, width, every))
     return shape
+
+
+def _in_ticks(time: float, period: float) -> float:
+    """Return a time in ticks; whole ones without an error of rounding."""
+    ticks = time / period
+    whole = round(ticks)
+    return whole if abs(ticks - whole) <= 1e-9 * ticks else ticks
+
+
+def _time_on(time: float, width: float, every: float) -> float:
+    """Return for how long a pulse has been on, all times in ticks."""
+    begun = 0.0 if every == inf else time // every
+    since = time - begun * every if begun else time
+    return begun * min(width, every) + min(since, width)
 
 
 def disturbance_effort(

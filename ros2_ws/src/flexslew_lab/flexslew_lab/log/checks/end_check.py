@@ -1,15 +1,15 @@
 """Does a log begin where each epoch began, and end where it ended? The plant's events say where."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from flexslew_lab.log.checks.finding import Finding
-from flexslew_plant.events import Event, Interrupted, RunFinished, StateLost, WasReset
+from flexslew_plant.events import Event, Interrupted, RunFinished, Started, StateLost, WasReset
 
 _ENDS = (RunFinished, Interrupted, StateLost)
 
 
 def check_ends(
-    first: Mapping[int, int], last: Mapping[int, int], events: Iterable[Event]
+    first: Mapping[int, int], last: Mapping[int, int], events: Sequence[Event]
 ) -> Iterator[Finding]:
     """Yield what is missing of the truth before its first tick and behind its last one.
 
@@ -38,14 +38,15 @@ def check_ends(
     yield Finding(not wrong, "end of the ticks", "; ".join(wrong) or "as the plant says")
 
 
-def _ends(events: Iterable[Event]) -> dict[int, int]:
-    """Return the last tick of each epoch whose end the plant tells."""
+def _ends(events: Sequence[Event]) -> dict[int, int]:
+    """Return the last tick of each epoch whose end the plant tells, but of those never started."""
     ends = {}
-    for event in events:
-        if event.source != "plant":
-            continue
+    told = [event for event in events if event.source == "plant"]
+    started = {event.epoch for event in told if isinstance(event.what, Started)}
+    for event in told:
         if isinstance(event.what, _ENDS):
             ends[event.epoch] = event.tick
         elif isinstance(event.what, WasReset) and event.what.from_tick is not None:
-            ends[event.epoch - 1] = event.what.from_tick
+            before, tick = event.epoch - 1, event.what.from_tick
+            ends |= {before: tick} if tick > 0 or before in started else {}
     return ends

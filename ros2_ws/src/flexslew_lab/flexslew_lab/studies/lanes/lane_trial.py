@@ -189,7 +189,7 @@ class Injected(NamedTuple):
 def injections_of(trial: Trial, model: Model) -> Injected:
     """Return what disturbs a trial and what breaks in it; see injection_of for what is refused."""
     limits = tuple(trial.testbed.effort_limit)
-    names = Names(model.joint_names, model.appendages.names, limits)
+    names = Names(model.joint_names, model.appendages.names, limits, model.one_way)
     found = [
         injection_of(entry, names, trial.period, "schedule")
         for entry in trial.schedule

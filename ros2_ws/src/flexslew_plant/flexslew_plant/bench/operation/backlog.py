@@ -86,10 +86,22 @@ class Backlog:
         heard = self._heard.get(name)
         return None if heard is None else _behind(heard, tick, epoch)
 
-    def reason(self, controller: str, tick: int, epoch: int) -> Refusal | None:
-        """Return why a controller that is too far behind at this tick cannot take charge."""
+    def reason(
+        self, controller: str, tick: int, epoch: int, resting: bool = False
+    ) -> Refusal | None:
+        """Return why a controller that is too far behind at this tick cannot take charge.
+
+        Args:
+            controller: whose.
+            tick: of the bench.
+            epoch: of it.
+            resting: no question comes before the bench goes on, so one that was started meanwhile,
+                and has seen none, is not behind: it begins with the next.
+        """
         heard = self._heard.get(controller)
         if heard is None or _behind(heard, tick, epoch) <= heard.allowed:
+            return None
+        if resting and heard.tick == 0:
             return None
         words = f"it has seen tick {heard.tick}, the bench is at {tick}"
         return Refusal(words, cause=Cause.BEHIND)

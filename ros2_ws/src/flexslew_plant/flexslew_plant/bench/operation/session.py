@@ -140,7 +140,8 @@ class Session:
         if self.presence.silent(controller, now):
             return _SILENT
         bench = self.bench
-        behind = self.backlog.reason(controller, bench.tick, bench.epoch)
+        resting = not self.run.running
+        behind = self.backlog.reason(controller, bench.tick, bench.epoch, resting)
         return self.reasons[controller] or behind
 
     def start(self, who: str = "") -> Reply:
