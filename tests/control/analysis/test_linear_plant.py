@@ -260,7 +260,7 @@ def test_friction_that_is_stiff_beside_a_tick_is_in_the_sampled_model_as_in_the_
     def slope(z: np.ndarray, u: np.ndarray, size: float) -> np.ndarray:
         one, other = (flown(bench, rest, s * size * z, rest.effort + s * size * u)
                       for s in (1.0, -1.0))  # fmt: skip
-        return (one - other)[: 2 * n] / (2.0 * size)
+        return np.asarray((one - other)[: 2 * n] / (2.0 * size))
 
     for ours, theirs in (
         (model.a[: 2 * n, n + wheel], slope(along, 0.0 * effort, h)),

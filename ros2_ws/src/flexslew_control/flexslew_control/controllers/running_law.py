@@ -20,6 +20,7 @@ from flexslew_control.analysis.rest import Rest
 from flexslew_control.analysis.signals import applied_of, inputs_of, outputs_of
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.course import Course
+from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector
@@ -94,6 +95,11 @@ def running_law(
     Raises:
         BadInput: it gives no answer at rest, or is not linear there.
     """
+    if isinstance(controller.estimator, AttitudeEstimator):
+        raise BadInput(
+            f"{controller.name} finds its attitude by instruments, whose readings come late and "
+            "are no deviations: it has no linear form; allowed: the same law without `attitude`"
+        )
     desk = _Desk(controller, rest, limit, gains)
     desk.settle()
     memory = desk.memory()
