@@ -161,6 +161,7 @@ class _Desk:
         self._appendages = len(rest.model.appendages.names)
         self._gains = np.zeros(0) if gains is None else gains
         self._effort = rest.effort
+        self._attitude = rest.model.attitude
         self.controller: Controller = copied(controller)
         self._rest = self._course(np.zeros(self._m))
         self.controller.steer(self._rest)
@@ -177,13 +178,23 @@ class _Desk:
     def _course(self, moved: Vector) -> Course:
         """Return what rests for ever, its position moved."""
         m, held = self._m, self.controller
-        still, there = np.zeros((2, m)), np.tile(self._read[:m] + moved, (2, 1))
+        still, there = np.zeros((2, m)), np.tile(self._positions(moved), (2, 1))
         gains = np.tile(self._gains, (2, 1)) if self._gains.size else np.zeros((0, 0))
         plan = Plan(
             "none", held.joint_names, 0.0, held.period, there, still, self._effort[None],
             np.zeros((2, 0)), 0.0, gains,
         )  # fmt: skip
         return cast(Course, _Held(plan, plan.reference(0)))
+
+    def _positions(self, moved: Vector) -> Vector:
+        """Return positions that are off the rest by this, shape (joints,).
+
+        Of joints that read an attitude it is the rotation from the rest, as in linear_plant.
+        """
+        at = self._read[: self._m]
+        if self._attitude is None or not self._attitude.turn_of(at).any():
+            return at + moved
+        return self._attitude.moved(at, moved)
 
     def _takes_references(self) -> bool:
         """Return whether the law follows a reference; one that holds a rest objects to others."""
@@ -198,6 +209,7 @@ class _Desk:
         if self._follows and w[self._read.size :].any():
             controller.steer(self._course(w[self._read.size :]))
         y = self._read + w[: self._read.size]
+        y[:m] = self._positions(w[:m])
         parts = np.split(y, np.cumsum([m, m, a, a]))
         answer = controller.observe(Measurement(tick, 0, self._time, controller.name, *parts))
         if answer is None:
