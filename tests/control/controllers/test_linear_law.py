@@ -262,3 +262,20 @@ def test_an_observer_whose_error_grows_is_not_stable_though_no_effort_moves_it()
     found = analysed(what, "it")
     assert not found.stable
     assert min(pole.damping for pole in found.poles) < 0.0
+
+
+@pytest.mark.parametrize("ending", [".npz", ".mat"])
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [({"D": (1.0 + 2.0j) * D}, "real numbers|cannot be read"), ({"D": D, "dt": 0.01}, "no Ts")],
+)
+def test_numbers_and_periods_that_would_be_misread_are_refused(
+    ending: str, values: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / f"law{ending}"
+    if ending == ".mat":
+        savemat(path, values)
+    else:
+        np.savez(path, **values)
+    with pytest.raises(BadInput, match=words):
+        with_file("linear", {"file": str(path)}, "here")
