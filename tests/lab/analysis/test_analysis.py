@@ -105,7 +105,10 @@ def test_an_unknown_controller_is_refused() -> None:
 @pytest.mark.parametrize("law", ["pd_feedforward", "linear"])
 def test_a_free_craft_has_the_margins_of_its_law_in_every_attitude(law: str) -> None:
     gains = np.hstack((12.0 * np.eye(3), 60.0 * np.eye(3))).tolist()
-    laws = {"pd_feedforward": {"kp": [12.0], "kd": [60.0]}, "linear": {"system": {"d": gains}}}
+    laws: dict[str, dict[str, Any]] = {
+        "pd_feedforward": {"kp": [12.0], "kd": [60.0]},
+        "linear": {"system": {"d": gains}},
+    }
     what = trial("three_axes", {"plan": None, "controllers": {law: laws[law]}, "active": law})
     point, plant = point_of(what), plant_of(what)
     limit, found = plant.effort_limit, []
