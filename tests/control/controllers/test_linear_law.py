@@ -279,3 +279,10 @@ def test_numbers_and_periods_that_would_be_misread_are_refused(
         np.savez(path, **values)
     with pytest.raises(BadInput, match=words):
         with_file("linear", {"file": str(path)}, "here")
+
+
+@pytest.mark.parametrize("law", ["linear", "collocated_pid", "proportional_integral"])
+def test_an_anti_windup_that_is_faster_than_the_ticks_allow_is_refused(law: str) -> None:
+    build_controller("it", law, {"tracking_time": 0.0051}, plant(), "here")
+    with pytest.raises(BadInput, match=r"tracking_time: 0.005 is not allowed: above half a tick"):
+        build_controller("it", law, {"tracking_time": 0.005}, plant(), "here")
