@@ -18,7 +18,7 @@ from flexslew_lab.analysis.analysis import analysed, residual_curve, responses
 from flexslew_lab.analysis.page import analysis_page
 from flexslew_lab.analysis.trial_models import point_of
 from flexslew_lab.cli.main import app
-from flexslew_lab.notebook import trial
+from flexslew_lab.notebook import fly, trial
 from flexslew_lab.trial.trial import plan_of_trial, plant_of
 from flexslew_plant.errors import BadInput
 
@@ -124,3 +124,14 @@ def test_a_free_craft_has_the_margins_of_its_law_in_every_attitude(law: str) -> 
         at = [form.inputs.index(f"reference.{joint}") for joint in plant.joint_names]
         np.testing.assert_allclose(form.d[:, at], 12.0 * np.eye(3), atol=1e-8)
     np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-6)
+
+
+def test_a_disturbance_moves_a_motor_with_friction_as_on_the_bench() -> None:
+    rubbing, push = {"viscous_friction": 2e4, "lag": 0.05}, {"base_yaw": 0.1}
+    what = trial("m1", {**M1, "actuator": rubbing, "duration": 1.0,
+                        "schedule": [{"at": 0.0, "disturbance": push}]})  # fmt: skip
+    found = analysed(what, "it")
+    answer = responses(found, 101)["disturbance.base_yaw"]
+    ours = 0.1 * answer[:, found.loop.sensor_names.index("position.base_yaw")]
+    measured = fly(what)["position.base_yaw"][:101]
+    np.testing.assert_allclose(ours, measured, atol=1e-6 * abs(measured).max())

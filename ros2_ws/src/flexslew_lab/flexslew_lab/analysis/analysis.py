@@ -245,7 +245,9 @@ def responses(analysis: Analysis, ticks: int) -> dict[str, Vector]:
     """
     loop, rest, path = analysis.loop, analysis.point.rest, analysis.point.path
     closed = loop.closed
-    bare = sampled_plant(rest, replace(path, actuator=type(path.actuator)(), gain=None, delay=None))
+    # a disturbance comes beside what the motors give, and is rubbed as that is
+    motors = replace(path.actuator, lag=0.0)
+    bare = sampled_plant(rest, replace(path, actuator=motors, gain=None, delay=None))
     n = 2 * rest.model.coordinates
     first = closed.states.index(bare.states[0])
     out: dict[str, Vector] = {}
