@@ -241,3 +241,31 @@ def test_an_unknown_ending_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"ends in \.mat, \.npz, \.json, \.yaml"):
         save_model(model, tmp_path / "plant.txt")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("period", [0.01, 0.1])
+@pytest.mark.parametrize("friction", [{"viscous_friction": 0.2}, {"coulomb_friction": 0.01}])
+def test_friction_that_is_stiff_beside_a_tick_is_in_the_sampled_model_as_in_the_bench(
+    friction: dict[str, float], period: float
+) -> None:
+    testbed = plant_of(read_trial("own_spacecraft")[0]).testbed
+    settings = ActuatorSettings(**friction)
+    rest, h = rest_of(testbed), 1e-6  # of the wheel's rate, within the speed of dry friction
+    n, wheel = rest.model.coordinates, rest.model.own_motors.rate[0] - rest.model.positions
+    bench = Bench(BenchSettings(testbed=testbed, period=period, active="x", actuator=settings))
+    model = sampled_plant(rest, Way(period, settings))
+    along, effort = np.eye(2 * n)[n + wheel], np.ones(1)
+    slow = h * abs(model.b).max()  # an effort that makes a motion as small
+
+    def slope(z: np.ndarray, u: np.ndarray, size: float) -> np.ndarray:
+        one, other = (flown(bench, rest, s * size * z, rest.effort + s * size * u)
+                      for s in (1.0, -1.0))  # fmt: skip
+        return np.asarray((one - other)[: 2 * n] / (2.0 * size))
+
+    for ours, theirs in (
+        (model.a[: 2 * n, n + wheel], slope(along, 0.0 * effort, h)),
+        (model.b[: 2 * n, 0], slope(0.0 * along, effort, slow)),
+    ):
+        # tanh(s) at s = 0.01
+        np.testing.assert_allclose(ours, theirs, atol=1e-4 * abs(theirs).max())
+    assert abs(np.linalg.eigvals(model.a)).max() < 1.0 + 1e-9

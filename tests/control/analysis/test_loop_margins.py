@@ -13,6 +13,8 @@ from tests.plants import plant
 from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
 from flexslew_control.analysis.loop import ControlLoop, loop_of, visible_poles
 from flexslew_control.analysis.loop_margins import (
+    ChannelMargins,
+    Swept,
     _best_scaling,
     _scaled,
     channel_margins,
@@ -21,9 +23,11 @@ from flexslew_control.analysis.loop_margins import (
     structured,
     swept,
 )
+from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.running_law import running_law
+from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.testbeds import read_testbed
 
@@ -130,3 +134,48 @@ def test_a_disk_margin_keeps_every_gain_and_phase_inside_of_it() -> None:
     for _ in range(40):
         gain = disk.gain ** rng.uniform(-0.999, 0.999, 2)
         assert radius(rest, form, PlantPath(0.01, gain=gain)) < 1.0
+
+
+def held_joint(stiffness: float, kp: float, kd: float, ki: float) -> tuple[Swept, ChannelMargins]:
+    """Return the loop of q'' + stiffness q = u under a sampled PID, and its margins at the effort.
+
+    The integral is of the position before the tick.
+    """
+    period, effort, read = 0.01, ("effort.it",), ("position.it", "rate.it")
+    f, g = zero_order_hold(
+        np.array([[0.0, 1.0], [-stiffness, 0.0]]), np.array([[0.0], [1.0]]), period
+    )
+    bench = Lti(f, g, np.eye(2), np.zeros((2, 1)), effort, read, ("q", "v"), period)
+    one = np.ones((1, 1))
+    law = Lti(one, np.array([[-period * ki, 0.0]]), one, np.array([[-kp, -kd]]), read, effort,
+              ("s",), period)  # fmt: skip
+    sweep = swept(loop_of(bench, law))
+    return sweep, channel_margins(sweep, "effort.it")
+
+
+@pytest.mark.parametrize("bandwidth", [1.0, 0.02, 1e-3])
+def test_a_loop_that_is_slow_beside_its_ticks_has_the_margins_of_the_continuous_one(
+    bandwidth: float,
+) -> None:
+    kp, kd, ki = bandwidth**2, 1.4 * bandwidth, 0.1 * bandwidth**3
+    sweep, found = held_joint(0.0, kp, kd, ki)
+    # L = (kd s^2 + kp s + ki) / s^3; the rest is by the hold, half a tick
+    w = np.geomspace(0.01, 100.0, 200_001) * bandwidth
+    gain = (kd * (1j * w) ** 2 + kp * 1j * w + ki) / (1j * w) ** 3
+    over = int(np.argmin(abs(abs(gain) - 1.0)))
+    close = 2e-4 + 0.02 * bandwidth
+    assert found.phase == pytest.approx(np.angle(-gain[over]), rel=close)
+    assert found.crossovers == pytest.approx([w[over]], rel=close)
+    assert found.delay == pytest.approx(np.angle(-gain[over]) / w[over], rel=close)
+    assert found.gain_down == pytest.approx(ki / (kp * kd), rel=close)  # Hurwitz
+    worst = abs(1.0 / (1.0 + gain) - 0.5).max()
+    assert disk_margins(sweep, ("effort.it",)).alpha == pytest.approx(1.0 / worst, rel=2.0 * close)
+
+
+@pytest.mark.parametrize("fall", [1e-4, 0.1])
+def test_a_gain_that_holds_a_falling_joint_no_more_is_a_margin_at_zero_frequency(
+    fall: float,
+) -> None:
+    found = held_joint(-fall, 4.0 * fall, np.sqrt(fall), 0.0)[1]
+    assert found.gain_down == pytest.approx(0.25, rel=1e-6)
+    assert found.down_frequency == 0.0

@@ -10,17 +10,21 @@ import pytest
 from scipy.io import savemat
 from tests.plants import plant
 
+from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
+from flexslew_control.analysis.rest import rest_of
 from flexslew_control.analysis.save_law import save_law
 from flexslew_control.controllers import CONTROLLERS, build_controller, with_file
 from flexslew_control.controllers.host import merged
 from flexslew_control.controllers.linear_law import LinearSettings, StateSpace, discretised
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import LinearObserver
+from flexslew_lab.analysis.analysis import analysed
 from flexslew_lab.notebook import fly, trial
 from flexslew_lab.replay.resim import resim
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import validated
+from flexslew_plant.testbeds import read_testbed
 
 D = np.array([[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]])
 PD = {"d": D.tolist()}
@@ -215,3 +219,70 @@ def test_what_does_not_fit_is_refused_in_one_line(settings: Any, words: str) -> 
 
 def test_an_unstable_loop_flies_where_it_is_allowed() -> None:
     built(system={"d": (-D).tolist()}, allow_unstable=True)
+
+
+def told_the_efforts(share: float) -> dict[str, Any]:
+    """Return an LQG of the csa that is told the applied efforts; a share of its observer's gain.
+
+    Its estimate's error is moved by no effort. State: the last estimate and the last readings.
+    """
+    believed = {"modes": 1, "damping_ratio": 0.01}
+    rest = rest_of(read_testbed({"kind": "csa", **believed}, "here"), {"hub_pitch": 0.0})
+    model = sampled_plant(rest, PlantPath(0.01))
+    a, b, c = model.a, model.b, model.c[:2]
+    k = np.asarray(control.dlqr(a, b, c.T @ c + 1e-5 * np.eye(len(a)), 1e-6 * np.eye(2))[0])
+    gain = (
+        share * a @ control.dlqe(a, np.eye(len(a)), c, 1e-6 * np.eye(len(a)), 1e-6 * np.eye(2))[0]
+    )
+    now = np.hstack((a - gain @ c, gain, np.zeros((len(a), 2)), b))  # of state and inputs
+    after = np.vstack((now, np.hstack((np.zeros((2, len(a) + 2)), np.eye(2), np.zeros((2, 2))))))
+    n = len(after)
+    return {
+        "model": believed,
+        "operating_point": {"hub_pitch": 0.0},
+        "system": {
+            "a": after[:, :n].tolist(),
+            "b": after[:, n:].tolist(),
+            "c": (-k @ now[:, :n]).tolist(),
+            "d": (-k @ now[:, n:]).tolist(),
+            "period": 0.01,
+            "inputs": [f"{kind}.{joint}" for kind in ("position", "applied")
+                       for joint in ("base_yaw", "hub_pitch")],
+        },
+    }  # fmt: skip
+
+
+def test_an_observer_whose_error_grows_is_not_stable_though_no_effort_moves_it() -> None:
+    built(**told_the_efforts(1.0))
+    with pytest.raises(BadInput, match=r"not stable on the model .* one tick is 1\.0"):
+        built(**told_the_efforts(-0.05))
+    wild = {**told_the_efforts(-0.05), "allow_unstable": True}
+    what = trial("m1", {"plan": None, "testbed.modes": 1, "testbed.damping_ratio": 0.01,
+                        "controllers": {"linear": wild}, "active": "linear"})  # fmt: skip
+    found = analysed(what, "it")
+    assert not found.stable
+    assert min(pole.damping for pole in found.poles) < 0.0
+
+
+@pytest.mark.parametrize("ending", [".npz", ".mat"])
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [({"D": (1.0 + 2.0j) * D}, "real numbers|cannot be read"), ({"D": D, "dt": 0.01}, "no Ts")],
+)
+def test_numbers_and_periods_that_would_be_misread_are_refused(
+    ending: str, values: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / f"law{ending}"
+    if ending == ".mat":
+        savemat(path, values)
+    else:
+        np.savez(path, **values)
+    with pytest.raises(BadInput, match=words):
+        with_file("linear", {"file": str(path)}, "here")
+
+
+@pytest.mark.parametrize("law", ["linear", "collocated_pid", "proportional_integral"])
+def test_an_anti_windup_that_is_faster_than_the_ticks_allow_is_refused(law: str) -> None:
+    build_controller("it", law, {"tracking_time": 0.0051}, plant(), "here")
+    with pytest.raises(BadInput, match=r"tracking_time: 0.005 is not allowed: above half a tick"):
+        build_controller("it", law, {"tracking_time": 0.005}, plant(), "here")

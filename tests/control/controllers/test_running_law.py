@@ -187,6 +187,36 @@ def test_memory_that_cannot_be_read_is_refused() -> None:
         running_law(it, rest_of(HUB), np.array([10.0]))
 
 
+class SlowlyHidden(Hidden):
+    """A PD whose integral nobody can read, small beside it in any short motion."""
+
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
+        e = reference.position[0] - measurement.joint_position[0]
+        rate = reference.velocity[0] - measurement.joint_velocity[0]
+        return np.array([46.0 * e + 92.0 * rate + 0.01 * 0.2 * self._add(e)])
+
+
+class Single(Hidden):
+    """The same, with an integral in single precision."""
+
+    def __init__(self) -> None:
+        self.terms: dict[str, Any] = {}
+        self.total = np.zeros(1, dtype=np.float32)
+
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
+        e = reference.position - measurement.joint_position
+        self.total = self.total + e.astype(np.float32)
+        rate = reference.velocity - measurement.joint_velocity
+        return 46.0 * e + 92.0 * rate + 0.01 * 0.2 * self.total.astype(np.float64)
+
+
+@pytest.mark.parametrize("law", [SlowlyHidden, Single])
+def test_an_integral_that_cannot_be_read_is_refused_though_it_is_small_in_motion(law: Any) -> None:
+    it = Controller("it", MeasuredJoints(), law(), ("hub",), 0.01)
+    with pytest.raises(BadInput, match="it keeps memory outside of itself"):
+        running_law(it, rest_of(HUB), np.array([10.0]))
+
+
 def test_the_controller_itself_stays_as_it_is() -> None:
     it = controller(CSA, "proportional_integral", {"filter": {"modal_noise": 1e-4}})
     before = {place: np.copy(value) for place, value in numbers(vars(it)).items()}

@@ -136,3 +136,14 @@ def test_the_gain_tends_to_the_stationary_one() -> None:
     gain = covariance[:, [0, 1, 3, 4]] / variances  # K = P+ C^T R^-1
     expected = estimator.stationary_gain()
     np.testing.assert_allclose(expected, gain, rtol=0.0, atol=0.01 * abs(gain).max())
+
+
+@pytest.mark.parametrize("period", [0.05, 0.1, 0.2])
+def test_a_filter_whose_errors_grow_as_its_modes_are_too_fast_for_its_ticks_is_refused(
+    period: float,
+) -> None:
+    fast = CsaTestbed(modes=8, damping_ratio=0.005).model()
+    rest = np.concatenate((REST[:2], np.zeros(8)))
+    with pytest.raises(BadInput, match=r"not stable with a period of .* modes up to 53\.\d rad/s"):
+        KalmanFilter(fast, rest, FilterSettings(), period)
+    KalmanFilter(fast, rest, FilterSettings(), 0.02)  # 1.1 rad in a tick

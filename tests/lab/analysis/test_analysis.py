@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from flexslew_control.analysis.linear_plant import sampled_plant
+from flexslew_control.analysis.loop import loop_of
+from flexslew_control.analysis.loop_margins import channel_margins, swept
+from flexslew_control.analysis.rest import rest_of
+from flexslew_control.controllers import build_controller
+from flexslew_control.controllers.running_law import running_law
 from flexslew_lab.analysis.analysis import analysed, residual_curve, responses
 from flexslew_lab.analysis.page import analysis_page
+from flexslew_lab.analysis.trial_models import point_of
 from flexslew_lab.cli.main import app
-from flexslew_lab.notebook import trial
-from flexslew_lab.trial.trial import plan_of_trial
+from flexslew_lab.notebook import fly, trial
+from flexslew_lab.trial.trial import plan_of_trial, plant_of
 from flexslew_plant.errors import BadInput
 
 OWN = f"{Path(__file__).parents[3] / 'docs/examples/my_law.py'}:MyLaw"
@@ -93,3 +100,38 @@ def test_a_loop_that_is_not_stable_says_so_and_has_no_margins() -> None:
 def test_an_unknown_controller_is_refused() -> None:
     with pytest.raises(BadInput, match="--controller: nobody is not in controllers"):
         analysed(trial("m1", M1), "m1", "nobody")
+
+
+@pytest.mark.parametrize("law", ["pd_feedforward", "linear"])
+def test_a_free_craft_has_the_margins_of_its_law_in_every_attitude(law: str) -> None:
+    gains = np.hstack((12.0 * np.eye(3), 60.0 * np.eye(3))).tolist()
+    laws: dict[str, dict[str, Any]] = {
+        "pd_feedforward": {"kp": [12.0], "kd": [60.0]},
+        "linear": {"system": {"d": gains}},
+    }
+    what = trial("three_axes", {"plan": None, "controllers": {law: laws[law]}, "active": law})
+    point, plant = point_of(what), plant_of(what)
+    limit, found = plant.effort_limit, []
+    for turn in ({}, {"roll": 0.5, "pitch": -0.3, "yaw": 1.0}, {"yaw": 2.5}):
+        rest = rest_of(plant.testbed, turn)
+        built = build_controller("it", law, laws[law], plant, "here")
+        form = running_law(built, rest, limit).form
+        loop = loop_of(sampled_plant(rest, point.path, applied=True), form)
+        sweep = swept(loop)
+        margins = [channel_margins(sweep, name) for name in loop.effort_names]
+        found.append([(m.gain_up, m.phase, m.delay) for m in margins])
+        # a step of the reference is the same rotation
+        at = [form.inputs.index(f"reference.{joint}") for joint in plant.joint_names]
+        np.testing.assert_allclose(form.d[:, at], 12.0 * np.eye(3), atol=1e-8)
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-6)
+
+
+def test_a_disturbance_moves_a_motor_with_friction_as_on_the_bench() -> None:
+    rubbing, push = {"viscous_friction": 2e4, "lag": 0.05}, {"base_yaw": 0.1}
+    what = trial("m1", {**M1, "actuator": rubbing, "duration": 1.0,
+                        "schedule": [{"at": 0.0, "disturbance": push}]})  # fmt: skip
+    found = analysed(what, "it")
+    answer = responses(found, 101)["disturbance.base_yaw"]
+    ours = 0.1 * answer[:, found.loop.sensor_names.index("position.base_yaw")]
+    measured = fly(what)["position.base_yaw"][:101]
+    np.testing.assert_allclose(ours, measured, atol=1e-6 * abs(measured).max())

@@ -7,6 +7,7 @@ import pytest
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
+from flexslew_lab.analysis.analysis import analysed
 from flexslew_lab.analysis.trial_models import model_of, point_of
 from flexslew_lab.cli.main import app
 from flexslew_lab.notebook import linear_model, nonlinear_model, trial
@@ -58,6 +59,8 @@ def test_the_command_writes_a_file_and_says_what_is_in_it(tmp_path: Any) -> None
     [
         (["--rest", "elbow=0.5"], "elbow is not a joint"),
         (["--rest", "hub_pitch"], "--rest: hub_pitch: give joint=position"),
+        (["--rest", "hub_pitch=nan"], "rest of hub_pitch: nan is not allowed: a finite position"),
+        (["--rest", "hub_pitch=-inf"], "rest of hub_pitch: -inf is not allowed"),
         (["--at", "-1"], "--at: -1.0 is not allowed"),
     ],
 )
@@ -70,3 +73,30 @@ def test_wrong_rests_are_refused_and_write_nothing(
             app, ["model", "m1", *arguments, "--to", str(out)], catch_exceptions=False
         )
     assert not out.exists()
+
+
+SEEN = {"gyro": {"kind": "gyro", "angle_random_walk": 2e-6, "rate_random_walk": 1e-8},
+        "tracker": {"kind": "star_tracker", "across": 5e-6, "about": 4e-5, "interval": 0.2,
+                    "delay": 0.2}}  # fmt: skip
+
+
+def test_what_is_in_no_linear_model_is_named() -> None:
+    what = trial("own_spacecraft", {"plan": None, "testbed.sensors": SEEN,
+                                    "testbed.orbit": {"altitude": 6e5},
+                                    "actuator.slew_rate": 2.0})  # fmt: skip
+    assert point_of(what).left_out == (
+        "actuator.slew_rate",
+        "forces from outside",
+        "delay and ticks of sensor gyro",
+        "delay and ticks of sensor tracker",
+    )
+
+
+@pytest.mark.parametrize("attitude", [{}, {"modes": {}}])
+def test_a_law_that_finds_its_attitude_by_instruments_is_refused_in_words(
+    attitude: dict[str, Any],
+) -> None:
+    law = {"pd_feedforward": {"kp": [12.0], "kd": [60.0], "attitude": attitude}}
+    what = trial("three_axes", {"plan": None, "testbed.sensors": SEEN, "controllers": law})
+    with pytest.raises(BadInput, match="finds its attitude by instruments"):
+        analysed(what, "it")

@@ -31,5 +31,5 @@ Start: TypeAlias = Annotated[
 ]
 TrackingTime: TypeAlias = Annotated[
     Positive | None,
-    Field(description="time constant T_t of the anti-windup [s]; null: none"),
+    Field(description="time constant T_t of the anti-windup [s], above half a tick; null: none"),
 ]

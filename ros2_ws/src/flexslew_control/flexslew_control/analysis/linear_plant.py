@@ -11,6 +11,7 @@ from flexslew_control.analysis.signals import APPLIED, inputs_of, outputs_of, st
 from flexslew_control.free_platform import rate_readings
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.hardware.actuator import IDEAL, Actuator, ActuatorSettings
+from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.testbeds.compiled.dynamics import (
     STAGE_TIMES,
     STAGE_WEIGHTS,
@@ -68,9 +69,8 @@ def sampled_plant(rest: Rest, path: PlantPath, applied: bool = False) -> Lti:
         applied: whether the effort of the last tick is an output too: see signals.applied_of.
     """
     model, period = rest.model, path.period
-    a, b = small_motions(rest, path.actuator)
-    f, g = _tick(rest, np.hstack((a, b)), path)
-    c, d = _readings(rest, a, b)
+    f, g = _rubbed(rest, *_tick(rest, path), path)
+    c, d = _readings(rest, *small_motions(rest, path.actuator))
     outputs, states = outputs_of(model), states_of(model)
     efforts = inputs_of(model)
     memory = tuple(name.replace("effort.", f"{APPLIED}.") for name in efforts)
@@ -123,17 +123,18 @@ def motors(path: PlantPath, efforts: tuple[str, ...]) -> Lti:
     return series(queue, lag)
 
 
-def _tick(rest: Rest, steady: Matrix, path: PlantPath) -> tuple[Matrix, Matrix]:
+def _tick(rest: Rest, path: PlantPath) -> tuple[Matrix, Matrix]:
     """Return F and G of a tick with the effort held: the derivative of the bench's own step.
 
-    Runge and Kutta's stages of the variations, with slopes where and when the bench has its own.
+    Runge and Kutta's stages of the variations, with slopes where and when the bench has its own;
+    without friction.
 
     Args:
         rest: of n coordinates.
-        steady: [A, B] at the rest, shape (2 n, 2 n + efforts).
         path: says how long it is.
     """
     model, x, t, period = rest.model, rest.state, rest.time, path.period
+    steady = np.hstack(small_motions(rest))
     drift = model.derivative(x, rest.effort, t)
     moves = model.time_varying or abs(drift).max() > _STILL * max(1.0, float(abs(steady).max()))
     k, grown = len(steady), np.eye(steady.shape[1])
@@ -143,11 +144,37 @@ def _tick(rest: Rest, steady: Matrix, path: PlantPath) -> tuple[Matrix, Matrix]:
         if moves:
             later = STAGE_TIMES[i] * period
             there = model.advance(x, rest.effort, later, t=t)
-            slope = np.hstack(slopes(model, there, rest.effort, t + later, path.actuator))
+            slope = np.hstack(slopes(model, there, rest.effort, t + later))
         grown[:k] = np.eye(*steady.shape) + period * np.tensordot(STAGE_WEIGHTS[i], stages, 1)
         stages[i] = slope @ grown
     after = np.eye(*steady.shape) + period * np.tensordot(STEP_WEIGHTS, stages, 1)
     return after[:, :k], after[:, k:]
+
+
+def _rubbed(rest: Rest, f: Matrix, g: Matrix, path: PlantPath) -> tuple[Matrix, Matrix]:
+    """Return F and G of a tick with the motors' friction: the derivative of hardware.friction.
+
+    With c its slope at rest, r is the mean friction under which each rate v ends where
+    v' = (v+ - v) / h - a r - a c v takes it, a its own mobility: stable at any c, as the bench is.
+    """
+    model, h, friction = rest.model, path.period, path.actuator
+    if not (friction.viscous_friction or friction.coulomb_friction):
+        return f, g
+    viscous, coulomb = coefficients(model.own_motors, friction)
+    _, chosen, _, rate, sign = model.own_motors
+    a = np.diag(model.mobility(rest.state, rest.effort, rest.time))[chosen]
+    fading = a * (viscous + coulomb / friction.coulomb_speed) * h
+    gone = -np.expm1(-fading)
+    mean = np.divide(gone, fading, out=np.ones_like(gone), where=fading > 0.0)
+    by_rate, by_push = -gone / (a * h), (mean - 1.0) / a
+    motors = np.zeros((len(chosen), len(f)))
+    # displacements are along v, not q
+    motors[np.arange(len(chosen)), rate - (model.positions - model.coordinates)] = sign
+    own = np.diag(1.0 + by_push * a) - by_push[:, None] * (motors @ g[:, chosen]) / h
+    from_state = by_rate[:, None] * motors + by_push[:, None] * (motors @ f - motors) / h
+    from_effort = by_push[:, None] * (motors @ g) / h
+    r = np.linalg.solve(own, np.hstack((from_state, from_effort)))
+    return f + g[:, chosen] @ r[:, : len(f)], g + g[:, chosen] @ r[:, len(f) :]
 
 
 def _readings(rest: Rest, a: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:

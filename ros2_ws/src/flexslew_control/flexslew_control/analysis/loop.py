@@ -6,7 +6,7 @@ makes one system of each, here the two parts are evaluated once over frequency f
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from flexslew_control.analysis.signals import APPLIED
 from flexslew_plant.arrays import Vector
 
 Complex: TypeAlias = NDArray[np.complex128]
+
+_ACTS = 1e-8  # of the largest residue: what is excited or shown less is rounding
+_HIDDEN = 1e-6  # above one: a pole outside of the circle, though no effort moves it
 
 
 @dataclass(frozen=True)
@@ -156,18 +159,64 @@ def loop_of(plant: Lti, law: Lti) -> ControlLoop:
     return ControlLoop(system, m, len(heard), (outward, inward))
 
 
-def visible_poles(loop: ControlLoop, share: float = 1e-8) -> tuple[Complex, Vector]:
+def visible_poles(loop: ControlLoop, share: float = _ACTS) -> tuple[Complex, Vector]:
     """Return the poles of the closed loop that efforts move and sensors see, and how strongly.
 
     Returns:
         poles in z, shape (k,), and the size of their residues between all efforts and sensors,
         of the largest, shape (k,).
     """
-    closed = loop.closed
-    values, right = np.linalg.eig(closed.a)
+    parts = _residues(loop)
+    residues = parts.of(parts.by_efforts, parts.in_sensors)
+    kept = residues > share
+    return parts.z[kept], residues[kept]
+
+
+def unstable_poles(loop: ControlLoop, close: float = 1e-9) -> Complex:
+    """Return the poles outside of the unit circle that anything in the loop excites and shows.
+
+    Beside those that are visible: an estimator's error, if it is told the efforts, is moved by no
+    effort, but by what sensors misread, and what the controller asks for shows it. A pole that is
+    hidden so is known less exactly, and is one only beyond _HIDDEN.
+
+    Args:
+        loop: cut everywhere.
+        close: above one, rounding of a visible motion that nothing holds.
+    """
+    parts = _residues(loop)
+    excited, shown = (parts.by_efforts, parts.by_sensors), (parts.in_efforts, parts.in_sensors)
+    acting = np.array([parts.of(by, seen) for by in excited for seen in shown]) > _ACTS
+    visible = parts.of(parts.by_efforts, parts.in_sensors) > _ACTS
+    size = abs(parts.z)
+    found: Complex = parts.z[
+        (visible & (size > 1.0 + close)) | (acting.any(axis=0) & (size > 1.0 + _HIDDEN))
+    ]
+    return found
+
+
+class _Residues(NamedTuple):
+    """Poles of a closed loop, and how much of each is between inputs and outputs, shape (k,)."""
+
+    z: Complex
+    by_efforts: Vector  # how strongly v excites it
+    by_sensors: Vector  # e
+    in_efforts: Vector  # how strongly u shows it
+    in_sensors: Vector  # y
+
+    def of(self, excited: Vector, shown: Vector) -> Vector:
+        """Return the residues between the two, of the largest."""
+        size = excited * shown
+        return np.asarray(size / size.max(initial=1e-300), dtype=np.float64)
+
+
+def _residues(loop: ControlLoop) -> _Residues:
+    closed, m, cuts = loop.closed, loop.efforts, loop.efforts + loop.sensors
+    z, right = np.linalg.eig(closed.a)
     left = np.linalg.pinv(right)
-    moved = np.linalg.norm(left @ closed.b[:, : loop.efforts], axis=1)
-    seen = np.linalg.norm(closed.c[loop.efforts :] @ right, axis=0)
-    residues = moved * seen
-    kept = residues > share * residues.max(initial=1e-300)
-    return values[kept], residues[kept] / residues.max(initial=1e-300)
+    return _Residues(
+        np.asarray(z, dtype=np.complex128),
+        np.linalg.norm(left @ closed.b[:, :m], axis=1),
+        np.linalg.norm(left @ closed.b[:, m:cuts], axis=1),
+        np.linalg.norm(closed.c[:m] @ right, axis=0),
+        np.linalg.norm(closed.c[m:] @ right, axis=0),
+    )

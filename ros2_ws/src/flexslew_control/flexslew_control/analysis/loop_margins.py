@@ -15,8 +15,10 @@ from scipy.optimize import brentq, minimize
 from flexslew_control.analysis.loop import Complex, ControlLoop
 from flexslew_plant.arrays import Matrix, Vector
 
-_SLOWEST = 1e-4  # of pi / T: where the grid begins
-_POINTS = 600
+_SLOW, _SLOWEST = 1e-4, 1e-7  # of pi / T: where the grid begins, and where at the earliest
+_BELOW = 0.01  # of the slowest pole: where the grid begins, if that is before _SLOW
+_POINTS, _A_DECADE = 600, 150  # of the grid above _SLOW, and in each decade before it
+_FLAT = 0.01  # change of L over an octave, of its size, and its angle, where it is that at zero
 _NEAR = np.concatenate((-np.geomspace(30.0, 1e-3, 40), np.geomspace(1e-3, 30.0, 40)))  # widths
 _SCALINGS = 20
 _POWERS = (20.0, 200.0, 2000.0)  # of singular values, in norms that end near the largest one
@@ -76,7 +78,11 @@ def swept(loop: ControlLoop) -> Swept:
 
 
 def frequencies(loop: ControlLoop) -> Vector:
-    """Return a grid up to half the sampling rate, dense near every pole [rad/s]."""
+    """Return a grid from below the slowest pole to half the sampling rate [rad/s].
+
+    It is dense near every pole. Poles that are slower than _SLOWEST are rigid motions: in rounding
+    they are not zero.
+    """
     top = np.pi / loop.system.period
     z = np.concatenate([np.linalg.eigvals(loop.system.a), loop.poles])
     s = np.log(z[abs(z) > 1e-6].astype(complex)) / loop.system.period
@@ -84,8 +90,13 @@ def frequencies(loop: ControlLoop) -> Vector:
     width = np.maximum(abs(s.real[s.imag > 0.0]), 1e-5 * w)
     width = np.minimum(width, 0.03 * w)
     near = (w[:, None] + width[:, None] * _NEAR).ravel()
-    grid = np.concatenate((np.geomspace(_SLOWEST * top, top * (1.0 - 1e-9), _POINTS), near))
-    return np.unique(grid[(grid > _SLOWEST * top) & (grid < top)])
+    first = _BELOW * min(abs(s[abs(s) > _SLOWEST * top]), default=top)
+    first, slow = max(first, _SLOWEST * top), _SLOW * top
+    before = np.zeros(0)
+    if first < slow:
+        before = np.geomspace(first, slow, 2 + int(_A_DECADE * np.log10(slow / first)))
+    grid = np.concatenate((before, np.geomspace(slow, top * (1.0 - 1e-9), _POINTS), near))
+    return np.unique(grid[(grid >= min(first, slow)) & (grid < top)])
 
 
 def channel_margins(sweep: Swept, name: str) -> ChannelMargins:
@@ -132,11 +143,25 @@ class _Channel:
         """Return every gain that puts a pole on the circle, and its frequency."""
         places = [*self._roots(lambda value: value.imag), np.pi / self._period]
         found = []
+        still = self._at_zero()
+        if still < 0.0:
+            found.append((-1.0 / still, 0.0))
         for w in places:
             value = self(w)
             if abs(value) < _POLE and value.real < 0.0:
                 found.append((-1.0 / value.real, w))
         return found
+
+    def _at_zero(self) -> float:
+        """Return L at z = 1, where it is real; 0: it has a pole or a zero there, or is none.
+
+        Below the slowest pole L is L(0) + c w^2 and an imaginary part that grows with w. Rigid
+        motions that have no part in it make the equations singular at z = 1 itself.
+        """
+        near, far = self._at(self._grid[0] * np.array([1.0, 2.0]))
+        if max(abs(far - near), abs(near.imag)) > _FLAT * abs(near):
+            return 0.0
+        return float((4.0 * near.real - far.real) / 3.0)
 
     def unit_crossings(self) -> list[float]:
         """Return where |L| is one [rad/s]."""

@@ -70,7 +70,8 @@ class Lti:
         step = max(1, 2_000_000 // max(n * n, 1))
         for first in range(0, count, step):
             part = slice(first, first + step)
-            pencil = z[part, None, None] * np.eye(n) - self.a
+            # A - 1 first: near z = 1 it keeps the digits that z - A would lose beside one
+            pencil = (z[part, None, None] - 1.0) * np.eye(n) - (self.a - np.eye(n))
             out[part] += self.c @ np.linalg.solve(
                 pencil, np.broadcast_to(self.b, (len(pencil), *self.b.shape))
             )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.testbeds import Testbed, initial_positions
@@ -43,8 +44,11 @@ def rest_of(testbed: Testbed, joints: Mapping[str, float] | None = None, time: f
         time: [s].
 
     Raises:
-        BadInput: a name is no joint of the testbed.
+        BadInput: a name is no joint of the testbed, or a position is not finite.
     """
+    for name, position in (joints or {}).items():
+        if not np.isfinite(position):
+            raise BadInput("a finite position [rad or m]", key=f"rest of {name}", value=position)
     model = testbed.model()
     q = model.rest({**initial_positions(testbed), **(joints or {})})
     loads = model.bias(q, np.zeros(model.coordinates), time)

@@ -88,6 +88,7 @@ def build_controller(
         settings = validated(kind.settings, own, source)
         try:
             _require_allocation(law, settings, plant)
+            _require_unwinding(settings, plant.period)
             estimator, built = kind.build(settings, plant)
         except BadInput as error:
             raise BadInput(str(error), source) from None
@@ -114,6 +115,19 @@ def build_controller(
         monitor,
         plant.testbed.model().attitude,
     )
+
+
+def _require_unwinding(settings: Any, period: float) -> None:
+    """Check that an anti-windup settles: at its ticks an integral goes by (1 - h / T_t) s.
+
+    Raises:
+        BadInput: the time constant is half a tick or less.
+    """
+    time = getattr(settings, "tracking_time", None)
+    if time is not None and time <= 0.5 * period:
+        raise BadInput(
+            f"above half a tick of {period:g} s, or null", key="tracking_time", value=time
+        )
 
 
 def _require_allocation(law: str, settings: Any, plant: PlantDescription) -> None:

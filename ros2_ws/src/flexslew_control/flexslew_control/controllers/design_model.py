@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexslew_control.controllers.sliding_surface import LinearSystem
 from flexslew_control.estimators.kalman import outputs
-from flexslew_control.law import Estimate, Reference, nominal_state
+from flexslew_control.law import Estimate, LawFailed, Reference, nominal_state
 from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
@@ -21,8 +21,15 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 
 def inverse(a: Matrix) -> Matrix:
-    """Return a^-1, shape (m, m)."""
-    return np.asarray(np.linalg.inv(a), dtype=np.float64)
+    """Return a^-1, shape (m, m).
+
+    Raises:
+        LawFailed: it is singular, as where an estimate has lost itself.
+    """
+    try:
+        return np.asarray(np.linalg.inv(a), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise LawFailed("no effort moves its surface where it believes to be") from None
 
 
 class DesignModel(Protocol):

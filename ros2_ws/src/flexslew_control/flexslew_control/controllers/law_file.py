@@ -47,6 +47,10 @@ def law_from_file(path: str, source: str) -> dict[str, Any]:
             system[name] = _numbers(value, key, f"{source}: file: {path}")
     if system["d"] is None and not np.size(system["b"]):
         raise BadInput(f"{source}: file: {path}: holds no A, B, C, D")
+    if "period" not in system and "dt" in values:
+        raise BadInput(
+            f"{source}: file: {path}: holds dt and no Ts: call the period Ts [s], 0 if continuous"
+        )
     given = {name: value for name in "abcd" if (value := system[name]) is not None}
     rows = {name: np.atleast_2d(value).tolist() for name, value in given.items()}
     system |= {name: [] if not np.size(value) else value for name, value in rows.items()}
@@ -61,7 +65,7 @@ def law_from_file(path: str, source: str) -> dict[str, Any]:
 
 def _read(path: Path) -> dict[str, Any]:
     if path.suffix == ".mat":
-        return read_mat(path, (*_KEYS, *_KEYS.values()), _NAMES)
+        return read_mat(path, (*_KEYS, *_KEYS.values(), "dt"), _NAMES)
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as kept:
             return dict(kept)
@@ -73,6 +77,8 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _numbers(value: Any, key: str, place: str) -> Any:
     try:
+        if np.iscomplexobj(value):  # else the imaginary part would be dropped
+            raise ValueError
         return np.asarray(value, dtype=np.float64).tolist()
     except (TypeError, ValueError):
         raise BadInput(f"{place}: {key}: holds no real numbers in equal rows") from None

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
-from flexslew_control.analysis.loop import loop_of, visible_poles
+from flexslew_control.analysis.loop import loop_of, unstable_poles
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers.entry import LawEntry
@@ -266,9 +266,8 @@ def _require_stable(settings: LinearSettings, plant: PlantDescription, system: L
         system.states, system.period,
     )  # fmt: skip
     plant_of_loop = seen.rows([name for name in seen.outputs if name in names])
-    poles, _ = visible_poles(loop_of(plant_of_loop, form))
-    radius = float(abs(poles).max(initial=0.0))
-    if radius > 1.0 + _CLOSE:
+    radius = float(abs(unstable_poles(loop_of(plant_of_loop, form), _CLOSE)).max(initial=0.0))
+    if radius:
         raise BadInput(
             f"system: the loop is not stable on the model that it believes: the spectral radius of "
             f"one tick is {radius:.6g}; give another system or model, or allow_unstable: true"

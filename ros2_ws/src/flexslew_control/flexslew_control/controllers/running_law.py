@@ -20,6 +20,7 @@ from flexslew_control.analysis.rest import Rest
 from flexslew_control.analysis.signals import applied_of, inputs_of, outputs_of
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.course import Course
+from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector
@@ -38,6 +39,8 @@ _SHARE = 1e-3  # of the effort limits that a perturbation may ask for
 _NO_EFFECT = 1e-11  # of a perturbation: rounding
 _CHECKED = 60  # ticks in which form and code are compared
 _CLOSE = 0.02  # mismatch of the two at small motions, of the largest effort
+_STILL = 20  # ticks at rest after them
+_KEPT = 1e-5  # mismatch then, of the largest effort: beyond it something is remembered elsewhere
 
 
 @runtime_checkable
@@ -94,6 +97,11 @@ def running_law(
     Raises:
         BadInput: it gives no answer at rest, or is not linear there.
     """
+    if isinstance(controller.estimator, AttitudeEstimator):
+        raise BadInput(
+            f"{controller.name} finds its attitude by instruments, whose readings come late and "
+            "are no deviations: it has no linear form; allowed: the same law without `attitude`"
+        )
     desk = _Desk(controller, rest, limit, gains)
     desk.settle()
     memory = desk.memory()
@@ -105,7 +113,13 @@ def running_law(
         a, b, c, d, (*names, *references), inputs_of(model), _names(desk, memory),
         controller.period,
     )  # fmt: skip
-    mismatch = desk.mismatch(form)
+    mismatch, kept = desk.mismatch(form)
+    if mismatch < _CLOSE and not kept < _KEPT:
+        raise BadInput(
+            f"{controller.name} keeps memory outside of itself, or is not linear: at rest after "
+            f"small motions its efforts differ by {100.0 * kept:.2g} % of the largest from those "
+            "of its linear form; allowed: floats and arrays of float64 in the law or its estimator"
+        )
     if not mismatch < _CLOSE:
         raise BadInput(
             f"{controller.name} is not linear at this rest: its efforts differ by "
@@ -155,6 +169,7 @@ class _Desk:
         self._appendages = len(rest.model.appendages.names)
         self._gains = np.zeros(0) if gains is None else gains
         self._effort = rest.effort
+        self._attitude = rest.model.attitude
         self.controller: Controller = copied(controller)
         self._rest = self._course(np.zeros(self._m))
         self.controller.steer(self._rest)
@@ -171,13 +186,23 @@ class _Desk:
     def _course(self, moved: Vector) -> Course:
         """Return what rests for ever, its position moved."""
         m, held = self._m, self.controller
-        still, there = np.zeros((2, m)), np.tile(self._read[:m] + moved, (2, 1))
+        still, there = np.zeros((2, m)), np.tile(self._positions(moved), (2, 1))
         gains = np.tile(self._gains, (2, 1)) if self._gains.size else np.zeros((0, 0))
         plan = Plan(
             "none", held.joint_names, 0.0, held.period, there, still, self._effort[None],
             np.zeros((2, 0)), 0.0, gains,
         )  # fmt: skip
         return cast(Course, _Held(plan, plan.reference(0)))
+
+    def _positions(self, moved: Vector) -> Vector:
+        """Return positions that are off the rest by this, shape (joints,).
+
+        Of joints that read an attitude it is the rotation from the rest, as in linear_plant.
+        """
+        at = self._read[: self._m]
+        if self._attitude is None or not self._attitude.turn_of(at).any():
+            return at + moved
+        return self._attitude.moved(at, moved)
 
     def _takes_references(self) -> bool:
         """Return whether the law follows a reference; one that holds a rest objects to others."""
@@ -192,6 +217,7 @@ class _Desk:
         if self._follows and w[self._read.size :].any():
             controller.steer(self._course(w[self._read.size :]))
         y = self._read + w[: self._read.size]
+        y[:m] = self._positions(w[:m])
         parts = np.split(y, np.cumsum([m, m, a, a]))
         answer = controller.observe(Measurement(tick, 0, self._time, controller.name, *parts))
         if answer is None:
@@ -313,21 +339,28 @@ class _Desk:
         whole = np.where(abs(whole) < 1e-13, 0.0, whole)
         return whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
 
-    def mismatch(self, form: Lti) -> float:
-        """Return how far form and code are from each other, of the largest effort [-]."""
+    def mismatch(self, form: Lti) -> tuple[float, float]:
+        """Return how far form and code are from each other, of the largest effort [-].
+
+        Returns:
+            in small motions to one side, and at rest after them: an integral that the form lacks
+            is small beside the efforts in motion, but stays.
+        """
         rng, one = np.random.default_rng(3), copied(self.controller)
         size = np.abs(form.d).max() + np.abs(form.c @ form.b).max(initial=0.0)
         share = 0.1 * _SHARE * float(self._limit.max()) / max(size, 1e-300)
-        s, worst, largest = np.zeros(len(form.a)), 0.0, 0.0
+        s, largest, worst = np.zeros(len(form.a)), 1e-300, [0.0, 0.0]
         rest = self.ask(copied(self.controller), self.tick, np.zeros(self.inputs))
-        for k in range(_CHECKED):
-            w = min(share, 1e-4) * rng.standard_normal(self.inputs)
+        for k in range(_CHECKED + _STILL):
+            moves = k < _CHECKED
+            w = moves * min(share, 1e-4) * (1.0 + rng.standard_normal(self.inputs))
             ours = form.c @ s + form.d @ w
             s = form.a @ s + form.b @ w
             effort = self.ask(one, self.tick + k, w) - rest
-            worst = max(worst, float(np.abs(effort - ours).max()))
-            largest = max(largest, float(np.abs(ours).max()), 1e-300)
-        return worst / largest if largest > 1e-299 or worst > 0.0 else 0.0
+            worst[not moves] = max(worst[not moves], float(np.abs(effort - ours).max()))
+            largest = max(largest, float(np.abs(ours).max()))
+        moving, still = (off / largest if off > 0.0 else 0.0 for off in worst)
+        return moving, still
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,8 @@ class FilterSettings:
     initial_disturbance: NonNegative = 10.0
 
 
+_SETTLED = 10  # doublings of a tick, until gains at rest change no stability
+_GROWS = 1e-3  # of an error in a tick; a mode that no noise moves is at one, but for rounding
 _WALK = 10.0  # of a disturbance unless it is given [N m/sqrt(s)]
 
 
@@ -211,8 +213,8 @@ class KalmanFilter:
         """Precompute the constant matrices.
 
         Raises:
-            BadInput: a mode or a disturbance does not show in the outputs, or a linear prediction
-                is asked of a model that is not linear.
+            BadInput: a mode or a disturbance does not show in the outputs, a linear prediction is
+                asked of a model that is not linear, or the error of the estimate grows at rest.
         """
         model, s = self.model, self.settings
         n, m = model.coordinates, model.joints
@@ -245,6 +247,45 @@ class KalmanFilter:
         first = [s.angle_sigma] * m + [s.initial_deflection] * (n - m)
         first += [s.rate_sigma] * m + [s.initial_deflection] * (n - m)
         self._p0 = np.diag(np.square(np.array(first + [s.initial_disturbance] * d)))
+        if s.prediction == "nonlinear":
+            self._require_fading()
+
+    def _require_fading(self) -> None:
+        """Check that errors at rest fade: error_transition is of second order, the model is not.
+
+        Raises:
+            BadInput: modes that turn by more than some two radians in a tick let them grow.
+        """
+        growth = self._growth_at_rest()
+        if not growth < 1.0 + _GROWS:
+            fastest = float(abs(self._model_poles()).max())
+            raise BadInput(
+                f"the Kalman filter is not stable with a period of {self.period:g} s: it believes "
+                f"modes up to {fastest:.3g} rad/s, {fastest * self.period:.2g} rad in a tick, and "
+                f"its errors grow by {growth:.3g} a tick; allowed: fewer modes in its model, or a "
+                f"period up to {1.0 / fastest:.1g} s"
+            )
+
+    def _growth_at_rest(self) -> float:
+        """Return by how much the error of the estimate grows in a tick at most, in the long run."""
+        c, transition = self._c, self._transition(self._origin)
+        try:
+            prior = later_covariance(transition, self._q, c, self._r, self._p0, _SETTLED)
+            gain = np.linalg.solve(c @ prior @ c.T + np.diag(self._r), c @ prior).T
+            return float(abs(np.linalg.eigvals(self._f - gain @ c @ self._f)).max())
+        except LinAlgError:  # it has no end
+            return np.inf
+
+    def _model_poles(self) -> "np.typing.NDArray[np.complex128]":
+        state = self.model.linearise(self.rest).state_matrix
+        return np.asarray(np.linalg.eigvals(state), dtype=np.complex128)
+
+    def _transition(self, x: Vector) -> Matrix:
+        """Return error_transition at a state [q, v, d]."""
+        k = 2 * self.model.coordinates
+        d = x[k:]
+        dx, du = self.model.jacobian(x[:k], d if d.size else np.zeros(self.model.joints))
+        return np.asarray(error_transition(dx, du[:, : d.size], self.period))
 
     @property
     def matrices(self) -> FilterMatrices:
@@ -288,12 +329,8 @@ class KalmanFilter:
 
     def settle(self, doublings: int) -> None:
         """Let the covariance become that of 2^doublings ticks later, in which nothing moves."""
-        f = self._f
-        if self.settings.prediction == "nonlinear":
-            k = 2 * self.model.coordinates
-            d = self._x[k:]
-            dx, du = self.model.jacobian(self._x[:k], d if d.size else np.zeros(self.model.joints))
-            f = error_transition(dx, du[:, : d.size], self.period)
+        nonlinear = self.settings.prediction == "nonlinear"
+        f = self._transition(self._x) if nonlinear else self._f
         self._prior = later_covariance(f, self._q, self._c, self._r, self._prior, doublings)
         self._p = corrected(self._x, self._prior, self._c @ self._x, self._c, self._r)[1]
         self._last = self._last._replace(covariance=self._p)

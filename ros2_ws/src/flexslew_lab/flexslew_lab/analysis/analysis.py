@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.analysis.linear_plant import continuous_plant, sampled_plant
-from flexslew_control.analysis.loop import Complex, ControlLoop, loop_of, visible_poles
+from flexslew_control.analysis.loop import (
+    Complex,
+    ControlLoop,
+    loop_of,
+    unstable_poles,
+    visible_poles,
+)
 from flexslew_control.analysis.loop_margins import (
     ChannelMargins,
     DiskMargins,
@@ -185,10 +191,14 @@ def _measured(
 
 
 def poles_of(loop: ControlLoop) -> tuple[Pole, ...]:
-    """Return the poles that efforts move and sensors see, one of each pair, the slowest first."""
+    """Return the poles that efforts move and sensors see, one of each pair, the slowest first.
+
+    Those that make the loop unstable are among them though nothing there shows them, strength 0.
+    """
     values, strengths = visible_poles(loop)
+    hidden = [(z, 0.0) for z in unstable_poles(loop) if z not in values]
     found = []
-    for z, strength in zip(values, strengths, strict=True):
+    for z, strength in [*zip(values, strengths, strict=True), *hidden]:
         if z.imag < 0.0 or abs(z) < 1e-12:
             continue
         s = np.log(z) / loop.system.period
@@ -199,9 +209,8 @@ def poles_of(loop: ControlLoop) -> tuple[Pole, ...]:
 
 
 def is_stable(loop: ControlLoop) -> bool:
-    """Return whether no pole that efforts move and sensors see lies outside of the unit circle."""
-    values, _ = visible_poles(loop)
-    return bool(abs(values).max(initial=0.0) < 1.0 + 1e-9)
+    """Return whether no pole that anything excites and shows lies outside of the unit circle."""
+    return not unstable_poles(loop).size
 
 
 def _other_plants(trial: Trial, point: Point, running: RunningLaw) -> tuple[OtherPlant, ...]:
@@ -236,7 +245,9 @@ def responses(analysis: Analysis, ticks: int) -> dict[str, Vector]:
     """
     loop, rest, path = analysis.loop, analysis.point.rest, analysis.point.path
     closed = loop.closed
-    bare = sampled_plant(rest, replace(path, actuator=type(path.actuator)(), gain=None, delay=None))
+    # a disturbance comes beside what the motors give, and is rubbed as that is
+    motors = replace(path.actuator, lag=0.0)
+    bare = sampled_plant(rest, replace(path, actuator=motors, gain=None, delay=None))
     n = 2 * rest.model.coordinates
     first = closed.states.index(bare.states[0])
     out: dict[str, Vector] = {}

@@ -13,6 +13,7 @@ from flexslew_lab.trial.trial import Trial, plan_of_trial, plant_of
 from flexslew_plant.bench.schedule import command_delays
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
+from flexslew_plant.testbeds.model import Model
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,8 @@ class Point:
         rest: where it stands.
         path: from the command to the motors.
         plan: of the trial, where it was needed to find the rest.
-        left_out: kinds of faults that act then and are not linear.
+        left_out: what acts then and is in neither model: kinds of faults, limits of the motors
+            within which they are not linear, forces from outside, how instruments read.
     """
 
     rest: Rest
@@ -47,7 +49,7 @@ def point_of(
         plan: of the trial; None: made where it is needed.
 
     Raises:
-        BadInput: the time is none, or a name is no joint.
+        BadInput: the time is none, a name is no joint, or a position is not finite.
         PlanFailed: there is no plan.
     """
     time = 0.0 if at is None else at
@@ -69,7 +71,18 @@ def point_of(
         elif not isinstance(entry.fault, CommandDelay):
             left_out.append(str(entry.fault.kind))
     path = PlantPath(trial.period, trial.actuator, gain, delay)
-    return Point(rest_of(plant.testbed, joints, time), path, plan, tuple(left_out))
+    rest = rest_of(plant.testbed, joints, time)
+    return Point(rest, path, plan, (*left_out, *_not_in_models(trial, rest.model)))
+
+
+def _not_in_models(trial: Trial, model: Model) -> list[str]:
+    """Return, in words, what the bench has and no linear model of it."""
+    motors = ("slew_rate", "quantisation", "shortest_pulse")
+    words = [f"actuator.{key}" for key in motors if getattr(trial.actuator, key)]
+    if model.outside is not None:
+        words.append("forces from outside")
+    words += [f"delay and ticks of sensor {one.name}" for one in model.appendages.instruments]
+    return words
 
 
 def model_of(point: Point, sampled: bool) -> Lti:

@@ -56,7 +56,7 @@ def analyse(
         print(json.dumps({**found.plain(), **proven}, indent=2))
     else:
         for kind in found.point.left_out:
-            say(f"not linear, left out: {kind}")
+            say(f"left out: {kind}")
         print_table(("", found.controller), summary_rows(found))
         if proof is not None:
             print_table(MARGIN_COLUMNS, margin_rows(proof))

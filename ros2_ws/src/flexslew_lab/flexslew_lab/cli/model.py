@@ -44,7 +44,7 @@ def model(
     system = model_of(point, sampled)
     save_model(system, to)
     for kind in point.left_out:
-        say(f"not linear, left out: {kind}")
+        say(f"left out: {kind}")
     rows = [
         ("inputs", ", ".join(system.inputs)),
         ("outputs", ", ".join(system.outputs)),

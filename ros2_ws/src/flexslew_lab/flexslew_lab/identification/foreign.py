@@ -176,6 +176,8 @@ def read_csv(path: Path, names: list[str]) -> Columns:
             rows = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"{path}: cannot be read: {error}") from None
+    while rows and not rows[-1]:  # blank lines at the end
+        rows.pop()
     if len(rows) < 2:
         raise BadInput(f"{path}: holds no rows; a header and numbers are needed")
     header = [name.strip() for name in rows[0]]
