@@ -82,6 +82,15 @@ def test_feedforward_is_worth_something_and_robust_is_robust(yaw: Any) -> None:
     assert worst["input_shaping, zvd"] < worst["input_shaping"]
 
 
+def test_a_slew_that_never_settles_has_no_settling_time() -> None:
+    ringing = YAW + "controllers: {pd_feedforward: {kp: [460.0, 460.0], kd: [0.0, 0.0]}}\n"
+    described = planners(parse_trial(ringing, "yaw.yaml"), "yaw.yaml", (0.0,))
+    step = [c for c in described.candidates if c.method == "none"]
+    found = compared(replace(described, candidates=step, benches=described.benches[:1]))
+    assert found.flown[0].nominal.metrics["overshoot"]["base_yaw"] > 0.5  # nobody takes it out
+    assert found.flown[0].nominal.metrics["settling_time"] is None
+
+
 def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
     trial = replace(load_trial(HUB), period=0.02)
     found = compared(planners(trial, "hub.yaml", (0.0, 0.1)))

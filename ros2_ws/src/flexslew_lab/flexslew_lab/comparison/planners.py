@@ -128,10 +128,11 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
     """Return what a slew is compared by; a step's end is that of the longest slew.
 
     Returns:
-        `settling_time` of the slowest joint, from the start of the plan [s]; `residual_tip` [m] and
-        `residual_joint` [rad or m], the largest after the end; by joint `peak_position`, farthest
-        from the start, and `overshoot`, a fraction of the distance (None: nowhere to go);
-        `peak_effort`; `effort`, the integral of the sum of squared efforts over the run.
+        `settling_time` of the slowest joint, from the start of the plan [s] (None: never);
+        `residual_tip` [m] and `residual_joint` [rad or m], the largest after the end; by joint
+        `peak_position`, farthest from the start, and `overshoot`, a fraction of the distance (None:
+        nowhere to go); `peak_effort`; `effort`, the integral of the sum of squared efforts over the
+        run.
 
     Raises:
         BadInput: the bench was lost.
@@ -148,13 +149,14 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
     away = np.abs(position - goal)
     distance = np.abs(goal - position[0])
     outside = (away > settling_band(distance)).any(axis=1)
+    last = float(time[outside][-1]) if outside.any() else plan.start
     over = time >= end - 1e-9
     moved = np.abs(position - position[0]).argmax(axis=0)[None]
     beyond = np.maximum(((position - goal) * np.sign(goal - position[0])).max(axis=0), 0.0)
     overshoot = np.divide(beyond, distance, out=np.full(joints, np.nan), where=distance > 0.0)
     peak = np.take_along_axis(position, moved, axis=0)[0]
     return {
-        "settling_time": float(time[outside][-1]) - plan.start if outside.any() else 0.0,
+        "settling_time": None if outside[-1] else max(last - plan.start, 0.0),
         "residual_tip": float(np.abs(largest_tip(seen.truths)[over]).max()),
         "residual_joint": float(away[over].max()),
         "peak_position": dict(zip(plan.joint_names, peak.tolist(), strict=True)),
