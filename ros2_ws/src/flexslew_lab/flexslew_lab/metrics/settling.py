@@ -50,11 +50,13 @@ class Settling:
             True,
             "from the start of the manoeuvre until the joint stays within 2 % of its commanded "
             "move around the goal, without one within 2 % of the largest; null: never",
+            never="overshoot",
         ),
         "overshoot": Key(
             "-",
             True,
             "overshoot as a fraction of the commanded move, after the start; null: no move",
+            some=True,
         ),
     }
 

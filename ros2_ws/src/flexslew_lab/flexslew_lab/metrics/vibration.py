@@ -22,6 +22,7 @@ class Vibration:
             False,
             "by appendage: from the end of its last turn (without one, of the manoeuvre) until its "
             "tip stays within 5 % of the largest distance before; null: never",
+            never="peak_platform_attitude",
         ),
     }
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.course import CourseMetric
 from flexslew_lab.metrics.efforts import root_mean_square
 from flexslew_lab.metrics.epoch import merged
@@ -109,5 +110,6 @@ class LaneMetrics:
         """Return the columns of what each joint has, see columns_of."""
         known = np.where(np.isfinite(values), values, np.nan)
         parts = zip(self._names, known.T, strict=True)
-        largest: Vector = abs(known).max(axis=1)
+        most = np.fmax if KEYS[name].some else np.maximum
+        largest: Vector = most.reduce(abs(known), axis=1)
         return {name: largest} | {f"{name}.{joint}": part for joint, part in parts}
