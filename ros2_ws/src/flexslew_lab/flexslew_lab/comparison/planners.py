@@ -153,7 +153,7 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
     move = goal - position[0] if attitude is None else attitude.displacement(position[0], goal)
     move = np.where(np.abs(move) > _NOWHERE, move, 0.0)
     away, distance = np.abs(error), np.abs(move)
-    outside = (away > settling_band(distance)).any(axis=1)
+    outside: Any = (away > settling_band(distance)).any(axis=1)
     last = float(time[outside][-1]) if outside.any() else plan.start
     over = time >= end - 1e-9
     moved = np.abs(position - position[0]).argmax(axis=0)[None]
