@@ -149,7 +149,7 @@ flight = fs.fly(fs.trial(KEYS, plan=plan))
 margin = np.degrees(flight.metrics["keep_out_margin"]["sun"])
 print(f"{margin:.2f} deg away from the cone; {flight.verdict}")
 assert margin > 0.0
-HTML(drawn_sky(telescope.testbed, flight["position"], plan.position))
+HTML(drawn_sky(telescope.testbed, flight["coordinate"], plan.position))
 
 # %% [markdown]
 # ## 4. The pointing

@@ -73,6 +73,8 @@ def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None
         ({"plan": np.zeros(4)}, r"shape \(4,\) is not allowed: \(ticks \+ 1, joints\)"),
         ({"plan": np.zeros((5, 3))}, r"shape \(5, 3\) does not fit: \(5, 2\): base_yaw"),
         ({"plan": np.full((5, 2), np.nan)}, "not finite"),
+        ({"plan": np.zeros((5, 2), dtype=complex)}, "complex128 is not allowed: give real numbers"),
+        ({"plan": np.array([["a", "b"], ["c", "d"]])}, "<U1 is not allowed: give real numbers"),
         ({"law": int}, r"int is not allowed: a class with update"),
         ({"law": 3.0}, "a float is not allowed"),
     ],
@@ -91,6 +93,41 @@ def test_a_sweep_has_an_axis_per_path_and_the_numbers_of_single_flights() -> Non
     assert "testbed.modes (2) x plan.duration (3)" in repr(found)
     with pytest.raises(fs.BadInput, match=r"testbed\.modes has no values"):
         fs.sweep(SLEW, {"testbed.modes": []})
+
+
+def test_axes_of_a_sweep_may_hold_lists_and_sections_and_bear_the_name_of_a_metric(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    axes: dict[str, Any] = {
+        "duration": (time for time in (0.5, 1.0)),
+        "controllers.pd_feedforward.kp": [100.0, np.array([100.0, 200.0])],
+    }
+    found = fs.sweep({**SLEW, "plan": None}, axes)
+    assert found["peak_effort.hub_pitch"].shape == (2, 2)
+    assert found.axes["controllers.pd_feedforward.kp"] == (100.0, [100.0, 200.0])
+    index = SimpleNamespace(
+        from_product=lambda labels, names: dict(zip(names, labels, strict=True))
+    )
+    frames = SimpleNamespace(MultiIndex=index, DataFrame=lambda columns, index: (columns, index))
+    monkeypatch.setitem(sys.modules, "pandas", frames)
+    columns, rows = found.frame()
+    labels = {"duration": [0.5, 1.0], "controllers.pd_feedforward.kp": ["100.0", "[100.0, 200.0]"]}
+    assert rows == labels
+    assert columns["duration"].tolist() == [0.5, 0.5, 1.0, 1.0]
+    sets = SimpleNamespace(Dataset=lambda data, coordinates: (data, coordinates))
+    monkeypatch.setitem(sys.modules, "xarray", sets)
+    data, coordinates = found.xarray()
+    assert coordinates == labels
+    assert not data.keys() & coordinates.keys()
+    assert fs.sweep({**SLEW, "duration": 0.1, "plan": None}).frame()[1] is None
+
+
+@pytest.mark.parametrize("given", [3.0, "abc", {"a": 1.0}, None])
+def test_an_axis_that_is_no_list_is_refused(given: Any) -> None:
+    with pytest.raises(
+        fs.BadInput, match=r"testbed\.modes: .* is not allowed: give a list of values"
+    ):
+        fs.sweep(SLEW, {"testbed.modes": given})
 
 
 def test_a_flight_is_short_to_look_at_and_shows_no_markup_of_others(flight: fs.Flight) -> None:

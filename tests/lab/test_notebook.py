@@ -148,3 +148,25 @@ def test_without_pandas_the_arrays_are_there_and_the_frame_says_what_is_missing(
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ModuleNotFoundError, match="pandas"):
         flight.frame()
+
+
+@pytest.mark.parametrize("name", ["own_spacecraft", "scole_s_open", "three_axes"])
+def test_joints_of_a_spacecraft_are_read_from_its_state(name: str) -> None:
+    turn = {"method": "none", "goal": {"axis": [0.6, 0.0, 0.8], "angle": 0.5}}
+    quick = {"duration": 3.0, **({"plan": turn} if name == "three_axes" else {})}
+    flown = fly(trial(name, quick))
+    joints = [signal.partition(".")[2] for signal in flown.names("measured")]
+    for joint in joints:  # by sensors without errors
+        there = flown[f"position.{joint}"][:-1]
+        assert np.array_equal(there, flown[f"measured.{joint}"][:-1])
+        assert np.allclose(there, flown[f"estimate.{joint}"][:-1], atol=1e-12)
+    assert max(np.ptp(flown[f"position.{joint}"]) for joint in joints) > 1e-3
+    model = trial(name, quick).testbed.model()
+    assert (
+        flown["position"].shape
+        == flown["velocity"].shape
+        == (len(flown.time), len(joints) + model.modes)
+    )
+    state = np.hstack((flown["coordinate"], flown["coordinate_rate"]))
+    assert np.array_equal(flown["position.mode_1"], state[:, model.positions - model.modes])
+    assert np.array_equal(flown["velocity"][7, : len(joints)], model.joint_state(state[7])[1])

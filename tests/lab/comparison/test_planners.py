@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,12 @@ from flexslew_lab.comparison.comparison import CARRIED, STIFFNESS, compared
 from flexslew_lab.comparison.page import comparison_page
 from flexslew_lab.comparison.planners import planners
 from flexslew_lab.comparison.slew import slew_comparison, worst_residual
+from flexslew_lab.notebook import fly, trial
 from flexslew_lab.report.page import write_page
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import plain
 
 YAW = """
 name: yaw
@@ -82,9 +85,36 @@ def test_feedforward_is_worth_something_and_robust_is_robust(yaw: Any) -> None:
     assert worst["input_shaping, zvd"] < worst["input_shaping"]
 
 
+def test_a_slew_that_never_settles_has_no_settling_time() -> None:
+    ringing = YAW + "controllers: {pd_feedforward: {kp: [460.0, 460.0], kd: [0.0, 0.0]}}\n"
+    described = planners(parse_trial(ringing, "yaw.yaml"), "yaw.yaml", (0.0,))
+    step = [c for c in described.candidates if c.method == "none"]
+    found = compared(replace(described, candidates=step, benches=described.benches[:1]))
+    assert found.flown[0].nominal.metrics["overshoot"]["base_yaw"] > 0.5  # nobody takes it out
+    assert found.flown[0].nominal.metrics["settling_time"] is None
+
+
+@pytest.mark.parametrize("name", ["own_spacecraft", "three_axes"])
+def test_slews_of_a_spacecraft_are_compared_by_its_joints(name: str) -> None:
+    described = planners(load_trial(trial_path(name)), name, (0.0,))
+    step = [c for c in described.candidates if c.method == "none"]
+    found = compared(replace(described, candidates=step, benches=described.benches[:1]))
+    (row,) = found.rows()
+    goal = plain(described.trial.plan)["goal"]
+    flight = fly(trial(name, {"plan": {"method": "none", "goal": goal}, "duration": 40.0}))
+    times = flight.metrics["settling_time"].values()
+    assert row["settling_time"] == pytest.approx(max(times))
+    assert row["overshoot"] == pytest.approx(flight.metrics["overshoot"])
+    left = flight.metrics["residual_attitude_error"].values()  # a step ends at its start
+    assert row["residual_joint"] == pytest.approx(max(left))
+    assert row["over_lower_bound"] is None  # its axes and wheels take part in the turn
+    assert "rigid body" not in found.words
+    json.dumps(row)
+
+
 def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
-    trial = replace(load_trial(HUB), period=0.02)
-    found = compared(planners(trial, "hub.yaml", (0.0, 0.1)))
+    hub = replace(load_trial(HUB), period=0.02)
+    found = compared(planners(hub, "hub.yaml", (0.0, 0.1)))
     page = write_page(comparison_page(found), tmp_path / "deep" / "hub.html")
     text = page.read_text(encoding="utf-8")
     assert "Not flown" in text
@@ -100,11 +130,11 @@ def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_compared_is_said_in_one_line(tmp_path: Path) -> None:
-    trial = parse_trial(YAW, "yaw.yaml")
+    asked = parse_trial(YAW, "yaw.yaml")
     with pytest.raises(BadInput, match=r"yaw\.yaml: plan: is missing"):
-        planners(replace(trial, plan=None), "yaw.yaml")
+        planners(replace(asked, plan=None), "yaw.yaml")
     with pytest.raises(BadInput, match="errors"):
-        planners(trial, "yaw.yaml", (-1.0,))
+        planners(asked, "yaw.yaml", (-1.0,))
 
 
 def test_the_swing_of_every_joint_is_told(yaw: Any) -> None:

@@ -25,6 +25,8 @@ from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.log.recording.bag_writer import CHUNK_SIZE, BagWriter, RecordingStopped
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
+from flexslew_lab.notebook import trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import flat
 
@@ -56,8 +58,8 @@ def test_a_killed_recorder_costs_one_chunk_at_most(tmp_path: Path, messages: lis
     rng = np.random.default_rng(7)
     context = multiprocessing.get_context("fork")
     largest = max(len(data) for _, data, _ in messages) + 31
-    for trial in range(50):
-        folder = tmp_path / str(trial)
+    for number in range(50):
+        folder = tmp_path / str(number)
         reader, writer = context.Pipe(duplex=False)
         child = context.Process(target=write_forever, args=(folder, messages, writer))
         child.start()
@@ -366,6 +368,20 @@ def test_parquet_holds_every_number_with_its_unit(bag: Path, tmp_path: Path) -> 
     assert table.schema.metadata[b"type"] == b"flexslew_msgs/msg/PlantState"
     plans = pyarrow.parquet.read_table(exported.files["/plan"])
     assert len(plans["position"][0].as_py()) == 2 * 201
+
+
+def test_a_state_that_joints_are_read_from_has_no_names_of_joints(tmp_path: Path) -> None:
+    keys = {"duration": 0.1, "testbed": {"kind": "spacecraft"}}
+    run_trial(trial(keys), "test", tmp_path / "run", in_process=True, report=False)
+    exported = export_log(tmp_path / "run/bag", tmp_path / "out")
+    truth = pyarrow.parquet.read_table(exported.files["/truth"]).schema
+    assert "position_0" in truth.names
+    assert "velocity_0" in truth.names
+    assert "applied_effort.roll" in truth.names
+    assert not [name for name in truth.names if name.startswith(("position.", "velocity."))]
+    assert truth.field("position_3").metadata[b"unit"] == b""  # of a quaternion
+    read = pyarrow.parquet.read_table(exported.files["/measurement"]).schema
+    assert "joint_position.roll" in read.names
 
 
 def test_csv_holds_the_same(bag: Path, tmp_path: Path) -> None:

@@ -27,17 +27,19 @@ def craft(**motion: Any) -> Testbed:
     ).testbed
 
 
-def measured(kind: Any, testbed: Testbed, q: Matrix, goal: Vector | None = None) -> dict[str, Any]:
-    """Return what a metric says of these positions, whose manoeuvre ends at 3 s."""
+def measured(
+    kind: Any, testbed: Testbed, q: Matrix, goal: Vector | None = None, end: float = 3.0
+) -> dict[str, Any]:
+    """Return what a metric says of these positions, by the end of the manoeuvre [s]."""
     model = testbed.model()
     names, joints = tuple(model.joint_names), model.joints
-    aim = FlownManoeuvre(0.0, 3.0, np.zeros(joints) if goal is None else goal, np.zeros(joints))
+    aim = FlownManoeuvre(0.0, end, np.zeros(joints) if goal is None else goal, np.zeros(joints))
     metric = kind(RunSetup(names, aim, np.ones(joints), testbed))
     metric.add(
         Block(
             np.arange(len(TIME)), TIME, np.diff(TIME, prepend=0.0), q,
             np.zeros((len(TIME), model.coordinates)), np.zeros((len(TIME), joints)),
-            np.zeros((len(TIME), 1)), None, TIME >= 0.0, TIME >= 3.0,
+            np.zeros((len(TIME), 1)), None, TIME >= 0.0, end <= TIME,
         )
     )  # fmt: skip
     found: dict[str, Any] = metric.result(END)
@@ -105,6 +107,18 @@ def test_a_vibration_settles_when_its_envelope_has_decayed_to_a_twentieth(decay:
     assert (found is None) if expected > 3.0 else found == pytest.approx(expected, abs=0.005)
     q[:, -10] = 1.0
     assert measured(Vibration, testbed, q)["vibration_settling_time"]["membrane"] is None
+
+
+def test_a_vibration_that_nothing_is_before_settles_from_its_largest_deflection() -> None:
+    testbed = shipped("own_spacecraft").testbed  # its panels do not turn; a step, or no plan
+    q = still(testbed)
+    grows = np.minimum(TIME / 0.5, 1.0) * np.exp(-2.0 * np.maximum(TIME - 0.5, 0.0))
+    q[:, -6:-3], q[:, -3:] = 0.01 * grows[:, None], 0.0
+    settled = measured(Vibration, testbed, q, end=0.0)["vibration_settling_time"].values()
+    assert max(settled) == pytest.approx(0.5 + math.log(20.0) / 2.0, abs=0.006)
+    q[:, -6:] = 0.01
+    ringing = measured(Vibration, testbed, q, end=0.0)["vibration_settling_time"]
+    assert set(ringing.values()) == {None}
 
 
 def test_a_testbed_without_antennas_has_none_of_these() -> None:

@@ -13,7 +13,7 @@ import pytest
 from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.cases import Case, case_of
 from flexslew_lab.studies.findings.summary import passed
-from flexslew_lab.studies.finish import finished, fly_again
+from flexslew_lab.studies.finish import finished, fly_again, keep_worst
 from flexslew_lab.studies.flight import Flown, flown
 from flexslew_lab.studies.merge import merged
 from flexslew_lab.studies.run import Preparation, Shard, prepare, run_study
@@ -193,6 +193,17 @@ def test_any_trial_flies_again_with_the_same_hash(
         again, difference = fly_again(ready.study, store, number, tmp_path / f"run-{number}")
         assert not difference
         assert again.metrics["trajectory_hash"] == hashes[number]
+
+
+def test_as_many_logs_are_kept_as_the_file_asks_for(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    most = {"peak_tip_deflection": {"below": 1.0}}
+    ready = prepare(study_of(keep={"bags": "worst 7"}, criteria=most, sampling={"n": 9}))
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
+    kept = [int(folder.name) for folder in keep_worst(ready.study, store, print)]
+    values = store.table(["peak_tip_deflection"])["peak_tip_deflection"].to_numpy()
+    assert kept == np.argsort(-values)[:7].tolist()
 
 
 def test_a_study_stops_when_a_quantile_is_known(

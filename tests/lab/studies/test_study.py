@@ -79,6 +79,10 @@ def test_a_metric_that_there_is_not_is_refused_before_anything_is_planned(
         ({"compare": {"active": []}}, "is empty; name what"),
         ({"trial": "nothing"}, "neither a file nor a shipped trial"),
         ({"keep": {"bags": "best 5"}}, "keep.bags"),
+        ({"vary": {"dice": {"keys": ["seed"], **SPREAD}}}, "every trial of a study has its own"),
+        ({"vary": {STIFFNESS: SPREAD, "both": {"keys": [STIFFNESS], **SPREAD}}}, "the same value"),
+        ({"vary": {"testbed": SPREAD, STIFFNESS: SPREAD}}, "both set the same value"),
+        ({"vary": {STIFFNESS: SPREAD}, "compare": {STIFFNESS: [1.0, 2.0]}}, "relative or offset"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(
@@ -96,6 +100,7 @@ def test_bad_input_is_refused_in_one_line(
         ({"stop": {"metric": "peak", "half_width": 1.0}}, "peak is not a metric"),
         ({"compare": {"active": ["pd_feedfoward"]}}, "active: pd_feedfoward is not in controllers"),
         ({"vary": {"testbed.modes": {"uniform": [1.2, 1.4]}}}, "testbed.modes"),
+        ({"vary": {"overshoot": {"keys": [STIFFNESS], **SPREAD}}}, "a metric has that name"),
     ],
 )
 def test_what_only_the_trial_knows_is_refused_before_the_first_flight(
@@ -163,6 +168,37 @@ def test_what_is_compared_meets_the_same_samples_and_seeds(study_of: Callable[..
         assert list(one.controllers) == ["pd_feedforward"]
         assert list(other.controllers) == ["collocated_pid"]
         assert (one.seed, one.testbed) == (other.seed, other.testbed)
+
+
+def test_relative_draws_are_of_what_each_variant_has(study_of: Callable[..., Study]) -> None:
+    gains = "controllers.pd_feedforward.kp"
+    long = {"kind": "csa", "modes": 1, "parameters": {"length": 40.0}}
+    study = study_of(
+        compare={  # the later one holds the earlier one
+            "testbed.parameters.bending_stiffness": [1000.0, 2000.0],
+            "testbed": {"short": {"kind": "csa", "modes": 1}, "long": long},
+            gains: {"soft": [100.0, 200.0], "stiff": [400.0, 500.0]},
+            "active": ["pd_feedforward", "lqr"],
+        },
+        vary={
+            STIFFNESS: {"relative": {"uniform": [-0.2, 0.2]}},
+            "testbed.parameters.length": {"offset": {"uniform": [-1.0, 1.0]}},
+            gains: {"relative": {"uniform": [-0.1, 0.1]}},
+        },
+    )
+    samples = sample_table(study)
+    seen = set()
+    for k in range(2 * len(study.variants)):
+        trial = case_trial(study, case := case_of(study, samples, k))
+        changes = study.variants[case.variant].changes
+        stiffness, length, gain = case.draws
+        p = csa(trial).parameters
+        assert p.bending_stiffness == changes[STIFFNESS] * (1.0 + stiffness)
+        assert p.length == changes["testbed"].get("parameters", {"length": 30.0})["length"] + length
+        kp = trial.controllers["pd_feedforward"]["kp"]
+        assert kp == [of * (1.0 + gain) for of in changes[gains]]
+        seen.add((p.bending_stiffness, p.length, *kp))
+    assert len(seen) == len(study.variants)  # two samples; the law in charge changes none of them
 
 
 def test_seeds_come_from_the_study_s_seed_and_the_number_alone() -> None:

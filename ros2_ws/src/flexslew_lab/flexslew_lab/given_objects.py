@@ -75,7 +75,10 @@ def with_plan(values: dict[str, Any], plan: Given | Plan | Matrix) -> dict[str, 
 
 def _positions(plan: Any) -> Matrix:
     """Return positions at every tick, checked."""
-    rows = np.asarray(plan, dtype=np.float64)
+    rows = np.asarray(plan)
+    if rows.dtype.kind not in "biufO":
+        raise BadInput(f"plan: an array of {rows.dtype} is not allowed: give real numbers")
+    rows = rows.astype(np.float64)
     if rows.ndim != 2 or len(rows) < 2:
         words = "(ticks + 1, joints), at least two rows"
         raise BadInput(f"plan: an array of shape {rows.shape} is not allowed: {words}")

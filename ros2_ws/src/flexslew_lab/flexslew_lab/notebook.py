@@ -62,7 +62,7 @@ def trial(
         values = with_law(values, law)
     if plan is not None:
         values = with_plan(values, plan)
-    text = yaml_text(_plain(values))
+    text = yaml_text(plain_data(values))
     return checked_trial(parse_trial(text, label, trust), label)
 
 
@@ -131,12 +131,12 @@ def nonlinear_model(what: Trial) -> control.NonlinearIOSystem:
     return nonlinear_system(plant_of(what).testbed, what.name)
 
 
-def _plain(value: Any) -> Any:
+def plain_data(value: Any) -> Any:
     """Return a value with NumPy's arrays and numbers as those of Python."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
+        return {str(key): plain_data(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [plain_data(entry) for entry in value]
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexslew_lab.metrics.rows import flat
-from flexslew_lab.notebook import trial
+from flexslew_lab.notebook import plain_data, trial
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.errors import BadInput
@@ -45,18 +45,23 @@ class Sweep:
         return f"<Sweep {sizes}: {len(self.metrics)} metrics>"
 
     def frame(self) -> pandas.DataFrame:
-        """Return a row per point, as a pandas DataFrame.
+        """Return a row per point, as a pandas DataFrame; lists and sections stand as text.
 
         Raises:
             ModuleNotFoundError: pandas is not installed.
         """
         import pandas
 
-        points = pandas.MultiIndex.from_product(self.axes.values(), names=list(self.axes))
+        points = None  # of a single flight
+        if self.axes:
+            labels = list(map(_labels, self.axes.values()))
+            points = pandas.MultiIndex.from_product(labels, names=list(self.axes))
         return pandas.DataFrame({k: v.ravel() for k, v in self.metrics.items()}, index=points)
 
     def xarray(self) -> xarray.Dataset:
-        """Return the metrics over named axes, as an xarray Dataset.
+        """Return the metrics over named axes, as an xarray Dataset; lists and sections are text.
+
+        A metric of the name of an axis, such as the duration, is that axis.
 
         Raises:
             ModuleNotFoundError: xarray is not installed.
@@ -64,8 +69,8 @@ class Sweep:
         import xarray
 
         dims = list(self.axes)
-        data = {name: (dims, values) for name, values in self.metrics.items()}
-        return xarray.Dataset(data, {path: list(values) for path, values in self.axes.items()})
+        data = {name: (dims, v) for name, v in self.metrics.items() if name not in dims}
+        return xarray.Dataset(data, {path: _labels(values) for path, values in self.axes.items()})
 
 
 def sweep(
@@ -86,10 +91,7 @@ def sweep(
         BadInput: an axis has no values, or a point is not allowed; before anything is flown.
         PlanFailed: a point has no plan; the message names its number.
     """
-    grid = {path: tuple(np.asarray(values).tolist()) for path, values in (axes or {}).items()}
-    for path, values in grid.items():
-        if not values:
-            raise BadInput(f"{path} has no values")
+    grid = {path: _values(path, values) for path, values in (axes or {}).items()}
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     trials = [trial(source, {**(changes or {}), **point}, **given) for point in points]
     rows = []
@@ -104,6 +106,26 @@ def sweep(
         grid,
         {name: np.array([row.get(name, np.nan) for row in rows]).reshape(shape) for name in names},
     )
+
+
+def _values(path: str, given: Any) -> tuple[Any, ...]:
+    """Return the values of an axis as plain data.
+
+    Raises:
+        BadInput: there are none, or it is a single one.
+    """
+    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
+        raise BadInput(f"{path}: {given!r} is not allowed: give a list of values")
+    values = tuple(plain_data(value) for value in given)
+    if not values:
+        raise BadInput(f"{path} has no values")
+    return values
+
+
+def _labels(values: Sequence[Any]) -> list[Any]:
+    """Return what an axis is labelled with: the values, as text where one of them is no scalar."""
+    scalars = all(value is None or isinstance(value, str | int | float) for value in values)
+    return list(values) if scalars else list(map(str, values))
 
 
 def _numbers(metrics: Mapping[str, Any]) -> dict[str, float]:

@@ -37,6 +37,7 @@ def found(n: int, seed: int) -> list[Index]:
 
 def test_indices_are_those_in_closed_form() -> None:
     rows = found(1024, 3)
+    assert rows == found(1024, 3)  # bounds, too: a report is the same whenever it is written
     assert [row.name for row in rows] == NAMES
     for row, first, total in zip(rows, FIRST, WHOLE, strict=True):
         assert row.first[1] == pytest.approx(first, abs=0.03)
@@ -61,3 +62,29 @@ def test_one_missing_number_leaves_no_index() -> None:
         assert not rows
         assert why.startswith("1 of 320 trials gave no number")
     assert indices(np.ones(320), NAMES, 0.9, 1) == ([], "the metric does not vary")
+
+
+@pytest.mark.parametrize("n", [2, 64])
+def test_one_value_has_all_of_the_variance(n: int) -> None:
+    one = Distribution("uniform", (0.0, 1.0))
+    values = np.sin(2.0 * drawn(Sampling(method="saltelli", n=n), [one], 1).unit[:, 0])
+    rows, why = indices(values, ["x"], 0.9, 1)
+    assert (len(rows), why) == (1, "")
+    if n > 2:
+        assert rows[0].first[1] == pytest.approx(1.0, abs=0.05)
+        assert rows[0].total[1] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_value_without_effect_has_no_share_and_bounds_of_it() -> None:
+    two = [Distribution("uniform", (0.0, 1.0))] * 2
+    values = np.sin(2.0 * drawn(Sampling(method="saltelli", n=64), two, 1).unit[:, 0])
+    rows, _ = indices(values, ["x", "y"], 0.9, 1)
+    assert rows[1] == Index("y", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert rows[0].first[0] < rows[0].first[1] < rows[0].first[2]
+
+
+def test_a_single_row_shows_no_index() -> None:
+    rows, why = indices(sample(1, 1), NAMES, 0.9, 1)
+    assert not rows
+    assert why == "one row has no scatter; give a larger n"

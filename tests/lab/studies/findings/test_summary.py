@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from math import inf, nan
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ from flexslew_lab.studies.findings.statistics import (
     success_bounds,
     trials_needed,
 )
+from flexslew_lab.studies.findings.stopping import settled
 from flexslew_lab.studies.findings.summary import passed, summary
+from flexslew_lab.studies.findings.tables import metric_tables, overall_rows
 from flexslew_lab.studies.flight import Flown, failed
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Criterion, Study
@@ -229,3 +232,88 @@ def test_a_variant_that_fails_more_often_is_the_worse_one(
     assert (row["pairs"], row["with_failure"]) == (60, 40)
     assert row["verdict"] == ("larger" if side == "below" else "smaller")
     assert row["p_value"] == pytest.approx(sign_test(40, 20))
+
+
+@pytest.fixture
+def told(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., tuple[Study, Store]]:
+    """Return a function that gives a study with the metrics of its trials; None: it failed."""
+
+    def make(rows: list[dict[str, float | None] | None], **keys: Any) -> tuple[Study, Store]:
+        study = study_of(sampling={"method": "random", "n": len(rows)}, **keys)
+        identity = {
+            "study": {"study": study.settings.study},
+            "columns": list(next(row for row in rows if row is not None)),
+            "variants": [variant.label for variant in study.variants],
+            "varied": [varied.name for varied in study.varied],
+        }
+        store = Store(tmp_path / "told")
+        store.create(identity, sample_table(study))
+        store.add(
+            [
+                failed(k, "lost") if row is None else Flown(k, row, None, "ok", "", Way.BENCH)
+                for k, row in enumerate(rows)
+            ]
+        )
+        store.write_table()
+        return study, store
+
+    return make
+
+
+def test_what_never_happens_is_worse_than_any_number(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    rng = np.random.default_rng(4)
+    rows: list[dict[str, float | None] | None] = []
+    for k in range(40):
+        known: dict[str, float | None] = {"overshoot": None, "overshoot.hub": 0.1}
+        known |= {"peak_platform_attitude": 0.2, "line_of_sight_error": 0.3 if k < 30 else None}
+        for name in NEVER:
+            known |= {name: None if k >= 20 else float(rng.random())}
+        rows.append(known)
+    study, store = told(rows)
+    found = summary(study, store, {})["metrics"]
+    for name in NEVER:
+        missing = 10 if name == "line_of_sight_settled_at" else 0  # which did not end their turn
+        assert (found[name]["failed"], found[name]["missing"]) == (0, missing)
+        assert found[name]["mean"] is None
+        assert found[name]["quantiles"]["0.9"][1] is None
+        assert found[name]["worst"][0] == {"index": 20, "value": None, "failed": False}
+
+
+NEVER = (
+    "settling_time",
+    "pointing_settled_at",
+    "vibration_settling_time",
+    "line_of_sight_settled_at",
+)
+
+
+def test_a_metric_that_no_trial_has_is_in_no_table(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    names = ("settling_time", "overshoot", "largest_effort_step", "goal_error")
+    nobody = dict.fromkeys(names)
+    rows = [nobody | {NAME: 0.1 * k} for k in range(5)]
+    for lost in ([], [None, None]):
+        study, store = told([*rows, *lost])
+        found = summary(study, store, {})
+        (shown,) = metric_tables(found).values()
+        assert [row.name for row in shown] == [NAME]
+        assert [row.name for row in overall_rows(found)] == [NAME]
+        rmtree(store.folder)
+    study, store = told([*rows, nobody | {NAME: 1.0, "goal_error": 0.1}])
+    (shown,) = metric_tables(summary(study, store, {})).values()
+    assert [row.name for row in shown] == ["goal_error", NAME]
+
+
+def test_a_study_looks_for_its_stop_at_the_bounds_that_it_reports(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    rng = np.random.default_rng(3)
+    rows = [{NAME: None if k % 3 == 0 else float(rng.random())} for k in range(128)]
+    study, store = told(rows, stop={"metric": NAME, "quantile": 0.5, "half_width": 0.5})
+    found = settled(study, store, store.samples, 128)
+    assert found is not None
+    reported = summary(study, store, {})["metrics"][NAME]["quantiles"]["0.5"]
+    assert found["bounds"] == {"": reported}

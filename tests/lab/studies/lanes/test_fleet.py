@@ -140,6 +140,20 @@ def test_a_step_to_the_goal_is_one_plan_for_all_benches(
     assert len({trial.law for trial in trials if isinstance(trial, LaneTrial)}) == 1
 
 
+def test_steps_from_places_of_their_own_are_measured_as_on_the_bench(
+    prepared: Callable[..., Preparation],
+) -> None:
+    step = {"method": "none", "goal": {"base_yaw": 0.1, "hub_pitch": 0.0}, "duration": 5.0}
+    place = {"testbed.initial.base_yaw": {"uniform": [-0.2, 0.05]}}
+    soft = {"pd_feedforward": {"kp": 460.0, "kd": 100.0}}
+    ready = prepared(vary=place, plan=step, controllers=soft)
+    require_equal(ready, [0, 1, 2])
+    first = flown(ready.study, case_of(ready.study, ready.samples, 0), ready.plans)
+    assert first.metrics["overshoot"] == first.metrics["overshoot.base_yaw"]
+    assert (first.metrics["overshoot"] or 0.0) > 0.0
+    assert first.metrics["overshoot.hub_pitch"] is None
+
+
 def test_a_result_does_not_depend_on_its_neighbours(prepared: Callable[..., Preparation]) -> None:
     ready = prepared()
     cases = [case_of(ready.study, ready.samples, k) for k in range(12)]

@@ -82,7 +82,7 @@ def run(
         say(": join all shards with ./flexslew study merge", head=str(folder), head_style="bold")
         return
     found = finished(requested, store)
-    keep_worst(requested, store, found, say)
+    keep_worst(requested, store, say)
     tell(found, as_json)
     demand(passed(found))
 

@@ -34,17 +34,19 @@ from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Truth
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
+from flexslew_plant.testbeds.model import Model
 
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
 PAYLOADS = (-0.2, 0.2)  # of what the testbed carries, relative [-]
 _ERROR_NAMES = {STIFFNESS: "stiffness", CARRIED: "payload"}
 _WATCHED = 40.0  # at least, after the longest slew [s]
+_NOWHERE = 1e-9  # moves below this are rounding [rad or m]
+_BOUND = "No rigid body could do it in less than {:.3f} s with these drives. "
 _WORDS = (
-    "No rigid body could do it in less than {bound:.3f} s with these drives. Tip: the largest "
-    "deflection after the end of the slew, for errors of the stiffness and of the payload; the "
-    "other columns are for the bench without errors. Overshoot: the part of the commanded move by "
-    "which a joint goes beyond its goal. A step has no end: what is left is measured from the end "
-    "of the longest slew on."
+    "Tip: the largest deflection after the end of the slew, for errors of the stiffness and of the "
+    "payload; the other columns are for the bench without errors. Overshoot: the part of the "
+    "commanded move by which a joint goes beyond its goal. A step has no end: what is left is "
+    "measured from the end of the longest slew on."
 )
 
 
@@ -128,10 +130,11 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
     """Return what a slew is compared by; a step's end is that of the longest slew.
 
     Returns:
-        `settling_time` of the slowest joint, from the start of the plan [s]; `residual_tip` [m] and
-        `residual_joint` [rad or m], the largest after the end; by joint `peak_position`, farthest
-        from the start, and `overshoot`, a fraction of the distance (None: nowhere to go);
-        `peak_effort`; `effort`, the integral of the sum of squared efforts over the run.
+        `settling_time` of the slowest joint, from the start of the plan [s] (None: never);
+        `residual_tip` [m] and `residual_joint` [rad or m], the largest after the end; by joint
+        `peak_position`, farthest from the start, and `overshoot`, a fraction of the distance (None:
+        nowhere to go); `peak_effort`; `effort`, the integral of the sum of squared efforts over the
+        run.
 
     Raises:
         BadInput: the bench was lost.
@@ -142,19 +145,23 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
         raise BadInput(seen.bench.failure)
     joints = len(plan.joint_names)
     time = np.array([truth.time for truth in seen.truths])
-    position = np.array([truth.position[:joints] for truth in seen.truths])
+    position = _joints(seen.bench.model, seen.truths)
     applied = np.array([truth.applied_effort for truth in seen.truths])
     goal = plan.position[-1]
-    away = np.abs(position - goal)
-    distance = np.abs(goal - position[0])
-    outside = (away > settling_band(distance)).any(axis=1)
+    attitude = seen.bench.model.attitude
+    error = position - goal if attitude is None else -attitude.error(position, goal)
+    move = goal - position[0] if attitude is None else attitude.displacement(position[0], goal)
+    move = np.where(np.abs(move) > _NOWHERE, move, 0.0)
+    away, distance = np.abs(error), np.abs(move)
+    outside: Any = (away > settling_band(distance)).any(axis=1)
+    last = float(time[outside][-1]) if outside.any() else plan.start
     over = time >= end - 1e-9
     moved = np.abs(position - position[0]).argmax(axis=0)[None]
-    beyond = np.maximum(((position - goal) * np.sign(goal - position[0])).max(axis=0), 0.0)
+    beyond = np.maximum((error * np.sign(move)).max(axis=0), 0.0)
     overshoot = np.divide(beyond, distance, out=np.full(joints, np.nan), where=distance > 0.0)
     peak = np.take_along_axis(position, moved, axis=0)[0]
     return {
-        "settling_time": float(time[outside][-1]) - plan.start if outside.any() else 0.0,
+        "settling_time": None if outside[-1] else max(last - plan.start, 0.0),
         "residual_tip": float(np.abs(largest_tip(seen.truths)[over]).max()),
         "residual_joint": float(away[over].max()),
         "peak_position": dict(zip(plan.joint_names, peak.tolist(), strict=True)),
@@ -167,9 +174,15 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
     }
 
 
+def _joints(model: Model, truths: Sequence[Truth]) -> Matrix:
+    """Return where the joints are, (ticks, joints) [rad or m]."""
+    states = [np.concatenate((truth.position, truth.velocity)) for truth in truths]
+    return model.joint_states(np.array(states))[0]
+
+
 def _curves(seen: FlightLog, truths: Sequence[Truth]) -> Matrix:
     """Return joints, the largest tip deflection, and efforts."""
-    position = [truth.position[: seen.bench.model.joints] for truth in truths]
+    position = _joints(seen.bench.model, truths)
     applied = [truth.applied_effort for truth in truths]
     return np.column_stack((position, largest_tip(truths), applied))
 
@@ -197,7 +210,7 @@ def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison
         title=f"{trial.name}: every method",
         about=f"to {to} · {trial.testbed.kind}, {trial.testbed.modes} modes, {trial.active} in "
         "charge",
-        words=_WORDS.format(bound=found.lower_bound),
+        words=(_BOUND.format(found.lower_bound) if found.lower_bound else "") + _WORDS,
         note=found.durations(),
         entries=entries,
         numbers=found.numbers,

@@ -31,7 +31,7 @@ class SlewComparison:
     Args:
         trial: that is compared.
         flown: the methods that have a plan.
-        lower_bound: of the duration, for a rigid body under the limits [s].
+        lower_bound: of the duration, for a rigid body under the limits [s]; 0: not known.
         limit: the convex optimum over the duration; None: the plant is not linear.
     """
 
@@ -83,7 +83,7 @@ class SlewComparison:
         return {
             "duration": duration,
             "same_duration": entry.name not in self.other_durations,
-            "over_lower_bound": duration / self.lower_bound,
+            "over_lower_bound": duration / self.lower_bound if self.lower_bound else None,
             "over_least_time": self.least_time and duration / self.least_time,
             **entry.nominal.metrics,
             "worst_residual_tip": worst_residual(entry),
@@ -149,12 +149,14 @@ def tip_of(flight: ComparedFlight) -> float:
 def slew_comparison(trial: Trial, entries: Entries, errors: Sequence[float]) -> SlewComparison:
     """Return what the entries say of the manoeuvre; see SlewComparison."""
     plans = [entry.plan for entry in entries if entry.plan is not None]
+    flown = tuple(entry for entry in entries if entry.flights)
     model, resting = trial.testbed.model(), initial_positions(trial.testbed)
+    if model.reading is not None:  # other joints and axes take part in its turn
+        return SlewComparison(trial, flown, 0.0, None)
     first = np.array([resting[name] for name in model.joint_names])
     most = np.array(trial.testbed.effort_limit)
     bound = max((rigid_duration(model, first, p.position[-1], most) for p in plans), default=0.0)
     longest = max((plan.end for plan in plans), default=0.0)
-    flown = tuple(entry for entry in entries if entry.flights)
     return SlewComparison(trial, flown, bound, _limit(trial, errors, longest))
 
 

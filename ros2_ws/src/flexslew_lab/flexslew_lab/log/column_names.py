@@ -3,6 +3,7 @@
 from flexslew_lab.log.bag_reader import Overview
 
 _TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
+TRUTH, STATE = "/truth", ("position", "velocity")
 _COORDINATES = (  # joints first, then modes
     "position",
     "velocity",
@@ -19,7 +20,9 @@ _EFFORTS = ("applied_effort", "disturbance", "effort", "feedforward", "estimate_
 _APPENDAGES = ("tip_deflection", "root_curvature")
 
 
-def column_name(overview: Overview, topic: str, field: str, place: int) -> str:
+def column_name(
+    overview: Overview, topic: str, field: str, place: int, joints_first: bool = True
+) -> str:
     """Return the name of one entry of a sequence: `position.hub`, else `position_0`.
 
     Args:
@@ -27,8 +30,12 @@ def column_name(overview: Overview, topic: str, field: str, place: int) -> str:
         topic: of the message.
         field: the sequence.
         place: of the entry, from 0.
+        joints_first: whether the truth begins with the joints; False: it holds what they are read
+            from.
     """
     testbed = overview.testbed
+    if topic == TRUTH and field in STATE and not joints_first:
+        return f"{field}_{place}"
     if testbed is not None and topic in _TICKED:
         joints, appendages = tuple(testbed.joint_names), tuple(testbed.appendage_names)
         modes = tuple(f"mode_{k + 1}" for k in range(testbed.modes))

@@ -20,7 +20,7 @@ class Efforts:
         "control_effort": Key(
             "(N m)^2 s", False, "integral of the sum of squared efforts over the run"
         ),
-        "saturated_time": Key("s", False, "time with at least one drive at its limit"),
+        "saturated_time": Key("s", False, "time with at least one applied effort at its limit"),
     }
 
     def __init__(self, setup: RunSetup) -> None:

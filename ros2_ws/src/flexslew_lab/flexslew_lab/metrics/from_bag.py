@@ -6,17 +6,15 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from flexslew_control.law import described
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.log.flown_testbed import flown_testbed
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, Metric, RunSetup
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.bench.retarget import with_requests
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import TargetRequested
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import Testbed
 
@@ -102,25 +100,6 @@ def manoeuvre_of(
     moved = last - first if attitude is None else attitude.displacement(first, last)
     moves = np.abs(velocity[-1]).max() > _AT_REST * np.abs(velocity).max()
     return FlownManoeuvre(start, start + duration, last, moved, velocity[-1] if moves else None)
-
-
-def flown_testbed(overview: Overview, epoch: int, trust: Trust) -> Testbed | None:
-    """Return the testbed of a log with all its turns, those of operators in that epoch too.
-
-    It says where the joints are and where antennas look; None: of a version that this one does not
-    know.
-    """
-    if overview.testbed is None:
-        return None
-    requests = [
-        e.what for e in overview.events if isinstance(e.what, TargetRequested) and e.epoch == epoch
-    ]
-    try:
-        plant = described(overview.testbed.settings, "the log", trust)
-        turns = [(request.text, request.start * plant.period) for request in requests]
-        return with_requests(plant.testbed, turns)
-    except (BadInput, KeyError, TypeError, ValueError):
-        return None
 
 
 def _run_setup(bag: BagReader, joints: int, epoch: int) -> RunSetup:

@@ -14,10 +14,9 @@ from flexslew_lab.metrics.metric import (
     RunSetup,
     by_joint,
 )
+from flexslew_lab.metrics.settling import commanded_moves
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
-
-_NOWHERE = 1e-9  # moves below this are rounding [rad or m]
 
 
 class JointErrors:
@@ -117,9 +116,8 @@ def goal_errors(
     """
     if manoeuvre.rate is not None:
         return _in_motion(manoeuvre.rate, attitude, final, rate)
-    planned = manoeuvre.displacement
-    move = np.where(planned == 0.0, -first, planned)  # of a step, from where it began
-    going = np.abs(move) > _NOWHERE
+    move = commanded_moves(manoeuvre.displacement, first)
+    going = move != 0.0
     if attitude is not None and going.sum() > 1:
         return np.asarray(attitude.share(final, move).max())
     share = np.where(going, np.abs(final / np.where(going, move, 1.0)), -1.0).max(axis=-1)

@@ -28,6 +28,7 @@ class LineOfSightMetric:
             False,
             "by antenna: when that angle, after its manoeuvre, settles within the pointing "
             "tolerance; null: never",
+            never="line_of_sight_error",
         ),
     }
 

@@ -20,6 +20,8 @@ class Key(NamedTuple):
     meaning: str
     axes: bool = False  # values, also those by part, come for x, y, z, or as None for all three
     spectrum: bool = False  # by frequency, which is no number of a trial
+    never: str = ""  # where this key has a value, None means never, which is worse than any number
+    some: bool = False  # parts may have no value; the largest is that of those which have one
 
 
 class FlownManoeuvre(NamedTuple):

@@ -44,6 +44,7 @@ class PointingMetric:
             False,
             "by appendage: last time with any component above the pointing tolerance; "
             "null: not settled",
+            never="peak_platform_attitude",
         ),
         "control_effort_by_actuator": Key(
             "(N m)^2 s or N^2 s", False, "by actuator: integral of its squared effort"

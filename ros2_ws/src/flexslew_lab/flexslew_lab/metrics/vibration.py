@@ -21,7 +21,9 @@ class Vibration:
             "s",
             False,
             "by appendage: from the end of its last turn (without one, of the manoeuvre) until its "
-            "tip stays within 5 % of the largest distance before; null: never",
+            "tip stays within 5 % of the largest distance before, of the run where nothing is "
+            "before; null: never",
+            never="peak_platform_attitude",
         ),
     }
 
@@ -35,22 +37,25 @@ class Vibration:
         if isinstance(known, Retargetable):
             self._end = {turn.appendage: turn.end for turn in known.hinge_turns()}
         self._without = setup.manoeuvre.end  # of an appendage that does not turn [s]
-        self._peak: dict[str, float] = {}  # until then [m]
+        self._peak: dict[str, float] = {}  # until then, where it ends at the start of the run [m]
         self._outside: dict[str, float] = {}  # last time outside of the band [s]
-        self._last_time = 0.0
+        self._first_time, self._last_time = np.inf, 0.0
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
         if self._testbed is None:
             return
+        self._first_time = min(self._first_time, float(block.time[0]))
         self._last_time = float(block.time[-1])
         tips = block_motions(self._testbed, block, self._goal).tips
         for name, tip in tips.items():
             distance = np.linalg.norm(tip, axis=1)
-            before = block.time < self._end.get(name, self._without)
-            peak = max(self._peak.get(name, 0.0), float(distance[before].max(initial=0.0)))
-            self._peak[name] = peak
-            outside = np.flatnonzero(before | (distance > BAND * peak))
+            end = self._end.get(name, self._without)
+            before = block.time < end
+            counts = distance if end <= self._first_time else np.where(before, distance, 0.0)
+            peaks = np.maximum(np.maximum.accumulate(counts), self._peak.get(name, 0.0))
+            self._peak[name] = float(peaks[-1])
+            outside = np.flatnonzero(before | (distance > BAND * peaks))
             if outside.size:
                 self._outside[name] = float(block.time[outside[-1]])
 

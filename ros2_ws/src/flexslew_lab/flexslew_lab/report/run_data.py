@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.log.flown_testbed import flown_testbed
 from flexslew_lab.log.messages.logged_text import logged_yaml
-from flexslew_lab.metrics.from_bag import flown_testbed, joint_names_of, metrics_from
+from flexslew_lab.metrics.from_bag import joint_names_of, metrics_from
 from flexslew_lab.report.matching import Waiting, keys_of
 from flexslew_lab.report.spans import Span, spans_of
 from flexslew_lab.report.thinning import Thinner, Trace

@@ -5,10 +5,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.log.flown_testbed import model_with_readings
 from flexslew_lab.metrics.from_bag import joint_names_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.model import Model
 
+_Q, _V = "coordinate", "coordinate_rate"  # no fields: the state, where joints are read from it
 # name of a signal: its topic, the field of the message, what its columns are named after
 _FIELDS = {
     "position": ("/truth", "position", "coordinates"),
@@ -17,6 +20,8 @@ _FIELDS = {
     "disturbance": ("/truth", "disturbance", "efforts"),
     "tip": ("/truth", "tip_deflection", "appendages"),
     "energy": ("/truth", "energy", ""),
+    _Q: ("/truth", _Q, "numbers"),
+    _V: ("/truth", _V, "numbers"),
     "measured": ("/measurement", "joint_position", "coordinates"),
     "reference": ("/controller_state", "reference_position", "coordinates"),
     "feedforward": ("/controller_state", "feedforward", "efforts"),
@@ -43,12 +48,15 @@ def read_signals(bag: BagReader) -> Signals:
     truth = columns.get("/truth", {})
     if not truth:
         raise BadInput("holds no truth", bag.path)
+    model = model_with_readings(bag.overview, bag.trust)
+    if model is not None and truth["position"].shape[1] == model.positions:
+        _read(model, columns)
     ticks = _keys_of_ticks(truth)
     labels = _labels(bag.overview, truth["applied_effort"].shape[1])
     values: dict[str, Vector] = {}
     units: dict[str, str] = {}
     for quantity, (topic, field, kind) in _FIELDS.items():
-        if topic not in columns:
+        if field not in columns.get(topic, {}):
             continue
         found = columns[topic][field]
         rows = _at(ticks, _keys_of_ticks(columns[topic]), found.reshape(len(found), -1))
@@ -65,7 +73,7 @@ def _columns(bag: BagReader) -> dict[str, dict[str, Any]]:
     """Return the fields of the topics as arrays, (messages, entries), by topic."""
     fields: dict[str, set[str]] = {}
     for topic, field, _ in _FIELDS.values():
-        fields.setdefault(topic, {"tick", "epoch"}).add(field)
+        fields.setdefault(topic, {"tick", "epoch"}).update({field} - {_Q, _V})
     fields["/truth"] |= {"header.stamp.sec", "header.stamp.nanosec"}
     parts: dict[str, dict[str, list[Any]]] = {}
     for block in bag.blocks(list(fields)):
@@ -76,6 +84,27 @@ def _columns(bag: BagReader) -> dict[str, dict[str, Any]]:
         topic: {field: _joined(pieces) for field, pieces in found.items()}
         for topic, found in parts.items()
     }
+
+
+def _read(model: Model, columns: dict[str, dict[str, Any]]) -> None:
+    """Put joints and modes where the log has the state, and estimates where joints read them.
+
+    In the log the estimate of an attitude is as far from the reference as the rotation between
+    them.
+    """
+    truth, answers = columns["/truth"], columns.get("/controller_state")
+    truth |= {_Q: truth["position"], _V: truth["velocity"]}
+    state = np.hstack((truth[_Q], truth[_V]))
+    pairs = zip(model.joint_states(state), model.modal_state(state), strict=True)
+    truth["position"], truth["velocity"] = map(np.hstack, pairs)
+    if model.attitude is None or answers is None:
+        return
+    estimate, reference = answers["estimate_position"], answers["reference_position"]
+    joints = model.joints
+    if estimate.shape[1] >= joints == reference.shape[1]:
+        turn = estimate[:, :joints] - reference
+        there = model.attitude.moved(reference, turn)
+        answers["estimate_position"] = np.hstack((there, estimate[:, joints:]))
 
 
 def _joined(pieces: list[Any]) -> Any:
@@ -124,4 +153,5 @@ def _labels(overview: Overview, efforts: int) -> dict[str, Any]:
         "efforts": effort,
         "appendages": appendage,
         "": lambda k: ("", "J"),
+        "numbers": lambda k: (str(k + 1), ""),
     }

@@ -7,6 +7,7 @@ from flexslew_lab.metrics.goal import missed_goal
 from flexslew_lab.metrics.keep_out import looked_inside
 
 _SAME = 1.05  # ratios of the vibration below this are called equal
+_BELOW = "no effort at its limit"
 _NOTHING = 1e-9  # tip deflections below this are rounding [m]
 
 
@@ -50,6 +51,9 @@ def _vibration(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
         peak = _largest(metrics.get("peak_tip_deflection"))
         bent = "" if peak is None else f"tip deflection up to {peak:.3g} m; "
         return f"{bent}the manoeuvre was not completed"
+    finals = metrics.get("final_error") or {}
+    if finals and all(error is None for error in finals.values()):  # it has no goal
+        return f"tip deflection up to {left:.3g} m"
     if without is None or max(left, without) < _NOTHING:
         return f"tip deflection after the manoeuvre: {left:.3g} m"
     return f"{_compared(left, without)} without feedforward ({left:.3g} m, not {without:.3g} m)"
@@ -93,7 +97,7 @@ def _limits(metrics: Mapping[str, Any]) -> Iterator[str]:
     """Yield what the drives and the bench had to object."""
     saturated = metrics.get("saturated_time")
     if saturated is not None:
-        yield f"efforts at their limit for {saturated:.3g} s" if saturated else "no limit reached"
+        yield f"efforts at their limit for {saturated:.3g} s" if saturated else _BELOW
     for key, one, many in (
         ("missed_ticks", "tick without an answer", "ticks without an answer"),
         ("faults", "fault", "faults"),

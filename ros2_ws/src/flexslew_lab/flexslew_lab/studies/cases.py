@@ -114,9 +114,11 @@ def typical_case(study: Study, samples: pa.Table, variant: int) -> Case:
 def changes_of(study: Study, case: Case) -> dict[str, Any]:
     """Return what the sample changes of the trial, by key."""
     changes: dict[str, Any] = {}
+    own = study.variants[case.variant].nominal
     for varied, draw in zip(study.varied, case.draws, strict=True):
         for key in varied.keys:
-            changes[key] = varied.value(value_at(study.base, key), draw)
+            nominal = own[key] if key in own else value_at(study.base, key)
+            changes[key] = varied.value(nominal, draw)
     return changes
 
 

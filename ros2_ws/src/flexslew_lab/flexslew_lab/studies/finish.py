@@ -8,6 +8,7 @@ from typing import Any
 from flexslew_lab.run.run_trial import Result, run_trial
 from flexslew_lab.studies.cases import case_of, case_trial
 from flexslew_lab.studies.disk import own_folder
+from flexslew_lab.studies.findings.columns import column, worst_of
 from flexslew_lab.studies.findings.summary import summary
 from flexslew_lab.studies.flight import Flown, Plans, columns_of, flown
 from flexslew_lab.studies.lanes.check import TOLERANCE, apart
@@ -69,16 +70,21 @@ def _difference(store: Store, number: int, metrics: dict[str, Any]) -> str:
     return ""
 
 
-def keep_worst(
-    study: Study, store: Store, found: dict[str, Any], say: Callable[[str], None]
-) -> list[Path]:
-    """Fly the worst trials again with their logs, as `keep.bags` says; return their folders."""
+def keep_worst(study: Study, store: Store, say: Callable[[str], None]) -> list[Path]:
+    """Fly the worst trials again with their logs, as `keep.bags` says; return their folders.
+
+    Args:
+        study: its file.
+        store: its folder, with the table.
+        say: told why a trial has no log.
+    """
     words = study.settings.keep.bags.split()
     if words[0] == "none":
         return []
     name = next(iter(study.settings.criteria), "residual_tip_deflection")
     folders = []
-    requested = [entry["index"] for entry in found["metrics"][name]["worst"][: int(words[1])]]
+    found, _ = column(study, store, name, None)
+    requested = found.numbers[worst_of(found, int(words[1]))].tolist()
     place = own_folder(store.folder / _WORST)
     for path in sorted(place.glob("*")) if place.is_dir() else []:
         if not path.name.isdigit() or int(path.name) not in requested:

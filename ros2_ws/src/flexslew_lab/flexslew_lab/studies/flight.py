@@ -179,7 +179,7 @@ def columns_of(metrics: dict[str, Any]) -> dict[str, float | None]:
         if key.axes:
             parts = {k: v for part, entry in parts.items() for k, v in _by_axis(part, entry)}
         if name not in parts:
-            entries = parts.values()
+            entries = [e for e in parts.values() if e is not None or not key.some]
             found[name] = None if None in entries else max(map(abs, entries), default=None)
         for part, entry in parts.items():
             found[part] = None if entry is None else float(entry)

@@ -106,6 +106,10 @@ def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
         own = own_metrics(typical.metrics, f"{study.source}: metrics", typical.trust)
         columns |= dict.fromkeys(metric_columns(bench, own))
         trials.append(typical)
+    for varied in study.varied:
+        if varied.name in columns:
+            words = f"{varied.name} is not allowed: a metric has that name"
+            raise BadInput(words, f"{study.source}: vary")
     for name in study.settings.criteria:
         known_metric(name, list(columns), f"{study.source}: criteria")
     if study.settings.stop is not None:

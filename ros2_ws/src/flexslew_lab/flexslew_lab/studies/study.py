@@ -1,6 +1,7 @@
 """A study file: which trial, what varies and how, what is compared, what has to hold."""
 
 import difflib
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from itertools import product
 from pathlib import Path
@@ -12,15 +13,16 @@ from pydantic import Field
 
 from flexslew_lab.studies.sampling.distributions import Distribution, distribution_of
 from flexslew_lab.studies.sampling.methods import METHODS, Sampling, check_sampling, list_of
-from flexslew_lab.trial.overrides import value_at
+from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.sources import trial_path
-from flexslew_lab.trial.trial import Trial, load_trial
+from flexslew_lab.trial.trial import Trial, load_trial, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import Positive, load_yaml, plain, section, validated
 
 SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
 
+_OWN = ("name", "seed", "rate_factor")  # keys of which every trial of a study has its own
 _TAKEN = ("index", "sample", "variant", "replicate", "seed", "status", "reason", "way")
 
 Knowledge: TypeAlias = Literal["experiment", "manoeuvre"] | bool
@@ -120,6 +122,7 @@ class StudyVariant(NamedTuple):
     label: str  # empty where nothing is compared
     changes: dict[str, Any]
     replan: Knowledge = False  # see StudySettings
+    nominal: Mapping[str, Any] = {}  # what draws are of, by key, where its changes have a say in it
 
 
 class Nominal(NamedTuple):
@@ -201,7 +204,11 @@ def parse_study(text: str, source: str, folder: Path, trust: Trust = NO_CODE) ->
     base = plain(load_trial(trial_path, trust))
     varied, listed = _varied(settings, base, folder, source)
     check_sampling(settings.sampling, len(varied), f"{source}: sampling")
-    variants = _variants(settings, base, source)
+    _require_apart(varied, f"{source}: vary")
+    variants = tuple(
+        _with_nominal(variant, varied, base, source, trust)
+        for variant in _variants(settings, base, source)
+    )
     for name, criterion in settings.criteria.items():
         if (criterion.below is None) == (criterion.above is None):
             raise BadInput(f"criteria.{name}: give either below or above", source)
@@ -255,6 +262,23 @@ def _varied(
     if not settings.vary:
         raise BadInput("vary: is missing; name at least one value of the trial", source)
     return tuple(_one(name, v, base, source) for name, v in settings.vary.items()), ()
+
+
+def _require_apart(varied: Iterable[Varied], place: str) -> None:
+    """Refuse keys that a later draw would overwrite, and those that the study itself sets."""
+    seen: list[str] = []
+    for key in (key for one in varied for key in one.keys):
+        if key in _OWN:
+            raise BadInput(f"{key} is not allowed: every trial of a study has its own", place)
+        twice = next((other for other in seen if _overlap(key, other)), None)
+        if twice is not None:
+            raise BadInput(f"{key} is not allowed beside {twice}: both set the same value", place)
+        seen.append(key)
+
+
+def _overlap(one: str, other: str) -> bool:
+    """Return whether a path is another one, or leads through it."""
+    return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
 
 
 def _one(name: str, values: dict[str, Any], base: dict[str, Any], source: str) -> Varied:
@@ -327,6 +351,7 @@ def _variants(
         changes: dict[str, Any] = {}
         for _, change in choice:
             changes |= change
+        changes = dict(sorted(changes.items(), key=lambda item: item[0].count(".")))
         label = ", ".join(label for label, _ in choice if label)
         knows = changes.pop(REPLAN, settings.replan)
         if knows == EXPERIMENT and not settings.shake:
@@ -337,6 +362,31 @@ def _variants(
             )
         variants.append(StudyVariant(label, changes, knows))
     return tuple(variants)
+
+
+def _with_nominal(
+    variant: StudyVariant, varied: Iterable[Varied], base: dict[str, Any], source: str, trust: Trust
+) -> StudyVariant:
+    """Return a variant with what draws are of where it says so itself.
+
+    Raises:
+        BadInput: a draw would replace what is compared.
+    """
+    place, found = f"{source}: vary", dict[str, Any]()
+    keys = [(key, one.reference) for one in varied for key in one.keys]
+    said = {p: v for p, v in variant.changes.items() if any(_overlap(p, key) for key, _ in keys)}
+    values = plain(trial_of_values(overridden(base, said), source, trust)) if said else {}
+    for key, reference in keys:
+        changed = [path for path in said if _overlap(path, key)]
+        if changed and reference != "absolute":
+            found[key] = nominal_value(values, key, place)
+            if not _numeric(found[key]):
+                words = f"{key} is {found[key]!r} with {variant.label}"
+                raise BadInput(f"{words}; {reference} needs numbers", place)
+        elif any(path.startswith(key) for path in changed):
+            words = "the draw would replace what is compared; use relative or offset"
+            raise BadInput(f"{key} is not allowed beside compare.{changed[0]}: {words}", place)
+    return variant._replace(nominal=found)
 
 
 def _require_knowledge(given: list[Any] | dict[str, Any], source: str) -> None:

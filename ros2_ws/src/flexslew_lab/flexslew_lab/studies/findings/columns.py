@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from flexslew_lab.metrics.rows import key_of
 from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
@@ -15,7 +16,6 @@ from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Vector
 
 CONFIDENCE = 0.9  # of bounds that no criterion names
-_NEVER = ("settling_time",)  # null means that it never happened, not that there is no such number
 
 
 class Column(NamedTuple):
@@ -23,23 +23,41 @@ class Column(NamedTuple):
 
     numbers: NDArray[np.int64]  # of the trials
     values: Vector  # inf: failed or never; NaN: the trial has no such number
-    failed: int
+    lost: NDArray[np.bool_]  # failed, (trials,)
     missing: int  # NaN
+
+    @property
+    def failed(self) -> int:
+        """How many have."""
+        return int(np.count_nonzero(self.lost))
 
 
 def column(study: Study, store: Store, name: str, variant: int | None) -> tuple[Column, pa.Table]:
     """Return a metric of one variant (None: of all) with the rows that it comes from."""
-    rows = store.table(["index", "replicate", "status", name])
+    known = _parts(store, key_of(name).never)
+    rows = store.table(["index", "replicate", "status", name, *known])
     if variant is not None:
         count = len(study.variants)
         rows = rows.filter(pa.array(rows["index"].to_numpy() % count == variant))
     values = rows[name].to_numpy(zero_copy_only=False).astype(np.float64)
-    failed = pc.not_equal(rows["status"], "ok").to_numpy()
-    if name.split(".")[0] in _NEVER:
-        values = np.where(np.isnan(values), inf, values)
-    values = np.where(failed, inf, values)
+    lost = pc.not_equal(rows["status"], "ok").to_numpy()
+    if known:
+        there = [pc.is_valid(rows[part]).to_numpy() for part in known]
+        values = np.where(np.isnan(values) & np.any(there, axis=0), inf, values)
+    values = np.where(lost, inf, values)
     missing = int(np.isnan(values).sum())
-    return Column(rows["index"].to_numpy(), values, int(failed.sum()), missing), rows
+    return Column(rows["index"].to_numpy(), values, lost, missing), rows
+
+
+def _parts(store: Store, key: str) -> list[str]:
+    """Return the columns of a key of metrics.json."""
+    return [name for name in store.identity["columns"] if name.split(".")[0] == key]
+
+
+def worst_of(found: Column, most: int) -> list[int]:
+    """Return the places of the trials with the largest numbers, failures before all others."""
+    order = np.lexsort((-np.nan_to_num(found.values, nan=-inf), ~found.lost))[:most]
+    return [k for k in order.tolist() if not np.isnan(found.values[k])]
 
 
 def population(study: Study, values: Vector, replicate: NDArray[np.int32]) -> Population:

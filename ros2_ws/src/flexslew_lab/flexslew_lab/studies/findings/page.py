@@ -126,9 +126,15 @@ def _worst(store: Store, found: dict[str, Any], names: list[str]) -> list[dict[s
         {
             "metric": name,
             "index": entry["index"],
-            "value": "failed" if entry["value"] is None else short(entry["value"]),
+            "value": _worst_value(entry),
             "command": f"./flexslew study fly {store.folder} {entry['index']}",
         }
         for name in names
         for entry in found["metrics"][name]["worst"]
     ]
+
+
+def _worst_value(entry: dict[str, Any]) -> str:
+    if entry["failed"]:
+        return "failed"
+    return "never" if entry["value"] is None else short(entry["value"])

@@ -1,11 +1,12 @@
 """Which of the varied values a metric depends on: Sobol indices with bootstrap bounds."""
 
-from typing import Any, NamedTuple
+import warnings
+from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import sobol_indices
+from scipy.stats import bootstrap
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Tensor, Vector
 
 _RESAMPLES = 500
 
@@ -35,25 +36,41 @@ def indices(
     missing = int(np.count_nonzero(~np.isfinite(values)))
     if missing:
         return [], f"{missing} of {len(values)} trials gave no number, and every one is needed"
+    if n < 2:
+        return [], "one row has no scatter; give a larger n"
     if np.ptp(values) <= 1e-12 * np.abs(values).max():
         return [], "the metric does not vary"
-    blocks = values.reshape(d + 2, 1, n)
-    parts: Any = {"f_A": blocks[0], "f_B": blocks[1], "f_AB": blocks[2:]}
-    found = sobol_indices(func=parts, n=n, rng=np.random.default_rng(seed))
-    spread = found.bootstrap(confidence_level=confidence, n_resamples=_RESAMPLES)
-    rows = []
-    for j, name in enumerate(names):
-        first = spread.first_order.confidence_interval
-        total = spread.total_order.confidence_interval
-        rows.append(
-            Index(
-                name,
-                _triple(first.low, found.first_order, first.high, j),
-                _triple(total.low, found.total_order, total.high, j),
-            )
+    blocks = (values - values[: 2 * n].mean()).reshape(d + 2, n)
+    estimate = _shares(blocks)
+    with warnings.catch_warnings():  # of values without effect, whose resamples are all alike
+        warnings.simplefilter("ignore")
+        spread = bootstrap(
+            [np.arange(n)],
+            lambda rows, axis: _shares(blocks[:, rows]),
+            n_resamples=_RESAMPLES,
+            confidence_level=confidence,
+            method="BCa",
+            rng=np.random.default_rng(seed),
         )
-    return rows, ""
+    tails = [0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence]
+    plain = np.quantile(spread.bootstrap_distribution, tails, axis=-1)
+    ends = np.array(spread.confidence_interval)
+    low, high = np.where(np.isfinite(ends), ends, plain)  # percentiles where BCa has no number
+    bounded = np.stack((low, estimate, high), axis=-1).tolist()
+    first, total = ([tuple(triple) for triple in kind] for kind in bounded)
+    return list(map(Index, names, first, total)), ""
 
 
-def _triple(low: Any, middle: Any, high: Any, j: int) -> tuple[float, float, float]:
-    return float(np.ravel(low)[j]), float(np.ravel(middle)[j]), float(np.ravel(high)[j])
+def _shares(blocks: Tensor) -> Tensor:
+    """Return first-order and total indices, shape (2, d, ...), from f(A), f(B) and each f(AB).
+
+    S = mean(f_B (f_AB - f_A)) / V and T = mean((f_A - f_AB)^2) / 2 V (Saltelli et al., 2010).
+
+    Args:
+        blocks: shape (d + 2, ..., n).
+    """
+    a, b, mixed = blocks[0], blocks[1], blocks[2:]
+    variance = np.var(np.stack((a, b)), axis=(0, -1))
+    first = np.mean(b * (mixed - a), axis=-1)
+    total = 0.5 * np.mean((a - mixed) ** 2, axis=-1)
+    return np.asarray(np.stack((first, total)) / variance)

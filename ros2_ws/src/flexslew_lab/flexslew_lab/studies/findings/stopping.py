@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from flexslew_lab.studies.findings.columns import column, population
 from flexslew_lab.studies.findings.population import Bounds, Population
-from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Stop, Study
 
@@ -52,11 +52,9 @@ def settled(study: Study, store: Store, samples: pa.Table, look: int) -> dict[st
     if stop is None:
         return None
     confidence = interim_confidence(study, samples, stop)
-    replicated = METHODS[study.settings.sampling.method].replicated
     known = []
-    for values in _values(study, store, stop.metric, look):
-        parts = samples["replicate"].to_numpy()[:look] if replicated else None
-        bounds = Population(values, parts).quantile(stop.quantile, confidence)
+    for found in _looked_at(study, store, stop.metric, look):
+        bounds = found.quantile(stop.quantile, confidence)
         if _half_width(bounds) > stop.half_width:
             return None
         known.append(bounds)
@@ -76,16 +74,11 @@ def _half_width(bounds: Bounds) -> float:
     return inf if low is None or high is None else 0.5 * (high - low)
 
 
-def _values(
-    study: Study, store: Store, metric: str, look: int
-) -> Iterator[np.ndarray[tuple[int], np.dtype[np.float64]]]:
-    """Yield the metric of the first samples, variant by variant; inf where there is none."""
+def _looked_at(study: Study, store: Store, metric: str, look: int) -> Iterator[Population]:
+    """Yield the metric of the first samples, variant by variant, as the report has it."""
     store.write_table()
-    rows = store.table(["index", metric])
-    numbers = rows["index"].to_numpy()
-    values = rows[metric].to_numpy(zero_copy_only=False).astype(np.float64)
-    values = np.where(np.isnan(values), np.inf, values)
     count = len(study.variants)
     for variant in range(count):
-        chosen = (numbers % count == variant) & (numbers < look * count)
-        yield values[chosen]
+        found, rows = column(study, store, metric, variant)
+        early = found.numbers < look * count
+        yield population(study, found.values[early], rows["replicate"].to_numpy()[early])

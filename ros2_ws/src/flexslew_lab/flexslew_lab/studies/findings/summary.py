@@ -1,6 +1,5 @@
 """What a study found, as plain data with stable keys: what --json prints and the report shows."""
 
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from flexslew_lab.metrics.rows import key_of
-from flexslew_lab.studies.findings.columns import CONFIDENCE, Column, column, population
+from flexslew_lab.studies.findings.columns import CONFIDENCE, Column, column, population, worst_of
 from flexslew_lab.studies.findings.criteria import judged
 from flexslew_lab.studies.findings.pairs import paired
 from flexslew_lab.studies.findings.population import Population
@@ -80,6 +79,7 @@ def _metric(study: Study, store: Store, name: str) -> dict[str, Any]:
         found, rows = column(study, store, name, k)
         samples = population(study, found.values, rows["replicate"].to_numpy())
         each[variant.label] = _numbers(samples, confidence) | {
+            "trials": len(found.values),
             "failed": found.failed,
             "missing": found.missing,
             "worst": _worst(found),
@@ -94,6 +94,7 @@ def _metric(study: Study, store: Store, name: str) -> dict[str, Any]:
         bounds[0] = None if any(p[0] is None for p in parts) else min(p[0] for p in parts)
         bounds[2] = None if any(p[2] is None for p in parts) else max(p[2] for p in parts)
     return pooled | {
+        "trials": len(whole.values),
         "failed": whole.failed,
         "missing": whole.missing,
         "worst": _worst(whole),
@@ -120,15 +121,14 @@ def _numbers(found: Population, confidence: float) -> dict[str, Any]:
 
 
 def _worst(found: Column) -> list[dict[str, Any]]:
-    """Return the trials with the largest numbers, the failed before all others."""
-    order = np.argsort(-np.nan_to_num(found.values, nan=-inf), kind="stable")[:_WORST]
+    """Return the trials with the largest numbers."""
     return [
         {
             "index": int(found.numbers[k]),
             "value": float(found.values[k]) if np.isfinite(found.values[k]) else None,
+            "failed": bool(found.lost[k]),
         }
-        for k in order
-        if not np.isnan(found.values[k])
+        for k in worst_of(found, _WORST)
     ]
 
 

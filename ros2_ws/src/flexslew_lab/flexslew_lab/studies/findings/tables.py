@@ -34,7 +34,7 @@ class PairRow(NamedTuple):
 
 
 def metric_tables(found: dict[str, Any]) -> dict[str, list[MetricRow]]:
-    """Return the rows of each variant by its label; without metrics that are 0 in every trial."""
+    """Return the rows of each variant by its label, without those that tell nothing."""
     tables = {}
     for label in found["variants"]:
         rows = []
@@ -107,7 +107,9 @@ def _row(name: str, unit: str, metric: dict[str, Any]) -> MetricRow:
 
 
 def _nothing(metric: dict[str, Any]) -> bool:
-    """Return whether a metric is 0 in every trial that has it, and no trial failed."""
+    """Return whether no trial has a metric, or it is 0 in all that have it and none failed."""
+    if 0 < metric["missing"] == metric["trials"] - metric["failed"]:
+        return True
     ends = [b for bounds in metric["quantiles"].values() for b in bounds[1:2]]
     return metric["mean"] == 0.0 and not any(ends) and not metric["failed"]
 

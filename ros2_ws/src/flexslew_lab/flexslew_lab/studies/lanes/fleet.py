@@ -67,7 +67,7 @@ class _Prepared(NamedTuple):
 
     legs: tuple[Leg, ...]
     schedule: Schedule
-    aim: Vector  # rows from `tip` to `band`
+    aim: Vector  # rows `tip` and `goal`, then the displacement
     goal: FlownManoeuvre
     kind: Hashable  # laws for which it is equal may fly beside each other
 

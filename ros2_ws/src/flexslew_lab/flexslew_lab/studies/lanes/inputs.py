@@ -13,7 +13,6 @@ from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import FlownManoeuvre
-from flexslew_lab.metrics.settling import settling_band
 from flexslew_lab.studies.lanes.efforts import LawNumbers, Troubles
 from flexslew_lab.studies.lanes.lane_faults import faults_of
 from flexslew_lab.studies.lanes.lane_laws import Beside, by_lane
@@ -110,18 +109,14 @@ def _disturbance(lane: LaneTrial, ticks: int) -> Matrix:
 
 
 def aim_of(lane: LaneTrial, plan: Plan | None) -> tuple[Vector, FlownManoeuvre]:
-    """Return what a group is measured against: rows from `tip` to `band`, and as a record."""
+    """Return what a group is measured against: rows `tip`, `goal`, displacement; as a record."""
     testbed, nowhere = lane.trial.testbed, np.zeros(lane.model.joints)
     goal = FlownManoeuvre(0.0, 0.0, None, nowhere)
     if plan is not None:
         goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
-    rows = (
-        lane.model.appendages.tip.ravel(),
-        np.nan + nowhere if goal.goal is None else goal.goal,
-        np.sign(goal.displacement),
-        settling_band(goal.displacement),
-    )
-    return np.concatenate(rows), goal
+    place = np.nan + nowhere if goal.goal is None else goal.goal
+    tip = lane.model.appendages.tip.ravel()
+    return np.concatenate((tip, place, goal.displacement)), goal
 
 
 def drives_of(lanes: list[LaneTrial]) -> Matrix:

@@ -4,13 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.course import CourseMetric
 from flexslew_lab.metrics.efforts import root_mean_square
 from flexslew_lab.metrics.epoch import merged
 from flexslew_lab.metrics.joint_errors import goal_errors
 from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, RunSetup
 from flexslew_lab.metrics.operator_changes import OperatorChanges
-from flexslew_lab.metrics.settling import overshoots, settling_times
+from flexslew_lab.metrics.settling import commanded_moves, overshoots, settling_times
 from flexslew_lab.metrics.takeovers import Takeovers
 from flexslew_lab.studies.flight import columns_of
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
@@ -86,6 +87,7 @@ class LaneMetrics:
         aimed = np.nan if aim.goal is None else 1.0  # what counts where there is a goal
         final = joints(of_kernel.position) - self._goal
         errors = goal_errors(aim, None, self._first, final, joints(of_kernel.rate))
+        moves = commanded_moves(aim.displacement, self._first)
         squares = joints(rows.square_sum)
         return {
             "residual_tip_deflection": after * one(rows.residual_tip),
@@ -97,7 +99,7 @@ class LaneMetrics:
             **self._by_joint(
                 "settling_time", aimed * settling_times(aim, joints(rows.outside), self._times[1])
             ),
-            **self._by_joint("overshoot", overshoots(aim, joints(rows.beyond))),
+            **self._by_joint("overshoot", overshoots(moves, joints(rows.beyond))),
             **self._by_joint("peak_effort", joints(rows.peak_effort)),
             **self._by_joint("rms_effort", root_mean_square(squares, self._times)),
             "control_effort": squares.sum(axis=1),
@@ -108,5 +110,6 @@ class LaneMetrics:
         """Return the columns of what each joint has, see columns_of."""
         known = np.where(np.isfinite(values), values, np.nan)
         parts = zip(self._names, known.T, strict=True)
-        largest: Vector = abs(known).max(axis=1)
+        most = np.fmax if KEYS[name].some else np.maximum
+        largest: Vector = most.reduce(abs(known), axis=1)
         return {name: largest} | {f"{name}.{joint}": part for joint, part in parts}

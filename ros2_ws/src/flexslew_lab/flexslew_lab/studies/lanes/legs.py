@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.linear_form import LawForm, LinearForm
+from flexslew_lab.metrics.settling import commanded_moves, settling_band
 from flexslew_lab.studies.lanes.beginning import Beginning, beginning
 from flexslew_lab.studies.lanes.efforts import LawTerms
 from flexslew_lab.studies.lanes.inputs import (
@@ -55,7 +56,7 @@ class LaneFlight:
         legs: of every trial, equal but for the numbers of the laws.
         gains: kp, ki and kd of the first laws, shape (LANES, 3 axes).
         schedule: what is the same in every lane.
-        aim: rows from `tip` to `band`.
+        aim: rows `tip` and `goal`, then the displacement of the plan.
         filled: how many trials there are; the others only fill up.
         recorded: whether the truth is, see lane_loop.
     """
@@ -205,7 +206,12 @@ class LaneFlight:
         state = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: state.size] = state.ravel()
-        w[rows.tip : rows.law_limit] = np.repeat(aim, LANES)
+        joints = lanes[0].model.joints
+        w[rows.tip : rows.sign] = np.repeat(aim[:-joints], LANES)
+        error = w[: joints * LANES] - w[rows.goal : rows.sign]
+        moves = commanded_moves(aim[-joints:], error.reshape(joints, LANES).T)
+        w[rows.sign : rows.band] = np.sign(moves).T.ravel()
+        w[rows.band : rows.law_limit] = settling_band(moves).T.ravel()
         w[rows.limit : rows.quantum] = self._drives.T.ravel()
         if rows.doubt > rows.quantum:
             w[rows.quantum : rows.doubt] = self._quanta.ravel()

@@ -1,0 +1,39 @@
+"""The testbed that a log was flown on, made from what the log says of it."""
+
+from flexslew_control.law import described
+from flexslew_lab.log.bag_reader import Overview
+from flexslew_plant.bench.retarget import with_requests
+from flexslew_plant.errors import BadInput
+from flexslew_plant.events import TargetRequested
+from flexslew_plant.own_code import Trust
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.model import Model
+
+
+def flown_testbed(overview: Overview, epoch: int, trust: Trust) -> Testbed | None:
+    """Return the testbed of a log with all its turns, those of operators in that epoch too.
+
+    It says where the joints are and where antennas look; None: of a version that this one does not
+    know.
+    """
+    if overview.testbed is None:
+        return None
+    requests = [
+        e.what for e in overview.events if isinstance(e.what, TargetRequested) and e.epoch == epoch
+    ]
+    try:
+        plant = described(overview.testbed.settings, "the log", trust)
+        turns = [(request.text, request.start * plant.period) for request in requests]
+        return with_requests(plant.testbed, turns)
+    except (BadInput, KeyError, TypeError, ValueError):
+        return None
+
+
+def model_with_readings(overview: Overview, trust: Trust) -> Model | None:
+    """Return the model of a log whose joints are not the first entries of its state.
+
+    None: they are, or nobody knows.
+    """
+    testbed = flown_testbed(overview, 0, trust)
+    model = None if testbed is None else testbed.model()
+    return None if model is None or model.reading is None else model
