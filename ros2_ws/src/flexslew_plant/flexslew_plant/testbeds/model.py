@@ -431,12 +431,18 @@ class Model:
         return moved
 
     def inertias(self, x: Vector) -> Vector:
-        """Return what each effort moves alone, shape (joints,) [kg m^2 or kg]."""
+        """Return what each effort moves alone, shape (joints,) [kg m^2 or kg]: effort over the
+        acceleration of what its joint reads, infinite where it does not speed its joint up.
+
+        A wheel's joint reads the platform's turn, a thruster's that turn times its lever.
+        """
         q, _ = self.split(x)
         if self.leading is None:
             return np.diag(self.mass_matrix(q))[: self.joints]
-        moved: Vector = 1.0 / np.diag(self.mobility(x, np.zeros(self.efforts)))
-        return moved
+        moved = np.linalg.solve(self.mass_matrix(q), self.input_matrix(q)).T
+        own = [self.joint_state(self._together(q, v))[1][k] for k, v in enumerate(moved)]
+        gained = np.maximum(own, 0.0)
+        return np.divide(1.0, gained, out=np.full(gained.shape, np.inf), where=gained > 0.0)
 
     def energy(self, x: Vector, t: float = 0.0) -> float:
         """Return T + U [J], constant without effort, damping and dependence on time.
