@@ -1,6 +1,7 @@
 """Names of the columns of a table: those of joints, modes and appendages in place of numbers."""
 
 from flexslew_lab.log.bag_reader import Overview
+from flexslew_lab.log.truth_columns import coordinate_of
 
 _TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
 _COORDINATES = (  # joints first, then modes
@@ -29,6 +30,8 @@ def column_name(overview: Overview, topic: str, field: str, place: int) -> str:
         place: of the entry, from 0.
     """
     testbed = overview.testbed
+    if topic == "/truth" and (known := coordinate_of(overview, field, place)):
+        return f"{field}.{known.name}"
     if testbed is not None and topic in _TICKED:
         joints, appendages = tuple(testbed.joint_names), tuple(testbed.appendage_names)
         modes = tuple(f"mode_{k + 1}" for k in range(testbed.modes))

@@ -18,6 +18,7 @@ from flexslew_lab.log.column_names import column_name
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.log.messages.cdr import Field, fields
 from flexslew_lab.log.messages.schemas import definition, field_types, type_hash
+from flexslew_lab.log.truth_columns import coordinate_of
 from flexslew_plant.errors import BadInput
 
 WIDEST = 64  # longer sequences stay one column: a list in Parquet, JSON in CSV
@@ -163,7 +164,9 @@ def _columns(
                     k,
                     width,
                     base,
-                    _unit(overview, units, k),
+                    known.unit
+                    if topic == "/truth" and (known := coordinate_of(overview, name, k))
+                    else _unit(overview, units, k),
                 )
                 for k in range(width)
             ]

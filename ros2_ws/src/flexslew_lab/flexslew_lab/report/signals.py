@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.log.truth_columns import coordinate_of
 from flexslew_lab.metrics.from_bag import joint_names_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -54,9 +55,12 @@ def read_signals(bag: BagReader) -> Signals:
         rows = _at(ticks, _keys_of_ticks(columns[topic]), found.reshape(len(found), -1))
         for k, column in enumerate(rows.T):
             name, unit = labels[kind](k)
+            unit = f"{unit}/s" if quantity == "velocity" else unit
+            if topic == "/truth":
+                name, unit = coordinate_of(bag.overview, field, k, bag.trust) or (name, unit)
             full = f"{quantity}.{name}" if name else quantity
             values[full] = np.ascontiguousarray(column)
-            units[full] = f"{unit}/s" if quantity == "velocity" else unit
+            units[full] = unit
     time = truth["header.stamp.sec"] + truth["header.stamp.nanosec"] * 1e-9
     return Signals(time, values, units)
 

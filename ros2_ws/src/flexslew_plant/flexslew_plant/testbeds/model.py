@@ -30,6 +30,13 @@ class Motors(NamedTuple):
     sign: Vector  # of the coordinate along the effort: -1 for a wheel, which reacts, shape (k,)
 
 
+class Coordinate(NamedTuple):
+    """An entry of q or of v."""
+
+    name: str
+    unit: str  # empty: it has none
+
+
 @dataclass(frozen=True)
 class Model:
     """M(q, t) a + h(q, v, t) = B u, with q the joints and then the modal coordinates.
@@ -46,6 +53,7 @@ class Model:
             damping ratios kept; None: it cannot be scaled.
         time_varying: whether M, h or B depend on time.
         leading: how many entries of v stand before the modes; None: the joints.
+        known_as: the entries of q and of v before the modes, where they are not the joints.
         reading: from a state to where each joint is and how fast; None: the first entries.
         placed: from joint positions by name to q at rest; None: the first entries.
         motors: those of the actuators; None: all, one in each joint, unless the kernels say
@@ -67,6 +75,7 @@ class Model:
     scale_stiffness: Callable[[Vector, float], Vector] | None = None
     time_varying: bool = False
     leading: int | None = None
+    known_as: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] | None = None
     reading: Callable[[Vector], tuple[Vector, Vector]] | None = None
     placed: Callable[[Mapping[str, float]], Vector] | None = None
     motors: Motors | None = None
@@ -113,6 +122,17 @@ class Model:
     @cached_property
     def _bound(self) -> Bound:
         return bound(self.kernels, self.coordinates, self.before_modes)
+
+    @cached_property
+    def state_columns(self) -> tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]]:
+        """A name, fit for the column of a table, and a unit for each entry of q and of v."""
+        joints = tuple(map(Coordinate, self.joint_names, self.joint_units))
+        q, v = self.known_as or (joints, tuple(Coordinate(n, f"{u}/s") for n, u in joints))
+        modes = [f"mode_{k + 1}" for k in range(self.modes)]
+        return (
+            (*q, *(Coordinate(name, "m") for name in modes)),
+            (*v, *(Coordinate(name, "m/s") for name in modes)),
+        )
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:

@@ -29,6 +29,7 @@ from flexslew_plant.testbeds.spacecraft.assembly.packing import packed, stiffene
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
 from flexslew_plant.testbeds.spacecraft.channels import channels
 from flexslew_plant.testbeds.spacecraft.clamped import Clamped, clamped
+from flexslew_plant.testbeds.spacecraft.coordinates import coordinates
 from flexslew_plant.testbeds.spacecraft.drawing import scene_of
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.actuation import actuation
@@ -446,6 +447,7 @@ def _model(same: _Same) -> Model:
         scale_stiffness=lambda packed_, factor: stiffened(craft, packed_, factor),
         time_varying=any(a.manoeuvres for a in craft.appendages),
         leading=craft.sizes[1] - craft.modes,
+        known_as=coordinates(craft),
         reading=lambda x: _read(p, x, len(drives)),
         placed=lambda positions: placed(craft, axes, positions),
         motors=motors_of(craft),
