@@ -52,6 +52,7 @@ class Model:
         scale_stiffness: from packed and a factor to packed with all stiffness times the factor,
             damping ratios kept; None: it cannot be scaled.
         time_varying: whether M, h or B depend on time.
+        from_time: from packed and a time to packed whose time zero that is; None: there is none.
         leading: how many entries of v stand before the modes; None: the joints.
         known_as: the entries of q and of v before the modes, where they are not the joints.
         reading: from a state to where each joint is and how fast; None: the first entries.
@@ -74,6 +75,7 @@ class Model:
     actuators: int | None = None
     scale_stiffness: Callable[[Vector, float], Vector] | None = None
     time_varying: bool = False
+    from_time: Callable[[Vector, float], Vector] | None = None
     leading: int | None = None
     known_as: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] | None = None
     reading: Callable[[Vector], tuple[Vector, Vector]] | None = None
@@ -379,6 +381,12 @@ class Model:
         if self.scale_stiffness is None:
             raise BadInput("the stiffness of this testbed cannot be scaled")
         return replace(self, packed=self.scale_stiffness(self.packed, factor))
+
+    def begun_at(self, time: float) -> "Model":
+        """Return the model whose time zero is a time of this one [s]."""
+        if not self.time_varying or self.from_time is None or time == 0.0:
+            return self
+        return replace(self, packed=self.from_time(self.packed, time))
 
     def position_rates(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return N of q' = N(q) v, shape (positions, n)."""

@@ -25,7 +25,7 @@ from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of
-from flexslew_plant.testbeds.spacecraft.assembly.packing import packed, stiffened
+from flexslew_plant.testbeds.spacecraft.assembly.packing import begun_at, packed, stiffened
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
 from flexslew_plant.testbeds.spacecraft.channels import channels
 from flexslew_plant.testbeds.spacecraft.clamped import Clamped, clamped
@@ -446,6 +446,7 @@ def _model(same: _Same) -> Model:
         same.testbed.channels(craft),
         scale_stiffness=lambda packed_, factor: stiffened(craft, packed_, factor),
         time_varying=any(a.manoeuvres for a in craft.appendages),
+        from_time=lambda packed_, time: begun_at(craft, packed_, time),
         leading=craft.sizes[1] - craft.modes,
         known_as=coordinates(craft),
         reading=lambda x: _read(p, x, len(drives)),
