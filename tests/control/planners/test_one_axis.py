@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from tests.present import present
 
+from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import feedback_of, plan_of_trial, plant_of
 from flexslew_plant.errors import PlanFailed
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 
@@ -73,3 +75,46 @@ def test_a_step_of_a_free_platform_promises_nothing_and_flies(name: str, tmp_pat
     step = replace(trial, plan=settings, duration=1.0, schedule=())
     run_trial(step, "test", tmp_path / "run", in_process=True, report=False)
     assert metrics_of(tmp_path / "run" / "bag")["ticks"] == 1.0 / trial.period
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.9])
+@pytest.mark.parametrize("goal", [{"pitch": 0.5}, {"axis": [1.0, 2.0, -1.0], "angle": 0.6}])
+def test_a_driven_hinge_stays_where_it_starts_held_by_its_motor(goal: Any, angle: float) -> None:
+    """The efforts alone fly hub and dish along the plan, and none would leave the hinge behind."""
+    craft = {
+        "kind": "spacecraft",
+        "platform": {"mass": 200.0, "inertia": {"xx": 40.0, "yy": 45.0, "zz": 50.0}},
+        "appendages": {
+            "dish": {
+                "hinge": {
+                    "kind": "driven",
+                    "place": [0.3, 0.2, 0.4],
+                    "turned": {"axis": [0.0, 1.0, 1.0], "angle": 0.4},
+                    "axis": [1.0, 0.3, 0.0],
+                    "limit": 5.0,
+                },
+                "body": {
+                    "mass": 8.0,
+                    "centre": [0.5, 0.0, 0.6],
+                    "inertia": {"xx": 4.0, "yy": 6.0, "zz": 3.5, "xz": -2.4},
+                },
+            }
+        },
+        "actuators": {
+            name: {"kind": "torque", "direction": axis, "limit": 3.0}
+            for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3).tolist(), strict=True)
+        },
+        "initial": {"dish_hinge": angle},
+    }
+    testbed = read_testbed(craft, "here")
+    bench = PlantDescription(testbed, 0.02, np.array([3.0, 3.0, 3.0, 5.0]))
+    settings = {"method": "start_coast_stop", "goal": goal, "duration": 40.0}
+    plan = make_plan(plan_settings(settings, "here"), bench)
+    model = testbed.model()
+    x = np.concatenate((model.rest({"dish_hinge": angle}), np.zeros(model.coordinates)))
+    flown = model.path(x, plan.effort, 0.02)
+    position, rate = model.joint_states(flown)
+    assert np.abs(plan.effort[:, 3]).max() > 0.01  # of 3 kg m^2: a radian in 25 s
+    np.testing.assert_array_equal(plan.position[:, 3], angle)
+    np.testing.assert_allclose(position, plan.position[1:], atol=1e-5)
+    np.testing.assert_allclose(rate, plan.velocity[1:], atol=1e-5)

@@ -8,7 +8,7 @@ from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import TESTBEDS
+from flexslew_plant.testbeds import TESTBEDS, read_testbed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
 
 
@@ -187,3 +187,56 @@ def test_friction_slows_the_joint() -> None:
         tick(rough, (100.0, 0.0))
     assert 0.0 < rough.truth().velocity[0] < plain.truth().velocity[0]
     np.testing.assert_array_equal(rough.truth().applied_effort, [100.0, 0.0])
+
+
+TURN = {"kind": "torque", "direction": [1.0, 0.0, 0.0], "limit": 9.0}
+WHEEL = {"axis": [1.0, 0.0, 0.0], "inertia": 2.0, "limit": 9.0}
+GYRO, OTHER = (  # whose rotors store nothing together
+    {"axis": [0.0, way, 0.0], "rotor": [0.0, 0.0, way], "momentum": 1e4} for way in (1.0, -1.0)
+)
+PUSH, BACK = (
+    {"kind": "thruster", "place": [0.0, arm, 0.0], "direction": [0.0, 0.0, 1.0], "limit": 9.0}
+    for arm in (1.0, -1.5)
+)
+
+
+@pytest.mark.parametrize(
+    ("drives", "inertia", "brakes"),
+    [
+        ({"actuators": {"x": TURN}}, 50.0, 1),
+        ({"wheels": {"x": WHEEL}}, 48.0, 1),  # of all but its own wheel
+        ({"control_moment_gyros": {"x": GYRO, "y": OTHER}}, 50.0, 2),
+        ({"actuators": {"x": PUSH, "back": BACK}}, 50.0, 1),  # of two one pushes back
+    ],
+    ids=["torque", "wheel", "gyros", "thrusters"],
+)
+def test_the_brake_slows_a_craft_by_its_damping_ratio_whatever_turns_it(
+    drives: dict[str, Any], inertia: float, brakes: int
+) -> None:
+    """I w' = d - c w with c = zeta w0 I, and w0 = 0.1 rad/s of what has no mode."""
+    craft = read_testbed({"kind": "spacecraft", "actuators": {}, **drives}, "here")
+    pushed = ScheduleEntry(at=0.0, disturbance={"x": 0.2})
+    bed = bench(testbed=craft, period=0.1, brake_damping_ratio=0.5, schedule=(pushed,))
+    assert bed.brake(True) is None
+    tick(bed, np.zeros(bed.model.joints))
+    for _ in range(400):
+        bed.advance()
+    slowing = brakes * 0.5 * 0.1
+    expected = 0.2 / (slowing * inertia) * (1.0 - np.exp(-slowing * bed.time))
+    # the brake of a tick is that of the rate at its start
+    assert bed.truth().velocity[3] == pytest.approx(expected, rel=0.1 * slowing)
+
+
+def test_what_does_not_speed_its_own_joint_up_brakes_nothing() -> None:
+    """The craft's centre lies beyond the thruster, so it turns the other way round."""
+    platform = {"centre": [0.0, 2.0, 0.0], "inertia": {"xx": 450.0, "yy": 50.0, "zz": 450.0}}
+    craft = read_testbed(
+        {"kind": "spacecraft", "platform": platform, "actuators": {"x": PUSH}}, "here"
+    )
+    bed = bench(testbed=craft)
+    assert np.isinf(bed.model.inertias(np.concatenate((bed.model.rest({}), np.zeros(6)))))
+    assert bed.brake(True) is None
+    tick(bed, [1.0])
+    for _ in range(9):
+        bed.advance()
+    assert bed.truth().applied_effort == 0.0

@@ -236,6 +236,11 @@ def make_plan(
             f"{settings.method}: out of memory ({error}); take lower gains or a shorter duration"
         )
         raise PlanFailed(words) from error
+    if not all(np.isfinite(part).all() for part in (plan.position, plan.velocity, plan.effort)):
+        raise PlanFailed(
+            f"{settings.method}: the flight that was planned is not finite: modes are too fast for "
+            f"a period of {period:g} s; use a shorter one, or fewer modes"
+        )
     require_clear(plan, plant.testbed)
     require_one_way(plan, plant)
     return replace(plan, versions=software_versions())

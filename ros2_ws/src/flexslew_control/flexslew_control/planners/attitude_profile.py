@@ -142,7 +142,7 @@ def plan_attitude_profile(
         period=slew.period,
         position=position,
         velocity=velocity,
-        effort=following(model, position, velocity, slew.period),
+        effort=following(model.begun_at(settings.start), position, velocity, slew.period),
         state=np.zeros((len(ticks), 0)),
         duration=duration,
         request={**plain(settings), "initial": slew.named(slew.start)},

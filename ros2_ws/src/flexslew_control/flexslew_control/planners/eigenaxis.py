@@ -141,7 +141,7 @@ def eigenaxis(
         ),
         None if feedback is None else _about(feedback, seen),
         plant,
-        reduced_to(whole, model),
+        reduced_to(whole, model).begun_at(settings.start),
         first,
         last,
         axis,

@@ -41,6 +41,8 @@ def exact_on_ticks(plan: Plan, slew: Slew) -> Plan:
         return plan
     for _ in range(_ROUNDS):
         missed = goal - states[-1]
+        if not np.isfinite(missed).all():  # a step far beyond what the slopes tell
+            return plan
         if np.abs(missed).max() < _CLOSE:
             break
         slopes = _slopes(model, states, effort, plan.period)

@@ -125,6 +125,8 @@ def reduced(
     whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
     if isinstance(whole, Wheeled):
         whole = whole.wheeled()
+    if getattr(settings, "initial", None):
+        whole = replace(whole, initial=first)
     _require_turning(whole, names)
     if several:
         ends = tuple(np.array([at[name] for name in names]) for at in (first, first | goal))

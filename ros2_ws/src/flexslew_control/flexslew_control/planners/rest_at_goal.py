@@ -6,7 +6,8 @@ from flexslew_control.planners.slew import Slew
 from flexslew_plant.errors import BadInput
 
 _NO_FORCE = 1e-3  # of a drive's limit, that feedback holds at the goal, as a gravity gradient [-]
-_LOOKS = 0.618034 * np.arange(32)  # at forces that vary with time, in step with no period [-]
+_LOOKS = 0.618034 * np.arange(32) % 1.0  # in step with no period [-]
+_AFTER = 0.02  # of a slew's duration, in which forces that vary with time are looked at [-]
 
 
 def require_rest(slew: Slew, end: float) -> None:
@@ -14,14 +15,14 @@ def require_rest(slew: Slew, end: float) -> None:
 
     Args:
         slew: what is asked for.
-        end: of the slew; where time matters, some times up to it are looked at [s].
+        end: of the slew, from its begin on [s].
 
     Raises:
         BadInput: springs or loads move it from there.
     """
     goal = slew.model.rest(slew.named(slew.goal))
     still, joints = np.zeros(slew.model.coordinates), slew.goal.size
-    bias = [slew.model.bias(goal, still, t)[:joints] for t in end * (_LOOKS % 1.0)]
+    bias = [slew.model.bias(goal, still, t)[:joints] for t in end * (1.0 + _AFTER * _LOOKS)]
     force = np.abs(bias).max(axis=0)
     if (force > _NO_FORCE * slew.effort_limit).any():
         forces = ", ".join(f"{name} {value:.3g}" for name, value in slew.named(force).items())

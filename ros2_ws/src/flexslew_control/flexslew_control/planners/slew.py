@@ -60,6 +60,7 @@ class Slew:
         beliefs: in one line, what is believed differently from the bench; empty: nothing.
         actuator: the motors, as the planner believes them.
         delay: of what reaches each motor, shape (joints,) [ticks]; empty: none.
+        begin: when the slew begins, from when on a plan counts [s].
     """
 
     testbed: Testbed
@@ -72,11 +73,12 @@ class Slew:
     beliefs: str = ""
     actuator: ActuatorSettings = IDEAL
     delay: Vector = field(default_factory=lambda: NOTHING)
+    begin: float = 0.0
 
     @cached_property
     def model(self) -> Model:
-        """The equations of motion that the planner believes in."""
-        return self.testbed.model()
+        """The equations of motion that the planner believes in, in the time of the slew."""
+        return self.testbed.model().begun_at(self.begin)
 
     def motors(self, period: float) -> Lti:
         """Return what lies between commands and what the motors give, by ticks of a period [s]."""
@@ -151,6 +153,7 @@ def slew_of(
         per_joint("plan: feedback: kd", gains.kd, names),
         plant.period,
         plant.effort_limit,
+        begin=settings.start,
     )
     if late_motors:
         known = known_motors(plant)

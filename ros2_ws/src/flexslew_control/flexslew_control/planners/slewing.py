@@ -50,6 +50,12 @@ MOST_MODES = 4  # frequencies that are tried for one that is enough
 _SLOWER = 4  # turns tried with less torque about the eigenaxis
 _LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
 
+# of a flight of a plan on the bench
+_DIVERGES = (
+    "that flight diverges: the law does not stabilise the bench, or the period is too long for its "
+    "fastest mode; use a shorter one, or fewer modes"
+)
+
 
 @dataclass(frozen=True)
 class Slewing:
@@ -259,6 +265,8 @@ class Slewing:
         plan = replace(plan, summary={**plan.summary, **self._ringing(settings, prediction)})
         if as_predicted(plan, prediction):
             return told(plan, plant, prediction)
+        if not np.isfinite(prediction.peak):
+            return told(plan, plant, prediction, remedy=_DIVERGES)
         better = self._relevant(settings, plant, feedback, flies, progress, prediction)
         return told(plan, plant, prediction, better and better[1])
 

@@ -181,7 +181,8 @@ def flown_on_bench(
             swing = max(swing, deflected)
             left = model.joint_error(seen.joint_position, plan.position[-1])
             away = np.maximum(away, abs(left))
-        if not np.isfinite(peak):
+        if not np.isfinite(peak):  # before the end, too
+            swing, away = np.inf, np.full(len(names), np.inf)
             break
         answer = controller.observe(Measurement(k, 0, now, _NAME, *seen, kept(effort)))
         if answer is None:  # it has failed on the way

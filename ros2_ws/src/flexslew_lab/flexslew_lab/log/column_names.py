@@ -1,9 +1,10 @@
 """Names of the columns of a table: those of joints, modes and appendages in place of numbers."""
 
 from flexslew_lab.log.bag_reader import Overview
+from flexslew_lab.log.truth_columns import coordinate_of
+from flexslew_plant.own_code import NO_CODE, Trust
 
 _TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
-TRUTH, STATE = "/truth", ("position", "velocity")
 _COORDINATES = (  # joints first, then modes
     "position",
     "velocity",
@@ -21,7 +22,7 @@ _APPENDAGES = ("tip_deflection", "root_curvature")
 
 
 def column_name(
-    overview: Overview, topic: str, field: str, place: int, joints_first: bool = True
+    overview: Overview, topic: str, field: str, place: int, trust: Trust = NO_CODE
 ) -> str:
     """Return the name of one entry of a sequence: `position.hub`, else `position_0`.
 
@@ -30,12 +31,11 @@ def column_name(
         topic: of the message.
         field: the sequence.
         place: of the entry, from 0.
-        joints_first: whether the truth begins with the joints; False: it holds what they are read
-            from.
+        trust: which testbeds of the user's own may be loaded: they know their coordinates.
     """
     testbed = overview.testbed
-    if topic == TRUTH and field in STATE and not joints_first:
-        return f"{field}_{place}"
+    if topic == "/truth" and (known := coordinate_of(overview, field, place, trust)):
+        return f"{field}.{known.name}"
     if testbed is not None and topic in _TICKED:
         joints, appendages = tuple(testbed.joint_names), tuple(testbed.appendage_names)
         modes = tuple(f"mode_{k + 1}" for k in range(testbed.modes))

@@ -14,12 +14,13 @@ import pyarrow.parquet
 
 from flexslew_lab.log.bag_columns import ColumnBlock
 from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.log.column_names import STATE, TRUTH, column_name
+from flexslew_lab.log.column_names import column_name
 from flexslew_lab.log.files.whole_file import write_whole
-from flexslew_lab.log.flown_testbed import model_with_readings
 from flexslew_lab.log.messages.cdr import Field, fields
 from flexslew_lab.log.messages.schemas import definition, field_types, type_hash
+from flexslew_lab.log.truth_columns import coordinate_of
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
 
 WIDEST = 64  # longer sequences stay one column: a list in Parquet, JSON in CSV
 ROWS, BYTES = 16_384, 1 << 24  # of a row group, which ends at the first of them
@@ -52,8 +53,8 @@ def export_log(
     """Return the files that were written: `<out>/<topic>.<kind>`, one per topic.
 
     Columns: `time` [s] of the simulation, `log_time` [ns], then the fields; entries of a sequence
-    are named after joints, modes and appendages (`position.mode_1`), else `name_k`; so are those
-    of the truth of a craft whose joints are read from its state. Units and
+    are named after joints, modes and appendages (`position.mode_1`), those of a craft's state after
+    its coordinates, all else `name_k`. Units and
     meanings stand in the metadata of the Arrow fields; for CSV in `<out>/columns.json`.
 
     Args:
@@ -79,8 +80,7 @@ def export_log(
     requested = [t for t in requested if t not in skipped]
     widths = _widths(bag, requested)
     out.mkdir(parents=True, exist_ok=True)
-    first = model_with_readings(overview, bag.trust) is None
-    columns = {t: _columns(overview, t, widths[t], kind, first) for t in requested}
+    columns = {t: _columns(overview, t, widths[t], kind, bag.trust) for t in requested}
     files = {t: out / f"{_file_name(t)}.{kind}" for t in requested}
     if len({*files.values()}) < len(files):
         raise BadInput("two topics would be written to one file", bag.path)
@@ -150,14 +150,13 @@ def _columns(
     topic: str,
     widths: dict[str, tuple[int, str]],
     kind: str,
-    joints_first: bool,
+    trust: Trust,
 ) -> list[_Column]:
     columns = []
     type_name = overview.types[topic]
     for name, (width, code) in widths.items():
         base = pa.string() if code == "text" else pa.from_numpy_dtype(np.dtype(code))
         units = units_of(type_name, name) if "." not in name else _stamp_unit(name)
-        read = topic == TRUTH and name in STATE
         if width < 0:
             columns.append(_Column(name, name, None, -1, base, units[0] if units else ""))
         elif width > WIDEST:
@@ -166,12 +165,14 @@ def _columns(
         else:
             columns += [
                 _Column(
-                    column_name(overview, topic, name, k, joints_first),
+                    column_name(overview, topic, name, k, trust),
                     name,
                     k,
                     width,
                     base,
-                    "" if read and not joints_first else _unit(overview, units, k),
+                    known.unit
+                    if topic == "/truth" and (known := coordinate_of(overview, name, k, trust))
+                    else _unit(overview, units, k),
                 )
                 for k in range(width)
             ]

@@ -18,7 +18,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import Testbed
 
-_AT_REST = 1e-6  # of the largest rate: rounding
+_AT_REST = 1e-4  # of the largest rate: what switch times between ticks leave of a rest, and more
 
 
 def metrics_of(path: Path, trust: Trust = NO_CODE) -> dict[str, Any]:

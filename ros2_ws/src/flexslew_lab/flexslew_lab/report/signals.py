@@ -6,12 +6,14 @@ import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.flown_testbed import model_with_readings
+from flexslew_lab.log.truth_columns import coordinate_of
 from flexslew_lab.metrics.from_bag import joint_names_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.model import Model
 
 _Q, _V = "coordinate", "coordinate_rate"  # no fields: the state, where joints are read from it
+_STATE = {_Q: "position", _V: "velocity"}  # as the truth has it
 # name of a signal: its topic, the field of the message, what its columns are named after
 _FIELDS = {
     "position": ("/truth", "position", "coordinates"),
@@ -62,6 +64,9 @@ def read_signals(bag: BagReader) -> Signals:
         rows = _at(ticks, _keys_of_ticks(columns[topic]), found.reshape(len(found), -1))
         for k, column in enumerate(rows.T):
             name, unit = labels[kind](k)
+            if quantity in _STATE:
+                known = coordinate_of(bag.overview, _STATE[quantity], k, bag.trust)
+                name, unit = known or (name, unit)
             full = f"{quantity}.{name}" if name else quantity
             values[full] = np.ascontiguousarray(column)
             units[full] = f"{unit}/s" if quantity == "velocity" else unit
@@ -73,7 +78,7 @@ def _columns(bag: BagReader) -> dict[str, dict[str, Any]]:
     """Return the fields of the topics as arrays, (messages, entries), by topic."""
     fields: dict[str, set[str]] = {}
     for topic, field, _ in _FIELDS.values():
-        fields.setdefault(topic, {"tick", "epoch"}).update({field} - {_Q, _V})
+        fields.setdefault(topic, {"tick", "epoch"}).update({field} - _STATE.keys())
     fields["/truth"] |= {"header.stamp.sec", "header.stamp.nanosec"}
     parts: dict[str, dict[str, list[Any]]] = {}
     for block in bag.blocks(list(fields)):

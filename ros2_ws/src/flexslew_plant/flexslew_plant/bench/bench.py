@@ -70,7 +70,9 @@ class Bench:
         self._start = kept(initial_state(settings.testbed))
         free = self.model.linearise(self.model.split(self._start)[0])
         slowest = min(free.frequencies, default=_RIGID_FREQUENCY)
-        brake = settings.brake_damping_ratio * slowest * self.model.inertias(self._start)
+        moved = self.model.inertias(self._start)
+        able = np.where(np.isinf(moved), 0.0, moved)  # what does not move its joint brakes nothing
+        brake = settings.brake_damping_ratio * slowest * able
         self.drive = Drive(settings.active, settings.max_missed, brake)
         self.handover = Handover(self.drive, settings.fallback, self.tell)
         names, pulse = self.model.joint_names, settings.actuator.shortest_pulse

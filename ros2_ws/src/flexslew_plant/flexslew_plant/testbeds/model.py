@@ -30,6 +30,13 @@ class Motors(NamedTuple):
     sign: Vector  # of the coordinate along the effort: -1 for a wheel, which reacts, shape (k,)
 
 
+class Coordinate(NamedTuple):
+    """An entry of q or of v."""
+
+    name: str
+    unit: str  # empty: it has none
+
+
 @dataclass(frozen=True)
 class Model:
     """M(q, t) a + h(q, v, t) = B u, with q the joints and then the modal coordinates.
@@ -45,7 +52,9 @@ class Model:
         scale_stiffness: from packed and a factor to packed with all stiffness times the factor,
             damping ratios kept; None: it cannot be scaled.
         time_varying: whether M, h or B depend on time.
+        from_time: from packed and a time to packed whose time zero that is; None: there is none.
         leading: how many entries of v stand before the modes; None: the joints.
+        known_as: the entries of q and of v before the modes, where they are not the joints.
         reading: from a state to where each joint is and how fast; None: the first entries.
         placed: from joint positions by name to q at rest; None: the first entries.
         motors: those of the actuators; None: all, one in each joint, unless the kernels say
@@ -66,7 +75,9 @@ class Model:
     actuators: int | None = None
     scale_stiffness: Callable[[Vector, float], Vector] | None = None
     time_varying: bool = False
+    from_time: Callable[[Vector, float], Vector] | None = None
     leading: int | None = None
+    known_as: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] | None = None
     reading: Callable[[Vector], tuple[Vector, Vector]] | None = None
     placed: Callable[[Mapping[str, float]], Vector] | None = None
     motors: Motors | None = None
@@ -113,6 +124,17 @@ class Model:
     @cached_property
     def _bound(self) -> Bound:
         return bound(self.kernels, self.coordinates, self.before_modes)
+
+    @cached_property
+    def state_columns(self) -> tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]]:
+        """A name, fit for the column of a table, and a unit for each entry of q and of v."""
+        joints = tuple(map(Coordinate, self.joint_names, self.joint_units))
+        q, v = self.known_as or (joints, tuple(Coordinate(n, f"{u}/s") for n, u in joints))
+        modes = [f"mode_{k + 1}" for k in range(self.modes)]
+        return (
+            (*q, *(Coordinate(name, "m") for name in modes)),
+            (*v, *(Coordinate(name, "m/s") for name in modes)),
+        )
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
@@ -360,6 +382,12 @@ class Model:
             raise BadInput("the stiffness of this testbed cannot be scaled")
         return replace(self, packed=self.scale_stiffness(self.packed, factor))
 
+    def begun_at(self, time: float) -> "Model":
+        """Return the model whose time zero is a time of this one [s]."""
+        if not self.time_varying or self.from_time is None or time == 0.0:
+            return self
+        return replace(self, packed=self.from_time(self.packed, time))
+
     def position_rates(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return N of q' = N(q) v, shape (positions, n)."""
         x, columns = self._together(q, np.zeros(self.coordinates)), []
@@ -431,12 +459,18 @@ class Model:
         return moved
 
     def inertias(self, x: Vector) -> Vector:
-        """Return what each effort moves alone, shape (joints,) [kg m^2 or kg]."""
+        """Return what each effort moves alone, shape (joints,) [kg m^2 or kg]: effort over the
+        acceleration of what its joint reads, infinite where it does not speed its joint up.
+
+        A wheel's joint reads the platform's turn, a thruster's that turn times its lever.
+        """
         q, _ = self.split(x)
         if self.leading is None:
             return np.diag(self.mass_matrix(q))[: self.joints]
-        moved: Vector = 1.0 / np.diag(self.mobility(x, np.zeros(self.efforts)))
-        return moved
+        moved = np.linalg.solve(self.mass_matrix(q), self.input_matrix(q)).T
+        own = [self.joint_state(self._together(q, v))[1][k] for k, v in enumerate(moved)]
+        gained = np.maximum(own, 0.0)
+        return np.divide(1.0, gained, out=np.full(gained.shape, np.inf), where=gained > 0.0)
 
     def energy(self, x: Vector, t: float = 0.0) -> float:
         """Return T + U [J], constant without effort, damping and dependence on time.

@@ -20,7 +20,7 @@ from flexslew_plant.testbeds.scene import Scene, slider
 
 JOINTS = ("mass",)
 # where the packed parameters lie
-_MASS, _DAMPING, _STIFFNESS, _SWING, _RATE, _LOAD = 0, 1, 2, 3, 4, 5
+_MASS, _DAMPING, _STIFFNESS, _SWING, _RATE, _LOAD, _PHASE = 0, 1, 2, 3, 4, 5, 6
 
 
 @section
@@ -73,6 +73,7 @@ class VaryingOscillatorTestbed:
             appendages,
             scale_stiffness=stiffened,
             time_varying=self.parameters.stiffness_swing > 0.0,
+            from_time=begun_at,
         )
 
     def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "VaryingOscillatorTestbed":
@@ -94,11 +95,11 @@ class VaryingOscillatorTestbed:
 
 
 def packed(testbed: VaryingOscillatorTestbed) -> Vector:
-    """Return [m, d, k, k_a, 2 pi f, load], shape (6,)."""
+    """Return [m, d, k, k_a, 2 pi f, load, phase], shape (7,)."""
     p = testbed.parameters
     damping = 2.0 * testbed.damping_ratio * np.sqrt(p.stiffness * p.mass)
     rate = 2.0 * np.pi * p.frequency
-    return np.array([p.mass, damping, p.stiffness, p.stiffness_swing, rate, p.load])
+    return np.array([p.mass, damping, p.stiffness, p.stiffness_swing, rate, p.load, 0.0])
 
 
 def stiffened(p: Vector, factor: float) -> Vector:
@@ -110,24 +111,31 @@ def stiffened(p: Vector, factor: float) -> Vector:
     return scaled
 
 
+def begun_at(p: Vector, time: float) -> Vector:
+    """Return the packed parameters whose time zero is this one [s]."""
+    moved = p.copy()
+    moved[_PHASE] += p[_RATE] * time
+    return moved
+
+
 def terms(
     p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:
     """Write M and h(q, v, t) of M a + h = B u; see kernels.Kernels for the arguments."""
-    stiffness = p[_STIFFNESS] + p[_SWING] * np.sin(p[_RATE] * t)
+    stiffness = p[_STIFFNESS] + p[_SWING] * np.sin(p[_RATE] * t + p[_PHASE])
     joints[0, 0] = p[_MASS]
     bias[0] = stiffness * x[0] + p[_DAMPING] * x[1] - p[_LOAD]
 
 
 def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
     """Write the partial derivatives of M a + h at fixed a."""
-    dq[0, 0] = p[_STIFFNESS] + p[_SWING] * np.sin(p[_RATE] * t)
+    dq[0, 0] = p[_STIFFNESS] + p[_SWING] * np.sin(p[_RATE] * t + p[_PHASE])
     dv[0, 0] = p[_DAMPING]
 
 
 def potential(p: Vector, t: float, q: Vector) -> float:
     """Return the energy of spring and load [J]."""
-    stiffness = p[_STIFFNESS] + p[_SWING] * np.sin(p[_RATE] * t)
+    stiffness = p[_STIFFNESS] + p[_SWING] * np.sin(p[_RATE] * t + p[_PHASE])
     return float(0.5 * stiffness * q[0] ** 2 - p[_LOAD] * q[0])
 
 

@@ -139,7 +139,7 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
         BadInput: a range names no joint, start or goal are not inside it, or nothing rests at the
             goal without an effort.
     """
-    require_rest(slew, settings.start + settings.duration)
+    require_rest(slew, settings.duration)
     members = ensemble(settings, slew)
     nominal = manoeuvre_of(slew, settings.duration, settings.reference)
     effort_limit = slew.effort_limit

@@ -92,7 +92,7 @@ def _at(points: Iterable[Vector], keys: tuple[str, ...], slew: Slew) -> Iterator
     for point in points:
         if point.any():
             errors = dict(zip(keys, point.tolist(), strict=True))
-            yield Member(errors, _changed(slew.testbed, errors).model())
+            yield Member(errors, _changed(slew.testbed, errors).model().begun_at(slew.begin))
 
 
 def _points(asked: Ensemble) -> Matrix:

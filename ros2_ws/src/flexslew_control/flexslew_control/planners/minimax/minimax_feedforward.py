@@ -104,7 +104,7 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
             turn it.
         PlanFailed: start or goal looks into a cone of `keep_out`.
     """
-    require_rest(slew, settings.start + settings.duration)
+    require_rest(slew, settings.duration)
     names, demand = slew.model.joint_names, (1.0 - settings.reserve) * slew.effort_limit
     rates = settings.rate_limit if isinstance(settings.rate_limit, dict) else {}
     length = None if isinstance(settings.rate_limit, dict) else settings.rate_limit

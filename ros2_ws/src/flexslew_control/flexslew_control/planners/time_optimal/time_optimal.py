@@ -88,7 +88,7 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
         words = "null; slews in three axes with drives: all keep to one"
         raise BadInput(words, "plan", "rate_limit", settings.rate_limit)
     rigid = rigid_duration(asked.model, asked.start, asked.goal, asked.effort_limit)
-    require_rest(asked, settings.start + rigid)
+    require_rest(asked, rigid)
     slew, durations = found_slew(settings, asked, progress)
     duration = float(durations.sum())
     efforts = slew.efforts(durations.size)

@@ -22,12 +22,14 @@ from flexslew_plant.testbeds.instruments import ResolverSettings
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of
-from flexslew_plant.testbeds.spacecraft.assembly.packing import packed, stiffened
+from flexslew_plant.testbeds.spacecraft.assembly.packing import begun_at, packed, stiffened
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
 from flexslew_plant.testbeds.spacecraft.channels import channels
 from flexslew_plant.testbeds.spacecraft.clamped import Clamped, clamped
+from flexslew_plant.testbeds.spacecraft.coordinates import coordinates
 from flexslew_plant.testbeds.spacecraft.drawing import scene_of
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.actuation import actuation
@@ -50,6 +52,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     AppendageSettings,
     Beam,
     Body,
+    Hinge,
     Inertia,
     KeepOut,
     MomentGyroSettings,
@@ -206,22 +209,37 @@ class SpacecraftTestbed:
     def turning(self, joint: str, modes: int | None = None) -> "SpacecraftTestbed":
         """Return the testbed with this joint alone, pivoting about its axis.
 
-        The pivot is the body origin where forces can hold it there, else the centre of mass.
+        The pivot is the body origin where forces can hold it there, else the centre of mass. Driven
+        hinges stay where they start.
         """
         limit = next((d.limit for d in self.craft.drives if d.name == joint), 0.0)
-        about = self._pivoting(joint, self._axis(joint), limit, modes)
+        about = self._posed()._pivoting(joint, self._axis(joint), limit, modes)
         return replace(about, initial={k: v for k, v in self.initial.items() if k == joint})
 
     def turning_about(
         self, axis: Vector, limit: float, modes: int | None = None
     ) -> "SpacecraftTestbed":
         """Return the testbed pivoting about a body axis; see contract.ThreeAxes."""
-        return self._pivoting("turn", axis, limit, modes)
+        return self._posed()._pivoting("turn", axis, limit, modes)
 
     def rigid(self) -> "SpacecraftTestbed":
         """Return the testbed without modes; see contract.ThreeAxes."""
-        stiff = {name: replace(a, only_modes=()) for name, a in _still(self.appendages).items()}
+        parts = _still(self.appendages, ("passive",))
+        stiff = {name: replace(a, only_modes=()) for name, a in parts.items()}
         return replace(self, appendages=stiff, sensors={})
+
+    def _posed(self) -> "SpacecraftTestbed":
+        """Return it with its driven hinges at the angles where they start, counted from there."""
+        parts = dict(self.appendages)
+        for a in self.craft.appendages:
+            angle = self.initial.get(f"{a.name}_hinge", 0.0)
+            if angle and parts[a.name].hinge.kind == "driven":
+                x, y, z = (turn(a.axis, angle) @ a.axes).tolist()
+                hinge = replace(
+                    parts[a.name].hinge, axes=(tuple(x), tuple(y), tuple(z)), turned=None
+                )
+                parts[a.name] = replace(parts[a.name], hinge=hinge)
+        return replace(self, appendages=parts)
 
     def _pivoting(
         self, joint: str, axis: Vector, limit: float, modes: int | None
@@ -234,7 +252,7 @@ class SpacecraftTestbed:
         for w in craft.wheels:  # what spins freely about the axis does not turn along
             inertia -= w.inertia * np.outer(w.axis, w.axis)
         inertia /= units.torque
-        parts = _still(self.appendages)
+        parts = _still(self.appendages, ("passive", "driven"))
         if modes is not None:
             parts = driven_most(craft, parts, axis, place, modes)
         x, y, z = axis.tolist()
@@ -296,17 +314,17 @@ class SpacecraftTestbed:
 
     def rigid_turn(self, joint: str) -> RigidTurn:
         """Return what forces and torques turn the rigid spacecraft; see contract.Turning."""
-        return rigid_turn(self.craft, self._axis(joint))
+        return rigid_turn(self._posed().craft, self._axis(joint))
 
     def rigid_turn_about(self, axis: Vector) -> RigidTurn:
         """Return what all joints do in a turn about an axis; see contract.ThreeAxes.
 
         Wheels and gyros alone leave no momentum, so there is nothing centrifugal.
         """
-        turn = rigid_turn(self.craft, axis)
+        found = rigid_turn(self._posed().craft, axis)
         if all(d.what in (at.WHEEL, at.GYRO) for d in self.craft.drives):
-            return turn._replace(centrifugal=np.zeros_like(turn.centrifugal))
-        return turn
+            return found._replace(centrifugal=np.zeros_like(found.centrifugal))
+        return found
 
     def _axis(self, joint: str) -> Vector:
         """Return the body axis about which a joint turns the platform, a unit vector."""
@@ -317,7 +335,8 @@ class SpacecraftTestbed:
         }
         if joint not in turns:
             raise BadInput(
-                f"plan: goal: {joint} does not turn the platform; allowed: {', '.join(turns)}"
+                f"plan: goal: {joint} does not turn the platform; allowed: "
+                f"{', '.join(turns) or 'none, as no joint does'}"
             )
         return turns[joint]
 
@@ -384,11 +403,16 @@ def _craft(same: _Same) -> Spacecraft:
     return spacecraft(same.testbed)
 
 
-def _still(parts: dict[str, AppendageSettings]) -> dict[str, AppendageSettings]:
-    """Return the appendages with passive hinges fixed: no plan counts with what swings there."""
+def _still(
+    parts: dict[str, AppendageSettings], kinds: tuple[str, ...]
+) -> dict[str, AppendageSettings]:
+    """Return the appendages with hinges of some kinds fixed: no plan counts with their motion."""
     return {
-        name: replace(a, hinge=replace(a.hinge, kind="fixed", spring=0.0, damper=0.0))
-        if a.hinge.kind == "passive"
+        name: replace(
+            a,
+            hinge=replace(a.hinge, kind="fixed", spring=0.0, damper=0.0, limit=Hinge.limit),
+        )
+        if a.hinge.kind in kinds
         else a
         for name, a in parts.items()
     }
@@ -422,7 +446,9 @@ def _model(same: _Same) -> Model:
         same.testbed.channels(craft),
         scale_stiffness=lambda packed_, factor: stiffened(craft, packed_, factor),
         time_varying=any(a.manoeuvres for a in craft.appendages),
+        from_time=lambda packed_, time: begun_at(craft, packed_, time),
         leading=craft.sizes[1] - craft.modes,
+        known_as=coordinates(craft),
         reading=lambda x: _read(p, x, len(drives)),
         placed=lambda positions: placed(craft, axes, positions),
         motors=motors_of(craft),

@@ -44,6 +44,7 @@ def rigid_turn(craft: Spacecraft, axis: Vector) -> RigidTurn:
 
     Force m (w' x c + w x (w x c)) and torque I w' + w x I w about the body origin, shared out by
     least squares where there are more or fewer efforts than needed (Sung and Joo, (44) to (46)).
+    A hinge's motor holds its appendage where it is.
     """
     mass, first, inertia = craft.rigid()
     centre = turning_point(craft)
@@ -61,11 +62,39 @@ def rigid_turn(craft: Spacecraft, axis: Vector) -> RigidTurn:
         shared: Vector = inverse @ wrench
         return shared
 
+    holding, pulled = _held_hinges(craft, axis, centre)
     return RigidTurn(
         float(axis @ about @ axis),
-        efforts(np.cross(axis, offset), about @ axis),
-        efforts(np.cross(axis, np.cross(axis, offset)), np.cross(axis, about @ axis)),
+        efforts(np.cross(axis, offset), about @ axis) + holding,
+        efforts(np.cross(axis, np.cross(axis, offset)), np.cross(axis, about @ axis)) + pulled,
     )
+
+
+def _held_hinges(craft: Spacecraft, axis: Vector, centre: Vector) -> tuple[Vector, Vector]:
+    """Return what hinges' motors hold per angular acceleration and per square of the rate.
+
+    About the hinge: s x a + J w' + w x J w, with a of the hinge, s and J of what it carries.
+
+    Args:
+        craft: the spacecraft.
+        axis: about which it turns, shape (3,).
+        centre: a point of that axis, shape (3,) [m].
+
+    Returns:
+        of each drive, zero for all but hinges, (drives,) each.
+    """
+    holding, pulled = np.zeros(len(craft.drives)), np.zeros(len(craft.drives))
+    for k, d in enumerate(craft.drives):
+        if d.what != at.HINGE:
+            continue
+        a = craft.appendages[d.owner]
+        own, arm = a.axes @ axis, a.axes @ (a.place - centre)
+        first, inertia = a.integrals.first, a.integrals.inertia
+        speeding = np.cross(own, arm)
+        holding[k] = a.axis @ (np.cross(first, speeding) + inertia @ own)
+        turned = np.cross(first, np.cross(own, speeding)) + np.cross(own, inertia @ own)
+        pulled[k] = a.axis @ turned
+    return holding, pulled
 
 
 def _square(r: Vector) -> Vector:

@@ -160,3 +160,15 @@ def stiffened(craft: Spacecraft, p: Vector, factor: float) -> Vector:
         out[rest + n : rest + 2 * n] *= factor
         out[rest + 2 * n : rest + 2 * n + n * n] *= np.sqrt(factor)
     return out
+
+
+def begun_at(craft: Spacecraft, p: Vector, time: float) -> Vector:
+    """Return packed numbers whose time zero is this one [s]: hinges turn so much earlier."""
+    out = p.copy()
+    table = int(p[at.APPENDAGE_TABLE])
+    for k in range(len(craft.appendages)):
+        b = int(p[table + k])
+        first = int(p[b + at.MOTION_AT])
+        for m in range(int(p[b + at.MANOEUVRES])):
+            out[first + m * at.MANOEUVRE_SIZE + at.BEGIN] -= time
+    return out

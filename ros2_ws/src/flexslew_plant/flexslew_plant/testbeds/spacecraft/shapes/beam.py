@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import eigh
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Indices, Matrix, Vector
 from flexslew_plant.testbeds.beam import ClampedFreeBeam
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
     Points,
@@ -25,6 +25,7 @@ DOF = 5  # of a node: u, u', v, v', twist
 GAUSS = 4  # points of an element: exact for products of two cubics and for their moments
 BETWEEN = 4  # points between two of these, for what is summed along the beam
 DRAWN = 21  # points along a drawn beam
+_FEW = 26  # elements up to which K q = omega^2 M q has its digits
 
 
 @dataclass(frozen=True)
@@ -144,6 +145,45 @@ def _assembled(beam: ClampedBeam, tip: TipBody | None, elements: int) -> tuple[M
     return mass[DOF:, DOF:], stiffness[DOF:, DOF:]
 
 
+def _by_deformations(
+    beam: ClampedBeam, mass: Matrix, elements: int, kept: Indices, modes: int
+) -> tuple[Vector, Matrix]:
+    """Return squares of the lowest frequencies, rising, and mode shapes of modal mass one.
+
+    The nodes follow from what each element bends and twists by itself, q = T e, and the stiffness
+    of these is that of the elements, S: so T^T M T e = S e / omega^2 has the lowest modes first, to
+    rounding. K q = omega^2 M q has them last, and loses as many digits as the mesh is fine.
+
+    Args:
+        beam: its numbers.
+        mass: of the freedoms that are kept.
+        elements: how many of equal length.
+        kept: which freedoms of the free nodes.
+        modes: how many modes.
+    """
+    h = beam.length / elements
+    forward, own = np.eye(DOF), np.zeros((DOF, DOF))
+    forward[0, 1] = forward[2, 3] = h
+    for first, ei in ((0, beam.stiffness_x), (2, beam.stiffness_y)):
+        of = slice(first, first + 2)
+        own[of, of] = ei / h**3 * np.array([[12.0, -6.0 * h], [-6.0 * h, 4.0 * h * h]])
+    own[4, 4] = beam.torsion_stiffness / h
+    nodes = np.zeros((DOF * elements, DOF * elements))
+    for k in range(elements):
+        rows = slice(DOF * k, DOF * (k + 1))
+        if k:
+            nodes[rows] = forward @ nodes[DOF * (k - 1) : DOF * k]
+        nodes[rows, rows] = np.eye(DOF)
+    of_kept = np.ix_(kept, kept)
+    chain, stiffness = nodes[of_kept], np.kron(np.eye(elements), own)[of_kept]
+    last = len(kept) - 1
+    softness, bent = eigh(
+        chain.T @ mass @ chain, stiffness, subset_by_index=(last - modes + 1, last)
+    )
+    softness, bent = softness[::-1], bent[:, ::-1]
+    return 1.0 / softness, chain @ bent / np.sqrt(softness)
+
+
 def finite_element_beam(
     beam: ClampedBeam, tip: TipBody | None, elements: int, modes: int
 ) -> FlexibleShape:
@@ -164,7 +204,10 @@ def finite_element_beam(
     elif beam.polar_inertia == 0.0:  # massless in twist but for the tip: condense it out
         raise ValueError("a beam that twists needs a polar inertia")
     of = np.ix_(kept, kept)
-    squares, vectors = eigh(stiffness[of], mass[of], subset_by_index=(0, modes - 1))
+    if elements > _FEW:
+        squares, vectors = _by_deformations(beam, mass[of], elements, kept, modes)
+    else:
+        squares, vectors = eigh(stiffness[of], mass[of], subset_by_index=(0, modes - 1))
     nodal = np.zeros((len(mass), modes))
     nodal[kept] = vectors * np.sign(vectors[np.argmax(abs(vectors), axis=0), np.arange(modes)])
     free = nodal.reshape(elements, DOF, modes)

@@ -1,0 +1,38 @@
+"""What the columns of a log's truth are: the coordinates of the testbed that flew."""
+
+from functools import lru_cache
+
+from flexslew_control.law import described
+from flexslew_lab.log.bag_reader import Overview
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE, Trust
+from flexslew_plant.testbeds.model import Coordinate
+
+_FIELDS = ("position", "velocity")  # of the truth, q and v
+
+
+def coordinate_of(
+    overview: Overview, field: str, place: int, trust: Trust = NO_CODE
+) -> Coordinate | None:
+    """Return the name and the unit of one entry of `position` or `velocity` of the truth.
+
+    None: the log does not tell, or of a testbed that this version or this trust does not load.
+
+    Args:
+        overview: of the bag, which says what stands on the bench.
+        field: of the truth.
+        place: of the entry, from 0.
+        trust: which classes that the log names may be loaded.
+    """
+    if overview.testbed is None or field not in _FIELDS:
+        return None
+    known = _columns(overview.testbed.settings, trust)[_FIELDS.index(field)]
+    return known[place] if place < len(known) else None
+
+
+@lru_cache(maxsize=4)
+def _columns(settings: str, trust: Trust) -> tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]]:
+    try:
+        return described(settings, "the log", trust).testbed.model().state_columns
+    except (BadInput, KeyError, TypeError, ValueError):
+        return (), ()

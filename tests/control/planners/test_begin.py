@@ -1,0 +1,74 @@
+"""A slew that begins later is planned for what the testbed does then."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_control.law import PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import read_testbed
+
+SKEW: dict[str, Any] = {"axis": [1.0, 2.0, -1.0], "angle": 0.6}
+LIMIT = 3.0  # [N m]
+
+
+def bench(at: float) -> PlantDescription:
+    """Return a craft whose dish turns from a time on, in 10 s."""
+    craft = {
+        "kind": "spacecraft",
+        "platform": {"mass": 200.0, "inertia": {"xx": 40.0, "yy": 45.0, "zz": 50.0}},
+        "appendages": {
+            "dish": {
+                "hinge": {
+                    "place": [0.3, 0.2, 0.4],
+                    "axis": [1.0, 0.3, 0.0],
+                    "motion": {"to": 1.0, "duration": 10.0, "at": at},
+                },
+                "body": {"mass": 8.0, "inertia": {"xx": 2.0, "yy": 2.0, "zz": 1.5}},
+            }
+        },
+        "actuators": {
+            name: {"kind": "torque", "direction": axis, "limit": LIMIT}
+            for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3).tolist(), strict=True)
+        },
+    }
+    return PlantDescription(read_testbed(craft, "here"), 0.02, np.full(3, LIMIT))
+
+
+def planned(method: str, start: float, at: float, **keys: Any) -> Plan:
+    section = {"method": method, "goal": SKEW, "start": start, "duration": 30.0, **keys}
+    return make_plan(plan_settings(section, "here"), bench(at))
+
+
+@pytest.mark.parametrize("method", ["input_shaping", "optimized_feedforward"])
+def test_a_slew_that_begins_as_much_later_as_the_dish_turns_is_the_same(method: str) -> None:
+    now, later = planned(method, 0.0, 4.0), planned(method, 6.0, 10.0)
+    np.testing.assert_allclose(later.effort, now.effort, atol=1e-10)
+    assert np.abs(planned(method, 6.0, 4.0).effort - now.effort).max() > 0.05
+
+
+def test_efforts_alone_fly_a_craft_whose_dish_turns_meanwhile_to_its_goal() -> None:
+    plan, model = planned("input_shaping", 6.0, 10.0), bench(10.0).testbed.model()
+    x = np.concatenate((model.rest({}), np.zeros(model.coordinates)))
+    position = model.joint_states(model.path(x, plan.effort, 0.02, t=6.0))[0]
+    np.testing.assert_allclose(position, plan.position[1:], atol=1e-6)
+
+
+def test_what_pushes_during_a_slew_alone_leaves_it_at_rest() -> None:
+    """The dish has turned when the efforts end, and is still turning in a shorter slew."""
+    keys = {"method": "robust_feedforward", "goal": SKEW}
+    settings = plan_settings({**keys, "duration": 20.0}, "here")
+    assert make_plan(settings, bench(4.0)).effort.any()
+    with pytest.raises(BadInput, match="springs or loads push the joints away"):
+        make_plan(plan_settings({**keys, "duration": 12.0}, "here"), bench(4.0))
+
+
+def test_a_spring_that_varies_is_moved_in_time() -> None:
+    model = read_testbed({"kind": "varying_oscillator"}, "here").model()
+    q, v = np.array([0.3]), np.array([0.1])
+    for time in (0.0, 0.2, 1.7):
+        expected = model.bias(q, v, time + 0.3)
+        np.testing.assert_allclose(model.begun_at(0.3).bias(q, v, time), expected, rtol=1e-12)
