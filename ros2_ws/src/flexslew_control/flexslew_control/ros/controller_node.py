@@ -25,7 +25,7 @@ from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
-from flexslew_plant.ros.realtime import IN_CHARGE, NONE, STANDBY, RealTime
+from flexslew_plant.ros.realtime import RealTime, priority_of
 
 _POLL_PERIOD = 0.02  # between two polls at the graph while not ready [wall s]
 
@@ -119,8 +119,7 @@ class ControllerNode:
         if message.state == RUNNING != self._state:
             self.answering.expect()
         self._state = message.state
-        mine = IN_CHARGE if message.active == self._host.name else STANDBY
-        self._realtime.want(mine if message.rate_factor > 0.0 else NONE)
+        self._realtime.want(priority_of(message.active == self._host.name, message.rate_factor))
 
     def _serve(self) -> bool:
         """Answer a question that waits; return whether there was one."""

@@ -36,6 +36,13 @@ class RealTime:
                 break
 
 
+def priority_of(in_charge: bool, rate_factor: float) -> int:
+    """Return that of a controller of a bench at this rate."""
+    if rate_factor > 0.0:
+        return IN_CHARGE if in_charge else STANDBY
+    return NONE
+
+
 def _ways(priority: int) -> list[tuple[int, int]]:
     """Return policies and priorities, the best first, of which one may be allowed."""
     once = os.SCHED_RESET_ON_FORK  # only who may do everything takes this back
