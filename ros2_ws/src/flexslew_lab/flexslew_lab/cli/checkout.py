@@ -87,19 +87,18 @@ def extras() -> None:
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
-    Without arguments one more runs side by side than there are processors, at most eight, as now
-    and then one waits for a page or a compiler: first those that need no ROS, then those over ROS,
-    a file at a time and twice as many files as processors, as benches wait more than they compute,
-    and at last, alone, those that hold a bench against the wall clock. A test that fails has
-    failed: none runs twice.
+    Without arguments as many run side by side as there are processors, at most eight: first those
+    that need no ROS, then those over ROS, a file at a time and twice as many files, as benches
+    wait more than they compute, and at last, alone, those that hold a bench against the wall
+    clock. A test that fails has failed: none runs twice.
 
     Example: `./flexslew test tests/plant -k energy`
     """
     _wait_for_machine_code()
     if context.args:
         raise typer.Exit(_pytest(*context.args))
-    processors = os.cpu_count() or 2
-    workers, waiting = min(processors + 1, _MOST), min(2 * processors, _MOST)
+    workers = min(os.cpu_count() or 2, _MOST)
+    waiting = min(2 * workers, _MOST)
     ignored = (f"--ignore={part}" for part in OVER_ROS)
     # a long file at the end is shared; the benches of a file over ROS stay with one process
     parts = (
