@@ -120,6 +120,26 @@ def test_an_estimator_of_the_same_size_keeps_what_it_knows() -> None:
     np.testing.assert_allclose(later.position, known.position, atol=1e-4)
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_what_was_to_be_tuned_at_the_next_tick_is_tuned_after_a_reset(known: bool) -> None:
+    host, other = standing(), standing(kp=[500.0, 500.0], kd=[70.0, 70.0])
+    for tick in range(5):
+        effort(host, tick)
+        effort(other, tick)
+    assert host.tune({"kp": [500.0, 500.0]}).tick == 5
+    assert host.tune({"kd": [70.0, 70.0]}).tick == 5
+    assert host.tune({"kp": [1.0, 1.0]}, tick=9).ok  # forgotten
+    if known:  # the bench's state came before its question
+        host.begin_epoch(1)
+    for tick in range(12):
+        there = effort(other, tick, epoch=1, position=0.01 * tick)
+        np.testing.assert_array_equal(effort(host, tick, epoch=1, position=0.01 * tick), there)
+    assert [(e.kind, e.epoch, e.tick) for e in host.events if e.kind == "tuned"] == [
+        ("tuned", 1, 0),
+        ("tuned", 1, 0),
+    ]
+
+
 def test_a_reset_forgets_what_was_to_be_tuned() -> None:
     host = standing()
     host.observe(question(0))

@@ -25,7 +25,7 @@ from flexslew_plant.testbeds.scene import schematic
 OWN = f"{Path(__file__).parents[3] / 'docs/examples/three_joints.py'}:ThreeJoints"
 KINDS = [*TESTBEDS, OWN]
 # factors on the packed parameters that take the dependence on time away
-FROZEN = {"varying_oscillator": np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])}
+FROZEN = {"varying_oscillator": np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0])}
 # q is as long as v; a free platform turns by quaternions, see spacecraft/test_jacobian.py
 LONG_AS_V = [
     kind for kind in KINDS if read_testbed({"kind": kind}, "here", ANY_CODE).model().leading is None

@@ -126,10 +126,16 @@ class ControllerHost:
             self._follow(self.plan)
 
     def begin_epoch(self, epoch: int) -> None:
-        """Know that the bench was reset, whether a question of the new epoch has come or not."""
-        self.epoch, self._tunings, self._plan_refused = epoch, [], None
+        """Know that the bench was reset, whether a question of the new epoch has come or not.
+
+        What was to be tuned with the next question is tuned with the first one; what was due later
+        is forgotten.
+        """
+        self.epoch, self._plan_refused = epoch, None
         if self.controller is None:
             return
+        due = [each for each in self._tunings if each.tick <= self.controller.last_tick + 1]
+        self._tunings = [each._replace(tick=0) for each in due]
         before = self.controller.plan
         self.controller.begin_epoch(epoch)
         plan = self.controller.plan

@@ -40,7 +40,10 @@ _NO_EFFECT = 1e-11  # of a perturbation: rounding
 _CHECKED = 60  # ticks in which form and code are compared
 _CLOSE = 0.02  # mismatch of the two at small motions, of the largest effort
 _STILL = 20  # ticks at rest after them
-_KEPT = 1e-5  # mismatch then, of the largest effort: beyond it something is remembered elsewhere
+_KEPT = 1e-5  # mismatch then, of the largest effort: beyond it something may be kept elsewhere
+# Motions, of those before, at which such a mismatch is looked at again: what is kept elsewhere is
+# as large a part as before, what is not linear is smaller by as much; a part from which it is kept.
+_SMALLER, _AS_BEFORE = 0.01, 0.1
 
 
 @runtime_checkable
@@ -114,11 +117,15 @@ def running_law(
         controller.period,
     )  # fmt: skip
     mismatch, kept = desk.mismatch(form)
-    if mismatch < _CLOSE and not kept < _KEPT:
+    if (
+        mismatch < _CLOSE
+        and not kept < _KEPT
+        and not desk.mismatch(form, _SMALLER)[1] < _AS_BEFORE * kept
+    ):
         raise BadInput(
-            f"{controller.name} keeps memory outside of itself, or is not linear: at rest after "
-            f"small motions its efforts differ by {100.0 * kept:.2g} % of the largest from those "
-            "of its linear form; allowed: floats and arrays of float64 in the law or its estimator"
+            f"{controller.name} keeps memory outside of itself: at rest after small motions its "
+            f"efforts differ by {100.0 * kept:.2g} % of the largest from those of its linear form; "
+            "allowed: floats and arrays of float64 in the law or its estimator"
         )
     if not mismatch < _CLOSE:
         raise BadInput(
@@ -339,8 +346,12 @@ class _Desk:
         whole = np.where(abs(whole) < 1e-13, 0.0, whole)
         return whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
 
-    def mismatch(self, form: Lti) -> tuple[float, float]:
+    def mismatch(self, form: Lti, smaller: float = 1.0) -> tuple[float, float]:
         """Return how far form and code are from each other, of the largest effort [-].
+
+        Args:
+            form: of the code.
+            smaller: motions, of the usual ones.
 
         Returns:
             in small motions to one side, and at rest after them: an integral that the form lacks
@@ -353,7 +364,7 @@ class _Desk:
         rest = self.ask(copied(self.controller), self.tick, np.zeros(self.inputs))
         for k in range(_CHECKED + _STILL):
             moves = k < _CHECKED
-            w = moves * min(share, 1e-4) * (1.0 + rng.standard_normal(self.inputs))
+            w = moves * smaller * min(share, 1e-4) * (1.0 + rng.standard_normal(self.inputs))
             ours = form.c @ s + form.d @ w
             s = form.a @ s + form.b @ w
             effort = self.ask(one, self.tick + k, w) - rest

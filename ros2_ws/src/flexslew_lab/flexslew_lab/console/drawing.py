@@ -107,6 +107,7 @@ class PageView:
         for element in list(self._drawn):
             if element.kind in _LARGE:
                 self.update(element)
+        self.follow()
 
     def _place(self, element: Element, name: str) -> None:
         with ui.element("div").classes(name) as drawn:
