@@ -69,7 +69,7 @@ def sampled_plant(rest: Rest, path: PlantPath, applied: bool = False) -> Lti:
         applied: whether the effort of the last tick is an output too: see signals.applied_of.
     """
     model, period = rest.model, path.period
-    f, g = _rubbed(rest, *_tick(rest, path), path)
+    f, g = _with_friction(rest, *_tick(rest, path), path)
     c, d = _readings(rest, *small_motions(rest, path.actuator))
     outputs, states = outputs_of(model), states_of(model)
     efforts = inputs_of(model)
@@ -151,7 +151,7 @@ def _tick(rest: Rest, path: PlantPath) -> tuple[Matrix, Matrix]:
     return after[:, :k], after[:, k:]
 
 
-def _rubbed(rest: Rest, f: Matrix, g: Matrix, path: PlantPath) -> tuple[Matrix, Matrix]:
+def _with_friction(rest: Rest, f: Matrix, g: Matrix, path: PlantPath) -> tuple[Matrix, Matrix]:
     """Return F and G of a tick with the motors' friction: the derivative of hardware.friction.
 
     With c its slope at rest, r is the mean friction under which each rate v ends where

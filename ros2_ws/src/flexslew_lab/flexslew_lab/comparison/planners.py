@@ -27,7 +27,7 @@ from flexslew_lab.comparison.slew import (
     tip_of,
     worst_residual,
 )
-from flexslew_lab.metrics.settling import settling_band
+from flexslew_lab.metrics.settling import commanded_moves, overshoots, settling_band
 from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.trial.trial import SavedPlan, Trial, plan_section_of, set_up
 from flexslew_plant.arrays import Matrix
@@ -40,7 +40,6 @@ ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
 PAYLOADS = (-0.2, 0.2)  # of what the testbed carries, relative [-]
 _ERROR_NAMES = {STIFFNESS: "stiffness", CARRIED: "payload"}
 _WATCHED = 40.0  # at least, after the longest slew [s]
-_NOWHERE = 1e-9  # moves below this are rounding [rad or m]
 _BOUND = "No rigid body could do it in less than {:.3f} s with these drives. "
 _WORDS = (
     "Tip: the largest deflection after the end of the slew, for errors of the stiffness and of the "
@@ -143,7 +142,6 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
     assert plan is not None
     if seen.bench.failure:
         raise BadInput(seen.bench.failure)
-    joints = len(plan.joint_names)
     time = np.array([truth.time for truth in seen.truths])
     position = _joints(seen.bench.model, seen.truths)
     applied = np.array([truth.applied_effort for truth in seen.truths])
@@ -151,14 +149,13 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
     attitude = seen.bench.model.attitude
     error = position - goal if attitude is None else -attitude.error(position, goal)
     move = goal - position[0] if attitude is None else attitude.displacement(position[0], goal)
-    move = np.where(np.abs(move) > _NOWHERE, move, 0.0)
-    away, distance = np.abs(error), np.abs(move)
-    outside: Any = (away > settling_band(distance)).any(axis=1)
+    move, away = commanded_moves(move, error[0]), np.abs(error)
+    outside: Any = (away > settling_band(move)).any(axis=1)
     last = float(time[outside][-1]) if outside.any() else plan.start
     over = time >= end - 1e-9
     moved = np.abs(position - position[0]).argmax(axis=0)[None]
     beyond = np.maximum((error * np.sign(move)).max(axis=0), 0.0)
-    overshoot = np.divide(beyond, distance, out=np.full(joints, np.nan), where=distance > 0.0)
+    overshoot = overshoots(move, beyond)
     peak = np.take_along_axis(position, moved, axis=0)[0]
     return {
         "settling_time": None if outside[-1] else max(last - plan.start, 0.0),
