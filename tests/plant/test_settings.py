@@ -50,6 +50,8 @@ def refusal(kind: Any, values: Any) -> Any:
         (Bed, {"variant": "half"}, ["variant", "'half'", "'printed' or 'complete'"]),
         (Bed, {"modes": 0}, ["modes: 0", "greater than or equal to 1"]),
         (Bed, {"modes": 2.5}, ["modes: 2.5"]),
+        (Bed, {"modes": True}, ["modes: True", "give a number"]),
+        (Bed, {"parameters": {"length": True}}, ["parameters.length: True", "give a number"]),
         (
             Bed,
             {"parameters": {"base_inertia": -2000.0}},

@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 import rclpy
-from flexslew_msgs.msg import ControllerStatus, Measurement, Testbed
+from flexslew_msgs.msg import BenchState, ControllerStatus, Measurement, Plan, Testbed
+from rclpy.duration import Duration
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant.bench import message_fields
@@ -18,12 +20,20 @@ from flexslew_plant.bench.records import BenchSettings
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.settings import plain, yaml_text
-from flexslew_plant.topics import CONTROLLER_STATUS, PLAN, TESTBED, TOPICS
+from flexslew_plant.topics import (
+    BENCH_STATE,
+    CONTROLLER_STATUS,
+    JOINT_TRAJECTORY,
+    PLAN,
+    TESTBED,
+    TOPICS,
+)
 
 from .flight import fork_server
 
 WAIT = 200.0  # on a busy machine
 PLANT, CONTROLLER = "flexslew_plant.ros.plant_node", "flexslew_control.ros.controller_node"
+PLANNER = "flexslew_control.ros.planner_node"
 
 
 class Bench:
@@ -69,6 +79,12 @@ class Bench:
         return (self._folder / f"{name}.log").read_text()
 
 
+def announcement() -> Testbed:
+    settings = BenchSettings()
+    fields = message_fields.testbed_fields(Plant(settings), yaml_text(plain(settings)))
+    return message_of(Testbed, {"stamp": stamp(0.0), **fields})
+
+
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
     with own_domain() as domain:
@@ -112,14 +128,43 @@ def test_a_controller_that_knows_the_testbed_before_it_meets_the_questions_stays
     bench: Bench,
 ) -> None:
     """DDS tells of a plant's topics one by one; who leaves with the plant left before it came."""
-    settings = BenchSettings()
-    fields = message_fields.testbed_fields(Plant(settings), yaml_text(plain(settings)))
     plant = bench.node.create_publisher(Testbed, TESTBED, qos(TOPICS[TESTBED]))
     bench.start("pd", CONTROLLER, exit_with_plant="true")
-    plant.publish(message_of(Testbed, {"stamp": stamp(0.0), **fields}))
+    plant.publish(announcement())
     bench.until(lambda: "pd" in bench.statuses and "testbed" not in bench.statuses["pd"].reason)
     end = monotonic() + 2.0  # ten looks
     bench.until(lambda: monotonic() > end)
     assert bench.runs("pd")
     bench.node.destroy_publisher(plant)
     bench.until(lambda: not bench.runs("pd"))
+
+
+def test_after_a_reset_who_was_started_in_flight_hears_the_plan_of_tick_0(bench: Bench) -> None:
+    """Of the plans of a flight a newcomer hears the latest, which a reset drops."""
+    plant, state = (bench.node.create_publisher(kind, name, qos(TOPICS[name]))
+                    for kind, name in ((Testbed, TESTBED), (BenchState, BENCH_STATE)))  # fmt: skip
+    asks = bench.node.create_publisher(JointTrajectory, JOINT_TRAJECTORY, 10)
+    plant.publish(announcement())
+    bench.start(
+        "planner", PLANNER, plan="'{method: reference_only, goal: {base_yaw: 0.1}, start: 0.5}'"
+    )
+    heard: list[Any] = []
+    bench.node.create_subscription(Plan, PLAN, heard.append, qos(TOPICS[PLAN]))
+    bench.until(lambda: len(heard) == 1)
+
+    state.publish(BenchState(state="paused", stamp=stamp(100.0), tick=10_000, last_tick=90_000))
+    bench.until(lambda: asks.get_subscription_count() == 1)
+    there = JointTrajectoryPoint(positions=[0.3], time_from_start=Duration(seconds=5).to_msg())
+    asks.publish(JointTrajectory(joint_names=["base_yaw"], points=[there]))
+    bench.until(lambda: len(heard) == 2)
+    bench.start("pd", CONTROLLER)
+
+    def following(number: int) -> bool:
+        status = bench.statuses.get("pd")
+        return status is not None and bool(status.plan_hash == heard[number].hash)
+
+    bench.until(lambda: following(1))
+    state.publish(BenchState(state="waiting", epoch=1, last_tick=90_000))
+    bench.until(lambda: len(heard) == 3 and following(0))
+    assert heard[2].hash == heard[0].hash != heard[1].hash
+    assert bench.statuses["pd"].reason == "not heard by a plant"  # that is all

@@ -171,26 +171,39 @@ def test_a_question_of_another_size_is_not_heard(field: str, size: int) -> None:
 
 
 def test_a_plan_is_taken_from_the_next_question_on() -> None:
-    plan = make_plan(ReferenceOnly(start=6.0), CSA)
+    plan, *others = (make_plan(ReferenceOnly(start=at), CSA) for at in (6.0, 5.0, 5.5, 5.7))
     host = ControllerHost("mine", {})
     assert (host.plans_taken, host.plan_from) == (0, (0, 0))
     host.adopt(plan)  # kept for the testbed to come
     host.announce(builder("pd_feedforward", CSA), 2)
     assert (host.plans_taken, host.plan_hash, host.plan_from) == (1, plan_hash(plan), (0, 0))
     asked = -1
-    for epoch, tick in ((0, 0), (0, 41), (1, 3)):
-        for each in range(0 if epoch else asked + 1, tick + 1):
-            host.observe(question(each, epoch))
+    for (epoch, tick), each in zip(((0, 0), (0, 41), (1, 3)), others, strict=True):
+        for number in range(0 if epoch else asked + 1, tick + 1):
+            host.observe(question(number, epoch))
         asked = tick
-        assert host.adopt(plan) is None
+        assert host.adopt(each) is None
         assert host.plan_from == (epoch, tick + 1)
     late = make_plan(ReferenceOnly(start=0.02), CSA)
     assert "the bench is at 0.03 s" in str(
         host.adopt(late)
     )  # refused, so the other one is followed
-    assert (host.plans_taken, host.plan_hash, host.plan_from) == (4, plan_hash(plan), (1, 4))
+    taken = 5  # the reset took that of tick 0 again
+    assert (host.plans_taken, host.plan_hash, host.plan_from) == (taken, plan_hash(each), (1, 4))
     host.announce(builder("pd_feedforward", CSA), 2)  # another plant, in its first epoch
-    assert (host.plans_taken, host.plan_hash, host.plan_from) == (4, plan_hash(late), (0, 0))
+    assert (host.plans_taken, host.plan_hash, host.plan_from) == (taken, plan_hash(late), (0, 0))
+
+
+def test_a_plan_that_is_told_again_is_no_other_plan() -> None:
+    plan = make_plan(ReferenceOnly(start=0.0), CSA)
+    host = standing()
+    for epoch in (0, 1):
+        assert host.adopt(plan) is None
+        for tick in range(3):
+            host.observe(question(tick, epoch))
+        assert host.adopt(plan) is None  # whose start is over
+        assert host.reason is None
+        assert (host.plans_taken, host.plan_from) == (1, (0, 0))
 
 
 def test_nested_settings_are_merged() -> None:

@@ -1,13 +1,25 @@
+from collections.abc import Iterator
+from copy import deepcopy
+from functools import reduce
 from math import pi
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.present import present
 
-from flexslew_lab.trial.sources import read_trial, trial_path
-from flexslew_lab.trial.trial import load_trial, parse_trial, plan_of_trial
+from flexslew_lab.trial.sources import read_trial, shipped_trials, trial_path
+from flexslew_lab.trial.trial import (
+    load_trial,
+    parse_trial,
+    plan_of_trial,
+    text_of,
+    trial_of_values,
+)
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import ANY_CODE
+from flexslew_plant.settings import load_yaml
 
 HUB = """
 duration: 10.0
@@ -152,3 +164,36 @@ def test_a_trial_with_units_is_that_in_si() -> None:
     assert read_trial("m1", with_units)[0] == read_trial("m1", in_si)[0]
     with pytest.raises(BadInput, match=r"plan\.duration: '45 deg' .* give a number in s"):
         read_trial("m1", ["plan.duration=45 deg"])
+
+
+def test_a_boolean_is_no_number_anywhere_in_a_trial() -> None:
+    """Wherever shipped trials hold a number; laws and models are read where they are built."""
+    asked = set[tuple[str, ...]]()
+    for shipped in shipped_trials():
+        values = load_yaml(text_of(shipped.path), shipped.name)
+        for place in numbers(values):
+            key = tuple(str(step) for step in place if not isinstance(step, int))
+            if key in asked or key[0] == "controllers" or key[:2] == ("plan", "model"):
+                continue
+            asked.add(key)
+            wrong = deepcopy(values)
+            *way, last = place
+            reduce(getitem, way, wrong)[last] = True
+            with pytest.raises(BadInput):
+                trial_of_values(wrong, shipped.name, ANY_CODE)
+    assert len(asked) > 100
+
+
+def numbers(values: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    if isinstance(values, dict | list):
+        for key, part in values.items() if isinstance(values, dict) else enumerate(values):
+            yield from numbers(part, (*place, key))
+    elif isinstance(values, int | float) and not isinstance(values, bool):
+        yield place
+
+
+@pytest.mark.parametrize("name", ["m1", "control_moment_gyros"])
+def test_a_boolean_is_no_number_of_modes_of_a_plan(name: str) -> None:
+    trial, _ = read_trial(name, ["plan.model.modes=true"])
+    with pytest.raises(BadInput, match="modes: True is not allowed"):
+        plan_of_trial(trial)

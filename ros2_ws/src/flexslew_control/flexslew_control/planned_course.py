@@ -30,6 +30,11 @@ class PlannedCourse:
         self._hold = Reference(np.array([first[n] for n in self._names]), rest, rest, NOTHING)
         self._course, self._epoch = Course(), 0
 
+    @property
+    def plan(self) -> Plan | None:
+        """The newest plan that is flown, or will be; None: there is none."""
+        return self._course.plan
+
     def begin_epoch(self, epoch: int) -> None:
         """Know that the bench was reset: the controllers return to the plan of tick 0."""
         if epoch != self._epoch:

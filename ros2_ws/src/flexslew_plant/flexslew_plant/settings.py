@@ -1,7 +1,7 @@
 """Sections of a trial file: one YAML section is one frozen dataclass, checked on the way in."""
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from math import inf
 from typing import Annotated, Any, TypeAlias, TypeVar, dataclass_transform
 
@@ -18,6 +18,7 @@ from flexslew_plant.refusal import Refusal
 from flexslew_plant.units import is_quantity, replaced
 
 _T = TypeVar("_T")
+_Place = tuple[Any, ...]  # keys and places in lists, from the top on
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
 _MOST = 1_000_000  # values in a YAML text with aliases
 _SHORT = 10_000  # characters that cannot nest too deep for the stack
@@ -74,13 +75,13 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     """
     try:
         try:
-            return _adapter(kind).validate_python(values, context=trust)
+            result = _adapter(kind).validate_python(values, context=trust)
         except ValidationError as error:
             places = _quantities(error, values)
             if not places:
                 raise
             values = replaced(kind, values, places, source)
-            return _adapter(kind).validate_python(values, context=trust)
+            result = _adapter(kind).validate_python(values, context=trust)
     except (PydanticUserError, PydanticUndefinedAnnotation) as error:
         name, why = getattr(kind, "__name__", kind), " ".join(str(error).split())
         words = f"{name} cannot be read from keys; decorate it with @section ({why:.200})"
@@ -88,6 +89,31 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     except ValidationError as error:
         refusal, name = _refusal(error, kind, values, source), _untrusted(error)
         raise (Untrusted(refusal, name) if name else BadInput(refusal)) from None
+    for place, value in _booleans(values):  # which pydantic takes for 1 and 0
+        found = _at(_adapter(kind).dump_python(result, warnings=False), place)
+        if isinstance(found, int | float) and not isinstance(found, bool):
+            raise BadInput("give a number", source, ".".join(map(str, place)), value)
+    return result
+
+
+def _booleans(values: Any, place: _Place = ()) -> Iterator[tuple[_Place, bool]]:
+    """Find the booleans in nested settings, and where they stand."""
+    if isinstance(values, bool):
+        yield place, values
+    elif isinstance(values, dict | list | tuple):
+        parts = values.items() if isinstance(values, dict) else enumerate(values)
+        for key, part in parts:
+            yield from _booleans(part, (*place, key))
+
+
+def _at(values: Any, place: _Place) -> Any:
+    """Return what stands at a place; None: there is none such."""
+    for key in place:
+        try:
+            values = values[key]
+        except (LookupError, TypeError):
+            return None
+    return values
 
 
 def plain(section_value: Any) -> Any:

@@ -123,7 +123,7 @@ class ControllerHost:
             return
         self.controller.warm(appendages)
         if self.plan is not None:
-            self._follow(self.plan)
+            self._follow(self.plan, plan_hash(self.plan))
 
     def begin_epoch(self, epoch: int) -> None:
         """Know that the bench was reset, whether a question of the new epoch has come or not.
@@ -145,14 +145,20 @@ class ControllerHost:
             self.plans_taken += plan is not None
 
     def adopt(self, plan: Plan) -> Refusal | None:
-        """Follow a plan as soon as there is a testbed; return why not, or None."""
+        """Follow a plan as soon as there is a testbed; return why not, or None.
+
+        One that it follows already changes nothing: planners tell a plan again after a reset.
+        """
+        digest, following = plan_hash(plan), self.controller and self.controller.plan
+        if following and digest == self.plan_hash and self._plan_refused is None:
+            return None
         self.plan = plan
-        refused = self._follow(plan)
+        refused = self._follow(plan, digest)
         if refused is None:
             self.plans_taken += 1
         return refused
 
-    def _follow(self, plan: Plan) -> Refusal | None:
+    def _follow(self, plan: Plan, digest: str) -> Refusal | None:
         first = self.epoch, (self.controller.last_tick if self.controller else -1) + 1
         self._plan_refused = None
         if self.controller is not None:
@@ -160,7 +166,7 @@ class ControllerHost:
             if self.controller.last_tick < 0:
                 self.controller.warm(self._appendages)  # on the plan that it will follow
         if self._plan_refused is None:
-            self.plan_hash, self.plan_from = plan_hash(plan), first
+            self.plan_hash, self.plan_from = digest, first
         return self._plan_refused
 
     def plan_refused(self, digest: str) -> Event:

@@ -120,7 +120,7 @@ def reduced(
             "one axis at a time: give one joint, or an attitude where joints turn it in three axes"
         )
     count, kept = counted(getattr(settings, "model", None), "plan: model")
-    if count is not None and (not isinstance(count, int) or count < 0):
+    if count is not None and (type(count) is not int or count < 0):
         raise BadInput(f"plan: model: modes: {count!r} is not allowed: a number, or relevant")
     whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
     if isinstance(whole, Wheeled):

@@ -1,5 +1,6 @@
 """The simulated time for nodes that do not hear every tick."""
 
+from collections.abc import Callable
 from time import monotonic
 
 from flexslew_msgs import msg
@@ -15,9 +16,11 @@ class BenchClock:
 
     Args:
         node: that listens.
+        on_reset: is called when the bench was reset.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, on_reset: Callable[[], None]) -> None:
+        self._on_reset = on_reset
         self._state = msg.BenchState()
         self._heard = 0.0  # when it came [wall s]
         subscription(node, topics.BENCH_STATE, self._on_state)
@@ -52,4 +55,6 @@ class BenchClock:
         return wait * max(1.0, float(self._state.rate_factor))
 
     def _on_state(self, message: msg.BenchState) -> None:
-        self._state, self._heard = message, monotonic()
+        before, self._state, self._heard = self._state, message, monotonic()
+        if message.epoch != before.epoch:
+            self._on_reset()

@@ -82,11 +82,12 @@ class PlanRelease:
         self._believed: dict[str, Any] | None = None  # a testbed's section; None: as each request
         self._draft: tuple[Plan, msg.Plan] | None = None
         self._course: PlannedCourse | None = None
+        self._told: Plan | None = None  # what those hear who come now
         self._testbed = msg.Testbed()
         self._attitude: AttitudeJoints | None = None  # of the testbed
         self._stray = False  # a strange message was told of
         self._answers, self._pending = PlanAnswers(), list[_Pending]()
-        self._clock = BenchClock(node)
+        self._clock = BenchClock(node, self._begin_again)
         self._plan = publisher(node, topics.PLAN)
         self._trajectory = publisher(node, topics.PLANNED_TRAJECTORY)
         self._events = EventLog(node)
@@ -203,10 +204,20 @@ class PlanRelease:
         message = self._message(plan)
         if self._course is not None:
             self._here.add(plan, self._clock.now())
-        self._plan.publish(message)
-        self._trajectory.publish(trajectory_message(plan))
+        self._offer(plan, message)
         self._tell(PlanPublished, plan, message, who)
         return message
+
+    def _begin_again(self) -> None:
+        """Tell the plan of tick 0 again: a newcomer of the flight that is over heard the latest."""
+        first = self._here.plan if self._course is not None else None
+        if first is not None and first is not self._told:
+            self._offer(first, self._message(first))
+
+    def _offer(self, plan: Plan, message: msg.Plan) -> None:
+        self._told = plan
+        self._plan.publish(message)
+        self._trajectory.publish(trajectory_message(plan))
 
     def refuse(self, method: str, why: Refusal) -> None:
         """Say on `events` why nothing comes of a request that has no answer of its own."""
