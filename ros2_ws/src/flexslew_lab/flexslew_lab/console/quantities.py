@@ -6,6 +6,7 @@ import numpy as np
 
 from flexslew_lab.console.history import Curve
 from flexslew_lab.console.view import BenchView, Joints
+from flexslew_lab.log.joints_flown import estimate_errors, estimated_joints
 from flexslew_plant.arrays import Matrix, Vector
 
 POSITION, VELOCITY, ERROR, EFFORT = "position", "velocity", "error", "effort"
@@ -58,7 +59,10 @@ def _velocity(view: BenchView, joints: Joints) -> list[Curve]:
 def _error(view: BenchView, joints: Joints) -> list[Curve]:
     time, requested, position = _shared(view, "reference_position", "position")
     n = min(requested.shape[1], position.shape[1])
-    return _columns(_named("", joints, joints.units), time, requested[:, :n] - position[:, :n])
+    error = requested[:, :n] - position[:, :n]
+    if view.model is not None and n == view.model.joints:
+        error = view.model.joint_error(position[:, :n], requested[:, :n])
+    return _columns(_named("", joints, joints.units), time, error)
 
 
 def _effort(view: BenchView, joints: Joints) -> list[Curve]:
@@ -84,11 +88,11 @@ def _innovation(view: BenchView, joints: Joints) -> list[Curve]:
 
 
 def _estimate(view: BenchView, joints: Joints) -> list[Curve]:
-    time, estimate, position = _shared(view, "estimate_position", "position")
-    n = min(estimate.shape[1], position.shape[1])
-    modes = tuple(f"mode {k + 1} [m]" for k in range(max(n - len(joints.names), 0)))
-    names = _named("", joints, joints.units) + modes
-    return _columns(names, time, estimate[:, :n] - position[:, :n])
+    time, estimate, truth = _shared(view, "estimate_position", "position")
+    _, reference, _ = _shared(view, "reference_position", "position")
+    error = estimate_errors(view.model, estimated_joints(view.model, estimate, reference), truth)
+    modes = tuple(f"mode {k + 1} [m]" for k in range(max(error.shape[1] - len(joints.names), 0)))
+    return _columns(_named("", joints, joints.units) + modes, time, error)
 
 
 _QUANTITIES: dict[str, Callable[[BenchView, Joints], list[Curve]]] = {

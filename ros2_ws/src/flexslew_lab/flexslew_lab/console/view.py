@@ -11,6 +11,7 @@ from flexslew_lab.console.history import Track
 from flexslew_lab.identification.measurements import FIELDS
 from flexslew_lab.log.bag_columns import blocks_of
 from flexslew_lab.log.files.mcap_scan import RawMessage
+from flexslew_lab.log.joints_flown import joints_and_modes
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
@@ -19,10 +20,12 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event, RunFinished
 from flexslew_plant.own_code import NO_CODE, Trust
-from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds import Testbed, initial_state
+from flexslew_plant.testbeds.model import Model
 
 EVENTS = 2000  # that are kept
 
+COORDINATES = "coordinates"  # of the state; positions and velocities are those of joints and modes
 _TRUTH = ("position", "velocity", "applied_effort", "tip_deflection", "disturbance")
 _CONTROLLER_STATE = ("reference_position", "reference_velocity", "estimate_position", "innovation")
 _ROWS = {  # fields of what comes with every tick
@@ -86,6 +89,7 @@ class BenchView:
         self.now = Now()
         self.joints: Joints | None = None
         self.testbed: Testbed | None = None  # None also where it may not be loaded
+        self.model: Model | None = None  # of the testbed
         self.bench_settings = ""  # as it announced them, YAML
         self.controllers: dict[str, ControllerView] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
@@ -93,7 +97,7 @@ class BenchView:
         self.plan: Any = None  # the last flexslew_msgs/Plan
         self.truth, self.controller_state = Track(), Track()
         self.measured = Track()  # empty unless the link listens to the sensors
-        self.position: Vector = np.zeros(0)  # of joints and modes now
+        self.position: Vector = np.zeros(0)  # the coordinates now
         self.time = 0.0  # simulated [s]
         self.answering = ""  # who gave the last answer
         self._layouts: dict[tuple[str, int], list[Layout]] = {}
@@ -148,11 +152,19 @@ class BenchView:
             if not rises.all():  # a reset within the batch: only what came after it
                 first = int(np.flatnonzero(~rises)[-1])
                 time, columns = time[first:], {k: v[first:] for k, v in columns.items()}
-            track.add(time, {field: columns[field] for field in _ROWS[name]})
+            rows = {field: columns[field] for field in _ROWS[name]}
             if name == topics.TRUTH:
                 self.time, self.position = float(time[-1]), columns["position"][-1]
-            elif name == topics.CONTROLLER_STATE:
+                rows |= self._joints_of(rows)
+            track.add(time, rows)
+            if name == topics.CONTROLLER_STATE:
                 self.answering = str(columns["controller"][-1])
+
+    def _joints_of(self, truth: dict[str, Any]) -> dict[str, Any]:
+        """Return where joints and modes are, and the coordinates of the state."""
+        q = truth["position"]
+        place, rate = joints_and_modes(self.model, q, truth["velocity"])
+        return {"position": place, "velocity": rate, COORDINATES: q}
 
     def _take_state(self, m: Any) -> None:
         faults = tuple(zip((int(n) for n in m.fault_numbers), m.faults, strict=False))
@@ -170,9 +182,12 @@ class BenchView:
         )  # fmt: skip
         self.bench_settings = m.settings
         try:
-            self.testbed = described(m.settings, "the bench", self.trust).testbed
+            testbed = described(m.settings, "the bench", self.trust).testbed
         except BadInput:
-            self.testbed = None
+            self.testbed = self.model = None
+            return
+        self.testbed, self.model = testbed, testbed.model()
+        self.model.joint_states(initial_state(testbed)[None])  # compiled before the start
 
     def _take_event(self, m: Any) -> None:
         event = logged_event(m, "the bench")

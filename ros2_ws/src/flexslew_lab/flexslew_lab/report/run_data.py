@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.flown_testbed import flown_testbed
+from flexslew_lab.log.joints_flown import estimate_errors, estimated_joints, joints_and_modes
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.metrics.from_bag import joint_names_of, metrics_from
 from flexslew_lab.report.matching import Waiting, keys_of
@@ -156,7 +157,6 @@ class _Collector:
         self._pointing = pointing  # whose wheels are shown
         self.joints = joints  # None: as many as efforts
         self._model = model  # None: the joints are the first entries of the state
-        self._attitude = model.attitude if model is not None else None
         ticks = counts.get("/truth", 0)
         self._size = -(-ticks // BUCKETS) if ticks > 2 * BUCKETS else 1
         self._frame_step = max(-(-ticks // FRAMES), 1)
@@ -185,7 +185,7 @@ class _Collector:
 
     def _take_truth(self, time: Vector, columns: Mapping[str, Any]) -> None:
         efforts = columns["applied_effort"].shape[1]
-        position = self._joints_and_modes(columns)
+        position, _ = joints_and_modes(self._model, columns["position"], columns["velocity"])
         if self.joints is None or self.joints > position.shape[1]:
             self.joints = efforts
         joints = self.joints
@@ -211,15 +211,6 @@ class _Collector:
         self.frame_time.extend(time[rows].tolist())
         self.frame_position.extend(columns["position"][rows])
 
-    def _joints_and_modes(self, columns: Mapping[str, Any]) -> Matrix:
-        """Return where joints and modes are, shape (ticks, joints + modes)."""
-        q: Matrix = columns["position"]
-        model = self._model
-        if model is None or q.shape[1] != model.positions:
-            return q
-        joints = [model.joint_state(x)[0] for x in np.hstack((q, columns["velocity"]))]
-        return np.hstack((np.array(joints), q[:, model.positions - model.modes :]))
-
     def _take_measurement(self, time: Vector, names: NDArray[np.str_]) -> None:
         name, start, end = str(names[0]), float(time[0]), float(time[-1])
         if self.phases and self.phases[-1].controller == name:
@@ -236,7 +227,9 @@ class _Collector:
         rows = np.arange(-self._answered % self._frame_step, len(time), self._frame_step)
         self._answered += len(time)
         self.frame_reference.extend(columns["reference_position"][rows])
-        self._estimate.add(keys_of(columns), np.column_stack((time, self._estimated(columns))))
+        pair = columns["estimate_position"], columns["reference_position"]
+        estimate = estimated_joints(self._model, *pair)
+        self._estimate.add(keys_of(columns), np.column_stack((time, estimate)))
         self._join()
         names = tuple(columns["term_names"][0])
         if names != self._term_names:
@@ -250,25 +243,8 @@ class _Collector:
                 part = values[:, k * joints : (k + 1) * joints]
                 self.terms.setdefault(name, Thinner(self._size)).add(time, part)
 
-    def _estimated(self, columns: Mapping[str, Any]) -> Matrix:
-        """Return the estimate; joints that read an attitude where they would read it.
-
-        In the log they are as far from the reference as the rotation between them.
-        """
-        estimate: Matrix = columns["estimate_position"].astype(float)
-        reference = columns["reference_position"]
-        joints = reference.shape[1]
-        if self._attitude is not None and estimate.shape[1] >= joints:
-            turn = estimate[:, :joints] - reference
-            estimate[:, :joints] = self._attitude.moved(reference, turn)
-        return estimate
-
     def _join(self) -> None:
         """Put estimate minus truth where both are known; the rest waits for its counterpart."""
         for estimate, truth in self._estimate.matched(self._truth):
-            n = min(estimate.shape[1] - 1, truth.shape[1])
-            error = estimate[:, 1 : n + 1] - truth[:, :n]
-            if self._attitude is not None and n >= (joints := len(self._attitude.axes)):
-                ends = truth[:, :joints], estimate[:, 1 : joints + 1]
-                error[:, :joints] = self._attitude.error(*ends)
+            error = estimate_errors(self._model, estimate[:, 1:], truth)
             self._put("estimate_error", estimate[:, 0], error)

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.flown_testbed import model_with_readings
+from flexslew_lab.log.joints_flown import estimated_joints, joints_and_modes
 from flexslew_lab.log.truth_columns import coordinate_of
 from flexslew_lab.metrics.from_bag import joint_names_of
 from flexslew_plant.arrays import Matrix, Vector
@@ -92,24 +93,13 @@ def _columns(bag: BagReader) -> dict[str, dict[str, Any]]:
 
 
 def _read(model: Model, columns: dict[str, dict[str, Any]]) -> None:
-    """Put joints and modes where the log has the state, and estimates where joints read them.
-
-    In the log the estimate of an attitude is as far from the reference as the rotation between
-    them.
-    """
+    """Put joints and modes where the log has the state, and estimates where joints read them."""
     truth, answers = columns["/truth"], columns.get("/controller_state")
     truth |= {_Q: truth["position"], _V: truth["velocity"]}
-    state = np.hstack((truth[_Q], truth[_V]))
-    pairs = zip(model.joint_states(state), model.modal_state(state), strict=True)
-    truth["position"], truth["velocity"] = map(np.hstack, pairs)
-    if model.attitude is None or answers is None:
-        return
-    estimate, reference = answers["estimate_position"], answers["reference_position"]
-    joints = model.joints
-    if estimate.shape[1] >= joints == reference.shape[1]:
-        turn = estimate[:, :joints] - reference
-        there = model.attitude.moved(reference, turn)
-        answers["estimate_position"] = np.hstack((there, estimate[:, joints:]))
+    truth["position"], truth["velocity"] = joints_and_modes(model, truth[_Q], truth[_V])
+    if answers is not None:
+        pair = answers["estimate_position"], answers["reference_position"]
+        answers["estimate_position"] = estimated_joints(model, *pair)
 
 
 def _joined(pieces: list[Any]) -> Any:

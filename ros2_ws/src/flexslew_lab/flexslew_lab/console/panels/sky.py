@@ -5,6 +5,7 @@ from time import monotonic
 import numpy as np
 
 from flexslew_lab.console.desk import Desk
+from flexslew_lab.console.view import COORDINATES
 from flexslew_lab.report.sky_map import drawn_sky
 from flexslew_plant.arrays import Matrix
 
@@ -31,7 +32,7 @@ class SkyPanel:
         if now < self._next:
             return
         self._next = now + _PERIOD
-        position = self._view.truth.column("position")
+        position = self._view.truth.column(COORDINATES)
         reference = self._view.controller_state.column("reference_position")
         drawn = drawn_sky(self._view.testbed, _some(position), _some(reference))
         self._drawn.visible = bool(drawn)
