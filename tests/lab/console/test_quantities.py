@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexslew_lab.console.quantities import ERROR, ESTIMATE, POSITION, VELOCITY, curves_of
+from flexslew_lab.console.quantities import ERROR, ESTIMATE, POSITION, TIPS, VELOCITY, curves_of
 from flexslew_lab.console.replay import Replay
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.run.run_trial import run_trial
@@ -36,6 +36,9 @@ def test_charts_of_positions_and_rates_show_what_the_joints_read(bag: Path) -> N
 def test_charts_of_errors_and_estimates_show_how_far_the_joints_are_off(bag: Path) -> None:
     log = Replay(bag)
     log.seek(log.last)
+    tips = [curve.label for curve in curves_of(log.view, TIPS)]
+    assert tips  # of rates and instruments the truth holds nothing
+    assert not [label for label in tips if "rate" in label or not label.endswith(" [m]")]
     for quantity, most in ((ERROR, 0.06), (ESTIMATE, 0.002)):  # m1 bends away from its plan
         worst = max(np.nanmax(np.abs(curve.value)) for curve in curves_of(log.view, quantity))
         assert worst < most, quantity  # the coordinates of an attitude are up to 1 away

@@ -77,8 +77,12 @@ def _effort(view: BenchView, joints: Joints) -> list[Curve]:
 
 
 def _tips(view: BenchView, joints: Joints) -> list[Curve]:
-    names = tuple(f"{name} [m]" for name in joints.appendages)
-    return _columns(names, view.truth.time, view.truth.column("tip_deflection"))
+    rows = view.truth.column("tip_deflection")
+    shown = [(k, name, "m") for k, name in enumerate(joints.appendages)]
+    if view.model is not None and rows.shape[1] == len(view.model.appendages.names):
+        shown = view.model.appendages.deflections
+    names = tuple(f"{name} [{unit}]" for _, name, unit in shown)
+    return _columns(names, view.truth.time, rows[:, [k for k, *_ in shown if k < rows.shape[1]]])
 
 
 def _innovation(view: BenchView, joints: Joints) -> list[Curve]:

@@ -29,11 +29,7 @@ def flown_testbed(overview: Overview, epoch: int, trust: Trust) -> Testbed | Non
         return None
 
 
-def model_with_readings(overview: Overview, trust: Trust) -> Model | None:
-    """Return the model of a log whose joints are not the first entries of its state.
-
-    None: they are, or nobody knows.
-    """
+def flown_model(overview: Overview, trust: Trust) -> Model | None:
+    """Return the model of a log's testbed; None: nobody knows."""
     testbed = flown_testbed(overview, 0, trust)
-    model = None if testbed is None else testbed.model()
-    return None if model is None or model.reading is None else model
+    return None if testbed is None else testbed.model()

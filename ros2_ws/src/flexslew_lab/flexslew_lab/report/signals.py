@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.log.flown_testbed import model_with_readings
+from flexslew_lab.log.flown_testbed import flown_model
 from flexslew_lab.log.joints_flown import estimated_joints, joints_and_modes
 from flexslew_lab.log.truth_columns import coordinate_of
 from flexslew_lab.metrics.from_bag import joint_names_of
@@ -51,11 +51,15 @@ def read_signals(bag: BagReader) -> Signals:
     truth = columns.get("/truth", {})
     if not truth:
         raise BadInput("holds no truth", bag.path)
-    model = model_with_readings(bag.overview, bag.trust)
-    if model is not None and truth["position"].shape[1] == model.positions:
+    model = flown_model(bag.overview, bag.trust)
+    if (
+        model is not None
+        and model.reading is not None
+        and truth["position"].shape[1] == model.positions
+    ):
         _read(model, columns)
     ticks = _keys_of_ticks(truth)
-    labels = _labels(bag.overview, truth["applied_effort"].shape[1])
+    labels = _labels(bag.overview, truth["applied_effort"].shape[1], model)
     values: dict[str, Vector] = {}
     units: dict[str, str] = {}
     for quantity, (topic, field, kind) in _FIELDS.items():
@@ -65,6 +69,8 @@ def read_signals(bag: BagReader) -> Signals:
         rows = _at(ticks, _keys_of_ticks(columns[topic]), found.reshape(len(found), -1))
         for k, column in enumerate(rows.T):
             name, unit = labels[kind](k)
+            if not (name or unit):
+                continue
             if quantity in _STATE:
                 known = coordinate_of(bag.overview, _STATE[quantity], k, bag.trust)
                 name, unit = known or (name, unit)
@@ -127,12 +133,19 @@ def _at(ticks: Any, own: Any, values: Matrix) -> Matrix:
     return rows
 
 
-def _labels(overview: Overview, efforts: int) -> dict[str, Any]:
-    """Return for each kind of column a function from its number to its name and unit."""
+def _labels(overview: Overview, efforts: int, model: Model | None) -> dict[str, Any]:
+    """Return for each kind of column a function from its number to its name and unit.
+
+    Both are empty where a column of the truth says nothing.
+    """
     joints = joint_names_of(overview, efforts)
     known = overview.testbed is not None and len(overview.testbed.joint_units) == len(joints)
     units = tuple(overview.testbed.joint_units) if known else ("rad",) * len(joints)
     appendages = tuple(overview.testbed.appendage_names) if overview.testbed is not None else ()
+    tips = [(k, name, "m") for k, name in enumerate(appendages)]
+    if model is not None and model.appendages.names == appendages:
+        tips = model.appendages.deflections
+    told = {k: (name, unit) for k, name, unit in tips}
 
     def coordinate(k: int) -> tuple[str, str]:
         return (joints[k], units[k]) if k < len(joints) else (f"mode_{k - len(joints) + 1}", "m")
@@ -141,7 +154,7 @@ def _labels(overview: Overview, efforts: int) -> dict[str, Any]:
         return joints[k], "N" if units[k] == "m" else "N m"
 
     def appendage(k: int) -> tuple[str, str]:
-        return appendages[k] if k < len(appendages) else f"appendage_{k + 1}", "m"
+        return told.get(k, ("", "") if k < len(appendages) else (f"appendage_{k + 1}", "m"))
 
     return {
         "coordinates": coordinate,

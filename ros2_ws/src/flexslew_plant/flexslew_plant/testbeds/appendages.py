@@ -32,6 +32,15 @@ class Appendages(NamedTuple):
     body: Callable[[Vector], MovingBody] | None = (
         None  # from a state; None: there are no instruments
     )
+    # of what the truth holds of each; empty: it holds none of a rate or an instrument; None: [m]
+    units: tuple[str, ...] | None = None
+
+    @property
+    def deflections(self) -> list[tuple[int, str, str]]:
+        """Place, name and unit of the readings that the truth holds: displacements and strains."""
+        units = self.units or ("m",) * len(self.names)
+        named = zip(self.names, units, strict=True)
+        return [(k, name, unit) for k, (name, unit) in enumerate(named) if unit]
 
     def reading(self, modes: Vector, rates: Vector) -> Vector:
         """Return what the tips read of the modes and their rates, shape (appendages,)."""

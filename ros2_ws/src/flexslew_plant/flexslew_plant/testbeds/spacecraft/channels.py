@@ -104,7 +104,7 @@ def channels(
     Raises:
         BadInput: a sensor sits where it cannot, by its key.
     """
-    names: list[str] = []
+    names, in_truth = list[str](), list[str]()
     none = np.zeros(craft.modes)
     tip, rate, curvature, small = [], [], [], []
     for k, a in enumerate(craft.appendages):
@@ -116,6 +116,7 @@ def channels(
             bent = _of_all(craft, k, a.axes.T @ a.shape.along.spot(0.0).curvature)
         names += [f"{a.name}_{axis}" for axis in "xyz"]
         names += [f"{a.name}_rate_{axis}" for axis in "xyz"]
+        in_truth += ["m"] * 3 + [""] * 3
         still = np.zeros_like(rows)
         tip += [*rows, *still]
         rate += [*still, *rows]
@@ -140,6 +141,8 @@ def channels(
             else:
                 row = _row(craft, sensor, units, key)
         names += own
+        kind = sensor.kind if isinstance(sensor, SensorPlace) else ""
+        in_truth += [{"displacement": "m", "strain": "-"}.get(kind, "")] * len(own)
         tip += [none if is_rate else row] * len(own)
         rate += [row if is_rate else none] * len(own)
         curvature += [none] * len(own)
@@ -155,6 +158,7 @@ def channels(
         np.array(small),
         tuple(instruments),
         partial(body_of, craft) if instruments else None,
+        tuple(in_truth),
     )
 
 
