@@ -45,7 +45,15 @@ def test_every_control_can_be_reached_and_the_brake_stays_where_it_is(
                 browser.run("scrollTo(0, document.body.scrollHeight)")
                 assert browser.run(_BRAKE) == place, (width, tab)
             _works(browser, link)
+            _chooses_curves(browser, page)
         assert not [c for c in browser.complaints() if "Refused" in c or "Error" in c]
+
+
+# of the first chart
+_TEXTS = (
+    "return [...document.querySelector('.bench-grid svg').querySelectorAll('text')]"
+    ".map(e => e.textContent)"
+)
 
 
 def _works(browser: Browser, link: FakeLink) -> None:
@@ -65,11 +73,17 @@ def _works(browser: Browser, link: FakeLink) -> None:
     browser.press(" ", "Space")
     _says(browser, "header", number)
     assert link.asked[-1][1]["action"] == "brake"
-    ticks = browser.run(
-        "return [...document.querySelectorAll('.bench-grid svg text')].map(e => e.textContent)"
-    )
+    ticks = browser.run(_TEXTS)
     assert any("e-6" in tick for tick in ticks)  # not "0, 0, -0"
     assert "40" in ticks or "39.99" in ticks or "35" in ticks
+
+
+def _chooses_curves(browser: Browser, page: Page) -> None:
+    """Show other curves in the first chart, as at the start of a flight, and those from before."""
+    choice = next(e for e in page.server.gui.all() if e.label == "Chart")
+    for quantity, small in (("velocity", False), ("position", True)):
+        choice.value = quantity
+        browser.until(f"{_TEXTS}.some(text => text.includes('e-6')) === arguments[0]", small)
 
 
 def _says(browser: Browser, place: str, number: int) -> None:

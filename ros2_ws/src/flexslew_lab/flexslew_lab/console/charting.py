@@ -1,5 +1,6 @@
 """A chart as ECharts takes it: its axes and curves, and the rows that are new in it."""
 
+import json
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,3 +96,18 @@ def whole(data: ChartData) -> dict[str, Any]:
     marks = {**events["markLine"], **data.news["series"][-1]["markLine"]}
     found["series"] = [*(dict(one) for one in series), {**events, "markLine": marks}]
     return found
+
+
+def expression(value: Any) -> str:
+    """Return plain data in JavaScript; what a key that begins with a colon holds is code itself."""
+    if isinstance(value, dict):
+        pairs = (
+            f"{json.dumps(key[1:])}: {part}"
+            if key.startswith(":")
+            else f"{json.dumps(key)}: {expression(part)}"
+            for key, part in value.items()
+        )
+        return f"{{{', '.join(pairs)}}}"
+    if isinstance(value, list) and any(isinstance(part, dict) for part in value):
+        return f"[{', '.join(map(expression, value))}]"
+    return json.dumps(value)

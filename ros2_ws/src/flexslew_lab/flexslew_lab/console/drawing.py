@@ -7,7 +7,7 @@ from typing import Any
 
 from nicegui import background_tasks, ui
 
-from flexslew_lab.console.charting import whole
+from flexslew_lab.console.charting import expression, whole
 from flexslew_lab.console.gui import Element, Gui, accepted
 from flexslew_lab.console.scene_drawing import SceneDrawing
 from flexslew_lab.console.sheet import SCRIPT, SHEET
@@ -272,7 +272,7 @@ def _show_chart(view: PageView, element: Element, drawn: Any) -> None:
     with drawn.props.suspend_updates():  # for a browser that asks for all of it later
         drawn.props["options"] = whole(element.data)
     if fresh:
-        drawn.run_chart_method("setOption", drawn.options, True)
+        drawn.run_chart_method(":setOption", expression(drawn.options), "true")
     else:
         drawn.run_chart_method("setOption", element.data.news)
 
