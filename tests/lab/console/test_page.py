@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from math import inf, nan, pi
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -410,3 +411,24 @@ def test_a_page_opens_where_the_option_that_was_chosen_has_gone(hands: Hands) ->
     late = PageClient(hands.page.server.address)
     assert "Set the rate" in {e["label"] for e in late.inputs.values()}
     late.socket.close()
+
+
+def test_the_form_of_a_plan_opens_on_the_method_that_flies(tmp_path: Path) -> None:
+    link = FakeLink()
+    page = Page(link, "127.0.0.1", 0, lambda words: None, layouts=tmp_path / "layouts.json")
+    hands = Hands(page, link)
+    try:
+        hands.refresh()
+        assert hands.elements("Method")[-1].value == "optimized_feedforward"
+        link.view.plan = SimpleNamespace(
+            method="time_optimal", hash="a", joint_names=("a", "b"), start=0.0, period=0.1,
+            position=np.zeros(8),
+        )  # fmt: skip
+        hands.refresh()
+        assert hands.elements("Method")[-1].value == "time_optimal"
+        hands.set("Method", "input_shaping")  # whatever flies next, this was chosen
+        link.view.plan = SimpleNamespace(**{**vars(link.view.plan), "hash": "b"})
+        hands.refresh()
+        assert hands.elements("Method")[-1].value == "input_shaping"
+    finally:
+        page.close()

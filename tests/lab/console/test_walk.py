@@ -11,6 +11,13 @@ _BRAKE = """
 const box = document.getElementById("brake").getBoundingClientRect();
 return [box.left, box.top].map(Math.round);
 """
+# fields and charts of the panel on the left that do not fill it
+_NARROW = """
+return [...document.querySelectorAll(".bench-left .bench-field, .bench-left .bench-chart")]
+  .filter(e => e.checkVisibility())
+  .filter(e => e.getBoundingClientRect().width < 0.85 * e.closest(".bench-left").clientWidth)
+  .map(e => e.innerText || e.ariaLabel);
+"""
 _FITS = """
 const boxes = [...document.querySelectorAll(".bench-grid .bench-chart svg")]
   .map(e => e.getBoundingClientRect());
@@ -41,6 +48,7 @@ def test_every_control_can_be_reached_and_the_brake_stays_where_it_is(
                 assert len(controls) > 10, (width, tab)
                 wrong = [c["name"] for c in controls if not (c["inside"] and c["hit"])]
                 assert not wrong, (width, tab, wrong)
+                assert browser.run(_NARROW) == [], (width, tab)
                 assert browser.run("return document.documentElement.scrollWidth <= innerWidth")
                 browser.run("scrollTo(0, document.body.scrollHeight)")
                 assert browser.run(_BRAKE) == place, (width, tab)

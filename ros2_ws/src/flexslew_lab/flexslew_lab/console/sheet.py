@@ -19,7 +19,7 @@ body { background: #f4f5f7; font-size: 14px; }
 .bench-left .q-tab { padding: 0 6px; min-width: 0; }
 .bench-left .q-tabs__content { flex-wrap: wrap; }
 .bench-folder { border: 1px solid #ddd; border-radius: 4px; margin: 6px 0; padding: 2px 8px 6px;
-  min-width: 0; }
+  min-width: 0; width: 100%; }
 .bench-grid > .bench-folder { border: 0; padding: 0; margin: 0; }
 .bench-tools { display: grid; grid-template-columns: repeat(auto-fit, minmax(120px, 1fr));
   gap: 0 6px; align-items: center; }

@@ -77,6 +77,8 @@ class PlanPanel:
         shown, kind = (self._draft, "draft, not flown") if waits else (plan, "plan")
         state = (shown.hash, kind) if shown is not None else ("", "")
         if state != self._drawn:
+            if plan is not None and not self._drawn[0] and plan.method in self._method.options:
+                self._method.value = plan.method  # as the bench flies already
             self._drawn = state
             self._draw(shown, kind)
 
