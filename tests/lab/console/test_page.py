@@ -1,6 +1,7 @@
 """The page's fields and buttons: what is asked of the bench, and what is told beside a field."""
 
 from collections.abc import Iterator
+from itertools import permutations
 from math import inf, nan, pi
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,8 +13,8 @@ from tests.fake_bench import FakeLink
 from tests.page_client import PageClient
 
 from flexslew_lab.console import quantities
-from flexslew_lab.console.forms import scaled
-from flexslew_lab.console.gui import Element
+from flexslew_lab.console.forms import OpenedOn, scaled
+from flexslew_lab.console.gui import Element, Gui
 from flexslew_lab.console.page import Page
 from flexslew_plant.events import AnswerMissed, Noted
 from flexslew_plant.events.event import event_of
@@ -432,3 +433,18 @@ def test_the_form_of_a_plan_opens_on_the_method_that_flies(tmp_path: Path) -> No
         assert hands.elements("Method")[-1].value == "input_shaping"
     finally:
         page.close()
+
+
+@pytest.mark.parametrize("order", list(permutations(["first", "second", "third"])))
+@pytest.mark.parametrize("chooses", [False, True])
+def test_lists_of_controllers_open_on_the_one_in_charge_whoever_is_heard_first(
+    order: tuple[str, ...], chooses: bool
+) -> None:
+    field = Gui().choice("Controller", ("nobody",))
+    opened, expected = OpenedOn(field), "second"
+    for count in range(1, 4):
+        opened.offer(tuple(sorted(order[:count])), "nobody", "second")
+        if chooses and "third" in order[:count] and field.value != "third":
+            field.value = expected = "third"
+    opened.offer(tuple(sorted(order)), "nobody", "second")
+    assert field.value == expected

@@ -123,16 +123,19 @@ class OpenedOn:
     """
 
     def __init__(self, field: Element) -> None:
-        self._field, self._first = field, field.value
+        self._field = field
+        self._shown = field.value  # of the list itself: nobody has chosen
+        self._open = False
 
     def offer(self, options: tuple[str, ...], nothing: str, active: str) -> None:
         """Let the list offer these; see `offer`."""
+        chosen = self._field.value != self._shown
         offer(self._field, options, nothing)
-        if self._first is None or active not in options:
-            return
-        if self._field.value in (self._first, options[0]):  # nobody has chosen yet
-            self._field.value = active
-        self._first = None
+        if not self._open and active in options:
+            self._field.value = self._field.value if chosen else active
+            self._open = True
+        elif not chosen:
+            self._shown = self._field.value
 
 
 def _choices(kind: Any) -> tuple[str, ...]:
