@@ -42,6 +42,7 @@ def faulty(study_of: Callable[..., Study], faults: list[dict[str, Any]], **keys:
             vary[f"schedule.{k}.fault.{name}"] = {"uniform": SIZES[name]}
     vary["schedule.0.disturbance.hub_pitch"] = {"uniform": [1.0, 8.0]}
     schedule += keys.pop("switches", [])
+    vary |= keys.pop("vary", {})
     trial = {
         "duration": 3.0,
         "testbed": {"modes": 1, "effort_limit": [60.0, 40.0]},
@@ -206,3 +207,23 @@ def test_instruments_and_filters_of_an_attitude_are_misled_alike(
         "schedule.3.fault.gain": {"uniform": [0.3, 0.9]},
     }
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 3])
+
+
+@pytest.mark.parametrize("window", [1, 7, 400])
+def test_what_the_drive_finds_implausible_is_left_to_the_bench_and_nothing_else(
+    study_of: Callable[..., Study], window: int
+) -> None:
+    """400 ticks are never full."""
+    jump = {"kind": "sensor_bias", "channel": "joint_position", "bias": 1e-3}
+    frozen = {"kind": "sensor_freeze", "channel": "joint_velocity"}
+    judged = {"plausibility": {"window": window}, "fallback": ["pid"]}
+    allowed = {"plausibility.rate_difference": {"loguniform": [1e-3, 1.0]}}
+    ready = prepare(faulty(study_of, [jump, frozen], vary=allowed, **judged))
+    ways = ways_of(ready, 12)
+    assert set(ways) == {Way.LANES, Way.JUDGED}
+    for k, way in enumerate(ways):
+        case = case_of(ready.study, ready.samples, k)
+        found = flown(ready.study, case, ready.plans)
+        left = found.status != "ok" or bool(found.metrics["fallbacks"])  # the brake at last
+        assert left == (way is Way.JUDGED), k
+    require_equal(ready, [k for k, way in enumerate(ways) if way is Way.LANES])

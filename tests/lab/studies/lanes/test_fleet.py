@@ -108,7 +108,6 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
                 "sensors": {"joint_position": {"bias": 1e-4}},
             },
         ),
-        (Way.JUDGED, {"plausibility": {}}),
         (
             Way.JUDGED,
             {"controllers": {"lqr": {"monitor": {}}}, "active": "lqr"},

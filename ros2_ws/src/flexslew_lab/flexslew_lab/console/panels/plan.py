@@ -65,7 +65,9 @@ class PlanPanel:
             goals = zip(joints.names, joints.units, strict=True)
             keys = [FormKey(f"{_GOAL}{name}", f"[{unit}]", "0.0") for name, unit in goals]
             keys += [
-                FormKey("duration", "of the manoeuvre [s]; empty: what the method needs, or 25 s", ""),
+                FormKey(
+                    "duration", "of the manoeuvre [s]; empty: what the method needs, or 25 s", ""
+                ),
                 FormKey("start", "simulated time, later than now [s]", ""),
                 FormKey("more", "other keys, YAML: {functions: 12}, {method: my_shaper.py:Shaper}"),
             ]

@@ -22,6 +22,7 @@ from flexslew_lab.studies.lanes.inputs import (
     resting_course,
     schedule_of,
 )
+from flexslew_lab.studies.lanes.judge import DISTRUSTED
 from flexslew_lab.studies.lanes.lane_laws import is_large, kind_of, size_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import (
@@ -46,6 +47,9 @@ from flexslew_plant.testbeds.spacecraft.motions import Pointing
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
 _ROOM = 40_000_000  # for the numbers of their observers
+
+
+_DOUBTS = {1.0: Way.EDGE, DISTRUSTED: Way.JUDGED}
 
 
 class ForBench(NamedTuple):
@@ -163,7 +167,7 @@ class Lanes:
             if metrics is not None:
                 results.append(Flown(lane.case.number, metrics, None, "ok", "", Way.LANES))
             else:
-                way = Way.FAR if not bounded else Way.EDGE if doubtful else Way.METRICS
+                way = Way.FAR if not bounded else _DOUBTS.get(doubt[k], Way.METRICS)
                 lost.append(ForBench(lane.case, way))
         return results, lost
 

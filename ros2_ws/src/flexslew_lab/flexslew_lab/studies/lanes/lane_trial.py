@@ -107,8 +107,9 @@ class LaneIntake:
         if model.appendages.instruments:
             told = model.appendages.packed(trial.period, None).layout.tobytes()
         motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate), rubs
+        window = trial.plausibility and trial.plausibility.window
         outside = model.outside and (model.outside.add, model.outside.numbers.size)
-        bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor, outside)
+        bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor, window, outside)
         hold = None if trial.plan is not None else _first_measured(trial, model, happens.faults)
         held = b"" if hold is None else hold.tobytes()
         law, together = (common.law, held, *bench), (common.course, *bench)
@@ -229,9 +230,7 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
     own = [trial.controllers[name] or {} for _, name in charge.legs]
     laws = [law_of(leg[1], values)[0] for leg, values in zip(charge.legs, own, strict=True)]
     known = all(law in CONTROLLERS and CONTROLLERS[law].linear for law in laws)
-    judged = trial.plausibility is not None or any(
-        values.get("monitor") is not None for values in own
-    )
+    judged = any(values.get("monitor") is not None for values in own)
     later = known and all(CONTROLLERS[law].takes_over for law in laws[1:])
     obstacles = (
         (any(isinstance(entry.fault, SensorNan) for entry in trial.schedule), Way.NAN),

@@ -20,6 +20,7 @@ from flexslew_lab.studies.lanes.inputs import (
     quanta_of,
     troubles_of,
 )
+from flexslew_lab.studies.lanes.judge import judge_of
 from flexslew_lab.studies.lanes.lane_friction import movement_of
 from flexslew_lab.studies.lanes.lane_laws import beside, outputs_of
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
@@ -99,6 +100,7 @@ class LaneFlight:
         self._errors = errors_of(self._lanes, self._outputs, len(schedule.time))
         self._troubles = troubles_of(lanes, filled, len(schedule.time) - 1)
         self._quanta = quanta_of(self._lanes, self._outputs)
+        self._judge = judge_of(lanes)
         self._positions = positions_of(lanes, schedule)
         self._next = 0  # leg
         self.rows = rows_of(first.kernel.size, self._sizes(0))
@@ -106,7 +108,7 @@ class LaneFlight:
         self._begin(gains)
 
     def in_doubt(self) -> Vector:
-        """Return of every lane whether a value was too near to an edge, 0 or 1; see quanta."""
+        """Return of every lane 0, or why only the bench can fly it; see Rows.doubt."""
         if not self._sizes(0).doubtful:
             return np.zeros(LANES)
         return self.w[self.rows.doubt : self.rows.doubt + LANES]
@@ -166,6 +168,7 @@ class LaneFlight:
             self._troubles,
             numbers,
             self._errors,
+            self._judge,
             turned_joints(attitude, first.model.joints),
             heard and heard.senses,
             self._pushes,
@@ -193,6 +196,7 @@ class LaneFlight:
             bool(first.trial.actuator.lag),
             bool(self._drives[:, 3 * m + 2].any()),
             bool(self._quanta.any()),
+            self._judge is not None,
             k > 0,
             self._troubles.faults is not None,
             self._troubles.disturbance.shape[2] > 1,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_lab.studies.lanes.efforts import LawNumbers, LawTerms, Troubles, efforts_of
+from flexslew_lab.studies.lanes.judge import judging
 from flexslew_lab.studies.lanes.lane_faults import setting_in
 from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
 from flexslew_lab.studies.lanes.quanta import quantising
@@ -52,13 +53,14 @@ def lane_loop(
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, turned, Senses, LanePushes,
-    LaneFriction, observer, z, memory, filled, first, last, record, draws): w of lanes.Advance with
-    the rows of `rows` behind; `error` of the readings, (ticks + 1 or 1, outputs LANES);
-    TurnedJoints, if `turns`; w, z and memory in and out; `observer` as `observe` wants it, which is
-    asked for the first `filled` lanes at least; ticks from `first` to before `last`. If `recorded`,
-    the truth goes into `record`, (LANES, ticks, states + joints), and is measured afterwards; else
-    the loop counts what the metrics need. `draws` are the instruments', (ticks, lanes, draws).
+    It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, LaneJudge, turned, Senses,
+    LanePushes, LaneFriction, observer, z, memory, filled, first, last, record, draws): w of
+    lanes.Advance with the rows of `rows` behind; `error` of the readings, (ticks + 1 or 1, outputs
+    LANES); TurnedJoints, if `turns`; w, z and memory in and out; `observer` as `observe` wants it,
+    which is asked for the first `filled` lanes at least; ticks from `first` to before `last`. If
+    `recorded`, the truth goes into `record`, (LANES, ticks, states + joints), and is measured
+    afterwards; else the loop counts what the metrics need. `draws` are the instruments', (ticks,
+    lanes, draws).
 
     Args:
         kernel: of the testbed.
@@ -83,6 +85,7 @@ def lane_loop(
     tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
     about = about_reference(m, rows.reading, turns and filtered is None)
     quantise = quantising(rows, sizes)
+    compare = judging(rows, sizes)
     set_in, sense = setting_in(rows, sizes, heard), sensing(rows, sizes, heard, filtered)
 
     @vectorised
@@ -113,6 +116,7 @@ def lane_loop(
         troubles: Troubles,
         law: LawNumbers,
         error: Matrix,
+        judge: Any,
         turned: Any,
         senses: Any,
         pushes: Any,
@@ -140,6 +144,7 @@ def lane_loop(
             read(k, error, w)
             quantise(w)
             set_in(k, troubles.faults, w, filled)
+            compare(k, dt, judge, w)
             if heard:
                 draw, reference = draws[k - first], schedule.position[k]
                 sense(k, senses, draw, reference, troubles.faults, w, filled)

@@ -24,14 +24,15 @@ class Sizes(NamedTuple):
     lagged: bool  # torques of motors lag
     stepped: bool  # they are multiples of a quantum
     quantised: bool  # readings are
+    judged: bool  # joint readings are compared
     taken: bool  # the law took over from another one
     broken: bool  # there are faults
     apart: bool  # each lane has disturbances of its own
 
     @property
     def doubtful(self) -> bool:
-        """Whether a last digit may turn into a whole quantum, or a pulse."""
-        return self.quantised or self.stepped or self.pulsed
+        """Whether a last digit may turn into a whole quantum, a pulse, or a finding."""
+        return self.quantised or self.stepped or self.pulsed or self.judged
 
 
 class Rows(NamedTuple):
@@ -63,7 +64,7 @@ class Rows(NamedTuple):
     pulse: int  # impulse of their shortest pulse
     motor: int  # lag, slew rate, quantum, parts of a step gone: at a tick's end, in its mean
     quantum: int  # of each reading; 0: none
-    doubt: int  # 1: something was too near to an edge, see quanta
+    doubt: int  # 1: something was too near to an edge, see quanta; 2: see judge
     residual_tip: int  # from here on: what the metrics count
     peak_tip: int
     residual: int
