@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from tests.flight.test_random_schedules import TEXT, TUNED, recorded
 from tests.wire_bench import WireBench
 
@@ -37,14 +38,22 @@ class Told:
 
     def __init__(self, bench: WireBench, writer: BagWriter) -> None:
         self.bench, self._writer = bench, writer
+        self._published: list[tuple[Plan, bool]] = []  # and whether in flight
 
     def plan(self, published: Plan, *names: str) -> None:
         self._put("/plan", **plan_fields(published, None))
+        self._published.append((published, self.bench.bench.time > 0.0))
         for name in names:
-            self.follow(published, name)
+            self._follow(name, *self._published[-1])
 
-    def follow(self, published: Plan, name: str) -> None:
-        assert self.bench.hosts[name].adopt(published) is None
+    def start(self, name: str) -> None:
+        """Start a controller again: it hears every plan that there was."""
+        self.bench.start(name)
+        for published in self._published:
+            self._follow(name, *published)
+
+    def _follow(self, name: str, published: Plan, of_flight: bool) -> None:
+        assert self.bench.hosts[name].adopt(published, of_flight) is None
         self.status(name)
 
     def status(self, name: str) -> None:
@@ -85,10 +94,8 @@ def test_one_that_takes_a_newer_plan_before_its_first_question_follows_it_from_t
         newer = plan(1.5, -0.03, HERE + 0.05)
         told.plan(newer, "pd_feedforward", "proportional_integral")
         bench.fly(130)
-        bench.start("lqr")
-        told.follow(newer, "lqr")  # and is killed before it hears a question
-        bench.start("lqr")
-        told.follow(newer, "lqr")
+        told.start("lqr")  # and is killed before it hears a question
+        told.start("lqr")
         bench.fly(170)
         bench.session.switch(SwitchRequest("lqr", 180), bench.now)
         bench.fly(250)
@@ -112,11 +119,43 @@ def test_one_that_starts_again_after_a_reset_has_forgotten_how_it_was_tuned(
         told.status("lqr")
         bench.session.reset()
         bench.fly(1)  # the last question of before is heard
-        bench.start("lqr")
-        told.plan(plan(0.1, 0.05), "lqr")
+        told.start("lqr")
         assert bench.session.start().ok
         bench.session.switch(SwitchRequest("lqr", 15), bench.now)
         bench.fly(80)
     assert [(e.epoch, e.tick) for e in bench.of_kind("began")] == [(1, 0)]
     assert len(bench.of_kind("switched")) == 2
+    assert resim(tmp_path / "bag").identical
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_one_that_is_started_in_flight_follows_all_plans_of_it_and_after_a_reset_the_first(
+    tmp_path: Path, begun: bool
+) -> None:
+    """It is in charge before the later plan has begun, or after."""
+    bench, writer = recorded(tmp_path / "bag", parse_trial(TEXT, "test"))
+    first, later = plan(0.1, 0.05), plan(1.5, -0.03, HERE + 0.05)
+    with writer:
+        told = Told(bench, writer)
+        told.plan(first, *NAMES)
+        bench.session.switch(SwitchRequest("pd_feedforward", 20), bench.now)
+        bench.fly(30)
+        told.plan(later, *NAMES)
+        bench.fly(170 if begun else 40)  # the first plan is flown until 0.6 s
+        told.start("lqr")
+        came = bench.bench.tick
+        bench.session.switch(SwitchRequest("lqr", came + 5), bench.now)
+        bench.fly(came + 15)
+        lqr = bench.hosts["lqr"].controller
+        assert lqr is not None
+        for tick in (came + 10, 148, 175):
+            followed = (later if tick >= 150 else first).reference(tick).position
+            np.testing.assert_array_equal(lqr.reference(tick).position, followed)
+        bench.session.reset()
+        told.status("lqr")
+        assert bench.session.start().ok
+        bench.session.switch(SwitchRequest("lqr", 15), bench.now)
+        bench.fly(80)
+        np.testing.assert_array_equal(lqr.reference(40).position, first.reference(40).position)
+        assert lqr.plan == first
     assert resim(tmp_path / "bag").identical

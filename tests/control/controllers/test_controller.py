@@ -251,6 +251,27 @@ def test_a_standby_that_came_in_flight_follows_the_plan_that_is_flown(
     assert estimator.resets == [(0, 20), *([] if plan_first else [(0, 31)])]
 
 
+@pytest.mark.parametrize("heard", ["before", "after", "between"])
+def test_one_that_came_in_flight_takes_the_plans_of_it_one_after_the_other(heard: str) -> None:
+    """Whether it hears them before its first question, after it, or one of them."""
+    first, later = replace(PLAN, start=0.0), replace(PLAN, start=0.25)
+    one = controller(requires_plan=True)
+    if heard != "after":
+        assert one.adopt(first) is None
+    if heard == "before":
+        assert one.adopt(later, True) is None
+    one.observe(question(27, "b"))
+    if heard == "after":
+        assert one.adopt(first) is None
+    if heard != "before":
+        assert one.adopt(later, True) is None
+    for tick in (28, 29):
+        one.observe(question(tick, "b"))
+    np.testing.assert_array_equal(one.reference(30).position, later.reference(30).position)
+    one.begin_epoch(1)
+    np.testing.assert_array_equal(one.reference(30).position, first.reference(30).position)
+
+
 @pytest.mark.parametrize("tuned", [False, True])
 def test_who_was_in_charge_without_a_plan_takes_none_that_has_begun(tuned: bool) -> None:
     one, begun = controller(), replace(PLAN, start=0.0)

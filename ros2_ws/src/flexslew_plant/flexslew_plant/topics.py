@@ -58,7 +58,7 @@ TOPICS: dict[str, Topic] = {
         Topic(RECORDED, "flexslew_msgs/msg/Recorded", 200),
         Topic(ALIVE, "flexslew_msgs/msg/Alive", 20, reliable=False),
         Topic(BENCH_STATE, "flexslew_msgs/msg/BenchState", 1, latched=True),
-        Topic(PLAN, "flexslew_msgs/msg/Plan", 1, latched=True),
+        Topic(PLAN, "flexslew_msgs/msg/Plan", 20, latched=True),  # a newcomer hears those before
         Topic(TESTBED, "flexslew_msgs/msg/Testbed", 1, latched=True),
         Topic(EVENTS, "flexslew_msgs/msg/Event", 1000, latched=True),
         Topic(JOINT_STATES, "sensor_msgs/msg/JointState", LOOP_DEPTH),

@@ -87,6 +87,7 @@ class Controller:
         self._answered = -1  # last tick it answered
         self._led = False  # it was in charge in this epoch
         self._fresh = True  # it has seen no measurement yet
+        self._joined = False  # it was started in this flight, when others flew already
         self._answer: Answer | None = None
         self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
         self._handover_tick = 0
@@ -134,7 +135,7 @@ class Controller:
         if epoch > self._key[0]:
             if self._key[0] >= 0:
                 self._course.restart()
-            self._key, self._led = (epoch, _NONE), False
+            self._key, self._led, self._joined = (epoch, _NONE), False, False
 
     def begin_anew(self, epoch: int) -> None:
         """Take the next measurement for the first one, wherever the bench is."""
@@ -153,13 +154,18 @@ class Controller:
             Refusal("its estimate is not finite", cause=Cause.NOT_FINITE) if self._blind else None
         )
 
-    def adopt(self, plan: Plan) -> Refusal | None:
+    def adopt(self, plan: Plan, of_flight: bool = False) -> Refusal | None:
         """Follow this plan from its start, and hold until then; return why not, or None.
 
         A plan that starts at or before a tick that has been seen is refused: which tick would be
         the first to follow it would depend on the moment of its arrival. So is one in flight that
         does not begin where the reference is then, see course.LARGEST_JUMP. A standby that has no
-        plan takes it: it came after the plan that the bench flies, and begins anew with it.
+        plan takes it: it came after the plan that the bench flies, and begins anew with it. One
+        that was started in flight hears all plans of it, and takes them one after the other.
+
+        Args:
+            plan: to be followed.
+            of_flight: it was published in flight: a reset drops it.
         """
         if plan.joint_names != self.joint_names:
             return _mismatch(f"the plan moves {plan.joint_names}, the bench has {self.joint_names}")
@@ -168,11 +174,11 @@ class Controller:
                 f"the period of the plan is {plan.period} s, that of the bench {self.period} s"
             )
         if self.last_tick <= 0:
-            self._course.begin_with(plan)
+            (self._course.add if of_flight else self._course.begin_with)(plan)
             return None
         begun = plan.first_tick <= self.last_tick
-        if begun and self.plan is None and not self._led:
-            (self._course.add if plan.start > 0.0 else self._course.begin_with)(plan)
+        if begun and not self._led and (self.plan is None or self._joined):
+            (self._course.add if of_flight else self._course.begin_with)(plan)
             self.begin_anew(self._key[0])
             return None
         if begun:
@@ -192,7 +198,7 @@ class Controller:
         else the estimator starts afresh); its effort is handed over as that of any predecessor.
         """
         self._course, self._hold, self._key = other._course, other._hold, other._key
-        self._led, self._fresh = other._led, other._fresh
+        self._led, self._fresh, self._joined = other._led, other._fresh, other._joined
         # one that was succeeded before it saw a measurement knows nothing of its own
         self._predecessor = other._predecessor or other._estimator
 
@@ -228,6 +234,7 @@ class Controller:
                 self._hold = self._at_rest(measurement.joint_position)
                 if tick > 0 or (self._fresh and measurement.epoch > 0):  # started again
                     self._tell(EstimateBegan(self.name, self._fresh), measurement)
+            self._joined |= self._fresh and tick > 0
             self._fresh = False
             seen = self._about_reference(measurement)
             if not follows:

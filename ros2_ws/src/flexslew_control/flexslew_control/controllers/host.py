@@ -71,6 +71,7 @@ class ControllerHost:
         self.name, self.values = name, values
         self.controller: Controller | None = None
         self.plan: Plan | None = None
+        self._heard: list[tuple[Plan, bool]] = []  # before the first testbed; see adopt
         self.epoch = 0  # of the last question
         self.plans_taken, self.plan_hash = 0, ""  # of the plan that is followed
         self.plan_from = 0, 0  # epoch and tick of the first question answered with it
@@ -122,8 +123,10 @@ class ControllerHost:
             self.controller, self._unfit = None, Refusal(words, cause=Cause.NO_TESTBED)
             return
         self.controller.warm(appendages)
-        if self.plan is not None:
-            self._follow(self.plan, plan_hash(self.plan))
+        known = self._heard if first else [] if self.plan is None else [(self.plan, False)]
+        for plan, of_flight in known:
+            self._follow(plan, plan_hash(plan), of_flight)
+        self._heard = []
 
     def begin_epoch(self, epoch: int) -> None:
         """Know that the bench was reset, whether a question of the new epoch has come or not.
@@ -144,25 +147,31 @@ class ControllerHost:
             self.plan_hash = plan_hash(plan) if plan is not None else ""
             self.plans_taken += plan is not None
 
-    def adopt(self, plan: Plan) -> Refusal | None:
+    def adopt(self, plan: Plan, of_flight: bool = False) -> Refusal | None:
         """Follow a plan as soon as there is a testbed; return why not, or None.
 
         One that it follows already changes nothing: planners tell a plan again after a reset.
+
+        Args:
+            plan: to be followed.
+            of_flight: it was published in flight, see Controller.adopt.
         """
         digest, following = plan_hash(plan), self.controller and self.controller.plan
         if following and digest == self.plan_hash and self._plan_refused is None:
             return None
         self.plan = plan
-        refused = self._follow(plan, digest)
+        if self._build is None:
+            self._heard.append((plan, of_flight))
+        refused = self._follow(plan, digest, of_flight)
         if refused is None:
             self.plans_taken += 1
         return refused
 
-    def _follow(self, plan: Plan, digest: str) -> Refusal | None:
+    def _follow(self, plan: Plan, digest: str, of_flight: bool) -> Refusal | None:
         first = self.epoch, (self.controller.last_tick if self.controller else -1) + 1
         self._plan_refused = None
         if self.controller is not None:
-            self._plan_refused = self.controller.adopt(plan)
+            self._plan_refused = self.controller.adopt(plan, of_flight)
             if self.controller.last_tick < 0:
                 self.controller.warm(self._appendages)  # on the plan that it will follow
         if self._plan_refused is None:

@@ -22,6 +22,7 @@ from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.messages import seconds_of
 from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
@@ -104,7 +105,8 @@ class ControllerNode:
 
     def _on_plan(self, message: msg.Plan) -> None:
         try:
-            refused = self._host.adopt(plan_of(message, f"topic {topics.PLAN}"))
+            plan = plan_of(message, f"topic {topics.PLAN}")
+            refused = self._host.adopt(plan, seconds_of(message.stamp) > 0.0)
         except BadInput as error:
             self.node.get_logger().warning(str(error))
             return

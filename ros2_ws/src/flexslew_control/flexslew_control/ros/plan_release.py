@@ -201,9 +201,10 @@ class PlanRelease:
 
     def publish(self, plan: Plan, who: str) -> msg.Plan:
         """Let the controllers follow a plan; return it as a message."""
-        message = self._message(plan)
+        now = self._clock.now()
+        message = self._message(plan, now)
         if self._course is not None:
-            self._here.add(plan, self._clock.now())
+            self._here.add(plan, now)
         self._offer(plan, message)
         self._tell(PlanPublished, plan, message, who)
         return message
@@ -212,7 +213,7 @@ class PlanRelease:
         """Tell the plan of tick 0 again: a newcomer of the flight that is over heard the latest."""
         first = self._here.plan if self._course is not None else None
         if first is not None and first is not self._told:
-            self._offer(first, self._message(first))
+            self._offer(first, self._message(first, 0.0))
 
     def _offer(self, plan: Plan, message: msg.Plan) -> None:
         self._told = plan
@@ -233,7 +234,7 @@ class PlanRelease:
 
     def keep(self, plan: Plan, who: str) -> msg.Plan:
         """Keep a draft in the place of the last one; return it as a message."""
-        message = self._message(plan)
+        message = self._message(plan, self._clock.now())
         self._draft = plan, message
         self._tell(PlanDrafted, plan, message, who)
         return message
@@ -276,9 +277,9 @@ class PlanRelease:
         if isinstance(what, PlanRefused) and what.controller is not None:
             self._answers.refusal(what.controller, what.hash, what.reason or "")
 
-    def _message(self, plan: Plan) -> msg.Plan:
-        fields = plan_fields(plan, self._attitude)
-        return message_of(msg.Plan, {"stamp": stamp(self._clock.now()), **fields})
+    def _message(self, plan: Plan, now: float) -> msg.Plan:
+        """Return a plan as a message; from its stamp on a reset drops it, but not that of 0 s."""
+        return message_of(msg.Plan, {"stamp": stamp(now), **plan_fields(plan, self._attitude)})
 
     def _tell(self, kind: _Kind, plan: Plan, message: msg.Plan, who: str) -> None:
         now, epoch = self._clock.now(), self._clock.epoch

@@ -1,6 +1,7 @@
 """The controllers of a log, built again, and the plans that they followed from which tick on."""
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -23,9 +24,17 @@ from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import ControllerTuned, EstimateBegan
 from flexslew_plant.own_code import Trust
+from flexslew_plant.topics import PLAN, TOPICS
 
 Key = tuple[int, int]  # epoch and tick
 _Kind = TypeVar("_Kind", ControllerTuned, EstimateBegan)
+
+
+class Told(NamedTuple):
+    """A plan as it was published."""
+
+    plan: Plan
+    of_flight: bool  # in flight: a reset drops it
 
 
 class Adoption(NamedTuple):
@@ -33,7 +42,7 @@ class Adoption(NamedTuple):
 
     controller: str
     first: Key  # question that it answered with this plan
-    plan: Plan
+    told: tuple[Told, ...]  # the plan, behind those before it that a newcomer heard, too
 
 
 def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
@@ -112,7 +121,7 @@ class LoggedControllers:
             adoption = self._due.pop(0)
             controller = self.by_name[adoption.controller]
             controller.begin_epoch(adoption.first[0])
-            controller.adopt(adoption.plan)
+            controller.adopt(*adoption.told[-1])
         tuned = 0
         while self._tunings and self._tunings[0][0] <= key:
             what = self._tunings.pop(0)[1]
@@ -126,16 +135,17 @@ class LoggedControllers:
         return tuned
 
     def _begin_anew(self, key: Key, what: EstimateBegan) -> None:
-        """Let an estimator begin in flight; that of a new process with the newest plan, untuned."""
+        """Let an estimator begin in flight; that of a new process with all plans, untuned."""
         name = what.controller
         if what.fresh:
             its = [a for a in self._due if a.controller == name and a.first == key]
             self._due = [a for a in self._due if a not in its]
-            plan = its[-1].plan if its else self.by_name[name].plan
+            before = self.by_name[name].plan
+            told = its[-1].told if its else () if before is None else (Told(before, False),)
             self._laws[name] = self._first[name]
             self.by_name[name] = self._built(name)
-            if plan is not None:
-                self.by_name[name].adopt(plan)
+            for one in told:
+                self.by_name[name].adopt(*one)
         self.by_name[name].begin_anew(key[0])
 
     def _built(self, name: str) -> Controller:
@@ -188,16 +198,21 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     Raises:
         BadInput: a controller says that it follows a plan that is not in the log.
     """
-    plans = {p.hash: plan_of(p, str(bag.path)) for p in bag.overview.plans}
+    source = str(bag.path)
+    plans = {p.hash: _published(p, source) for p in bag.overview.plans}
+    heard = deque[tuple[str, Told]](maxlen=TOPICS[PLAN].depth)  # by who listens from now on
     following: dict[str, tuple[str, int]] = {}
     begun: dict[str, Key] = {}
     seen: dict[str, Key] = {}  # newest question
-    started_again: dict[str, Plan] = {}
+    started_again: dict[str, tuple[Told, ...]] = {}
     found = []
-    for topic, kind, _, _, data in bag.messages(("/controller_status", "/events")):
+    for topic, kind, _, _, data in bag.messages(("/controller_status", "/events", "/plan")):
         status = decode(kind, data)
+        if topic == "/plan":
+            heard.append((status.hash, _published(status, source)))
+            continue
         if topic == "/events":
-            event = logged_event(status, str(bag.path))
+            event = logged_event(status, source)
             what, key = event.what, (event.epoch, event.tick)
             if isinstance(what, EstimateBegan) and what.fresh and what.controller in started_again:
                 begun[what.controller] = key
@@ -216,7 +231,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         anew = status.plan_number <= following.get(name, ("", 0))[1] or at < before
         following[name] = requested, status.plan_number
         if anew and status.plan_number and not (status.last_tick or status.plan_tick):
-            started_again[name] = plans[requested]
+            started_again[name] = _course(heard, requested) or (plans[requested],)
             continue
         first = int(status.plan_epoch), int(status.plan_tick)
         if not status.plan_number:  # of an older log: what it had seen when it said so
@@ -225,5 +240,25 @@ def adoptions(bag: BagReader) -> list[Adoption]:
                 first = 0, 0
         # one that is built anew, for another testbed or after a crash, says that it began there
         begun[name] = first = max(first, begun.get(name, first))
-        found.append(Adoption(name, first, plans[requested]))
+        found.append(Adoption(name, first, (plans[requested],)))
     return sorted(found, key=lambda adoption: adoption.first)
+
+
+def _published(message: Any, source: str) -> Told:
+    """Return the plan in a logged message."""
+    return Told(plan_of(message, source), message.stamp.sec > 0 or message.stamp.nanosec > 0)
+
+
+def _course(heard: Iterable[tuple[str, Told]], last: str) -> tuple[Told, ...]:
+    """Return the plans that a newcomer follows, from that of tick 0 to the one with hash `last`.
+
+    Args:
+        heard: hashes and plans as they were published.
+        last: that it heard.
+    """
+    course: tuple[Told, ...] = ()
+    found = course
+    for digest, told in heard:
+        course = (*course, told) if told.of_flight else (told,)
+        found = course if digest == last else found
+    return found
