@@ -234,12 +234,13 @@ class Controller:
                 self._hold = self._at_rest(measurement.joint_position)
                 if tick > 0 or (self._fresh and measurement.epoch > 0):  # started again
                     self._tell(EstimateBegan(self.name, self._fresh), measurement)
-            self._joined |= self._fresh and tick > 0
-            self._fresh = False
+            first, self._fresh = self._fresh, False
+            self._joined |= first and tick > 0
             seen = self._about_reference(measurement)
             if not follows:
                 self._estimator.reset(seen)
-                self._answered, self._doubt = -1, None
+                # in a later epoch the law begins anew, too
+                self._answered, self._doubt = -1 if first else _NONE, None
                 if self._monitor is not None:
                     self._monitor.reset()
             if self._predecessor is not None:

@@ -58,6 +58,9 @@ class IntegralLaw:
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
     ) -> None:
         """Choose the integral such that the next effort is `effort`, within the limit."""
+        if measurement.tick == 0:
+            self._s = np.zeros_like(effort)
+            return
         action = self.deviation(estimate, reference)
         self._s = effort - reference.effort - action.proportional - action.derivative
         if self.turning is not None:

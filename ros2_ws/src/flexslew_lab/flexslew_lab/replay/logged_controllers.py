@@ -100,6 +100,7 @@ class LoggedControllers:
         self._begun = [
             (k, what) for k, what in _told(bag, EstimateBegan) if what.controller in self._laws
         ]
+        self._dying = _answered_twice(bag, [(k, w.controller) for k, w in self._begun if w.fresh])
         flown = logged_laws(bag)  # settings of one law say nothing to another
         self._tunings = [
             (key, what)
@@ -108,6 +109,10 @@ class LoggedControllers:
             and name in flown
             and self._laws[name][0] == flown[name][0]
         ]
+
+    def dying(self, key: Key) -> list[Controller]:
+        """Return those that answered this question and were started again before it was over."""
+        return [self.by_name[name] for at, name in self._dying if at == key]
 
     def until(self, key: Key) -> int:
         """Give the controllers the plans and settings that they had when they were asked at `key`.
@@ -242,6 +247,20 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         begun[name] = first = max(first, begun.get(name, first))
         found.append(Adoption(name, first, (plans[requested],)))
     return sorted(found, key=lambda adoption: adoption.first)
+
+
+def _answered_twice(bag: BagReader, begun: list[tuple[Key, str]]) -> set[tuple[Key, str]]:
+    """Return which of the first questions of newcomers their predecessors had answered."""
+    if not any(tick > 0 for (_, tick), _ in begun):
+        return set()
+    found = bag.columns("/controller_state", {"epoch", "tick", "controller", "effort"})
+    twice = set[tuple[Key, str]]()
+    for (epoch, tick), name in begun:
+        rows = (found["epoch"] == epoch) & (found["tick"] == tick) & (found["controller"] == name)
+        answers = found["effort"][rows]
+        if len(answers) > 1 and (answers[0] != answers[1]).any():  # one repeats its own
+            twice.add(((epoch, tick), name))
+    return twice
 
 
 def _published(message: Any, source: str) -> Told:

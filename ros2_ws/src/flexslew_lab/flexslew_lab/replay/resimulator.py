@@ -119,11 +119,13 @@ class Resimulator:
     def _fly_tick(self) -> None:
         bench, question = self.bench, self.bench.question
         key = question.epoch, question.tick
+        dying = [controller.observe(question) for controller in self._controllers.dying(key)]
         self._begin(key)
         missed = key in self._missed
         self.replayed[AnswerMissed.kind] += missed
-        for controller in self._controllers.by_name.values():
-            answer = controller.observe(question)  # heard it, even where nobody heard the answer
+        # who heard it, even where nobody heard the answer
+        alive = [controller.observe(question) for controller in self._controllers.by_name.values()]
+        for answer in (*dying, *alive):
             if answer is not None and (not missed or key in self._refused):
                 bench.offer(answer.command)
         if bench.question is not question:  # the newcomer's step was refused

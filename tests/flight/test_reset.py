@@ -1,0 +1,61 @@
+"""After a reset every law, filter and allocation begins as one that was just started."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.wire_bench import WireBench
+
+from flexslew_control.controllers import CONTROLLERS
+from flexslew_lab.trial.sources import read_trial
+from flexslew_lab.trial.trial import Trial, parse_trial
+from flexslew_plant.bench.records import SwitchRequest
+from flexslew_plant.settings import yaml_text
+
+GAINS = {"d": [[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]]}
+LAWS = [law for law in CONTROLLERS if law != "planned_gains"]  # which needs a plan
+SHIPPED = ["three_axes", "control_moment_gyros", "observatory", "antenna_2", "designs"]
+
+
+def with_law(law: str) -> Trial:
+    """Return a trial of csa with a law and another one, pushed and with noise."""
+    values: dict[str, Any] = {
+        "duration": 5.0,
+        "testbed": {"modes": 1, "initial": {"hub_pitch": 0.1}},
+        "controllers": {law: {"system": GAINS} if law == "linear" else {}, "other": None},
+        "active": law,
+        "sensors": {"joint_position": {"noise": 1e-4}},
+        "schedule": [{"at": 0.0, "disturbance": {"base_yaw": 12.0, "hub_pitch": -7.0}}],
+    }
+    values["controllers"]["other"] = {"law": "pd_feedforward", "kp": 200.0, "kd": 400.0}
+    return parse_trial(yaml_text(values), "test")
+
+
+def after_a_reset(trial: Trial, flown: int) -> list[Any]:
+    """Return the truths of an epoch that begins after so many ticks; 0: with new controllers."""
+    bench = WireBench(trial)
+    names = list(bench.hosts)
+    if flown:
+        bench.fly(10)
+        for tick, name in ((20, names[-1]), (40, names[0]), (60, names[-1]), (75, names[0])):
+            bench.session.switch(SwitchRequest(name, tick), bench.now)
+        bench.fly(flown)
+    bench.session.reset()
+    if not flown:
+        for name in names:
+            bench.start(name)
+    assert bench.session.start().ok
+    bench.fly(40)
+    return [truth for truth in bench.truths if truth.epoch == 1]
+
+
+@pytest.mark.parametrize("name", [*LAWS, *SHIPPED])
+def test_what_was_flown_before_a_reset_leaves_nothing_behind(name: str) -> None:
+    trial = read_trial(name)[0] if name in SHIPPED else with_law(name)
+    fresh = after_a_reset(trial, 0)
+    assert len(fresh) > 30
+    for flown in (50, 80):  # with another one in charge, and while its effort is blended out
+        again = after_a_reset(trial, flown)
+        for one, other in zip(fresh, again, strict=True):
+            np.testing.assert_array_equal(one.applied_effort, other.applied_effort)
+            np.testing.assert_array_equal(one.position, other.position)

@@ -1,0 +1,69 @@
+"""A controller that is killed in a pause, with a plan of the flight ahead, and started again."""
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flexslew_msgs.srv import SetRate
+from rclpy.duration import Duration
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.replay.resim import resim
+from flexslew_plant.ros.offers import qos
+from flexslew_plant.topics import JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
+
+from .bystander import beside
+from .flight import Flight, fork_server, slew
+
+
+def test_it_flies_what_the_others_fly_before_a_reset_and_after_it(tmp_path: Path) -> None:
+    def act(pids: dict[str, int], domain: int) -> None:
+        with beside(domain) as bystander:
+            assert bystander.ask(Trigger, "pause").success
+            heard: list[Any] = []
+            profile = qos(TOPICS[PLANNED_TRAJECTORY])
+            node = bystander.node
+            node.create_subscription(JointTrajectory, PLANNED_TRAJECTORY, heard.append, profile)
+            ours = node.create_publisher(JointTrajectory, JOINT_TRAJECTORY, 10)
+            bystander.until(lambda: bool(heard) and ours.get_subscription_count() == 1)
+            there = JointTrajectoryPoint(positions=[0.4, 0.3])
+            there.time_from_start = Duration(seconds=4).to_msg()
+            later = JointTrajectory(joint_names=["base_yaw", "hub_pitch"], points=[there])
+            later.header.stamp.sec = 7
+            ours.publish(later)
+            bystander.until(lambda: len(heard) == 2)
+            os.kill(pids["pd_feedforward"], signal.SIGKILL)
+            words = ["--ros-args", "-r", "__node:=pd_feedforward"]
+            words += ["--params-file", str(tmp_path / "parameters.yaml")]
+            module, own = "flexslew_control.ros.controller_node", {"ROS_DOMAIN_ID": str(domain)}
+            with (tmp_path / "again.log").open("ab") as said:
+                fork_server().start(module, words, own, said.fileno())
+            bystander.until(lambda: bool(bystander.ask(Trigger, "start").success))
+            bystander.pass_by(40)
+            assert bystander.ask(Trigger, "reset").success
+            bystander.until(lambda: bool(bystander.ask(Trigger, "start").success))
+            assert bystander.ask(SetRate, "set_rate", rate_factor=0.0).ok
+
+    trial = slew(duration=12.0, rate=1.0, extra="max_missed: 100000", patience=0.5)
+    flight = Flight(trial, tmp_path, 10, act)
+    bag = BagReader(flight.bag)
+    assert [event.kind for event in bag.overview.events].count("began") == 1, flight.log
+    flown = bag.columns("/controller_state", {"tick", "epoch", "reference_position"})
+    at = dict(
+        zip(
+            zip(flown["epoch"], flown["tick"], strict=True),
+            flown["reference_position"],
+            strict=True,
+        )
+    )
+    shared = [tick for epoch, tick in at if epoch == 0]  # the newcomer's are among them
+    for tick in shared:
+        assert at[0, tick].tolist() == pytest.approx(at[1, tick].tolist()), tick
+    last = flown["reference_position"][-1]
+    assert flown["epoch"][-1] == 1
+    assert last.tolist() == pytest.approx([0.1, 0.05])
+    assert resim(flight.bag).identical
