@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_control.law import PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_plant.errors import BadInput
@@ -72,3 +72,19 @@ def test_a_spring_that_varies_is_moved_in_time() -> None:
     for time in (0.0, 0.2, 1.7):
         expected = model.bias(q, v, time + 0.3)
         np.testing.assert_allclose(model.begun_at(0.3).bias(q, v, time), expected, rtol=1e-12)
+
+
+def test_what_a_later_slew_leaves_under_a_law_is_that_of_its_own_time() -> None:
+    """A PID without integral is the joint feedback that the planner counts with."""
+    spring = {"load": 0.0, "stiffness": 1.0, "stiffness_swing": 0.9, "frequency": 0.004}
+    testbed = read_testbed({"kind": "varying_oscillator", "parameters": spring}, "here")
+    gains = {"kp": [2.0], "kd": [3.0]}
+    section = {"method": "reference_only", "goal": {"mass": 1.0}, "duration": 5.0, "start": 40.0}
+    settings = plan_settings({**section, "feedback": gains}, "here")
+    law = ActiveLaw("collocated_pid", {**gains, "ki": [0.0]})
+    plant = PlantDescription(testbed, 0.05, np.array([1000.0]))
+    left = [
+        make_plan(settings, plant, law=flies).summary["predicted_residual_attitude_error"]["mass"]
+        for flies in (None, law)
+    ]
+    assert left[1] == pytest.approx(left[0], rel=1e-9)  # 4 % apart where time counts twice

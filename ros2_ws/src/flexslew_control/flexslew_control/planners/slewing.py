@@ -163,7 +163,7 @@ class Slewing:
         """
         if counted_with(law, slew) and not turns(plant):
             return plan
-        model = None if turns(plant) else slew.model
+        model = None if turns(plant) else slew.testbed.model()  # flown_on_bench counts from tick 0
         given = self._motors(plant)
         found = flown_on_bench(plan, plant, law, model, given)
         if found is None:
