@@ -1,9 +1,11 @@
 """Requests for plans, before any planning begins."""
 
 import math
+from collections.abc import Iterator
 
 import pytest
 
+from flexslew_control.plan import Plan
 from flexslew_control.planning import Planning, PlanRequest, plan_request
 from flexslew_plant.refusal import Cause, Refusal
 
@@ -44,3 +46,31 @@ def test_planning_that_nobody_has_asked_for_needs_no_process() -> None:
     assert planning.news() == []
     planning.close()
     planning.close()  # twice is not once too often
+
+
+@pytest.fixture(scope="module")
+def planning() -> Iterator[Planning]:
+    """The process that plans."""
+    process = Planning()
+    yield process
+    process.close()
+
+
+def outcome(planning: Planning, section: str) -> Plan | Refusal:
+    """Return what comes of a request."""
+    request = plan_request(section, "", 0.01, [150.0, 150.0])
+    assert isinstance(request, PlanRequest)
+    planning.ask(request)
+    while True:
+        for news in planning.news(wait=60.0):
+            if isinstance(news, Plan | Refusal):
+                return news
+
+
+def test_a_joint_that_turns_is_asked_for_in_no_unit_of_one_that_slides(planning: Planning) -> None:
+    refused = outcome(planning, "{method: none, goal: {hub_pitch: 30 cm}}")
+    assert isinstance(refused, Refusal)
+    assert str(refused).startswith("plan: goal.hub_pitch: '30 cm' is not allowed")
+    plan = outcome(planning, "{method: none, goal: {hub_pitch: 30 deg}}")
+    assert isinstance(plan, Plan)
+    assert plan.position[-1, 1] == pytest.approx(math.pi / 6.0)

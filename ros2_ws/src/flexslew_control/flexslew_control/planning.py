@@ -14,6 +14,7 @@ import numpy as np
 from flexslew_control.law import ActiveLaw, PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.settings import load_yaml
@@ -153,12 +154,14 @@ def _work(pipe: Connection) -> None:
         while True:
             request: PlanRequest = pipe.recv()
             try:
+                plant = _plant(request)
                 settings = validated(PlanSettings, request.values, "plan", request.trust)
+                require_units_of_joints(PlanSettings, request.values, plant.testbed, "plan")
                 _require_ticks(settings, request.period)
                 if request.rest_at and getattr(settings, "initial", request) is None:
                     settings = replace(settings, initial=dict(request.rest_at))
                 gains = Feedback(kp=request.kp, kd=request.kd) if request.kp else None
-                pipe.send(make_plan(settings, _plant(request), gains, progress, request.law))
+                pipe.send(make_plan(settings, plant, gains, progress, request.law))
             except BadInput as error:
                 pipe.send(Refusal(str(error)))  # its value may be one that no pipe can carry
             except PlanFailed as error:
