@@ -260,7 +260,7 @@ def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
     Raises:
         PlanFailed: none were found.
     """
-    if not slew.model.modes:
+    if not len(slew.combinations):  # a rigid body
         return np.full(2, 0.5 * slew.rigid_duration)
     if not _closed_form(slew):
         finders = [extremal_durations]
