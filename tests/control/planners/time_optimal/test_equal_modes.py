@@ -157,3 +157,29 @@ def test_a_mode_that_the_drive_does_not_move_leaves_the_slew_of_a_rigid_body(rob
     plan = make_plan(asked, bench)
     assert plan.duration == pytest.approx(2.0 * np.sqrt(0.4 * 2.5 / 2.0))
     assert plan.summary["optimal"]
+
+
+@pytest.mark.parametrize(
+    "bench",
+    [
+        {"kind": "csa", "modes": 1},
+        {
+            "kind": "identified",
+            "joints": ["base_yaw"],
+            "modes": 2,
+            "free_modes": [
+                {"frequency": 1.3, "joints": [0.05], "tips": [0.5]},
+                {"frequency": 1.9, "joints": [0.07], "tips": [0.5]},
+            ],
+        },
+    ],
+    ids=["csa", "identified"],
+)
+def test_a_joint_without_feedback_is_as_insensitive_as_the_modes(bench: Any) -> None:
+    """Of a linear plant; so both cannot be asked for, and what can is said."""
+    testbed = read_testbed(bench, "here")
+    plant = PlantDescription(testbed, 0.02, np.array(testbed.effort_limit))
+    keys = {"goal": {"base_yaw": 0.7}, "robust": True, "model": {"modes": testbed.modes}}
+    with pytest.raises(PlanFailed, match="insensitive: modes leads to one"):
+        make_plan(section(**keys, insensitive="state"), plant)
+    assert abs(make_plan(section(**keys), plant).summary["joint_sensitivity"]) < 1e-7
