@@ -114,7 +114,8 @@ class Slewing:
         try:
             plan = self.plan(settings, slew, progress)
         except (PlanFailed, LinAlgError) as error:
-            _require_holding(slew)
+            if self._counts_with_feedback(settings):
+                _require_holding(slew)
             if isinstance(error, TooMuchTorque):
                 raise PlanFailed(f"{error}; {self._enough_time(settings, slew)}") from None
             raise PlanFailed(str(error)) from None
@@ -176,6 +177,11 @@ class Slewing:
                 remedy = f"; track: planned leaves {other.tip_deflection:.3g} m"
         return told_by_law(plan, plant, found, law, remedy)
 
+    def _counts_with_feedback(self, settings: Any) -> bool:
+        """Return whether the slew of a section depends on the feedback that flies it."""
+        given = getattr(settings, "feedback", None) is not None
+        return given or (hasattr(settings, "feedback") and not self.open_loop)
+
     def about_one_axis(self, settings: Any, plant: PlantDescription) -> bool:
         """Return whether a section is planned about one axis: one_axis.counted reads its model."""
         # a plan of one's own that is there already has no goal, and is of all joints
@@ -211,7 +217,7 @@ class Slewing:
         try:
             plan = self.plan(settings, slew, progress)
         except PlanFailed:
-            if not self.open_loop:
+            if self._counts_with_feedback(settings):
                 _require_holding(slew)
             raise
         plan = replace(

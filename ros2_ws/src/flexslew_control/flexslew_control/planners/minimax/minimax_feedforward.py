@@ -88,18 +88,19 @@ def plan_minimax_feedforward(settings: MinimaxFeedforward, slew: Slew, progress:
     question = question_of(settings, slew)
     with np.errstate(over="ignore", invalid="ignore"):  # of a loop that is not stable
         found = _found(settings, question, progress)
+        plan = _plan(settings, question, found)
     lost = [
         member.errors
         for member, left in zip(found.members, found.optimum.residuals.tolist(), strict=True)
         if not np.isfinite(left)
     ]
-    if lost:
+    if lost and np.isfinite(plan.state).all():
         raise PlanFailed(
             f"under the feedback that the plan counts with, kp {slew.kp.tolist()} and kd "
             f"{slew.kd.tolist()}, member {lost[0]} of the ensemble diverges; give plan.feedback "
             "the gains of a controller that holds it"
         )
-    return _plan(settings, question, found)
+    return plan
 
 
 def _found(settings: MinimaxFeedforward, question: Question, progress: Progress) -> Found:
