@@ -173,7 +173,6 @@ def _transcription(
             "needs; take another method",
             "plan",
             "method",
-            "time_optimal",
         )
     model = testbed.model()
     n, m = model.coordinates, model.joints
