@@ -1,13 +1,17 @@
 """Requests for plans, before any planning begins."""
 
 import math
+from collections.abc import Iterator
 
 import pytest
 
+from flexslew_control.plan import Plan
 from flexslew_control.planning import Planning, PlanRequest, plan_request
+from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import Cause, Refusal
 
 GOAL = "{method: none}"
+OWN = "docs/examples/my_shaper.py:Shaper"
 
 
 def test_a_request_that_can_be_used_is_passed_on_with_the_gains() -> None:
@@ -44,3 +48,45 @@ def test_planning_that_nobody_has_asked_for_needs_no_process() -> None:
     assert planning.news() == []
     planning.close()
     planning.close()  # twice is not once too often
+
+
+@pytest.fixture(scope="module")
+def planning() -> Iterator[Planning]:
+    """The process that plans."""
+    process = Planning()
+    yield process
+    process.close()
+
+
+def outcome(planning: Planning, section: str, **begins: float) -> Plan | Refusal:
+    """Return what comes of a request, with the reference at these positions."""
+    trust = Trust(frozenset({OWN}))
+    request = plan_request(
+        section, "", 0.01, [150.0, 150.0], rest_at=lambda start: begins, trust=trust
+    )
+    assert isinstance(request, PlanRequest)
+    planning.ask(request)
+    while True:
+        for news in planning.news(wait=60.0):
+            if isinstance(news, Plan | Refusal):
+                return news
+
+
+def test_a_joint_that_turns_is_asked_for_in_no_unit_of_one_that_slides(planning: Planning) -> None:
+    refused = outcome(planning, "{method: none, goal: {hub_pitch: 30 cm}}")
+    assert isinstance(refused, Refusal)
+    assert str(refused).startswith("plan: goal.hub_pitch: '30 cm' is not allowed")
+    plan = outcome(planning, "{method: none, goal: {hub_pitch: 30 deg}}")
+    assert isinstance(plan, Plan)
+    assert plan.position[-1, 1] == pytest.approx(math.pi / 6.0)
+
+
+@pytest.mark.parametrize("method", ["none", OWN, "reference_only"])
+def test_a_plan_in_flight_begins_where_the_reference_is(planning: Planning, method: str) -> None:
+    """Sections of the first two have no `initial`; a joint that the goal leaves out stays."""
+    section = f"{{method: '{method}', goal: {{base_yaw: 0.8}}, start: 30.0, duration: 20.0}}"
+    plan = outcome(planning, section, base_yaw=0.7, hub_pitch=-0.2)
+    assert isinstance(plan, Plan), plan
+    assert plan.position[-1] == pytest.approx([0.8, -0.2])
+    if method != "none":
+        assert plan.position[0] == pytest.approx([0.7, -0.2])

@@ -79,3 +79,7 @@ def test_units_are_those_in_the_brackets_of_the_words() -> None:
     assert units_in("by joint; one left out stays [rad or m]") == ("rad", "m")
     assert units_in("of a drive [N m or N]; at least 0") == ("N m", "N")
     assert units_in("in words") == ()
+
+
+def test_brackets_of_an_example_name_no_unit() -> None:
+    assert units_in("by joint, as `{JOINT: [-0.1, 1.1]}` [rad or m]; null: any") == ("rad", "m")

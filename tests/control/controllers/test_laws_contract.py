@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from tests.plants import plant as on_bench
 
-from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.law import Reference, nominal_state
+from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import validated
 
@@ -145,3 +146,28 @@ def test_nominal_states_of_other_models_are_cut_or_padded() -> None:
     np.testing.assert_array_equal(nominal_state(given, reference, 2, 1), [1, 2, 3, 6, 7, 8])
     wide = nominal_state(given, reference, 2, 4)
     np.testing.assert_array_equal(wide, [1, 2, 3, 4, 5, 0, 6, 7, 8, 9, 10, 0])
+
+
+@pytest.mark.parametrize(
+    ("law", "values", "key"),
+    [
+        ("lqr", {"operating_point": {"hub_pitch": "30 cm"}}, "operating_point.hub_pitch"),
+        ("output_feedback", {"angle_sigma": "0.1 mm"}, "angle_sigma"),
+        (
+            "model_predictive",
+            {"joint_range": {"hub_pitch": ["-1 cm", "30 deg"]}},
+            "joint_range.hub_pitch.0",
+        ),
+    ],
+)
+def test_a_joint_that_turns_is_given_in_no_unit_of_one_that_slides(
+    law: str, values: dict[str, Any], key: str
+) -> None:
+    with pytest.raises(BadInput, match=f"{key}: .* is not allowed: give a number in rad, mrad, de"):
+        build_controller(law, law, values, on_bench(), "t.yaml")
+
+
+def test_a_range_of_a_joint_may_be_given_in_degrees() -> None:
+    values = {"joint_range": {"hub_pitch": ["-30 deg", "60 deg"]}, "operating_point": {}}
+    law: Any = build_controller("x", "model_predictive", values, on_bench(), "t.yaml").law
+    np.testing.assert_allclose(law._limits.upper, np.pi / 3.0)

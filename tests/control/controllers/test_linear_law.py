@@ -286,3 +286,26 @@ def test_an_anti_windup_that_is_faster_than_the_ticks_allow_is_refused(law: str)
     build_controller("it", law, {"tracking_time": 0.0051}, plant(), "here")
     with pytest.raises(BadInput, match=r"tracking_time: 0.005 is not allowed: above half a tick"):
         build_controller("it", law, {"tracking_time": 0.005}, plant(), "here")
+
+
+def lead(filtered: float) -> dict[str, Any]:
+    """Return a PD whose derivative has a filter of this time constant [s], as a system."""
+    a = -np.eye(2) / filtered
+    return {
+        "a": a.tolist(),
+        "b": np.hstack((np.eye(2), np.zeros((2, 2)))).tolist(),
+        "c": ((460.0 - 920.0 / filtered) / filtered * np.eye(2)).tolist(),
+        "d": np.hstack((920.0 / filtered * np.eye(2), np.zeros((2, 2)))).tolist(),
+    }
+
+
+@pytest.mark.parametrize(("filtered", "time"), [(1e-6, 2.0), (0.001, 0.02)])
+def test_an_anti_windup_that_runs_away_at_the_limit_is_refused(
+    filtered: float, time: float
+) -> None:
+    """Tustin's pole is near -1 there, and the anti-windup moves it beyond."""
+    system = lead(filtered)
+    with pytest.raises(BadInput, match=r"tracking_time: .* at its limit the state would grow"):
+        built(system=system, tracking_time=time)
+    built(system=system, tracking_time=None)
+    built(system=lead(0.01), tracking_time=time)

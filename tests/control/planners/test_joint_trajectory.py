@@ -69,6 +69,23 @@ def test_efforts_are_linear_between_points_and_held_at_their_mean_over_each_tick
     assert plan.summary["peak_effort"] == pytest.approx([9.95, 0.0])
 
 
+@given(
+    later=st.lists(st.floats(0.001, 0.05), min_size=1, max_size=9),
+    efforts=st.lists(st.floats(-150.0, 150.0), min_size=9, max_size=9),
+)
+def test_points_between_ticks_keep_their_impulse(later: list[float], efforts: list[float]) -> None:
+    """The impulse until any tick is the sum of trapezoids; after the last point there is none."""
+    times = np.cumsum([0.0, *later])
+    values = np.array([0.0, *efforts[: len(later)]])
+    plan = planned([point(t, 0.0, effort=u) for t, u in zip(times[1:], values[1:], strict=True)])
+    for k in range(plan.ticks + 1):
+        until = min(PERIOD * k, times[-1])
+        edges = np.union1d(times[times < until], until)
+        there = np.interp(edges, times, values)
+        expected = 0.5 * (there[1:] + there[:-1]) @ np.diff(edges)
+        assert PERIOD * plan.effort[:k, 0].sum() == pytest.approx(expected, abs=1e-10)
+
+
 @pytest.mark.parametrize(
     ("points", "words"),
     [

@@ -14,7 +14,7 @@ from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import feedback_of, plan_of_trial, plant_of
-from flexslew_plant.errors import PlanFailed
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
@@ -118,3 +118,24 @@ def test_a_driven_hinge_stays_where_it_starts_held_by_its_motor(goal: Any, angle
     np.testing.assert_array_equal(plan.position[:, 3], angle)
     np.testing.assert_allclose(position, plan.position[1:], atol=1e-5)
     np.testing.assert_allclose(rate, plan.velocity[1:], atol=1e-5)
+
+
+@pytest.mark.parametrize("passive", [False, True])
+def test_a_hinge_of_a_platform_that_is_held_is_a_goal_unless_another_swings(passive: bool) -> None:
+    body = {"mass": 5.0, "centre": [0.5, 0.0, 0.0], "inertia": {"xx": 1.0, "yy": 2.5, "zz": 2.5}}
+    axis = [0.0, 0.0, 1.0]
+    parts: dict[str, Any] = {"arm": {"hinge": {"kind": "driven", "axis": axis}, "body": body}}
+    if passive:
+        parts["flap"] = {"hinge": {"kind": "passive", "axis": axis, "spring": 4.0}, "body": body}
+    held = {"kind": "spacecraft", "platform": {"motion": "held"}, "actuators": {}}
+    bench = PlantDescription(
+        read_testbed({**held, "appendages": parts}, "here"), 0.02, np.array([2.0])
+    )
+    section = {"method": "input_shaping", "goal": {"arm_hinge": 0.4}, "duration": 20.0}
+    if passive:
+        with pytest.raises(BadInput, match="as no joint does; method joint_trajectory moves"):
+            make_plan(plan_settings(section, "here"), bench)
+        return
+    plan = make_plan(plan_settings(section, "here"), bench)
+    flown = bench.testbed.model().path(np.zeros(2), plan.effort, 0.02)
+    np.testing.assert_allclose(flown[-1], [0.4, 0.0], atol=1e-6)

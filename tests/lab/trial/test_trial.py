@@ -118,6 +118,10 @@ def test_an_entry_after_the_end_is_refused(tmp_path: Path) -> None:
             "schedule: [{at: 0, disturbance: {hub_pitch: {pulse: {amplitude: 3 N, width: 1}}}}]",
             "schedule.0.disturbance.hub_pitch.pulse.amplitude",
         ),
+        (
+            "plan: {method: time_optimal, goal: {base_yaw: 1}, amplitude: 90 N}",
+            "plan.amplitude",
+        ),
     ],
 )
 def test_a_joint_that_turns_is_given_in_no_unit_of_one_that_slides(text: str, key: str) -> None:

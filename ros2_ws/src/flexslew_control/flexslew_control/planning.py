@@ -14,10 +14,11 @@ import numpy as np
 from flexslew_control.law import ActiveLaw, PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.settings import load_yaml
-from flexslew_plant.testbeds import default_testbed
+from flexslew_plant.testbeds import default_testbed, varied
 
 MOST_TICKS = 1_000_000  # of a manoeuvre
 
@@ -153,12 +154,14 @@ def _work(pipe: Connection) -> None:
         while True:
             request: PlanRequest = pipe.recv()
             try:
+                plant = _plant(request)
                 settings = validated(PlanSettings, request.values, "plan", request.trust)
+                require_units_of_joints(PlanSettings, request.values, plant.testbed, "plan")
                 _require_ticks(settings, request.period)
-                if request.rest_at and getattr(settings, "initial", request) is None:
-                    settings = replace(settings, initial=dict(request.rest_at))
+                if request.rest_at:
+                    settings, plant = _from_there(settings, plant, dict(request.rest_at))
                 gains = Feedback(kp=request.kp, kd=request.kd) if request.kp else None
-                pipe.send(make_plan(settings, _plant(request), gains, progress, request.law))
+                pipe.send(make_plan(settings, plant, gains, progress, request.law))
             except BadInput as error:
                 pipe.send(Refusal(str(error)))  # its value may be one that no pipe can carry
             except PlanFailed as error:
@@ -168,6 +171,20 @@ def _work(pipe: Connection) -> None:
                 pipe.send(Refusal(words, cause=Cause.NO_MANOEUVRE))
     except (EOFError, OSError):
         return
+
+
+def _from_there(
+    settings: Any, plant: PlantDescription, begins: dict[str, float]
+) -> tuple[Any, PlantDescription]:
+    """Return section and bench for a plan that begins where the reference is then.
+
+    A section that says nothing of it, as one of the user's own may, begins where the bench does.
+    """
+    if not hasattr(settings, "initial"):
+        testbed = varied(plant.testbed, {"initial": begins}, "plan", plant.trust)
+        return settings, replace(plant, testbed=testbed)
+    given = settings.initial is not None
+    return (settings if given else replace(settings, initial=begins)), plant
 
 
 def _require_ticks(settings: Any, period: float) -> None:

@@ -25,12 +25,16 @@ UNITS: dict[str, dict[str, float]] = {
 }  # fmt: skip
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z][A-Za-z/ ]*)")
 _BRACKETS = re.compile(r"\[([^\]]+)\]")
+_EXAMPLE = re.compile(r"`[^`]*`")
 Path = tuple[str, ...]
 
 
 def units_in(words: str) -> tuple[str, ...]:
-    """Return the units that the words of a key name in brackets: `[rad or m]` are two."""
-    found = _BRACKETS.search(words)
+    """Return the units that the words of a key name in brackets: `[rad or m]` are two.
+
+    An example, between backticks, may have brackets of its own.
+    """
+    found = _BRACKETS.search(_EXAMPLE.sub("", words))
     return tuple(re.split(r" or |, ", found.group(1))) if found else ()
 
 

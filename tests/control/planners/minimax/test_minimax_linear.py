@@ -253,3 +253,16 @@ def test_bad_input_is_refused_in_one_line(wrong: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words) as caught:
         plan(duration=6.0, **wrong)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("gains", "vary", "words"),
+    [
+        ((460.0, 920.0), {"stiffness": (-0.2, 0.2)}, "is not stable on this testbed"),
+        ((1.0, 40.0), {"parameters.driven_mass": (-0.9, 0.2)}, "driven_mass': -0.9} .* diverges"),
+    ],
+)
+def test_feedback_that_holds_not_every_member_is_refused(gains: Any, vary: Any, words: str) -> None:
+    feedback = {"kp": [gains[0]], "kd": [gains[1]]}
+    with pytest.raises(PlanFailed, match=words):
+        plan(0.02, duration=15.0, feedback=feedback, ensemble={"vary": vary, "draw": "corners"})

@@ -124,3 +124,62 @@ def test_the_remedy_of_a_refusal_leads_to_a_slew(
     key, value = str(refused.value).split("; ")[-1].split(" leads")[0].split(": ")
     wiser = {"robust": False} if key == "robust" else {"amplitude": float(value)}
     assert make_plan(replace(asked, **wiser), plant_of(trial), feedback_of(trial)).duration > 0.0
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_a_mode_that_the_drive_does_not_move_leaves_the_slew_of_a_rigid_body(robust: bool) -> None:
+    """A boom on a platform that is held does not feel an arm that turns there."""
+    inertia = {"xx": 1.0, "yy": 2.5, "zz": 2.5}
+    held = {
+        "kind": "spacecraft",
+        "platform": {"motion": "held"},
+        "appendages": {
+            "arm": {
+                "hinge": {"kind": "driven", "axis": [0.0, 0.0, 1.0], "limit": 2.0},
+                "body": {"mass": 5.0, "centre": [0.5, 0.0, 0.0], "inertia": inertia},
+            },
+            "boom": {
+                "shape": {
+                    "kind": "beam",
+                    "length": 4.0,
+                    "linear_density": 0.3,
+                    "bending_stiffness": 200.0,
+                    "modes": 1,
+                }
+            },
+        },
+        "actuators": {},
+    }
+    bench = PlantDescription(read_testbed(held, "here"), 0.01, np.array([2.0]))
+    asked = section(
+        goal={"arm_hinge": 0.4}, robust=robust, feedback={"kp": [2.0], "kd": [4.0]}, amplitude=2.0
+    )
+    plan = make_plan(asked, bench)
+    assert plan.duration == pytest.approx(2.0 * np.sqrt(0.4 * 2.5 / 2.0))
+    assert plan.summary["optimal"]
+
+
+@pytest.mark.parametrize(
+    "bench",
+    [
+        {"kind": "csa", "modes": 1},
+        {
+            "kind": "identified",
+            "joints": ["base_yaw"],
+            "modes": 2,
+            "free_modes": [
+                {"frequency": 1.3, "joints": [0.05], "tips": [0.5]},
+                {"frequency": 1.9, "joints": [0.07], "tips": [0.5]},
+            ],
+        },
+    ],
+    ids=["csa", "identified"],
+)
+def test_a_joint_without_feedback_is_as_insensitive_as_the_modes(bench: Any) -> None:
+    """Of a linear plant; so both cannot be asked for, and what can is said."""
+    testbed = read_testbed(bench, "here")
+    plant = PlantDescription(testbed, 0.02, np.array(testbed.effort_limit))
+    keys = {"goal": {"base_yaw": 0.7}, "robust": True, "model": {"modes": testbed.modes}}
+    with pytest.raises(PlanFailed, match="insensitive: modes leads to one"):
+        make_plan(section(**keys, insensitive="state"), plant)
+    assert abs(make_plan(section(**keys), plant).summary["joint_sensitivity"]) < 1e-7

@@ -17,6 +17,7 @@ from flexslew_control.estimators.monitor import Monitor, Monitored, MonitorSetti
 from flexslew_control.law import Estimator, Law, PlantDescription
 from flexslew_plant.entries import table
 from flexslew_plant.errors import BadInput
+from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.own_code import code_hash
 from flexslew_plant.settings import NonNegative, plain, section, validated, yaml_text
 from flexslew_plant.testbeds.model import Model
@@ -86,6 +87,7 @@ def build_controller(
     if law in CONTROLLERS:
         kind = CONTROLLERS[law]
         settings = validated(kind.settings, own, source)
+        require_units_of_joints(kind.settings, own, plant.testbed, source)
         try:
             _require_allocation(law, settings, plant)
             _require_unwinding(settings, plant.period)

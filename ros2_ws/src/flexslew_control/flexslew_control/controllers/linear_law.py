@@ -38,6 +38,7 @@ SIGNALS = ("error", "error_rate", "position", "rate", "reference", "reference_ra
            "tip", "curvature")  # fmt: skip
 _OF_APPENDAGES = ("tip", "curvature")
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
+_UNWINDINGS = 10.0  # time constants of the anti-windup in which a state may grow e-fold
 
 
 @section
@@ -124,18 +125,41 @@ def build(settings: LinearSettings, plant: PlantDescription) -> tuple[Estimator,
     """Return the estimator, which knows the joints, and the law.
 
     Raises:
-        BadInput: shapes, signals or period do not fit the bench, or the loop is not stable on the
-            model that it believes.
+        BadInput: shapes, signals or period do not fit the bench, the loop is not stable on the
+            model that it believes, or its anti-windup runs away.
     """
     model = plant.testbed.model()
     system = _folded(settings, model, plant.period)
     m, limit = len(plant.joint_names), plant.effort_limit
     share = 0.0 if settings.tracking_time is None else plant.period / settings.tracking_time
     back = np.asarray(share * np.linalg.pinv(system.c).reshape(-1, m), dtype=np.float64)
+    _require_unwinding(settings, system, back)
     law = LinearLaw(system, limit, back, settings.feedforward)
     if settings.system is not None and not settings.allow_unstable:
         _require_stable(settings, plant, system)
     return MeasuredJoints(), law
+
+
+def _require_unwinding(settings: LinearSettings, system: Lti, back: Matrix) -> None:
+    """Check that the state settles while an effort is at its limit: there it goes by A - back C.
+
+    Raises:
+        BadInput: it grows e-fold within some time constants of the anti-windup, and A does not.
+    """
+    if settings.tracking_time is None or not len(system.a):
+        return
+    alone, held = (
+        float(np.abs(np.linalg.eigvals(a)).max()) for a in (system.a, system.a - back @ system.c)
+    )
+    growth = np.log(held / max(alone, 1.0)) / system.period  # [1/s]
+    if growth * _UNWINDINGS * settings.tracking_time > 1.0:
+        raise BadInput(
+            f"null, or longer: while an effort is at its limit the state would grow "
+            f"{np.exp(min(growth, 100.0)):.3g}-fold in a second, as the system has poles that are "
+            "fast beside a tick",
+            key="tracking_time",
+            value=settings.tracking_time,
+        )
 
 
 def _folded(settings: LinearSettings, model: Model, period: float) -> Lti:

@@ -56,7 +56,10 @@ def exact_on_ticks(plan: Plan, slew: Slew) -> Plan:
         return plan
     position, velocity = states[:, :m].copy(), states[:, n : n + m].copy()
     position[-1], velocity[-1] = slew.goal, 0.0
-    return replace(plan, position=position, velocity=velocity, effort=effort, state=states)
+    summary = {**plan.summary, "peak_effort": np.abs(effort).max(axis=0).tolist()}
+    return replace(
+        plan, position=position, velocity=velocity, effort=effort, state=states, summary=summary
+    )
 
 
 def _flown(model: Model, start: Vector, effort: Matrix, period: float) -> Matrix:

@@ -24,6 +24,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, plain, section
 
 MOST_POINTS = 10_000
+_ON_TICK = 1e-9  # of a tick, by which a point may be beside it
 _QUANTITIES = ("position", "velocity", "acceleration")
 
 
@@ -85,14 +86,13 @@ def plan_joint_trajectory(
     times = np.array([point.at for point in points])
     ticks = tick_times(settings.start, float(times[-1]), slew.period)
     position = np.tile(slew.start, (len(ticks), 1))
-    velocity, effort = np.zeros_like(position), np.zeros_like(position)
+    velocity, mean = np.zeros_like(position), np.zeros_like(position[1:])
     inside = np.clip(ticks, times[0], times[-1])
     for name in names:
         k = slew.model.joint_names.index(name)
         position[:, k], velocity[:, k] = _through(points, times, inside, name)
-        efforts = [point.effort.get(name, 0.0) for point in points]
-        effort[:, k] = np.interp(inside, times, efforts)
-    mean = 0.5 * (effort[:-1] + effort[1:])
+        efforts = np.array([point.effort.get(name, 0.0) for point in points])
+        mean[:, k] = _means(times, efforts, ticks)
     return Plan(
         method=settings.method,
         joint_names=slew.model.joint_names,
@@ -123,6 +123,22 @@ def _through(
     rate: Vector = path.derivative()(ticks)
     rate[0], rate[-1] = points[0].velocity.get(name, 0.0), 0.0
     return path(ticks), rate
+
+
+def _means(times: Vector, efforts: Vector, ticks: Vector) -> Vector:
+    """Return the mean over each tick of what is linear between points, and zero after the last."""
+    at = np.interp(ticks, times, efforts)
+    means: Vector = 0.5 * (at[:-1] + at[1:])
+    holding = np.searchsorted(ticks, times, side="right") - 1
+    for k in np.unique(holding[holding < len(means)]).tolist():
+        begin, end = ticks[k], ticks[k + 1]
+        slack = _ON_TICK * (end - begin)
+        within = times[(times > begin + slack) & (times < end - slack)]
+        if within.size:
+            edges = np.unique(np.concatenate(([begin], within, [min(end, times[-1])])))
+            there = np.interp(edges, times, efforts)
+            means[k] = 0.5 * (there[1:] + there[:-1]) @ np.diff(edges) / (end - begin)
+    return means
 
 
 def _joints(points: Sequence[TrajectoryPoint], slew: Slew) -> tuple[str, ...]:

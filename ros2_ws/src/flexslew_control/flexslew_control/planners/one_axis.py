@@ -7,12 +7,20 @@ import numpy as np
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.eigenaxis import Eigenaxis, eigenaxis
+from flexslew_control.planners.eigenaxis import Eigenaxis, eigenaxis, following
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import believed, initial_positions, with_model_file
-from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes, Turning, Wheeled
+from flexslew_plant.testbeds.contract import (
+    HingeTurn,
+    Retargetable,
+    RigidTurn,
+    ThreeAxes,
+    Turning,
+    Wheeled,
+)
+from flexslew_plant.testbeds.model import Model
 
 RELEVANT = "relevant"  # as `model: modes`: those that matter
 
@@ -28,12 +36,15 @@ class OneAxis(NamedTuple):
     start: Vector  # of all joints, (joints,) [rad or m]
     rigid: RigidTurn
     left_out: str  # of the bench, in words; empty: nothing but other axes
+    whole: Model  # of all joints, as the planner believes, in the time of the slew
+    hinge_turns: tuple[HingeTurn, ...]  # of its appendages
 
     def embedded(self, plan: Plan) -> Plan:
         """Return the plan for all joints: what stays at rest, and the efforts that hold it there.
 
         The efforts are those of (44) to (46) in Sung and Joo; the joint that moves has what the
-        plan gives it besides.
+        plan gives it besides. While an appendage turns they are those of the whole model, which
+        balance that turn, too.
         """
         k, count = self.joint, len(self.names)
         rest = np.tile(self.start, (len(plan.position), 1))
@@ -48,6 +59,10 @@ class OneAxis(NamedTuple):
         effort = np.outer(acceleration, self.rigid.tangential)
         effort += np.outer(square, self.rigid.centrifugal)
         effort[:, k] += plan.effort[:, 0] - self.rigid.inertia * acceleration
+        meanwhile = any(t.begin < plan.end and t.end > plan.start for t in self.hinge_turns)
+        if meanwhile and plan.effort.any():
+            others = np.arange(count) != k
+            effort[:, others] = following(self.whole, position, velocity, plan.period)[:, others]
         peak = abs(effort).max(axis=0, initial=0.0)
         believes = ", ".join(filter(None, (plan.summary.get("believes", ""), self.left_out)))
         own = {"peak_effort": [float(x) for x in peak], "believes": believes}
@@ -182,6 +197,8 @@ def _about_joint(
         np.array([first[name] for name in names]),
         whole.rigid_turn(joint),
         _left_out(pivoting.model().modes, plant.testbed.model().modes, joint),
+        whole.model().begun_at(settings.start),
+        whole.hinge_turns() if isinstance(whole, Retargetable) else (),
     )
 
 

@@ -114,7 +114,8 @@ class Slewing:
         try:
             plan = self.plan(settings, slew, progress)
         except (PlanFailed, LinAlgError) as error:
-            _require_holding(slew)
+            if self._counts_with_feedback(settings):
+                _require_holding(slew)
             if isinstance(error, TooMuchTorque):
                 raise PlanFailed(f"{error}; {self._enough_time(settings, slew)}") from None
             raise PlanFailed(str(error)) from None
@@ -163,7 +164,7 @@ class Slewing:
         """
         if counted_with(law, slew) and not turns(plant):
             return plan
-        model = None if turns(plant) else slew.model
+        model = None if turns(plant) else slew.testbed.model()  # flown_on_bench counts from tick 0
         given = self._motors(plant)
         found = flown_on_bench(plan, plant, law, model, given)
         if found is None:
@@ -175,6 +176,11 @@ class Slewing:
             if other is not None and other.tip_deflection < 0.5 * found.tip_deflection:
                 remedy = f"; track: planned leaves {other.tip_deflection:.3g} m"
         return told_by_law(plan, plant, found, law, remedy)
+
+    def _counts_with_feedback(self, settings: Any) -> bool:
+        """Return whether the slew of a section depends on the feedback that flies it."""
+        given = getattr(settings, "feedback", None) is not None
+        return given or (hasattr(settings, "feedback") and not self.open_loop)
 
     def about_one_axis(self, settings: Any, plant: PlantDescription) -> bool:
         """Return whether a section is planned about one axis: one_axis.counted reads its model."""
@@ -211,7 +217,7 @@ class Slewing:
         try:
             plan = self.plan(settings, slew, progress)
         except PlanFailed:
-            if not self.open_loop:
+            if self._counts_with_feedback(settings):
                 _require_holding(slew)
             raise
         plan = replace(

@@ -151,7 +151,7 @@ def flown_on_bench(
         plan: for all joints of the bench.
         plant: what stands on the bench, and what the law is designed for.
         law: of the controller in charge.
-        model: that is flown; None: the bench's.
+        model: that is flown, in the bench's time; None: the bench's.
         motors: from commands to efforts; None: they give at once what is commanded.
     """
     try:

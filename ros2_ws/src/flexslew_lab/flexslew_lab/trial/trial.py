@@ -21,7 +21,6 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planners import PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
-from flexslew_lab.trial.joint_quantities import require_units_of_joints
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings, PaceSettings
 from flexslew_plant.bench.retarget import with_schedule
@@ -30,6 +29,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.commands import ControllerSilent
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.hardware.sensors import SensorSettings
+from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal

@@ -50,7 +50,7 @@ class Model:
         appendages: what their sensors read.
         actuators: how many efforts; None: one per joint.
         scale_stiffness: from packed and a factor to packed with all stiffness times the factor,
-            damping ratios kept; None: it cannot be scaled.
+            as `scaled` of the testbed; None: it cannot be scaled.
         time_varying: whether M, h or B depend on time.
         from_time: from packed and a time to packed whose time zero that is; None: there is none.
         leading: how many entries of v stand before the modes; None: the joints.
@@ -373,7 +373,7 @@ class Model:
         return dq, dv
 
     def with_stiffness(self, factor: float) -> "Model":
-        """Return the model with every stiffness times factor [-], damping ratios kept.
+        """Return the model with every stiffness times factor [-], as `scaled` of its testbed.
 
         Raises:
             BadInput: its testbed does not say how.

@@ -71,7 +71,8 @@ class RobustFeedforward:
     joint_range: dict[str, tuple[float, float]] | None = (
         None  # lowest, highest, by joint; null: free
     )
-    # fraction of the effort limit kept free [-]
+    # fraction of the effort limit that the search keeps free where it can; worst_peak_effort of the
+    # summary says what it took [-]
     reserve: Annotated[float, Field(ge=0.01, lt=1.0)] = 0.05
     max_iterations: Annotated[int, Field(ge=1)] = 60  # largest number of updates
     tolerance: Positive = 1e-3  # relative improvement of the objective at which to stop

@@ -96,7 +96,7 @@ def _efforts(kernels: Kernels, p: Vector, q: Matrix, v: Matrix, h: float, joints
         for i in range(n):
             x[i] = 0.5 * (q[k, i] + q[k + 1, i])
             x[n + i] = 0.5 * (v[k, i] + v[k + 1, i])
-        interface.terms(kernels, p, 0.0, x, block, coupling, modal, bias)
+        interface.terms(kernels, p, (k + 0.5) * h, x, block, coupling, modal, bias)
         for i in range(m):
             total = bias[i] * h
             for j in range(m):

@@ -247,7 +247,7 @@ def _ringing(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict
     squares = np.diag(linear.stiffness)[m:] / np.diag(linear.mass)[m:]  # with the joints held
     tip = abs(model.appendages.tip)
     left = float((tip @ np.sqrt(q[-1, m:] ** 2 + v[-1, m:] ** 2 / squares)).max())
-    if left < RINGING * float((tip @ abs(q[:, m:].T)).max()):
+    if left <= RINGING * float((tip @ abs(q[:, m:].T)).max()):
         return {"tip_left_swinging": left}
     why = "nothing is shaped"
     if settings.shaper == "system":

@@ -81,18 +81,36 @@ def plan_minimax_feedforward(settings: MinimaxFeedforward, slew: Slew, progress:
 
     Raises:
         PlanFailed: the limits let no efforts lead to the goal in this time, or the bound cannot
-            be met; the message names a duration that is enough.
+            be met; the message names a duration that is enough. Or a member diverges under the
+            feedback.
         BadInput: a key of the ensemble, a range or a limit cannot be used.
     """
     question = question_of(settings, slew)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a loop that is not stable
+        found = _found(settings, question, progress)
+        plan = _plan(settings, question, found)
+    lost = [
+        member.errors
+        for member, left in zip(found.members, found.optimum.residuals.tolist(), strict=True)
+        if not np.isfinite(left)
+    ]
+    if lost and np.isfinite(plan.state).all():
+        raise PlanFailed(
+            f"under the feedback that the plan counts with, kp {slew.kp.tolist()} and kd "
+            f"{slew.kd.tolist()}, member {lost[0]} of the ensemble diverges; give plan.feedback "
+            "the gains of a controller that holds it"
+        )
+    return plan
+
+
+def _found(settings: MinimaxFeedforward, question: Question, progress: Progress) -> Found:
+    """Return the optimum of the duration, or the shortest one that leaves no more than a bound."""
     if settings.residual_bound is not None:
-        found = shortest(question, settings.residual_bound, progress)
-    else:
-        try:
-            found = found_optimum(question, progress)
-        except PlanFailed as refused:
-            raise PlanFailed(f"{refused}; {enough_time(question)}") from None
-    return _plan(settings, question, found)
+        return shortest(question, settings.residual_bound, progress)
+    try:
+        return found_optimum(question, progress)
+    except PlanFailed as refused:
+        raise PlanFailed(f"{refused}; {enough_time(question)}") from None
 
 
 def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:

@@ -169,7 +169,10 @@ def _transcription(
         ) from None
     if not isinstance(testbed, Symbolic):
         raise BadInput(
-            "this testbed does not give its energies in symbols", "plan", "drives", "all"
+            "this testbed does not give its energies in symbols, which a slew by several drives "
+            "needs; take another method",
+            "plan",
+            "method",
         )
     model = testbed.model()
     n, m = model.coordinates, model.joints

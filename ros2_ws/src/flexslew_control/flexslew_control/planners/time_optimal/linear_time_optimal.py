@@ -90,6 +90,7 @@ class _Grid:
             total = total + share[:, None] * self.values[k, more]
         return np.asarray(total)
 
+    @np.errstate(divide="ignore", invalid="ignore")  # of a function that is nothing
     def zeros(self, mu: Vector, duration: float, touching: float = 0.0) -> Vector:
         """Return where mu . c changes its sign before tau = duration, rising [s].
 

@@ -14,6 +14,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Model
 
 NOTHING = 1e-6  # reach that counts as none: a tenth of what a plan may leave [m]
+_NEVER = 1e-15  # that of a single mode that the effort does not move [m]
 _STEP = 0.25  # of the samples, as an angle of the fastest mode [rad]
 _ALIKE = 1e-2  # smallest over largest deflection of directions that Newton's method tells apart
 
@@ -33,8 +34,8 @@ def reachable_combinations(
         horizon: how long it pushes [s].
     """
     modes, n = model.modes, model.coordinates
-    if modes < 2:
-        return np.eye(modes)
+    if not modes:
+        return np.zeros((0, 0))
     linear = model.linearise(q)
     step = _STEP / float(linear.frequencies[-1])
     ahead = expm(linear.state_matrix * step)
@@ -46,7 +47,7 @@ def reachable_combinations(
     deflection = states[: int(horizon / step) + 1, n - modes : n] * size
     root, directions = np.linalg.svd(deflection, full_matrices=False)[1:]
     reach = amplitude * step * np.abs(deflection @ directions.T).sum(axis=0)
-    kept = reach > NOTHING
+    kept = reach > (NOTHING if modes > 1 else _NEVER)
     if kept.all() and root[-1] > _ALIKE * root[0]:
         return np.eye(modes)
     weight = np.where(root > 0.0, root[0] / np.maximum(root, 1e-300), 1.0)

@@ -194,10 +194,29 @@ def found_slew(
         return slew, found_durations(slew, settings.structure)
     except PlanFailed as error:
         raise PlanFailed(f"{error}; {_remedy(slew, settings.structure)}") from None
+    except FloatingPointError:
+        if not _modes_alone_lead(slew, settings.structure):
+            raise
+        raise PlanFailed(f"no robust slew was found; {_MODES_LEAD}") from None
+
+
+_MODES_LEAD = "insensitive: modes leads to one"
+
+
+def _modes_alone_lead(slew: BangBang, structure: Structure) -> bool:
+    """Return whether there is a slew that leaves the joint free to be sensitive.
+
+    Without feedback the joint of a linear plant is as sensitive as the modes are, so conditions on
+    both cannot be told apart.
+    """
+    also_joint = slew.robust and slew.insensitive == "state"
+    return also_joint and _leads(replace(slew, insensitive="modes"), structure)
 
 
 def _remedy(slew: BangBang, structure: Structure) -> str:
     """Return what does lead to a slew: each is tried before it is said."""
+    if _modes_alone_lead(slew, structure):
+        return _MODES_LEAD
     if slew.robust:
         if _leads(replace(slew, robust=False), structure):
             return "robust: false leads to one"
@@ -260,7 +279,7 @@ def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
     Raises:
         PlanFailed: none were found.
     """
-    if not slew.model.modes:
+    if not len(slew.combinations):  # a rigid body
         return np.full(2, 0.5 * slew.rigid_duration)
     if not _closed_form(slew):
         finders = [extremal_durations]

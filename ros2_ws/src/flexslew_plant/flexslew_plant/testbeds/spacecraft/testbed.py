@@ -334,9 +334,11 @@ class SpacecraftTestbed:
             if d.what in (at.TORQUE, at.WHEEL, at.GYRO)
         }
         if joint not in turns:
+            hinges = {d.name for d in self.craft.drives if d.what == at.HINGE}
+            moved = "; method joint_trajectory moves a hinge" if joint in hinges else ""
             raise BadInput(
                 f"plan: goal: {joint} does not turn the platform; allowed: "
-                f"{', '.join(turns) or 'none, as no joint does'}"
+                f"{', '.join(turns) or 'none, as no joint does'}{moved}"
             )
         return turns[joint]
 

@@ -98,6 +98,8 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
         a.second_order,
         manoeuvres,
         shape,
+        a.damping.alpha,
+        a.damping.beta,
     )
 
 

@@ -49,6 +49,7 @@ class Appendage:
         second_order: whether terms of second order in the deflections count.
         manoeuvres: of a prescribed hinge, in the order of time.
         shape: what it was made from; none for a rigid one.
+        alpha, beta: how much of the damping is alpha M + beta K [1/s, s].
     """
 
     name: str
@@ -65,6 +66,8 @@ class Appendage:
     second_order: bool = True
     manoeuvres: tuple[PrescribedTurn, ...] = ()
     shape: FlexibleShape | None = None
+    alpha: float = 0.0
+    beta: float = 0.0
 
     @property
     def modes(self) -> int:

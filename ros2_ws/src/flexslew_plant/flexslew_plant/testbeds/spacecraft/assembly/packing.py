@@ -150,15 +150,22 @@ def _drive(craft: Spacecraft, d: CraftDrive, places: list[int]) -> Vector:
 
 
 def stiffened(craft: Spacecraft, p: Vector, factor: float) -> Vector:
-    """Return packed numbers with the modes' stiffness times factor, damping ratios kept."""
+    """Return packed numbers with the modes' stiffness times factor.
+
+    Damping ratios are kept, and so are alpha and beta of damping by alpha M + beta K.
+    """
     out = p.copy()
     table = int(p[at.APPENDAGE_TABLE])
-    for k in range(len(craft.appendages)):
+    for k, a in enumerate(craft.appendages):
         b = int(p[table + k])
         n = int(p[b + at.COUNT])
         rest = b + at.SUMS + 3 * n + 9 * n * (n + 1)
+        mass, stiffness = p[rest : rest + n], p[rest + n : rest + 2 * n]
+        damping = p[rest + 2 * n : rest + 2 * n + n * n].reshape(n, n)
+        by_mass, by_stiffness = np.diag(a.alpha * mass), np.diag(a.beta * stiffness)
+        kept = np.sqrt(factor) * (damping - by_mass - by_stiffness)
         out[rest + n : rest + 2 * n] *= factor
-        out[rest + 2 * n : rest + 2 * n + n * n] *= np.sqrt(factor)
+        out[rest + 2 * n : rest + 2 * n + n * n] = (kept + by_mass + factor * by_stiffness).ravel()
     return out
 
 

@@ -14,6 +14,8 @@ _KINDS = (("rad", "m"), ("rad/s", "m/s"), ("N m", "N"))
 def require_units_of_joints(kind: Any, values: Any, testbed: Testbed, source: str) -> None:
     """Check that no position, rate or effort of a joint is given in a unit of the other kind.
 
+    Where no joint is named the kinds of all joints are allowed.
+
     Args:
         kind: of the settings, which names units such as `[rad or m]`.
         values: what YAML gave.
@@ -33,11 +35,10 @@ def require_units_of_joints(kind: Any, values: Any, testbed: Testbed, source: st
             model = testbed.model()
             units = dict(zip(model.joint_names, model.joint_units, strict=True))
         joint = next((part for part in reversed(path) if part in units), None)
-        if joint is None:
-            continue
-        slides = units[joint] == "m"
+        meant = units.values() if joint is None else (units[joint],)
+        kinds = sorted({unit == "m" for unit in meant})
         try:
-            in_si(value, [pair[slides] for pair in pairs])
+            in_si(value, [pair[slides] for pair in pairs for slides in kinds])
         except BadInput as error:
             raise BadInput(error.refusal.why, source, ".".join(path), value) from None
 
