@@ -211,6 +211,27 @@ def test_a_delay_moves_the_effort_by_its_ticks_without_a_missed_tick() -> None:
     assert not run.of("missed")
 
 
+def test_a_delay_that_sets_in_wakes_no_dead_motor_and_runs_ahead_of_no_other_delay() -> None:
+    dead = {"kind": "actuator_gain", "joint": "base_yaw", "gain": 0.0}
+    entries = [
+        {"at": 1.0, "fault": dead},
+        {"at": 2.0, "fault": {"kind": "command_delay", "ticks": 20}},
+        {"at": 3.0, "fault": {"kind": "command_delay", "ticks": 30, "joint": "hub_pitch"}},
+    ]
+
+    def law(question: Any) -> EffortCommand:  # what it asks for tells the tick
+        asked = np.array([5.0, 0.01 * question.tick])
+        return EffortCommand(question.tick, question.epoch, "first", asked)
+
+    run = Run(settings(schedule=entries, duration=5.0), {"first": law})
+    base, hub = np.array([run.applied(tick) for tick in range(499)]).T
+    assert (base[:100] == 5.0).all()
+    assert (base[100:] == 0.0).all()
+    arrives = [*range(200), *[199] * 20, *range(200, 280), *range(280, 300), *[299] * 30]
+    arrives += range(300, 449)
+    assert np.array_equal(hub, 0.01 * np.array(arrives))
+
+
 @pytest.mark.parametrize(
     ("kind", "missed"),
     [("command_late", True), ("command_duplicated", False), ("command_reordered", True)],

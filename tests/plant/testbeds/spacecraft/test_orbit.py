@@ -140,6 +140,20 @@ def test_no_torque_depends_on_how_body_and_inertial_axes_are_turned_together(see
     np.testing.assert_allclose(torque(frame), frame @ torque(np.eye(3)), atol=1e-16)
 
 
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"altitude": 1.7e308}, r"altitude: 1\.7e\+308 .* less than or equal to 10+$"),
+        ({"sun": [0.0, 0.0, 0.0], "solar_area": 1.0}, r"orbit\.sun: .* has no direction"),
+        ({"sun": [1e200, 0.0, 0.0], "solar_area": 1.0}, r"orbit\.sun: .* has no direction"),
+    ],
+)
+def test_an_orbit_that_cannot_be_is_refused_by_its_key(keys: dict[str, Any], words: str) -> None:
+    orbit = {"altitude": 5e5, **keys}
+    with pytest.raises(BadInput, match=words):
+        read_testbed({"kind": "spacecraft", "orbit": orbit}, "here")
+
+
 def test_only_a_free_platform_has_an_orbit() -> None:
     held = {"kind": "spacecraft", "platform": {"motion": "pivot"}, "orbit": {"altitude": 5e5}}
     with pytest.raises(BadInput, match="orbit"):

@@ -78,7 +78,8 @@ class Effect(NamedTuple):
 
     read: Callable[[Readings], Readings] | None = None  # what the question says of the readings
     fate: Callable[[EffortCommand], Fate] | None = None  # what becomes of an answer
-    demand: Callable[[Vector], Vector] | None = None  # what reaches the motors of a demand
+    late: Callable[[Vector], Vector] | None = None  # what arrives of what the drive lets go
+    demand: Callable[[Vector], Vector] | None = None  # what the motors take a demand for
     effort: Callable[[Vector], Vector] | None = None  # what the motors give of an effort
 
 

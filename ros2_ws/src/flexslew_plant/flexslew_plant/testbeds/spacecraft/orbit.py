@@ -10,12 +10,13 @@ no shadow of the Earth, and its field is that of a dipole along the inertial z a
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
+from typing import Annotated, cast
 
 import numpy as np
+from pydantic import Field
 
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
-from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     Nine,
@@ -44,7 +45,7 @@ ORBIT_SIZE = 23  # all zeros: there is no orbit
 class Orbit:
     """A circular orbit, round the inertial origin, and what of it turns the craft."""
 
-    altitude: Positive  # above the Earth's surface [m]
+    altitude: Annotated[float, Field(gt=0.0, le=1e12)]  # above the Earth's surface [m]
     inclination: float = 0.0  # of the orbit to the inertial x-y plane, about x [rad]
     phase: float = 0.0  # of the craft at time zero, from x [rad]
     gravity_gradient: bool = True  # whether it acts
