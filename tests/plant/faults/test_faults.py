@@ -443,6 +443,18 @@ def test_what_acts_can_be_ended_by_its_number_and_ends_with_the_next_tick() -> N
     assert [e.data["who"] for e in bench.events if e.kind == "fault_ended"] == ["me"] * 3
 
 
+def test_a_controller_that_is_not_there_cannot_fall_silent() -> None:
+    bench, there = Bench(settings()), ("first", "second")
+    text = "{kind: controller_silent, controller: third}"
+    refused = bench.inject(text, controllers=there)
+    assert not refused.ok
+    words = "fault.fault.controller: there is no third; allowed: first, second"
+    assert words in refused.message
+    assert not bench.active_faults()
+    assert not bench.events
+    assert bench.inject(text.replace("third", "second"), controllers=there).ok
+
+
 def test_a_reset_forgets_what_was_injected_and_keeps_what_was_scheduled() -> None:
     bench = Bench(settings(FAULTS["actuator_gain"]))
     bench.inject("{kind: command_lost}")
