@@ -31,7 +31,8 @@ class FilterSettings:
     # three axes a tenth of the largest effort limit
     disturbance_walk: NonNegative | None = None
     # density of the white noise on each effort [(N m)^2 s]; null: 0, of a craft that turns in
-    # three axes the square of the largest effort limit
+    # three axes the square of the largest effort limit, of a wheel times that of its share of the
+    # craft's inertia
     effort_noise: NonNegative | None = None
     modal_noise: NonNegative = 0.0  # density of the white noise on each modal force [N^2 s]
     # standard deviation of each modal coordinate at a reset [m]
@@ -209,6 +210,7 @@ class KalmanFilter:
         period: one tick [s].
         noise: spectral density of the white noise on [q, v]', shape (2 n, 2 n), of a filter
             without disturbances; None: with them, and with the noises of the settings.
+        on_joints: density of further noise on each joint's equation, beside that of the settings.
     """
 
     model: Designed
@@ -216,6 +218,7 @@ class KalmanFilter:
     settings: FilterSettings
     period: float
     noise: Matrix | None = None
+    on_joints: float = 0.0
     _x: Vector = field(init=False)
     _p: Matrix = field(init=False)
     _prior: Matrix = field(init=False)  # P before the last measurement
@@ -248,7 +251,9 @@ class KalmanFilter:
         noise = np.zeros_like(whole)
         if self.noise is None:
             forces = np.linalg.solve(linear.mass, np.eye(n))
-            density = np.diag([s.effort_noise or 0.0] * m + [s.modal_noise] * (n - m))
+            by_effort = linear.input_matrix  # of wheels it is not one
+            density = (s.effort_noise or 0.0) * by_effort @ by_effort.T
+            density += np.diag([self.on_joints] * m + [s.modal_noise] * (n - m))
             noise[n : 2 * n, n : 2 * n] = forces @ density @ forces.T
             walk = _WALK if s.disturbance_walk is None else s.disturbance_walk
             noise[2 * n :, 2 * n :] = walk**2 * np.eye(m)
