@@ -96,7 +96,7 @@ class SpacecraftTestbed:
     """The `testbed` section for kind spacecraft."""
 
     kind: Literal["spacecraft"] = "spacecraft"
-    units: UnitSystem = "si"  # unit system of the section but `initial`
+    units: UnitSystem = "si"  # unit system of the section but `initial` and errors of `sensors`
     platform: Platform = Platform()  # the rigid platform
     appendages: dict[str, AppendageSettings] = field(default_factory=dict)  # appendages by name
     wheels: dict[str, WheelSettings] = field(default_factory=dict)  # reaction wheels by name
