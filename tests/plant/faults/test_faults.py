@@ -443,6 +443,17 @@ def test_what_acts_can_be_ended_by_its_number_and_ends_with_the_next_tick() -> N
     assert [e.data["who"] for e in bench.events if e.kind == "fault_ended"] == ["me"] * 3
 
 
+def test_nothing_breaks_after_the_end_of_the_run() -> None:
+    bench = Bench(settings(duration=1.0))
+    assert bench.inject("{kind: command_lost}", 99).ok
+    for tick in (100, 10**9):
+        refused = bench.inject("{kind: command_lost}", tick).refused
+        assert refused is not None
+        assert refused.cause is Cause.RUN_OVER
+        assert f"tick {tick} is too late: the run ends at tick 100" in str(refused)
+    assert len(bench.active_faults()) == 1
+
+
 def test_a_controller_that_is_not_there_cannot_fall_silent() -> None:
     bench, there = Bench(settings()), ("first", "second")
     text = "{kind: controller_silent, controller: third}"

@@ -321,6 +321,9 @@ class Bench:
             injection = injection_of(entry, names, period, "fault")
         except BadInput as error:
             return InjectResult(self.tick, refused=error.refusal)
+        if self.last_tick is not None and start >= self.last_tick:
+            words = f"tick {start} is too late: the run ends at tick {self.last_tick}"
+            return InjectResult(self.tick, refused=Refusal(words, cause=Cause.RUN_OVER))
         word, number = self._injections.add(injection)
         self.tell(InjectionRequested(text, start, number, who, word))
         at = start * self.settings.period
