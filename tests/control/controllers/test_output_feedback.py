@@ -13,9 +13,13 @@ from flexslew_control.controllers.sliding_surface import (
     design,
     reaching_matrix,
 )
+from flexslew_control.law import PlantDescription
 from flexslew_lab.reproduce.laws import ofc_rows, slew
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
 
 PERIOD = 0.01
 
@@ -141,3 +145,42 @@ def test_the_testbed_design_exists_for_more_modes(modes: int) -> None:
     assert law.found.sliding_poles.real.max() < 0.0
     assert isinstance(observer, SampledObserver)
     assert observer.found.covariance.shape == (2 * (2 + modes),) * 2
+
+
+def largest_estimate(testbed: Any, period: float, settings: OutputFeedback) -> float:
+    """What the observer makes of a testbed at rest whose sensors are noisy, in 300 ticks."""
+    limit, rng = np.array(testbed.effort_limit), np.random.default_rng(0)
+    observer, _ = build(settings, PlantDescription(testbed, period, limit))
+    m, largest = limit.size, 0.0
+    for tick in range(300):
+        q, v = 1e-4 * rng.standard_normal((2, m))
+        none, still = np.zeros(m), np.zeros(0)
+        now = Measurement(tick, 0, tick * period, "", q, v, still, still, none)
+        if tick == 0:
+            observer.reset(now)
+        largest = max(largest, abs(observer.update(now).position).max())
+    return largest
+
+
+@pytest.mark.parametrize(
+    ("testbed", "long", "short"),
+    [
+        (HubTestbed(), 0.01, 9.8e-5),
+        (FloatingOscillatorTestbed(), 0.01, None),
+        (CsaTestbed(modes=3), 0.5, 0.47),
+        (CsaTestbed(modes=6), 0.1, 0.098),
+    ],
+    ids=["hub", "oscillator", "csa 3", "csa 6"],
+)
+def test_a_steady_observer_whose_steps_diverge_is_refused_with_the_period_that_does_not(
+    testbed: Any, long: float, short: float | None
+) -> None:
+    settings = OutputFeedback(model={"modes": testbed.modes}, observer="steady")
+    words = f"the longest period that works is {short:.2g} s" if short else "no period down to"
+    refused = f"observer steady is not stable .*{words}.*observer: kalman"
+    with pytest.raises(BadInput, match=refused):
+        largest_estimate(testbed, long, settings)
+    if short:
+        assert largest_estimate(testbed, short, settings) < 0.1  # the errors of the start, on csa
+    exact = OutputFeedback(model={"modes": testbed.modes}, observer="steady", mode="tracking_b")
+    assert largest_estimate(testbed, long, exact) < 0.1

@@ -2,6 +2,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.stats import chi2
 
 from flexslew_control.estimators.kalman import (
@@ -13,6 +14,8 @@ from flexslew_control.estimators.kalman import (
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
 
 PERIOD = 0.01
 MODEL = CsaTestbed(modes=1).model()
@@ -138,12 +141,77 @@ def test_the_gain_tends_to_the_stationary_one() -> None:
     np.testing.assert_allclose(expected, gain, rtol=0.0, atol=0.01 * abs(gain).max())
 
 
-@pytest.mark.parametrize("period", [0.05, 0.1, 0.2])
-def test_a_filter_whose_errors_grow_as_its_modes_are_too_fast_for_its_ticks_is_refused(
+def own_covariance(a: Any, b: Any, c: Any, noises: Any, first: Any, period: Any, ticks: Any) -> Any:
+    """P of [x, d] after so many measurements, by the textbook and a series of expm of its own."""
+    forces, walk, variances = noises
+    m, k = b.shape[1], len(a)
+    whole = np.zeros((k + m, k + m))
+    whole[:k, :k], whole[:k, k:] = a, b
+    density = np.zeros_like(whole)
+    density[:k, :k], density[k:, k:] = forces, walk**2 * np.eye(m)
+    fine = expm(whole * period / 400)  # Q: the noise of 400 parts of a tick
+    f, q, part = np.eye(k + m), np.zeros_like(whole), density * period / 400
+    half = expm(whole * period / 800)
+    for _ in range(400):
+        q = fine @ q @ fine.T + half @ part @ half.T
+        f = fine @ f
+    p, c, r = first, np.hstack((c, np.zeros((len(c), m)))), np.diag(variances)
+    for _ in range(ticks):
+        p = f @ p @ f.T + q
+        gain = p @ c.T @ np.linalg.inv(c @ p @ c.T + r)
+        left = np.eye(k + m) - gain @ c
+        p = left @ p @ left.T + gain @ r @ gain.T
+    return p
+
+
+@pytest.mark.parametrize(
+    ("testbed", "period", "ticks"),
+    [
+        (HubTestbed(), 0.01, 1500),
+        (HubTestbed(), 0.02, 1000),
+        (HubTestbed(), 0.1, 400),  # the mode turns by 0.65 rad in a tick
+        (HubTestbed(), 0.4, 100),
+        (FloatingOscillatorTestbed(), 1.0, 60),
+        (CsaTestbed(modes=3), 0.05, 400),
+        (CsaTestbed(modes=6), 0.01, 600),
+        (CsaTestbed(modes=8, damping_ratio=0.005), 0.05, 200),
+    ],
+    ids=str,
+)
+def test_the_covariance_is_that_of_an_own_filter_however_far_modes_turn_in_a_tick(
+    testbed: Any, period: Any, ticks: Any
+) -> None:
+    model, sigmas = testbed.model(), (1e-4, 1e-3)
+    m, n = model.joints, model.coordinates
+    rest = np.concatenate((np.linspace(0.0, 0.5, m + 1)[1:], np.zeros(n - m)))
+    estimator = KalmanFilter(model, rest, FilterSettings(), period)
+    linear = model.linearise(rest)
+    modes = [0.01] * (n - m)
+    first = np.diag(np.square([sigmas[0]] * m + modes + [sigmas[1]] * m + modes + [10.0] * m))
+    c = np.zeros((2 * m, 2 * n))
+    c[:m, :m], c[m:, n : n + m] = np.eye(m), np.eye(m)
+    noises = np.zeros((2 * n, 2 * n)), 10.0, np.square(np.repeat(sigmas, m))
+    expected = own_covariance(
+        linear.state_matrix, linear.state_input_matrix, c, noises, first, period, ticks
+    )
+    still = np.zeros(m)
+    for tick in range(ticks + 1):
+        now = Measurement(tick, 0, tick * period, "", rest[:m], still, NOTHING, NOTHING, still)
+        if tick == 0:
+            estimator.reset(now)
+        covariance = estimator.update(now).covariance
+    sizes = np.sqrt(np.diag(expected))
+    # up to 1 / 16 rad in a tick the transition is of second order, right within a per cent
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), sizes, rtol=0.01)
+    off = np.linalg.eigvals(np.linalg.solve(expected, covariance)).real  # along every direction
+    assert 0.98 < off.min() < off.max() < 1.02
+
+
+@pytest.mark.parametrize("period", [0.1, 0.2])
+def test_a_filter_whose_modes_are_too_fast_for_a_step_of_its_equations_is_refused(
     period: float,
 ) -> None:
     fast = CsaTestbed(modes=8, damping_ratio=0.005).model()
     rest = np.concatenate((REST[:2], np.zeros(8)))
-    with pytest.raises(BadInput, match=r"not stable with a period of .* modes up to 53\.\d rad/s"):
+    with pytest.raises(BadInput, match=r"cannot follow .* period of .* modes up to 53\.\d rad/s"):
         KalmanFilter(fast, rest, FilterSettings(), period)
-    KalmanFilter(fast, rest, FilterSettings(), 0.02)  # 1.1 rad in a tick

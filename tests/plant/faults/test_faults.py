@@ -211,6 +211,27 @@ def test_a_delay_moves_the_effort_by_its_ticks_without_a_missed_tick() -> None:
     assert not run.of("missed")
 
 
+def test_a_delay_that_sets_in_wakes_no_dead_motor_and_runs_ahead_of_no_other_delay() -> None:
+    dead = {"kind": "actuator_gain", "joint": "base_yaw", "gain": 0.0}
+    entries = [
+        {"at": 1.0, "fault": dead},
+        {"at": 2.0, "fault": {"kind": "command_delay", "ticks": 20}},
+        {"at": 3.0, "fault": {"kind": "command_delay", "ticks": 30, "joint": "hub_pitch"}},
+    ]
+
+    def law(question: Any) -> EffortCommand:  # what it asks for tells the tick
+        asked = np.array([5.0, 0.01 * question.tick])
+        return EffortCommand(question.tick, question.epoch, "first", asked)
+
+    run = Run(settings(schedule=entries, duration=5.0), {"first": law})
+    base, hub = np.array([run.applied(tick) for tick in range(499)]).T
+    assert (base[:100] == 5.0).all()
+    assert (base[100:] == 0.0).all()
+    arrives = [*range(200), *[199] * 20, *range(200, 280), *range(280, 300), *[299] * 30]
+    arrives += range(300, 449)
+    assert np.array_equal(hub, 0.01 * np.array(arrives))
+
+
 @pytest.mark.parametrize(
     ("kind", "missed"),
     [("command_late", True), ("command_duplicated", False), ("command_reordered", True)],
@@ -420,6 +441,29 @@ def test_what_acts_can_be_ended_by_its_number_and_ends_with_the_next_tick() -> N
     ended = [e for e in bench.events if e.kind == "fault" and not e.data["on"]]
     assert [event.tick for event in ended] == [11]
     assert [e.data["who"] for e in bench.events if e.kind == "fault_ended"] == ["me"] * 3
+
+
+def test_nothing_breaks_after_the_end_of_the_run() -> None:
+    bench = Bench(settings(duration=1.0))
+    assert bench.inject("{kind: command_lost}", 99).ok
+    for tick in (100, 10**9):
+        refused = bench.inject("{kind: command_lost}", tick).refused
+        assert refused is not None
+        assert refused.cause is Cause.RUN_OVER
+        assert f"tick {tick} is too late: the run ends at tick 100" in str(refused)
+    assert len(bench.active_faults()) == 1
+
+
+def test_a_controller_that_is_not_there_cannot_fall_silent() -> None:
+    bench, there = Bench(settings()), ("first", "second")
+    text = "{kind: controller_silent, controller: third}"
+    refused = bench.inject(text, controllers=there)
+    assert not refused.ok
+    words = "fault.fault.controller: there is no third; allowed: first, second"
+    assert words in refused.message
+    assert not bench.active_faults()
+    assert not bench.events
+    assert bench.inject(text.replace("third", "second"), controllers=there).ok
 
 
 def test_a_reset_forgets_what_was_injected_and_keeps_what_was_scheduled() -> None:

@@ -137,6 +137,16 @@ def test_quantised_torques_stay_within_the_limit() -> None:
     np.testing.assert_array_equal(motor.apply(np.array([30.0, -30.0])), [8.0, -8.0])
 
 
+def test_a_limit_that_is_a_multiple_of_the_quantum_can_be_given() -> None:
+    for quantum in (0.1, 0.2, 0.7, 1.0 / 3.0, 0.05, 2.5):
+        for parts in range(1, 60):
+            limit = float(f"{parts * quantum:.14g}")  # 0.3 / 0.1 is less than 3
+            motor = Actuator(ActuatorSettings(quantisation=quantum), np.array([limit]), PERIOD)
+            given = [motor.apply(np.array([demand]))[0] for demand in (2.0 * limit, -limit)]
+            np.testing.assert_allclose(given, [limit, -limit], rtol=1e-12)
+            assert np.abs(given).max() <= limit
+
+
 def test_reset_forgets() -> None:
     motor = actuator(lag=0.05, slew_rate=100.0)
     fresh = [motor.apply(np.array([5.0, 5.0])).copy() for _ in range(3)]

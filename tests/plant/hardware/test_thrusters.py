@@ -8,7 +8,7 @@ import pytest
 from flexslew_lab.trial.trial import bench_settings, parse_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
-from flexslew_plant.hardware.thrusters import Thrusters
+from flexslew_plant.hardware.thrusters import Thrusters, thrusters_of
 
 PERIOD, LIMIT, SHORTEST = 0.1, np.array([2.0, 0.5, 3.0]), np.array([0.02, 0.1, 0.0])
 
@@ -43,6 +43,15 @@ def test_what_is_beyond_the_limit_is_not_owed_for_ever() -> None:
     given = pulsed(np.vstack((np.tile([9.0, 9.0, 0.0], (50, 1)), np.zeros((3, 3)))))
     np.testing.assert_allclose(given[:50, :2], np.tile(LIMIT[:2], (50, 1)))
     assert (given[51:, :2] == 0.0).all()
+
+
+def test_a_pulse_as_long_as_a_tick_but_for_rounding_is_given() -> None:
+    tick, pulse = 0.3, 0.1 + 0.2
+    assert pulse > tick
+    it = thrusters_of(pulse, ("jet",), np.array([1.0]), tick)
+    assert it is not None
+    given = [float(it.apply(np.array([0.5]))[0]) for _ in range(6)]
+    assert given == [0.0, 1.0, 0.0, 1.0, 0.0, 1.0]
 
 
 def bench(pulse: str) -> Bench:

@@ -128,6 +128,23 @@ def test_a_star_tracker_that_turns_too_fast_or_loses_readings_gives_none() -> No
     assert lost.mean() == pytest.approx(0.3, abs=0.04)
 
 
+@pytest.mark.parametrize("period", [0.01, 0.03, 0.07, 0.1, 0.3, 1.0 / 3.0])
+def test_a_star_tracker_is_blind_in_the_ticks_of_its_spans(period: float) -> None:
+    body, ticks = MovingBody(np.array([0.0, 0.0, 0.0, 1.0]), RATE), 200
+    for start in range(0, ticks - 7):
+        times = round(start * period, 12), round((start + 7) * period, 12)
+        it = tracker(blind=(times, (1e307, 1.7e308)))
+        reader = TickReader(it, period, np.random.default_rng(1))
+        gaps = [k for k in range(ticks) if not reader(body).any()]
+        assert gaps == list(range(start, start + 7))
+    rng = np.random.default_rng(1)
+    for times in np.sort(rng.uniform(0.0, ticks * period, (20, 2))):  # rounded, like all times
+        reader = TickReader(tracker(blind=(tuple(times),)), period, np.random.default_rng(1))
+        gaps = [k for k in range(ticks) if not reader(body).any()]
+        first, last = np.round(times / period).astype(int)
+        assert gaps == list(range(first, min(last, ticks)))
+
+
 def test_a_gap_changes_no_later_noise() -> None:
     attitudes, rates = turning(60)
     whole = read(tracker(across=1e-3, about=1e-3), attitudes, rates)

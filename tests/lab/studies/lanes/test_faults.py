@@ -94,6 +94,16 @@ def test_a_fault_acts_in_lanes_as_on_the_bench(
     require_equal(ready, [0, 1, 2])
 
 
+def test_delays_and_gains_that_overlap_act_as_on_the_bench(study_of: Callable[..., Study]) -> None:
+    faults = [
+        {"kind": "actuator_gain", "joint": "hub_pitch", "gain": 0.1},
+        {"kind": "command_delay", "ticks": 2.6, "joint": "hub_pitch"},
+        {"kind": "command_delay", "ticks": 3},
+        {"kind": "actuator_gain", "joint": "base_yaw", "gain": -0.3},
+    ]
+    require_equal(prepare(faulty(study_of, faults, max_missed=100)), [0, 1, 2])
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_random_faults_fly_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], seed: int

@@ -140,6 +140,53 @@ def test_no_torque_depends_on_how_body_and_inertial_axes_are_turned_together(see
     np.testing.assert_allclose(torque(frame), frame @ torque(np.eye(3)), atol=1e-16)
 
 
+def boomed(**hinge: Any) -> Any:
+    """Return a craft on an orbit with a heavy boom."""
+    beam = {
+        "kind": "beam", "length": 6.0, "linear_density": 2.0, "bending_stiffness": 3e3,
+        "modes": 1, "along": [0.0, 1.0, 0.0], "across": [0.0, 0.0, 1.0],
+    }  # fmt: skip
+    joint = {"place": [0.0, 0.5, 0.1], "axis": [1.0, 0.0, 0.0], **hinge}
+    values = {
+        "kind": "spacecraft",
+        "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 35.0, "zz": 30.0}},
+        "appendages": {"boom": {"hinge": joint, "shape": beam}},
+        "orbit": {"altitude": ALTITUDE, "inclination": 0.4, "phase": 0.3},
+    }
+    return read_testbed(values, "here").model()
+
+
+@pytest.mark.parametrize("angle", [-2.0, -0.4, 0.9, np.pi / 2])
+def test_gravity_turns_a_craft_with_its_hinges_where_they_stand(angle: float) -> None:
+    def torque(model: Any, hinges: list[float]) -> Vector:
+        x = np.zeros(model.positions + model.coordinates)
+        x[3:7], x[7 : 7 + len(hinges)] = np.array([0.1, 0.5, -0.5, 0.7]), hinges
+        return np.asarray(model.outside(x, 100.0, 0.0)[3:6])
+
+    built_so = torque(boomed(turned={"axis": [1.0, 0.0, 0.0], "angle": angle}), [])
+    for model, hinges in (
+        (boomed(kind="driven"), [angle]),
+        (boomed(kind="passive"), [angle]),
+        (boomed(motion={"to": angle, "duration": 5.0}), []),  # over since 95 s
+    ):
+        np.testing.assert_allclose(torque(model, hinges), built_so, rtol=1e-11)
+    assert np.linalg.norm(built_so - torque(boomed(), [])) > 0.2 * np.linalg.norm(built_so)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"altitude": 1.7e308}, r"altitude: 1\.7e\+308 .* less than or equal to 10+$"),
+        ({"sun": [0.0, 0.0, 0.0], "solar_area": 1.0}, r"orbit\.sun: .* has no direction"),
+        ({"sun": [1e200, 0.0, 0.0], "solar_area": 1.0}, r"orbit\.sun: .* has no direction"),
+    ],
+)
+def test_an_orbit_that_cannot_be_is_refused_by_its_key(keys: dict[str, Any], words: str) -> None:
+    orbit = {"altitude": 5e5, **keys}
+    with pytest.raises(BadInput, match=words):
+        read_testbed({"kind": "spacecraft", "orbit": orbit}, "here")
+
+
 def test_only_a_free_platform_has_an_orbit() -> None:
     held = {"kind": "spacecraft", "platform": {"motion": "pivot"}, "orbit": {"altitude": 5e5}}
     with pytest.raises(BadInput, match="orbit"):

@@ -105,9 +105,13 @@ def on_orbit(testbed: SpacecraftTestbed, x: Vector, t: float) -> list[Vector]:
     o = testbed.orbit
     if o is None:
         return []
-    mass, first, inertia = testbed.craft.rigid()
+    model = testbed.model()
+    q = x[: model.positions].copy()
+    q[model.positions - model.modes :] = 0.0  # undeformed, hinges as they stand
+    whole = model.mass_matrix(q, t)
+    mass, first = whole[0, 0], whole[[5, 3, 4], [1, 2, 0]]
     at = first / mass
-    inertia = inertia - mass * (at @ at * np.eye(3) - np.outer(at, at))  # about the centre of mass
+    inertia = whole[3:6, 3:6] - mass * (at @ at * np.eye(3) - np.outer(at, at))
     distance = RADIUS + o.altitude
     rate = np.sqrt(GRAVITY / distance**3)
     plane = Rotation.from_rotvec([o.inclination, 0.0, 0.0])

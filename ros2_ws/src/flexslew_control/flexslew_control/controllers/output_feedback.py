@@ -35,7 +35,7 @@ from flexslew_control.controllers.sampled_loop import (
 )
 from flexslew_control.controllers.sliding_law import SampledObserver, SlidingLaw, sliding_form
 from flexslew_control.controllers.sliding_surface import LinearSystem, design
-from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
+from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, continuous_gain
 from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
 from flexslew_control.free_platform import LinearModel
 from flexslew_control.law import PlantDescription
@@ -138,8 +138,8 @@ def build(
     """Return the observer and the law; the drive limits the effort.
 
     Raises:
-        BadInput: the model is not controllable or observable at the operating point, or the weights
-            or noises give no stable design.
+        BadInput: the model is not controllable or observable at the operating point, the weights
+            or noises give no stable design, or the steady observer diverges at this period.
     """
     if settings.appendage is not None:
         return _of_appendage(settings, settings.appendage, plant)
@@ -166,8 +166,24 @@ def build(
     )
     law = SlidingLaw(observed, found, settings.attitude_gain)
     if settings.observer == "steady":
+        if not observed.linear:
+            require_sampled_stability(
+                lambda period: _steady_step(model, rest, settings, period),
+                plant.period,
+                "observer steady",
+                "; or take observer: kalman, or mode: tracking_b",
+            )
         return SampledObserver(observed, found, plant.period), law
     return KalmanFilter(model, rest, _sensors(settings), plant.period, _noise(system)), law
+
+
+def _steady_step(model: Model, rest: Vector, settings: OutputFeedback, period: float) -> Matrix:
+    """Return what a step of RK4 makes of an error of the steady observer, shape (2 n, 2 n)."""
+    system = testbed_system(model, rest, settings, period)
+    gain, _ = continuous_gain(system.a, system.c, _noise(system), system.sensor_density)
+    drift, eye = period * (system.a - gain @ system.c), np.eye(len(system.a))
+    step: Matrix = eye + drift @ (eye + drift @ (eye + drift @ (eye + drift / 4.0) / 3.0) / 2.0)
+    return step
 
 
 def _about_plan(

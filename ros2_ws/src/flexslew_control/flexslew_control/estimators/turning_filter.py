@@ -15,7 +15,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 
 _WALK = 0.1  # of a disturbance, of the largest effort limit [1/sqrt(s)]
-_SECOND = 1.0  # times the square of that limit is the density of the noise on efforts [s]
+_SECOND = 1.0  # times the square of that limit is the density of the noise on joints [s]
 
 
 class FilterAlong(NamedTuple):
@@ -168,8 +168,9 @@ def turning_filter(
 ) -> TurningFilter:
     """Return the filter of a craft that turns in three axes.
 
-    Unless the settings say otherwise it counts with white noise on each effort as large as the
-    drives over a second. Much noise at the plant's input gives a loop the margins of its full state
+    Unless the settings say otherwise it counts with white noise on each joint's equation as large
+    as the drives over a second: on a torque itself, of a wheel on its share in what it turns. Much
+    noise at the plant's input gives a loop the margins of its full state
     again (Doyle and Stein 1979, IEEE TAC 24(4)); with none, modes of another frequency than
     believed are lost.
 
@@ -192,11 +193,8 @@ def turning_filter(
         )
     small = platform.small
     most = float(plant.effort_limit.max())
-    walk, density = settings.disturbance_walk, settings.effort_noise
-    noises = replace(
-        settings,
-        disturbance_walk=_WALK * most if walk is None else walk,
-        effort_noise=_SECOND * most**2 if density is None else density,
-    )
-    still = KalmanFilter(small, np.zeros(small.coordinates), noises, plant.period, noise)
+    walk, chosen = settings.disturbance_walk, settings.effort_noise
+    noises = replace(settings, disturbance_walk=_WALK * most if walk is None else walk)
+    usual = _SECOND * most**2 if chosen is None else 0.0
+    still = KalmanFilter(small, np.zeros(small.coordinates), noises, plant.period, noise, usual)
     return TurningFilter(platform, plant.period, still)

@@ -20,7 +20,13 @@ class Efforts:
         "control_effort": Key(
             "(N m)^2 s", False, "integral of the sum of squared efforts over the run"
         ),
-        "saturated_time": Key("s", False, "time with at least one applied effort at its limit"),
+        "saturated_time": Key(
+            "s",
+            False,
+            "time with at least one applied effort at its limit; what a lag, a slew rate, a "
+            "quantum or a fault keeps below it does not count, however much was asked for (that is "
+            "`saturated_time` of the event `finished`)",
+        ),
     }
 
     def __init__(self, setup: RunSetup) -> None:

@@ -5,6 +5,7 @@ then `advance`. Advancing without an answer is a missed tick.
 """
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -296,13 +297,16 @@ class Bench:
         """Latch or release the drive's own brake from the next tick on; return why not, or None."""
         return self.handover.brake(on, self.tick + 1, who)
 
-    def inject(self, text: str, tick: int = 0, who: str = "") -> InjectResult:
+    def inject(
+        self, text: str, tick: int = 0, who: str = "", controllers: Sequence[str] = ()
+    ) -> InjectResult:
         """Return whether something breaks as an operator wants, or why not.
 
         Args:
             text: YAML, see schedule.injected_entry.
             tick: at which it begins; 0: the next.
             who: wants it.
+            controllers: all that there are, none of others falls silent; none: not known.
         """
         start = max(tick, self.tick + 1)
         if 0 < tick < self.tick:
@@ -313,9 +317,13 @@ class Bench:
         try:
             entry = injected_entry(text, start * self.settings.period)
             period = self.settings.period
-            injection = injection_of(entry, self._names, period, "fault")
+            names = self._names._replace(controllers=tuple(controllers))
+            injection = injection_of(entry, names, period, "fault")
         except BadInput as error:
             return InjectResult(self.tick, refused=error.refusal)
+        if self.last_tick is not None and start >= self.last_tick:
+            words = f"tick {start} is too late: the run ends at tick {self.last_tick}"
+            return InjectResult(self.tick, refused=Refusal(words, cause=Cause.RUN_OVER))
         word, number = self._injections.add(injection)
         self.tell(InjectionRequested(text, start, number, who, word))
         at = start * self.settings.period

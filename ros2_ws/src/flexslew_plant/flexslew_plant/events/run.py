@@ -136,7 +136,7 @@ class RunFinished:
     wall_time: Seconds | None = None  # during which ticks have passed [s]
     ticks: Count | None = None
     missed_ticks: Count | None = None
-    saturated_time: Seconds | None = None  # simulated [s]
+    saturated_time: Seconds | None = None  # in which more was asked for than a limit, simulated [s]
     rejected: dict[str, Count] | None = None  # commands, by the drive's objection
 
     @property

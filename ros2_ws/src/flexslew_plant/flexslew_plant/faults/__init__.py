@@ -47,13 +47,13 @@ def check_fault(fault: Fault, names: Names, place: str) -> None:
         place: where the fault stands, for the error.
 
     Raises:
-        BadInput: an unknown joint or appendage, with the known ones; an effort beyond the limit,
-            or against the direction in which alone a thruster pushes.
+        BadInput: an unknown joint, appendage or controller, with the known ones; an effort beyond
+            the limit, or against the direction in which alone a thruster pushes.
     """
     about = fault.subject(names)
     if about is not None and about.name not in about.known:
         known = ", ".join(about.known)
-        raise BadInput(f"{place}.{about.key}: the testbed has no {about.name}; allowed: {known}")
+        raise BadInput(f"{place}.{about.key}: {about.where} no {about.name}; allowed: {known}")
     if about is not None and about.effort is not None:
         k = names.joints.index(about.name)
         most = names.limits[k]

@@ -78,16 +78,16 @@ class CommandDelay:
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on what reaches the motors."""
         whole, part = int(self.ticks // 1.0), self.ticks % 1.0
-        late = np.array([self.joint in (None, name) for name in context.names.joints])
+        chosen = np.array([self.joint in (None, name) for name in context.names.joints])
         queue = deque([context.demand] * (whole + (part > 0.0)))
 
-        def demand(asked: Vector) -> Vector:
+        def late_one(asked: Vector) -> Vector:
             queue.append(asked)
             oldest = queue.popleft()
             delayed = (1.0 - part) * queue[0] + part * oldest if part else oldest
-            return delayed if self.joint is None else np.where(late, delayed, asked)
+            return delayed if self.joint is None else np.where(chosen, delayed, asked)
 
-        return Effect(demand=demand)
+        return Effect(late=late_one)
 
 
 STUCK = FaultEntry(ActuatorStuck)

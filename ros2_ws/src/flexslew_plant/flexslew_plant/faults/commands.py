@@ -7,8 +7,10 @@ from flexslew_plant.faults.effects import (
     Fate,
     FaultContext,
     FaultEntry,
+    Names,
     OnAnyTestbed,
     Seed,
+    Subject,
     Ticks,
 )
 from flexslew_plant.measurement import EffortCommand
@@ -91,11 +93,17 @@ class CommandReordered(OnAnyTestbed):
 
 
 @section
-class ControllerSilent(OnAnyTestbed):
+class ControllerSilent:
     """No answer of a controller reaches the drive."""
 
     kind: Literal["controller_silent"] = "controller_silent"
     controller: str  # whose answers are dropped
+
+    def subject(self, names: Names) -> Subject | None:
+        """Return the controller, where it is known who there is."""
+        if not names.controllers:
+            return None
+        return Subject("controller", self.controller, names.controllers, where="there is")
 
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""

@@ -32,6 +32,7 @@ class Names(NamedTuple):
     appendages: tuple[str, ...]
     limits: tuple[float, ...]  # of the effort of each joint [N m or N]
     one_way: tuple[int, ...] = ()  # which joints are pushed in their positive direction alone
+    controllers: tuple[str, ...] = ()  # that there are; none: not known
 
     def of(self, channel: str) -> tuple[str, ...]:
         """Return who has a sensor of this channel."""
@@ -45,6 +46,7 @@ class Subject(NamedTuple):
     name: str
     known: tuple[str, ...]
     effort: float | None = None  # that the joint gives, within its limit [N m or N]
+    where: str = "the testbed has"  # of what is unknown: "... no NAME"
 
 
 class OnAnyTestbed:
@@ -78,7 +80,8 @@ class Effect(NamedTuple):
 
     read: Callable[[Readings], Readings] | None = None  # what the question says of the readings
     fate: Callable[[EffortCommand], Fate] | None = None  # what becomes of an answer
-    demand: Callable[[Vector], Vector] | None = None  # what reaches the motors of a demand
+    late: Callable[[Vector], Vector] | None = None  # what arrives of what the drive lets go
+    demand: Callable[[Vector], Vector] | None = None  # what the motors take a demand for
     effort: Callable[[Vector], Vector] | None = None  # what the motors give of an effort
 
 

@@ -108,7 +108,14 @@ class Faults:
         return [old.command for old in due]
 
     def demand(self, demand: Vector) -> Vector:
-        """Return what reaches the motors instead of what the drive asks for."""
+        """Return what reaches the motors instead of what the drive asks for.
+
+        What is late arrives before a motor makes less of it. Of two delays the later one to set in
+        comes first: what it begins with is what the drive let go last.
+        """
+        for _, effect in reversed(self._acting):
+            if effect.late is not None:
+                demand = effect.late(demand)
         for _, effect in self._acting:
             if effect.demand is not None:
                 demand = effect.demand(demand)

@@ -40,6 +40,7 @@ class ActuatorSettings:
 
 
 IDEAL = ActuatorSettings()
+WHOLE = 1.0 + 1e-12  # 0.3 / 0.1 is less than 3: a quotient but for rounding
 
 
 class Actuator:
@@ -110,8 +111,9 @@ class Actuator:
                 self.saturated, effort = True, np.clip(demand, self._least, self._limit)
                 break
         if s.quantisation:
-            most = np.floor(self._limit / s.quantisation)
+            most = np.floor(self._limit / s.quantisation * WHOLE)
             effort = s.quantisation * np.clip(np.round(effort / s.quantisation), -most, most)
+            effort = np.clip(effort, self._least, self._limit)  # 3 times 0.1 is more than 0.3
         if self._thrusters is not None:
             effort = self._thrusters.apply(effort)
         if s.slew_rate:

@@ -25,7 +25,8 @@ class Thrusters:
 
     def __init__(self, shortest: Vector, limit: Vector, period: float) -> None:
         self._pulsed = shortest > 0.0
-        self.least_impulse = shortest * limit
+        # a pulse of a tick may be longer by what is rounded, as 0.1 + 0.2 than 0.3
+        self.least_impulse = np.minimum(shortest, period) * limit
         self._most, self._period = limit * period, period
         self.reset()
 

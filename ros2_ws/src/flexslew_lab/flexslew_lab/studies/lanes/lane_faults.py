@@ -232,14 +232,15 @@ def broken_demand(rows: Rows, sizes: Sizes) -> Callable[..., None]:
         kind, begin, end, memory = faults.kind, faults.begin, faults.end, faults.memory
         first, last, number = faults.first, faults.last, faults.number
         for lane in range(filled):
-            at = effort + i * LANES + lane
-            for f in range(kind.shape[1]):
+            at, most = effort + i * LANES + lane, kind.shape[1]
+            for n in range(2 * most):  # delays, the last one to set in first, then gains
+                f = most - 1 - n if n < most else n - most
                 about = first[lane, f] <= i < last[lane, f]
                 if not (about and begin[lane, f] <= k < end[lane, f]):
                     continue
-                if kind[lane, f] == GAIN:
+                if n >= most and kind[lane, f] == GAIN:
                     w[at] *= number[lane, f]
-                elif kind[lane, f] == DELAY:
+                elif n < most and kind[lane, f] == DELAY:
                     since, queued = k - begin[lane, f], int(np.ceil(number[lane, f]))
                     oldest, part = since % queued * m + i, number[lane, f] % 1.0
                     before, memory[lane, f, oldest] = memory[lane, f, oldest], w[at]

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexslew_lab.studies.lanes.rows import Rows, Sizes
 from flexslew_plant.arrays import Vector, called, vectorised
+from flexslew_plant.hardware.actuator import WHOLE
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 # of a reading, or of one where it is smaller, and of the limit of an effort; lanes differ from the
@@ -51,8 +52,8 @@ def quantising(rows: Rows, sizes: Sizes) -> Callable[[Vector], None]:
 @called
 def in_steps(effort: float, limit: float, step: float) -> float:
     """Return an effort as a multiple of a quantum within the limit; see Actuator."""
-    most = np.floor(limit / step)
-    return float(step * min(max(np.round(effort / step), -most), most))
+    most = np.floor(limit / step * WHOLE)
+    return float(min(max(step * min(max(np.round(effort / step), -most), most), -limit), limit))
 
 
 @called

@@ -195,7 +195,8 @@ class Services:
         except BadInput as error:
             reply.message, reply.tick, reply.number = str(error), self._bench.tick, -1
             return reply
-        result = self._bench.inject(text, tick, request.who)
+        here = sorted(self._statuses)  # who has ever said how it stands
+        result = self._bench.inject(text, tick, request.who, here)
         self._loop.hurry()
         reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
         reply.number = result.number

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, Positive, Probability, section
@@ -27,9 +28,9 @@ class StarTrackerSettings:
     rate_noise: NonNegative = 0.0  # further noise of all its axes, per body rate [s]
     rate_limit: Positive | None = None  # body rate above which it reads nothing [rad/s]; null: none
     interval: NonNegative = 0.0  # between its readings [s]; 0: each tick
-    delay: NonNegative = 0.0  # of its readings [s]
+    delay: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0  # of its readings [s]
     dropout: Probability = 0.0  # probability that a reading is missing
-    # spans without readings, from and until [s]
+    # spans in which it exposes nothing, from and until [s]
     blind: tuple[tuple[NonNegative, NonNegative], ...] = ()
 
 
@@ -84,7 +85,10 @@ class StarTracker:
         noises = [noisy(one, rng) for one in (s.across, s.about, s.rate_noise, s.dropout)]
         limit = np.inf if s.rate_limit is None else s.rate_limit
         ticks = [float(max(1, round(s.interval / period))), float(late), period]
-        constants = np.array([*self._along, *noises, limit, *ticks, *np.ravel(s.blind)])
+        # from half a tick before the first one: no rounding of k times the period matters
+        with np.errstate(over="ignore"):  # for ever
+            blind = (np.round(np.ravel(s.blind) / period) - 0.5) * period
+        constants = np.array([*self._along, *noises, limit, *ticks, *blind])
         return CompiledReader(read_star_tracker, constants, np.zeros(4 * (late + 1)), 1, 3)
 
 

@@ -4,18 +4,20 @@ With r the place, s the Sun, B the field in body axes, J the inertia about the c
 (Wertz 1978, section 17.2; Hughes 1986, chapter 8):
     gravity gradient  3 n^2 r x J r,           drag      c_d x (-C_d A rho |v| v / 2),
     magnetic          m x B,                   sunlight  c_s x (-P (1 + q) A s).
-They are couples: the orbit itself stays circular, and the appendages are not bent by them. There is
+They are couples: the orbit itself stays circular, and the appendages are not bent by them, nor
+hinges turned; J is that of the undeformed craft as its hinges stand. There is
 no shadow of the Earth, and its field is that of a dipole along the inertial z axis.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
+from typing import Annotated, cast
 
 import numpy as np
+from pydantic import Field
 
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
-from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     Nine,
@@ -35,16 +37,18 @@ FIELD = 3.12e-5  # at the surface above the equator [T]
 SUNLIGHT = 4.56e-6  # pressure on what absorbs it [N/m^2]
 
 # where the numbers that orbit_torque reads begin: n, the angle at time zero, the course at angle
-# zero, m times the field above the equator, -C_d A rho v^2 / 2 c_d, -P (1 + q) A c_s, s, 3 n^2 J
-_RATE, _PHASE, _COURSE, _DIPOLE, _DRAG, _LIGHT, _SUN, _GRADIENT = 0, 1, 2, 5, 8, 11, 14, 17
-ORBIT_SIZE = 23  # all zeros: there is no orbit
+# zero, m times the field above the equator, -C_d A rho v^2 / 2 c_d, -P (1 + q) A c_s, s, 3 n^2 J,
+# 3 n^2
+_RATE, _PHASE, _COURSE, _DIPOLE, _DRAG, _LIGHT, _SUN = 0, 1, 2, 5, 8, 11, 14
+GRADIENT, GRADIENT_OF_ONE = 17, 23
+ORBIT_SIZE = 24  # all zeros: there is no orbit
 
 
 @section
 class Orbit:
     """A circular orbit, round the inertial origin, and what of it turns the craft."""
 
-    altitude: Positive  # above the Earth's surface [m]
+    altitude: Annotated[float, Field(gt=0.0, le=1e12)]  # above the Earth's surface [m]
     inclination: float = 0.0  # of the orbit to the inertial x-y plane, about x [rad]
     phase: float = 0.0  # of the craft at time zero, from x [rad]
     gravity_gradient: bool = True  # whether it acts
@@ -66,7 +70,7 @@ class Surroundings:
 
     Args:
         orbit: its settings, in SI.
-        inertia: of the undeformed craft about its centre of mass, shape (3, 3).
+        inertia: of the undeformed craft about its centre of mass, hinges at zero, shape (3, 3).
     """
 
     orbit: Orbit
@@ -94,9 +98,10 @@ class Surroundings:
         packed[_DRAG:_LIGHT] = -dynamic * o.drag_area * np.array(o.drag_centre)
         if o.solar_area:
             packed[_LIGHT:_SUN] = -SUNLIGHT * o.solar_area * np.array(o.solar_centre)
-            packed[_SUN:_GRADIENT] = np.array(o.sun) / np.linalg.norm(o.sun)
+            packed[_SUN:GRADIENT] = np.array(o.sun) / np.linalg.norm(o.sun)
         if o.gravity_gradient:
-            packed[_GRADIENT:] = [3.0 * self.rate**2 * self.inertia[k] for k in SIX]
+            packed[GRADIENT:GRADIENT_OF_ONE] = [3.0 * self.rate**2 * self.inertia[k] for k in SIX]
+            packed[GRADIENT_OF_ONE] = 3.0 * self.rate**2
         return packed
 
     def torque(self, attitude: Matrix, t: float) -> Vector:
@@ -126,7 +131,7 @@ def orbit_torque(o: Vector, attitude: Nine, t: float) -> Triple:
     course = plus(scaled(cosine, across), scaled(-sine, x))
     field = plus(scaled(-3.0 * place[2], place), (0.0, 0.0, 1.0))  # of a dipole to the south
     up = apply(attitude, place)
-    torque = cross(up, symmetric(o[_GRADIENT:], up))
+    torque = cross(up, symmetric(o[GRADIENT:], up))
     torque = plus(torque, cross(triple(o, _DIPOLE), apply(attitude, field)))
     torque = plus(torque, cross(triple(o, _DRAG), apply(attitude, course)))
     return plus(torque, cross(triple(o, _LIGHT), apply(attitude, triple(o, _SUN))))

@@ -7,9 +7,19 @@ import numpy as np
 from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.testbeds.outside import Outside
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.geometry import rotation
+from flexslew_plant.testbeds.spacecraft.equations.whole import inertia_of_whole
 from flexslew_plant.testbeds.spacecraft.imbalance import add_imbalance, packed_imbalance
-from flexslew_plant.testbeds.spacecraft.orbit import ORBIT_SIZE, Orbit, orbit_torque, packed_orbit
+from flexslew_plant.testbeds.spacecraft.orbit import (
+    GRADIENT,
+    GRADIENT_OF_ONE,
+    ORBIT_SIZE,
+    Orbit,
+    orbit_torque,
+    packed_orbit,
+)
 from flexslew_plant.testbeds.spacecraft.settings import WheelSettings
 from flexslew_plant.testbeds.spacecraft.units import Units
 
@@ -28,14 +38,33 @@ def outside_of(
     harmonics = packed_imbalance(craft, wheels, units)
     if orbit is None and not harmonics.size:
         return None
-    numbers = np.concatenate((packed_orbit(craft, orbit), harmonics))
+    around = packed_orbit(craft, orbit)
+    turns = any(a.hinge != at.FIXED for a in craft.appendages)
+    whole = packed(craft) if turns and around[GRADIENT_OF_ONE] else np.zeros(0)
+    begins = np.array([ORBIT_SIZE + harmonics.size + 1.0])
+    numbers = np.concatenate((around, begins, harmonics, whole))
     return Outside(add_forces, numbers, craft.sizes[1])
 
 
 @compiled_once("force")
 def add_forces(numbers: Vector, x: Vector, t: float, span: float, force: Vector) -> None:
-    """Add the forces of orbit and wheels; see Outside.add."""
-    torque = orbit_torque(numbers[:ORBIT_SIZE], rotation(x[3], x[4], x[5], x[6]), t)
+    """Add the forces of orbit and wheels; see Outside.add.
+
+    Args:
+        numbers: packed_orbit, where a packed spacecraft begins, packed_imbalance, and that
+            spacecraft if hinges turn in the gravity gradient.
+        x: state.
+        t: time [s].
+        span: [s].
+        force: in and out.
+    """
+    orbit, whole = numbers[:ORBIT_SIZE], int(numbers[ORBIT_SIZE])
+    if whole < numbers.size:
+        orbit = orbit.copy()
+        inertia = inertia_of_whole(numbers[whole:], x, t)
+        for i in range(6):
+            orbit[GRADIENT + i] = orbit[GRADIENT_OF_ONE] * inertia[i]
+    torque = orbit_torque(orbit, rotation(x[3], x[4], x[5], x[6]), t)
     for i in range(3):
         force[3 + i] += torque[i]
-    add_imbalance(numbers[ORBIT_SIZE:], x, span, force)
+    add_imbalance(numbers[ORBIT_SIZE + 1 : whole], x, span, force)

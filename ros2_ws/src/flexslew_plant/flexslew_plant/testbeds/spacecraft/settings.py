@@ -199,8 +199,10 @@ class WheelSettings:
     axis: Triple  # in body axes; a positive effort turns the platform about it
     inertia: Positive  # about its axis
     limit: Positive  # of its motor
-    momentum_limit: Positive | None = None  # largest inertia times speed of a wheel
-    speed_limit: Positive | None = None  # largest speed of a wheel [rad/s]
+    # inertia times speed of a wheel from which on its motor drives it no further, but for what the
+    # tick adds in which it gets there
+    momentum_limit: Positive | None = None
+    speed_limit: Positive | None = None  # the same for its speed [rad/s]
     place: Triple = (0.0, 0.0, 0.0)  # of the wheel in body axes, where its imbalance pushes
     static_imbalance: NonNegative = 0.0  # mass times radius: a harmonic of order 1, phase 0
     dynamic_imbalance: NonNegative = 0.0  # product of inertia: likewise
@@ -256,7 +258,7 @@ class KeepOut:
 class SensorPlace:
     """A sensor on an appendage, or an accelerometer on the platform; errors in its own unit."""
 
-    # displacement (m), rate (m/s), strain (-) or accelerometer (m/s^2)
+    # displacement (m), rate (m/s), strain (-) or accelerometer (m/s^2), also in slug_ft_lb
     kind: Literal["displacement", "rate", "strain", "accelerometer"]
     appendage: str | None = None  # on which it sits; null: an accelerometer on the platform
     at: float | None = None  # its place along the beam; null: the tip, of a strain the root
@@ -264,9 +266,10 @@ class SensorPlace:
     # of a strain: its place from the beam's centre line, in appendage axes
     fibre: Triple = (0.0, 0.0, 0.0)
     place: Triple = (0.0, 0.0, 0.0)  # of an accelerometer on the platform, in body axes
-    noise: NonNegative = 0.0  # standard deviation of its white noise, each tick
-    bias: float = 0.0  # added to every reading
-    quantisation: NonNegative = 0.0  # readings are multiples of it; 0: none
+    # standard deviation of its white noise, each tick, in the unit of its kind
+    noise: NonNegative = 0.0
+    bias: float = 0.0  # added to every reading, in the same unit
+    quantisation: NonNegative = 0.0  # readings are multiples of it, in the same unit; 0: none
 
 
 AnySensor: TypeAlias = Annotated[

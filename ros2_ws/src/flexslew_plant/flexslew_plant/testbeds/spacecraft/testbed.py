@@ -22,7 +22,7 @@ from flexslew_plant.testbeds.instruments import ResolverSettings
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
-from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn, unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of
 from flexslew_plant.testbeds.spacecraft.assembly.packing import begun_at, packed, stiffened
@@ -96,7 +96,7 @@ class SpacecraftTestbed:
     """The `testbed` section for kind spacecraft."""
 
     kind: Literal["spacecraft"] = "spacecraft"
-    units: UnitSystem = "si"  # unit system of the section but `initial`
+    units: UnitSystem = "si"  # unit system of the section but `initial` and errors of `sensors`
     platform: Platform = Platform()  # the rigid platform
     appendages: dict[str, AppendageSettings] = field(default_factory=dict)  # appendages by name
     wheels: dict[str, WheelSettings] = field(default_factory=dict)  # reaction wheels by name
@@ -128,6 +128,8 @@ class SpacecraftTestbed:
         """
         try:
             craft = self.craft
+            if self.orbit is not None:
+                unit_direction(self.orbit.sun, "testbed.orbit.sun")
             self.channels(craft)
             self.sky()
         except BadInput as error:

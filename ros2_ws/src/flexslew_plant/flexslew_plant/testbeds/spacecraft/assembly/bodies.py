@@ -55,7 +55,8 @@ def rigid_body(body: Body, units: Units, key: str) -> tuple[float, Vector, Matri
 def unit_direction(direction: Triple, key: str) -> Vector:
     """Return a direction of length one, shape (3,); refused if it has none."""
     vector = np.array(direction, dtype=float)
-    size = float(np.linalg.norm(vector))
+    finite = abs(vector).max() < 1e150  # its square
+    size = float(np.linalg.norm(vector)) if finite else 0.0
     if size < 1e-9:
         raise BadInput(f"{key}: {list(direction)} has no direction")
     return vector / size

@@ -1,0 +1,24 @@
+"""Kalman filters in lanes as on the bench at ticks in which a mode turns far."""
+
+from collections.abc import Callable
+
+import pytest
+from tests.lab.studies.lanes.both_ways import require_equal
+
+from flexslew_lab.studies.run import prepare
+from flexslew_lab.studies.study import Study
+
+
+@pytest.mark.parametrize("law", ["lqr", "proportional_integral"])
+def test_a_filter_acts_in_lanes_as_on_the_bench(study_of: Callable[..., Study], law: str) -> None:
+    trial = {
+        "duration": 12.0,
+        "period": 0.06,  # 0.4 rad of the mode
+        "testbed": {"kind": "hub_with_appendages", "damping_ratio": 0.01},
+        "plan": {"method": "none", "goal": {"hub": 0.1}, "duration": 2.0},
+        "controllers": {law: {}},
+        "active": law,
+        "sensors": {"joint_position": {"noise": 1e-4}, "joint_velocity": {"noise": 1e-3}},
+    }
+    vary = {"testbed.parameters.tip_mass": {"relative": {"uniform": [0.9, 1.1]}}}
+    require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2])
