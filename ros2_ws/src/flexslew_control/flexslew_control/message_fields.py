@@ -73,6 +73,20 @@ def plan_fields(plan: Plan, attitude: AttitudeJoints | None = None) -> dict[str,
     }
 
 
+def published_plan(message: Any, source: str) -> tuple[Plan, bool]:
+    """Return the plan in a message, and whether it was published in flight: a reset drops it.
+
+    Args:
+        message: flexslew_msgs/Plan, of ROS or decoded from a log.
+        source: to name in an error.
+
+    Raises:
+        BadInput: see plan_of.
+    """
+    at = message.stamp
+    return plan_of(message, source), bool(at.sec or at.nanosec)
+
+
 def plan_of(message: Any, source: str) -> Plan:
     """Return the plan in a message.
 

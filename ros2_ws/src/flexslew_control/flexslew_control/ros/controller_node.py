@@ -10,7 +10,7 @@ from flexslew_msgs import msg
 from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller, with_file
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.law import described
-from flexslew_control.message_fields import plan_of
+from flexslew_control.message_fields import published_plan
 from flexslew_control.ros.announcer import Announcer
 from flexslew_control.ros.answering import Answering
 from flexslew_control.ros.controller_settings import ControllerNodeSettings
@@ -22,7 +22,6 @@ from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.messages import seconds_of
 from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
@@ -105,8 +104,7 @@ class ControllerNode:
 
     def _on_plan(self, message: msg.Plan) -> None:
         try:
-            plan = plan_of(message, f"topic {topics.PLAN}")
-            refused = self._host.adopt(plan, seconds_of(message.stamp) > 0.0)
+            refused = self._host.adopt(*published_plan(message, f"topic {topics.PLAN}"))
         except BadInput as error:
             self.node.get_logger().warning(str(error))
             return

@@ -13,7 +13,7 @@ from flexslew_control.controllers import (
 )
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.host import merged
-from flexslew_control.message_fields import plan_of
+from flexslew_control.message_fields import published_plan
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode
@@ -204,7 +204,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         BadInput: a controller says that it follows a plan that is not in the log.
     """
     source = str(bag.path)
-    plans = {p.hash: _published(p, source) for p in bag.overview.plans}
+    plans = {p.hash: Told(*published_plan(p, source)) for p in bag.overview.plans}
     heard = deque[tuple[str, Told]](maxlen=TOPICS[PLAN].depth)  # by who listens from now on
     following: dict[str, tuple[str, int]] = {}
     begun: dict[str, Key] = {}
@@ -214,7 +214,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     for topic, kind, _, _, data in bag.messages(("/controller_status", "/events", "/plan")):
         status = decode(kind, data)
         if topic == "/plan":
-            heard.append((status.hash, _published(status, source)))
+            heard.append((status.hash, Told(*published_plan(status, source))))
             continue
         if topic == "/events":
             event = logged_event(status, source)
@@ -261,11 +261,6 @@ def _answered_twice(bag: BagReader, begun: list[tuple[Key, str]]) -> set[tuple[K
         if len(answers) > 1 and (answers[0] != answers[1]).any():  # one repeats its own
             twice.add(((epoch, tick), name))
     return twice
-
-
-def _published(message: Any, source: str) -> Told:
-    """Return the plan in a logged message."""
-    return Told(plan_of(message, source), message.stamp.sec > 0 or message.stamp.nanosec > 0)
 
 
 def _course(heard: Iterable[tuple[str, Told]], last: str) -> tuple[Told, ...]:
