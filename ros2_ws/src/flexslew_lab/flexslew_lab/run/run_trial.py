@@ -99,8 +99,9 @@ def run_trial(
         say(f"warning: plan: {prepared.plan.summary['warning']}")
     if prepared.plan is not None and prepared.plan.summary.get("believes"):
         say(f"the plan assumes, unlike the bench: {prepared.plan.summary['believes']}")
+    text = trial_text(trial)  # refused before anything is written
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "trial.yaml").write_text(trial_text(trial))
+    (folder / "trial.yaml").write_text(text)
     metadata = {
         "trial_file": source,
         "versions": json.dumps(software_versions()),
