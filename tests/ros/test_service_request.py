@@ -4,9 +4,8 @@ from math import inf, nan
 from typing import Any
 
 import pytest
-from flexslew_msgs import action, srv
-
 from builtin_interfaces.msg import Time
+from flexslew_msgs import action, srv
 
 from flexslew_lab.ros.service_request import request_of
 from flexslew_plant.errors import BadInput

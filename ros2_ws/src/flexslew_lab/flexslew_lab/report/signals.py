@@ -6,10 +6,11 @@ import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.flown_testbed import model_with_readings
-from flexslew_lab.log.truth_columns import coordinate_of
+from flexslew_lab.log.truth_columns import coordinate_of, unit_of_tip
 from flexslew_lab.metrics.from_bag import joint_names_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
 from flexslew_plant.testbeds.model import Model
 
 _Q, _V = "coordinate", "coordinate_rate"  # no fields: the state, where joints are read from it
@@ -54,7 +55,7 @@ def read_signals(bag: BagReader) -> Signals:
     if model is not None and truth["position"].shape[1] == model.positions:
         _read(model, columns)
     ticks = _keys_of_ticks(truth)
-    labels = _labels(bag.overview, truth["applied_effort"].shape[1])
+    labels = _labels(bag.overview, truth["applied_effort"].shape[1], bag.trust)
     values: dict[str, Vector] = {}
     units: dict[str, str] = {}
     for quantity, (topic, field, kind) in _FIELDS.items():
@@ -137,7 +138,7 @@ def _at(ticks: Any, own: Any, values: Matrix) -> Matrix:
     return rows
 
 
-def _labels(overview: Overview, efforts: int) -> dict[str, Any]:
+def _labels(overview: Overview, efforts: int, trust: Trust) -> dict[str, Any]:
     """Return for each kind of column a function from its number to its name and unit."""
     joints = joint_names_of(overview, efforts)
     known = overview.testbed is not None and len(overview.testbed.joint_units) == len(joints)
@@ -151,7 +152,9 @@ def _labels(overview: Overview, efforts: int) -> dict[str, Any]:
         return joints[k], "N" if units[k] == "m" else "N m"
 
     def appendage(k: int) -> tuple[str, str]:
-        return appendages[k] if k < len(appendages) else f"appendage_{k + 1}", "m"
+        unit = unit_of_tip(overview, k, trust)
+        name = appendages[k] if k < len(appendages) else f"appendage_{k + 1}"
+        return name, "m" if unit is None else unit
 
     return {
         "coordinates": coordinate,

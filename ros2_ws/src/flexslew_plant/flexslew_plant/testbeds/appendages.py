@@ -32,6 +32,7 @@ class Appendages(NamedTuple):
     body: Callable[[Vector], MovingBody] | None = (
         None  # from a state; None: there are no instruments
     )
+    units: tuple[str, ...] = ()  # of the tips' readings, "" for a plain number; (): all m
 
     def reading(self, modes: Vector, rates: Vector) -> Vector:
         """Return what the tips read of the modes and their rates, shape (appendages,)."""

@@ -23,6 +23,10 @@ from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.units import Units
 
 _SMALL = 0.1  # deflection that counts as small, of the length [-]
+_UNITS = {  # of a reading, by the kind of its sensor
+    "displacement": "m", "rate": "m/s", "strain": "", "accelerometer": "m/s^2", "gyro": "rad/s",
+    "star_tracker": "", "sun_sensor": "", "resolver": "rad", "tachometer": "rad/s",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -106,7 +110,7 @@ def channels(
     """
     names: list[str] = []
     none = np.zeros(craft.modes)
-    tip, rate, curvature, small = [], [], [], []
+    tip, rate, curvature, small, read = [], [], [], [], []
     for k, a in enumerate(craft.appendages):
         if a.shape is None:
             continue
@@ -121,6 +125,7 @@ def channels(
         rate += [*still, *rows]
         curvature += [*bent, *still]
         small += [_SMALL * _size(a.shape)] * 3 + [np.inf] * 3
+        read += ["m"] * 3 + ["m/s"] * 3
     felt: dict[int, Accelerometer] = {}
     instruments: list[Instrument] = []
     for name, sensor in sensors.items():
@@ -144,6 +149,7 @@ def channels(
         rate += [row if is_rate else none] * len(own)
         curvature += [none] * len(own)
         small += [np.inf] * len(own)
+        read += [_UNITS[sensor.kind]] * len(own)
     empty = np.zeros((0, craft.modes))
     return Appendages(
         tuple(names),
@@ -155,6 +161,7 @@ def channels(
         np.array(small),
         tuple(instruments),
         partial(body_of, craft) if instruments else None,
+        tuple(read),
     )
 
 
