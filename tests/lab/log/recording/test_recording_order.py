@@ -203,3 +203,25 @@ def test_a_repeated_question_that_was_answered_is_not_waited_for_again() -> None
     again = message("/measurement", 5)
     assert len(write(order, again, message("/measurement", 6), *answers(6))) == 4
     assert len(write(order)) == 3
+
+
+PLAN = {"joint_names": ["a"], "period": 0.01, "position": [float("nan")]}
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        message("/events", 1, kind="note", data="{"),
+        message("/events", 1, kind="note", data='{"text": 7}'),
+        message("/events", 1, kind="note", data="{}", level=9),
+        message("/testbed", 1, settings="{}", joint_names=["a"]),
+        message("/controller_status", 1, settings="{"),
+        message("/plan", 1, **PLAN),
+    ],
+)
+def test_a_message_with_which_no_reader_takes_the_log_is_left_out(odd: Message) -> None:
+    order = RecordingOrder()
+    arrived = [message("/truth", 0), odd, message("/measurement", 0)]
+    done = order.take(arrived, 0.0, last=True)
+    assert [one.topic for one in done] == ["/measurement", "/truth"]
+    assert order.garbled == {odd[0]}

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import stamp_offset, time_at
+from flexslew_lab.log.messages.readable import readable
 from flexslew_lab.log.recording.consecutive import Consecutive
 from flexslew_lab.log.recording.open_ticks import FOLLOWED, PATIENCE, OpenTicks
 from flexslew_plant import topics
@@ -54,7 +55,8 @@ class RecordingOrder:
     Attributes:
         newest: epoch, and simulated time in it [ns].
         tick: of that time.
-        garbled: topics of messages that were left out, since they are none of their type.
+        garbled: topics of messages that were left out, since they are none of their type, or no
+            reader would take the log.
     """
 
     def __init__(self, namespace: str = "/") -> None:
@@ -99,6 +101,9 @@ class RecordingOrder:
             try:
                 epoch = self._epoch(topic, at, data) if several or topic in self._displayed else 0
                 if topic in _FRAMES and not of_namespace(data, self._namespace):
+                    continue
+                if not readable(topic, data):
+                    self.garbled.add(topic)
                     continue
                 if topic in FOLLOWED:
                     self._open.hear(epoch, at, topic, data, now)
