@@ -1,6 +1,7 @@
 """What is written is whole up to any moment: no question without its answer but the last ones."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -205,7 +206,7 @@ def test_a_repeated_question_that_was_answered_is_not_waited_for_again() -> None
     assert len(write(order)) == 3
 
 
-PLAN = {"joint_names": ["a"], "period": 0.01, "position": [float("nan")]}
+PLAN: dict[str, Any] = {"joint_names": ["a"], "period": 0.01, "position": [float("nan")]}
 
 
 @pytest.mark.parametrize(
