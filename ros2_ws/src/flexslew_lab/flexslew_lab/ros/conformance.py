@@ -231,7 +231,7 @@ class Examiner:
         def told() -> bool:
             status = self._status
             assert status is not None
-            return status.epoch == self._epoch and least <= status.last_tick <= self._tick
+            return bool(status.epoch == self._epoch and least <= status.last_tick <= self._tick)
 
         self._spin(_QUIET)
         while not told() and self._tick < _BEHIND:
