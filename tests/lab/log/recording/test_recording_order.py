@@ -226,3 +226,26 @@ def test_a_message_with_which_no_reader_takes_the_log_is_left_out(odd: Message) 
     done = order.take(arrived, 0.0, last=True)
     assert [one.topic for one in done] == ["/measurement", "/truth"]
     assert order.garbled == {odd[0]}
+
+
+def test_a_status_stands_in_the_epoch_that_it_tells() -> None:
+    """One that came before the first question of its epoch stood before the end of the last."""
+
+    def status(tick: int, epoch: int) -> Message:
+        return message("/controller_status", tick, epoch, settings="{}", last_tick=tick)
+
+    order, last = RecordingOrder(), [message("/truth", 7), message("/measurement", 7)]
+    again = [message("/measurement", 0, 1), message("/truth", 0, 1)]
+    done = order.take([*last, status(7, 0), status(0, 1)], 0.0)
+    done += order.take([*again, status(8, 0)], 0.1)
+    done += order.take([], 0.2, last=True)
+    told = [(one.topic, one.epoch, one.at // PERIOD) for one in done]
+    assert told == [
+        ("/measurement", 0, 7),
+        ("/truth", 0, 7),
+        ("/controller_status", 0, 7),
+        ("/controller_status", 0, 8),
+        ("/measurement", 1, 0),
+        ("/truth", 1, 0),
+        ("/controller_status", 1, 0),
+    ]
