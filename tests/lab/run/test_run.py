@@ -1,8 +1,10 @@
+from contextvars import copy_context
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from flexslew_lab.log.files.read_limits import MIB, read_at_most
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import Trial, parse_trial, trial_of_values, trial_text
 from flexslew_plant import settings
@@ -77,4 +79,17 @@ def test_what_no_log_can_hold_is_not_flown(tmp_path: Path, monkeypatch: pytest.M
     trial = parse_trial("name: " + 1000 * "x", "long")
     with pytest.raises(BadInput, match=r"trial x*: has \d,\d{3} characters; a log holds"):
         run_trial(trial, "long", tmp_path / "run", in_process=True, report=False)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_plan_that_is_too_large_for_a_reader_of_its_log_is_not_flown(tmp_path: Path) -> None:
+    plan = "plan: {method: reference_only, goal: {base_yaw: 0.1}, duration: 4.0}"
+    trial = parse_trial(plan, "t.yaml")
+
+    def fly() -> None:
+        read_at_most(MIB)
+        run_trial(trial, "t.yaml", tmp_path / "run", in_process=True, report=False)
+
+    with pytest.raises(BadInput, match=r"t\.yaml: plan: takes 1 MiB of the log, which is read"):
+        copy_context().run(fly)
     assert not (tmp_path / "run").exists()
