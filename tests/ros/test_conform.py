@@ -65,9 +65,26 @@ def test_each_broken_rule_is_told(tmp_path: Path) -> None:
     assert "it says tick 0 of epoch 0" in wrong["reset"]
 
 
+SEEN = "self.status.last_tick, self.status.epoch = m.tick, m.epoch"
+NAMED = "m.controller != self.get_name()"
+
+
+def test_who_would_hold_up_a_bench_or_answers_nobody_s_questions_is_told(tmp_path: Path) -> None:
+    silent = (SEEN, "pass")
+    to_nobody = (NAMED, f"m.controller and {NAMED}")
+    rare = ("create_timer(0.25", "create_timer(1.9")
+    code, wrong = examined(*of_example(tmp_path, silent, to_nobody, rare))
+    assert code == 1
+    assert "says tick 0 of epoch 0; a bench waits for who is" in wrong["lock-step"]
+    assert "says tick 0 of epoch 0; a bench waits for who is" in wrong["reset"]
+    assert wrong["swap"] == "5 answers to questions that name nobody"
+    assert wrong["heartbeat"].startswith("silent for 1.")
+
+
 READY = 'self.status.ready, self.status.reason = True, ""'
 LATER = "stamp=__import__('builtin_interfaces.msg').msg.Time(sec=7)"
 TOLD = "        self.effort.publish("
+HEARD = "self.on_measurement, LOOP"
 
 
 @pytest.mark.parametrize(("old", "new", "rule", "words"), [
@@ -76,6 +93,7 @@ TOLD = "        self.effort.publish("
     ("stamp=m.header.stamp", LATER, "first tick", "its stamp is 7 s"),
     (TOLD, TOLD.replace("self", "for _ in '12': self"), "lock-step", "answer"),
     (READY, "pass", "status", "not ready: no testbed"),
+    (HEARD, HEARD.replace("LOOP", "BEST_EFFORT"), "status", "as best effort"),
 ])  # fmt: skip
 def test_an_answer_that_a_bench_would_reject_is_told(
     tmp_path: Path, old: str, new: str, rule: str, words: str

@@ -1,16 +1,20 @@
 """The gate before the page: one port, a token, the page's own origin, nothing from elsewhere."""
 
+import asyncio
 import re
 import socket
 from collections.abc import Iterator
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
+from typing import Any
 
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
+from flexslew_lab.console.gate import Gate, Receive, Scope, Send
+from flexslew_lab.console.gate import answer as answered
 from flexslew_lab.console.server import ConsoleServer
 from flexslew_plant.errors import BadInput
 
@@ -85,6 +89,25 @@ def test_a_request_for_another_host_gets_403(server: ConsoleServer, host: str) -
         asked(server, f"/?token={server.gate.token}", Host=f"localhost:{server.port}")[0].status
         == 200
     )
+
+
+@pytest.mark.parametrize(("port", "let_in"), [(80, True), (8080, False)])
+def test_at_the_usual_port_a_browser_names_the_host_alone(port: int, let_in: bool) -> None:
+    async def inner(scope: Scope, receive: Receive, send: Send) -> None:
+        await answered(send, 200, b"the page")
+
+    async def send(message: Any) -> None:
+        statuses.append(message.get("status"))
+
+    async def receive() -> Any:
+        return {}
+
+    statuses: list[Any] = []
+    gate = Gate(inner, "127.0.0.1", port, "secret")
+    own = [(b"host", b"127.0.0.1"), (b"origin", b"http://127.0.0.1")]
+    scope = {"type": "http", "method": "GET", "path": "/", "query_string": b"token=secret"}
+    asyncio.run(gate({**scope, "headers": own}, receive, send))
+    assert statuses[0] == (200 if let_in else 403)
 
 
 def test_a_foreign_page_reads_and_posts_nothing(server: ConsoleServer) -> None:

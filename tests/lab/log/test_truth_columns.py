@@ -39,6 +39,30 @@ def test_a_spacecraft_s_truth_says_what_is_a_turn_and_what_a_place(tmp_path: Pat
             assert unit == flight.units[own]
 
 
+def test_every_sensor_of_a_spacecraft_has_its_own_unit(tmp_path: Path) -> None:
+    """A rate, an acceleration and a quaternion were in metres: all are readings of tips."""
+    on = {"appendage": "left"}
+    sensors = {
+        "swung": {"kind": "rate", **on, "direction": [0.0, 0.0, 1.0]},
+        "shaken": {"kind": "accelerometer", **on, "direction": [0.0, 0.0, 1.0]},
+        "gyro": {"kind": "gyro"},
+        "tracker": {"kind": "star_tracker", "boresight": [0.0, 0.0, 1.0]},
+        "spun": {"kind": "tachometer"},
+    }
+    changes = {"duration": 0.02, "plan": None, "testbed.sensors": sensors}
+    flight = fly(trial("own_spacecraft", changes), tmp_path / "run")
+    units = {"left_z": "m", "left_rate_z": "m/s", "swung": "m/s", "shaken": "m/s^2"}
+    units |= {"gyro_x": "rad/s", "tracker_qw": "", "spun_roll": "rad/s"}
+    assert {name: flight.units.get(f"tip.{name}") for name in units} == {
+        name: "m" if name == "left_z" else None  # of the others the truth holds nothing
+        for name in units
+    }
+    exported = export_log(tmp_path / "run/bag", tmp_path / "tables", topics=["/measurement"])
+    schema = pyarrow.parquet.read_schema(exported.files["/measurement"])
+    said = {name: schema.field(f"tip_deflection.{name}").metadata for name in units}
+    assert {name: (m or {}).get(b"unit", b"").decode() for name, m in said.items()} == units
+
+
 @pytest.mark.parametrize("motion", ["free", "pivot", "held"])
 def test_every_coordinate_has_a_name_of_its_own(motion: str) -> None:
     craft = {

@@ -262,6 +262,7 @@ def test_an_own_clock_leaves_the_recorded_one_out(bag: Any) -> None:
     [
         ({"topics": ("nowhere",)}, "no topic /nowhere; it has"),
         ({"remap": ("truth",)}, "not of the form old:=new"),
+        ({"remap": ("truth:=/my truth",)}, "--remap: '/my truth' is not allowed: letters, digits"),
         ({"remap": ("/nowhere:=/x",)}, "no topic /nowhere"),
         ({"remap": ("/truth:=/plan",)}, "/plan is a flexslew_msgs/msg/Plan, /truth"),
         ({"start": 6.0}, "after the end"),

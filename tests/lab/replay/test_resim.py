@@ -350,3 +350,25 @@ def test_a_log_without_truth_is_refused(tmp_path: Path, write_bag: Any, messages
     bag = write_bag(tmp_path / "bag", [m for m in messages if m[0] == "/testbed"])
     with pytest.raises(BadInput, match="no truth"):
         resim(bag)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{disturbance: {base_yaw: &much 3.0, hub_pitch: *much}}",
+        f"{{disturbance: {{base_yaw: 3.0}}}}{' ' * (1 << 16)}",
+    ],
+    ids=["an anchor", "too long"],
+)
+def test_no_request_of_an_operator_makes_the_log_unreadable(text: str, tmp_path: Path) -> None:
+    said: list[Any] = []
+    wishes = [
+        (10, lambda bench: said.append(bench.inject(text))),
+        (20, lambda bench: said.append(bench.inject("{disturbance: {base_yaw: 3.0}}", 0, text))),
+        (30, switch("output_feedback", 40, False, 1.0, "\N{GRINNING FACE}" * (1 << 20))),
+    ]
+    bag = record(tmp_path / "bag", wishes, text=TRIAL.replace("12.0", "1.0"))
+    assert [answer.ok for answer in said] == [False, True]
+    again = resim(bag)
+    assert again.identical
+    assert (again.replayed["injected"], again.replayed["switch_requested"]) == (1, 1)

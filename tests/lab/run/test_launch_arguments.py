@@ -28,6 +28,7 @@ def test_what_is_given_is_taken() -> None:
     [
         ({"rate": "-1"}, "rate: -1 is not allowed"),
         ({"rate": "fast"}, "rate: fast is not allowed"),
+        ({"namespace": "bench 1"}, "launch: namespace: 'bench 1' is not allowed: letters"),
         ({"record": "maybe"}, "record: 'maybe' is not allowed: true or false"),
     ],
 )

@@ -1,9 +1,14 @@
+from contextvars import copy_context
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from flexslew_lab.log.files.read_limits import MIB, read_at_most
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.trial import parse_trial
+from flexslew_lab.trial.trial import Trial, parse_trial, trial_of_values, trial_text
+from flexslew_plant import settings
+from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE
 
 LAW = """
@@ -49,3 +54,42 @@ def test_a_plan_that_outlives_the_run_is_told(
     run_trial(parse_trial(text, "t.yaml"), "t.yaml", tmp_path / "run", True, False, say=said.append)
     warning = [line for line in said if line.startswith("warning: the plan ends at 1.5 s")]
     assert bool(warning) == warned
+
+
+def dense(points: int) -> Trial:
+    times = np.linspace(0.0, 1.0, points + 1)[1:].tolist()
+    place = {"base_yaw": 1.0 / 9.0, "hub_pitch": 1.0 / 7.0}
+    course = [{"at": t, "position": place, "effort": place} for t in times]
+    values = {"name": "dense", "duration": 0.02, "controllers": {"pd_feedforward": {}}}
+    plan = {"method": "joint_trajectory", "points": course}
+    return trial_of_values({**values, "plan": plan}, "dense")
+
+
+def test_a_log_holds_a_trajectory_of_many_points(tmp_path: Path) -> None:
+    trial = dense(1800)
+    assert len(trial_text(trial)) > 1 << 18
+    result = run_trial(trial, "dense", tmp_path, in_process=True, report=False)
+    assert result.metrics["ticks"] == 2
+
+
+def test_what_no_log_can_hold_is_not_flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(settings, "LONGEST", 1000)
+    with pytest.raises(BadInput, match=r"plan: has 4,\d{3} characters; a log holds at most 1,000"):
+        run_trial(dense(20), "dense", tmp_path / "run", in_process=True, report=False)
+    trial = parse_trial("name: " + 1000 * "x", "long")
+    with pytest.raises(BadInput, match=r"trial x*: has \d,\d{3} characters; a log holds"):
+        run_trial(trial, "long", tmp_path / "run", in_process=True, report=False)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_plan_that_is_too_large_for_a_reader_of_its_log_is_not_flown(tmp_path: Path) -> None:
+    plan = "plan: {method: reference_only, goal: {base_yaw: 0.1}, duration: 4.0}"
+    trial = parse_trial(plan, "t.yaml")
+
+    def fly() -> None:
+        read_at_most(MIB)
+        run_trial(trial, "t.yaml", tmp_path / "run", in_process=True, report=False)
+
+    with pytest.raises(BadInput, match=r"t\.yaml: plan: takes 1 MiB of the log, which is read"):
+        copy_context().run(fly)
+    assert not (tmp_path / "run").exists()

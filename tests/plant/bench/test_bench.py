@@ -173,6 +173,17 @@ def test_a_switch_in_the_past_happens_at_the_next_tick() -> None:
     assert bed.question.controller == "b"
 
 
+@pytest.mark.parametrize("past", [1, -1, -500])
+def test_what_is_asked_for_a_time_that_has_passed_is_refused(past: int) -> None:
+    bed = bench(allow_faults=True)
+    tick(bed)
+    tick(bed)
+    words = f"{'0.01 s' if past == 1 else 'that time'} is past: the bench is at 0.02 s"
+    assert str(bed.request_switch(SwitchRequest("b", past))) == words
+    assert bed.inject("{disturbance: {base_yaw: 1.0}}", past).message == words
+    assert bed.retarget("{appendage: beam, to: 0.1, duration: 1.0}", past).message == words
+
+
 def test_a_switch_to_who_is_in_charge_or_twice_at_a_tick_is_refused() -> None:
     bed = bench()
     assert "already in charge" in str(bed.request_switch(SwitchRequest("a", 3)))

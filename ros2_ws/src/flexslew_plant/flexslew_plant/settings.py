@@ -23,6 +23,7 @@ _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
 _MOST = 1_000_000  # values in a YAML text with aliases
 _SHORT = 10_000  # characters that cannot nest too deep for the stack
 DEEPEST = 32  # lists and keys in one another
+LONGEST = 1 << 20  # of a YAML or JSON text that a log can hold [characters]
 
 WHOLE = "(whole file)"  # the key of an error that is about no single one
 
@@ -148,6 +149,31 @@ def load_yaml(text: str, source: str) -> Any:
         raise BadInput(f"{source}:{line} {' '.join(words.split())}") from None
     except (ValueError, OverflowError, RecursionError) as error:  # no such date, 9**9**9, [[[
         raise BadInput(f"is not YAML: {error}", source) from None
+
+
+def require_short(text: str, source: str) -> None:
+    """Refuse a text that no log can hold.
+
+    Raises:
+        BadInput: it has more than LONGEST characters.
+    """
+    if len(text) > LONGEST:
+        words = f"has {len(text):,} characters; a log holds at most {LONGEST:,}"
+        raise BadInput(words, source)
+
+
+def require_no_anchor(text: str, source: str) -> None:
+    """Refuse aliases, which can make gigabytes of a few lines; a text that is no YAML passes.
+
+    Raises:
+        BadInput: the text has an anchor or an alias.
+    """
+    try:
+        for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+            if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+                raise BadInput("has a YAML anchor; write the value at each place", source)
+    except yaml.YAMLError:
+        pass  # load_yaml names the place
 
 
 def _require_flat(text: str, source: str) -> None:

@@ -19,6 +19,7 @@ from flexslew_lab.log.files.mcap_file import McapFile, record_bytes
 from flexslew_lab.log.files.mcap_scan import chunk_content
 from flexslew_lab.log.files.read_limits import read_at_most
 from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.log.messages.schemas import schema_text
 from flexslew_plant.errors import BadInput
 
@@ -163,3 +164,15 @@ def test_the_limit_is_an_option() -> None:
         return len(chunk_content(raw, "test"))
 
     assert copy_context().run(read) == 80 * MIB
+
+
+def test_the_limit_of_a_text_grows_with_that_of_a_chunk() -> None:
+    text = f"a: {'x' * MIB}"
+    with pytest.raises(BadInput, match=r"a YAML or JSON text of 1\.0 MiB, the limit is 1; "):
+        logged_yaml(text, "log")
+
+    def with_larger_limit() -> dict[str, Any]:
+        read_at_most(128 * MIB)
+        return logged_yaml(text, "log")
+
+    assert len(copy_context().run(with_larger_limit)["a"]) == MIB

@@ -1,6 +1,7 @@
 """What is written is whole up to any moment: no question without its answer but the last ones."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -203,3 +204,48 @@ def test_a_repeated_question_that_was_answered_is_not_waited_for_again() -> None
     again = message("/measurement", 5)
     assert len(write(order, again, message("/measurement", 6), *answers(6))) == 4
     assert len(write(order)) == 3
+
+
+PLAN: dict[str, Any] = {"joint_names": ["a"], "period": 0.01, "position": [float("nan")]}
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        message("/events", 1, kind="note", data="{"),
+        message("/events", 1, kind="note", data='{"text": 7}'),
+        message("/events", 1, kind="note", data="{}", level=9),
+        message("/testbed", 1, settings="{}", joint_names=["a"]),
+        message("/controller_status", 1, settings="{"),
+        message("/plan", 1, **PLAN),
+    ],
+)
+def test_a_message_with_which_no_reader_takes_the_log_is_left_out(odd: Message) -> None:
+    order = RecordingOrder()
+    arrived = [message("/truth", 0), odd, message("/measurement", 0)]
+    done = order.take(arrived, 0.0, last=True)
+    assert [one.topic for one in done] == ["/measurement", "/truth"]
+    assert order.garbled == {odd[0]}
+
+
+def test_a_status_stands_in_the_epoch_that_it_tells() -> None:
+    """One that came before the first question of its epoch stood before the end of the last."""
+
+    def status(tick: int, epoch: int) -> Message:
+        return message("/controller_status", tick, epoch, settings="{}", last_tick=tick)
+
+    order, last = RecordingOrder(), [message("/truth", 7), message("/measurement", 7)]
+    again = [message("/measurement", 0, 1), message("/truth", 0, 1)]
+    done = order.take([*last, status(7, 0), status(0, 1)], 0.0)
+    done += order.take([*again, status(8, 0)], 0.1)
+    done += order.take([], 0.2, last=True)
+    told = [(one.topic, one.epoch, one.at // PERIOD) for one in done]
+    assert told == [
+        ("/measurement", 0, 7),
+        ("/truth", 0, 7),
+        ("/controller_status", 0, 7),
+        ("/controller_status", 0, 8),
+        ("/measurement", 1, 0),
+        ("/truth", 1, 0),
+        ("/controller_status", 1, 0),
+    ]

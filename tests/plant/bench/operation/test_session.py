@@ -356,6 +356,14 @@ def test_an_empty_remark_is_refused() -> None:
     assert not Lab().it.note("  ").ok
 
 
+def test_a_remark_is_as_long_as_a_log_can_hold_or_refused() -> None:
+    lab = Lab()
+    assert lab.it.note("x" * (1 << 16)).ok
+    assert lab.it.note("x" * (1 + (1 << 16))).message == (
+        "text: has 65,537 characters; at most 65,536 are allowed"
+    )
+
+
 def test_the_rate_changes_in_flight_without_a_miss() -> None:
     lab = Lab(rate=1.0).until(20)
     for rate in (10.0, 0.1, 0.0, 1.0):

@@ -27,6 +27,7 @@ from flexslew_plant.events import (
 )
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.refusal import NO_TESTBED, Cause, Refusal
+from flexslew_plant.settings import LONGEST
 
 _LONGEST = 200  # characters of a value in an answer
 
@@ -240,9 +241,12 @@ class ControllerHost:
         if not changes:
             return Tuned(tick, refused=Refusal("nothing changes; give at least one setting"))
         try:
-            json.dumps([changes, self.values], allow_nan=False)
+            size = len(json.dumps([changes, self.values], allow_nan=False))
         except (TypeError, ValueError):
             words = "a setting is not plain data or not a finite number: the log could not hold it"
+            return Tuned(tick, refused=Refusal(words))
+        if size > LONGEST:
+            words = f"settings of {size:,} characters; a log holds at most {LONGEST:,}"
             return Tuned(tick, refused=Refusal(words))
         build = self._build
         try:

@@ -31,7 +31,7 @@ from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.own_code import PLANNERS as GROUP
-from flexslew_plant.settings import plain, validated
+from flexslew_plant.settings import plain, require_short, validated, yaml_text
 
 # isort: split
 # the planners, a line each
@@ -211,7 +211,8 @@ def make_plan(
     Raises:
         PlanFailed: no such manoeuvre, one whose numbers are beyond those of a computer, or one that
             looks into a cone of `keep_out`; the message carries the numbers.
-        BadInput: period, limit, start or a joint cannot be used.
+        BadInput: period, limit, start or a joint cannot be used, or the section is longer than a
+            log can hold.
     """
     period, limit = plant.period, plant.effort_limit
     if not (np.isfinite(period) and period > 0.0):
@@ -243,4 +244,5 @@ def make_plan(
         )
     require_clear(plan, plant.testbed)
     require_one_way(plan, plant)
+    require_short(yaml_text(plan.request), "plan")
     return replace(plan, versions=software_versions())

@@ -69,6 +69,8 @@ def console(
         raise BadInput("console: give one of a trial, --attach and --replay")
     if open_ended and (attach or replay is not None):
         raise BadInput("console: --open-ended is for a trial, not for --attach or --replay")
+    if namespace and not attach:
+        raise BadInput("console: --namespace is for --attach")
     if replay is not None:
         from flexslew_lab.console.replay_page import serve
 

@@ -26,6 +26,7 @@ _RULES = (
     (b"referrer-policy", b"no-referrer"),
     (b"x-content-type-options", b"nosniff"),
 )
+_USUAL = 80  # port of http and ws
 _STORED = b"/_nicegui/"  # below it stand files of the page that never change: they may be kept
 
 Scope = MutableMapping[str, Any]
@@ -74,7 +75,7 @@ class Gate:
         local = host.startswith("127.") or host in ("localhost", "::1")
         names = {*LOOPBACK, f"[{host}]" if ":" in host else host}
         # elsewhere a machine has names that it does not know itself
-        self._hosts = {f"{name}:{port}" for name in names} if local else None
+        self._hosts = {host for name in names for host in spoken(name, port)} if local else None
         self.files: dict[str, Path] = {}  # by name below FILES
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -127,6 +128,11 @@ class Gate:
             return
         kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
         await answer(send, 200, body, f"{kind}; charset=utf-8")
+
+
+def spoken(name: str, port: int) -> tuple[str, ...]:
+    """Return what a client says in Host of a name and a port; it leaves out the usual port."""
+    return (f"{name}:{port}", name) if port == _USUAL else (f"{name}:{port}",)
 
 
 def address_knows(path: str, token: str) -> bool:

@@ -20,7 +20,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from flexslew_lab.console.gate import WORDS, address_knows, listening
+from flexslew_lab.console.gate import WORDS, address_knows, listening, spoken
 from flexslew_plant.errors import BadInput
 
 HOST = "127.0.0.1"  # never another one
@@ -104,7 +104,7 @@ class LiveGate:
             host, origin = request.headers.get("Host"), request.headers.get("Origin")
         except LookupError:
             return _refused("a header is given twice")
-        if host not in (f"{HOST}:{self._port}", f"localhost:{self._port}"):
+        if host not in (*spoken(HOST, self._port), *spoken("localhost", self._port)):
             return _refused("another host is asked for")  # a name that a stranger's DNS led here
         if origin is not None and origin not in self._origins:
             if origin not in self._foreign and len(self._foreign) < _TOLD:

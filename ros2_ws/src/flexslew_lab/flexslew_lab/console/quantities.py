@@ -81,7 +81,7 @@ def _tips(view: BenchView, joints: Joints) -> list[Curve]:
     shown = [(k, name, "m") for k, name in enumerate(joints.appendages)]
     if view.model is not None and rows.shape[1] == len(view.model.appendages.names):
         shown = view.model.appendages.deflections
-    names = tuple(f"{name} [{unit}]" for _, name, unit in shown)
+    names = tuple(f"{name} [{unit or '-'}]" for _, name, unit in shown)
     return _columns(names, view.truth.time, rows[:, [k for k, *_ in shown if k < rows.shape[1]]])
 
 

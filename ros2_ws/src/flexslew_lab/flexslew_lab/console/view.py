@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from flexslew_lab.log.joints_flown import joints_and_modes
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
+from flexslew_lab.log.messages.record_schema import RECORDS, check_record
 from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -114,19 +116,24 @@ class BenchView:
             self._take_rows(name, kind, data)
             return
         for one in data:
-            message = cdr.decode(kind, one)
-            if name == topics.BENCH_STATE:
-                self._take_state(message)
-            elif name == topics.TESTBED:
-                self._take_testbed(message)
-            elif name == topics.EVENTS:
-                self._take_event(message)
-            elif name == topics.CONTROLLER_STATUS:
-                self.controllers[message.controller] = ControllerView(
-                    message.controller, message.law, message.ready, message.reason, message.settings
-                )
-            elif name == topics.PLAN:
-                self.plan = message
+            with suppress(BadInput):  # nothing that a node of the bench says; no log holds it
+                self._take_one(name, cdr.decode(kind, one))
+
+    def _take_one(self, name: str, message: Any) -> None:
+        if f"/{name}" in RECORDS:
+            check_record(f"/{name}", message, "the bench")
+        if name == topics.BENCH_STATE:
+            self._take_state(message)
+        elif name == topics.TESTBED:
+            self._take_testbed(message)
+        elif name == topics.EVENTS:
+            self._take_event(message)
+        elif name == topics.CONTROLLER_STATUS:
+            self.controllers[message.controller] = ControllerView(
+                message.controller, message.law, message.ready, message.reason, message.settings
+            )
+        elif name == topics.PLAN:
+            self.plan = message
 
     def forget(self) -> None:
         """Begin anew, as after a jump in a log."""

@@ -18,7 +18,7 @@ from flexslew_lab.log.column_names import column_name
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.log.messages.cdr import Field, fields
 from flexslew_lab.log.messages.schemas import definition, field_types, type_hash
-from flexslew_lab.log.truth_columns import coordinate_of
+from flexslew_lab.log.truth_columns import coordinate_of, unit_of_tip
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -170,9 +170,7 @@ def _columns(
                     k,
                     width,
                     base,
-                    known.unit
-                    if topic == "/truth" and (known := coordinate_of(overview, name, k, trust))
-                    else _unit(overview, units, k),
+                    _unit(overview, topic, name, k, units, trust),
                 )
                 for k in range(width)
             ]
@@ -183,7 +181,17 @@ def _stamp_unit(name: str) -> tuple[str, ...]:
     return {"sec": ("s",), "nanosec": ("ns",)}.get(name.rsplit(".", 1)[-1], ())
 
 
-def _unit(overview: Overview, units: tuple[str, ...], k: int) -> str:
+def _unit(
+    overview: Overview, topic: str, field: str, k: int, units: tuple[str, ...], trust: Trust
+) -> str:
+    """Return the unit of the k-th value of a sequence, as the testbed or the comment says it."""
+    if topic == "/truth" and (known := coordinate_of(overview, field, k, trust)):
+        return known.unit
+    of_tip = unit_of_tip(overview, k, trust) if field == "tip_deflection" else None
+    return _unit_of_comment(overview, units, k) if of_tip is None else of_tip
+
+
+def _unit_of_comment(overview: Overview, units: tuple[str, ...], k: int) -> str:
     """Return the unit of the k-th value of a sequence: joints first, then modes.
 
     Comments write `[rad or m]` for joints, `[rad or m], ... [m]` or `[rad/s, m/s]` where modes

@@ -1,4 +1,4 @@
-"""What the columns of a log's truth are: the coordinates of the testbed that flew."""
+"""What the columns of a log are: the coordinates of the testbed that flew, and its sensors."""
 
 from functools import lru_cache
 
@@ -6,7 +6,7 @@ from flexslew_control.law import described
 from flexslew_lab.log.bag_reader import Overview
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
-from flexslew_plant.testbeds.model import Coordinate
+from flexslew_plant.testbeds.model import Coordinate, Model
 
 _FIELDS = ("position", "velocity")  # of the truth, q and v
 
@@ -26,13 +26,24 @@ def coordinate_of(
     """
     if overview.testbed is None or field not in _FIELDS:
         return None
-    known = _columns(overview.testbed.settings, trust)[_FIELDS.index(field)]
+    model = _model(overview.testbed.settings, trust)
+    known = model.state_columns[_FIELDS.index(field)] if model is not None else ()
     return known[place] if place < len(known) else None
 
 
+def unit_of_tip(overview: Overview, place: int, trust: Trust = NO_CODE) -> str | None:
+    """Return the unit of one entry of `tip_deflection`, which holds all sensors of a spacecraft.
+
+    None: see coordinate_of.
+    """
+    model = overview.testbed and _model(overview.testbed.settings, trust)
+    units = model.appendages.units if model else ()
+    return units[place] if place < len(units) else None
+
+
 @lru_cache(maxsize=4)
-def _columns(settings: str, trust: Trust) -> tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]]:
+def _model(settings: str, trust: Trust) -> Model | None:
     try:
-        return described(settings, "the log", trust).testbed.model().state_columns
+        return described(settings, "the log", trust).testbed.model()
     except (BadInput, KeyError, TypeError, ValueError):
-        return (), ()
+        return None

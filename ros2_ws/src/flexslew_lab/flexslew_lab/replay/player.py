@@ -12,6 +12,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagMessage
 from flexslew_lab.log.messages import cdr
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph_names import require_name
 from flexslew_plant.settings import NonNegative, Positive, section
 
 CLOCK = "/clock"
@@ -218,5 +219,6 @@ def _remapped(rules: Collection[str], types: Mapping[str, str]) -> dict[str, str
         old, new = (name if name.startswith("/") else f"/{name}" for name in (old, new))
         if old not in types:
             raise BadInput(f"--remap: no topic {old}; the bag has {', '.join(sorted(types))}")
+        require_name(new, "--remap")
         names[old] = new
     return names

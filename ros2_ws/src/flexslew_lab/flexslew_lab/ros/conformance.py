@@ -13,6 +13,7 @@ import numpy as np
 import rclpy
 from flexslew_msgs import msg
 from rclpy.experimental import EventsExecutor
+from rclpy.qos import ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from flexslew_plant import topics
@@ -33,7 +34,8 @@ _QUESTIONS = 200  # in lock-step
 _BURST = 5  # questions nobody waits for
 _FAR = 3000  # ticks by which a stray question is ahead
 _QUIET = 0.3  # in which an answer that must not come would have come [wall s]
-_SOMEBODY = "somebody_else"
+_SOMEBODY, _NOBODY = "somebody_else", ""  # the drive brakes
+_BEHIND = 900  # questions after which a bench would soon wait for who has told none of them
 _STAMP, _HEAD = Struct("<iI"), 4  # of an answer, behind the encapsulation of CDR
 
 
@@ -132,15 +134,19 @@ class Examiner:
         if not self._who:
             raise Wrong("controller is empty in its controller_status; it must be its name")
         self._until(lambda: self._ask.get_subscription_count() > 0, "nobody listens to measurement")
+        asked = self._node.get_subscriptions_info_by_topic(self._ask.topic_name)
+        if any(one.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT for one in asked):
+            raise Wrong("it hears measurement as best effort, so that questions get lost: reliable")
 
     def _beats_in_time(self) -> None:
         self._beats.clear()
+        began = monotonic()
         self._spin(3.0 * SILENT_AFTER)
         beats = self._beats.get(self._who, [])
         if not beats:
             others = ", ".join(self._beats) or "nobody"
             raise Wrong(f"no heartbeat of {self._who} on alive; heard: {others}")
-        longest = float(np.diff([*beats, monotonic()]).max())
+        longest = float(np.diff([began, *beats, monotonic()]).max())
         if longest > SILENT_AFTER:
             raise Wrong(f"silent for {longest:.2f} s; after {SILENT_AFTER:g} s it counts as gone")
 
@@ -151,6 +157,7 @@ class Examiner:
         for tick in range(1, _QUESTIONS):
             self._answered(tick)
         self._nothing_more("after the last question")
+        self._tells_what_it_has_seen(1)
 
     def _repeat(self) -> None:
         first = self._answered(self._tick + 1)
@@ -165,9 +172,10 @@ class Examiner:
 
     def _swap(self) -> None:
         self._answers.clear()
-        for _ in range(_BURST):
-            self._say(self._tick + 1, _SOMEBODY)
-        self._nothing_more("to questions that name somebody else")
+        for who, words in ((_SOMEBODY, "name somebody else"), (_NOBODY, "name nobody")):
+            for _ in range(_BURST):
+                self._say(self._tick + 1, who)
+            self._nothing_more(f"to questions that {words}")
         self._answered(self._tick + 1)
 
     def _burst(self) -> None:
@@ -215,6 +223,27 @@ class Examiner:
         self._tell_state("running")
         for tick in range(3):
             self._answered(tick)
+        self._tells_what_it_has_seen(0)
+
+    def _tells_what_it_has_seen(self, least: int) -> None:
+        """Ask on until the status has a tick of this epoch, from `least` on."""
+
+        def told() -> bool:
+            status = self._status
+            assert status is not None
+            return bool(status.epoch == self._epoch and least <= status.last_tick <= self._tick)
+
+        self._spin(_QUIET)
+        while not told() and self._tick < _BEHIND:
+            self._answered(self._tick + 1)
+        self._spin(_QUIET)
+        if not told():
+            assert self._status is not None
+            raise Wrong(
+                f"after tick {self._tick} of epoch {self._epoch} its controller_status says tick "
+                f"{self._status.last_tick} of epoch {self._status.epoch}; a bench waits for who is "
+                "1,000 ticks behind"
+            )
 
     def _answered(self, tick: int) -> EffortCommand:
         """Ask, and return the one answer."""
@@ -246,14 +275,22 @@ class Examiner:
         if self._answers:
             raise Wrong(f"{len(self._answers)} answers {when}")
 
-    def _say(self, tick: int, who: str = "") -> None:
-        """Ask a question."""
+    def _say(self, tick: int, who: str | None = None) -> None:
+        """Ask a question; None: the controller itself."""
         model, appendages = self._bench.model, len(self._bench.appendages.names)
         joints, tips = np.zeros(model.joints), np.zeros(appendages)
         at = tick * self._bench.settings.period
         self._tick, held = tick, np.zeros(model.efforts)
         question = Measurement(
-            tick, self._epoch, at, who or self._who, joints, joints, tips, tips, held
+            tick,
+            self._epoch,
+            at,
+            self._who if who is None else who,
+            joints,
+            joints,
+            tips,
+            tips,
+            held,
         )
         self._ask.publish(measurement_bytes(question))
 

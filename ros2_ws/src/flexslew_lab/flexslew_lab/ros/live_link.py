@@ -1,6 +1,7 @@
 """The way from a page to a bench that runs."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from time import monotonic
 from typing import Any
@@ -16,6 +17,7 @@ from flexslew_lab.ros.bench_client import BenchClient
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.ros.rebroadcast import PASSED_ON
 from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.topics import TOPICS
 
@@ -51,13 +53,15 @@ class LiveLink:
         """Take what has come, and deliver answers."""
         batches: dict[str, list[bytes]] = {}
         for name, data in self._listener.take():
-            if name == topics.RECORDED:
+            if name != topics.RECORDED:
+                batches.setdefault(name, []).append(data)
+                continue
+            with suppress(BadInput):
                 topic, messages = _unpacked(data)
                 batches.setdefault(topic, []).extend(messages)
-            else:
-                batches.setdefault(name, []).append(data)
         for name, batch in batches.items():
-            self.view.take(name, TOPICS[name].type, batch)
+            with suppress(BadInput):  # no message ends a page
+                self.view.take(name, TOPICS[name].type, batch)
         if topics.RECORDED in self._listener.subscriptions:
             self._miss_recorder(now, topics.TRUTH in batches)
         if topics.BENCH_STATE in batches:
@@ -114,8 +118,14 @@ class LiveLink:
 
 
 def _unpacked(data: bytes) -> tuple[str, list[bytes]]:
-    """Return the name of a topic and its messages."""
+    """Return the name of a topic and its messages.
+
+    Raises:
+        BadInput: it is none that a recorder passes on.
+    """
     batch = cdr.decode(TOPICS[topics.RECORDED].type, data)
+    if batch.topic.removeprefix("/") not in PASSED_ON:
+        raise BadInput(f"{batch.topic} is not passed on", topics.RECORDED)
     ends = np.cumsum(batch.sizes).tolist()
     whole = batch.data.tobytes()
     return batch.topic.removeprefix("/"), [

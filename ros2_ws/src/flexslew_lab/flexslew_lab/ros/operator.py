@@ -19,6 +19,7 @@ from flexslew_lab.ros.service_request import SERVICES, granted, request_of
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.errors import FlexslewError
+from flexslew_plant.graph_names import require_name
 from flexslew_plant.network import demand_loopback
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.start import start_ros
@@ -173,7 +174,9 @@ def connected(domain: int, namespace: str = "", patience: float = PATIENCE) -> I
     Raises:
         FlexslewError: from the connection's calls, where there is no bench.
     """
-    operator = Operator(domain, namespace, patience)
+    if namespace.strip("/"):
+        require_name(namespace.strip("/"), "--namespace")
+    operator = Operator(domain, namespace.strip("/"), patience)
     try:
         yield operator
     finally:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from flexslew_lab.trial.sources import DEFAULT
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph_names import require_name
 
 ARGUMENTS: dict[str, tuple[str, str]] = {  # default and description
     "trial": (DEFAULT, "trial file, or the name of a shipped one"),
@@ -42,6 +43,8 @@ def launch_values(given: Mapping[str, str]) -> LaunchValues:
     Raises:
         BadInput: a value that is not allowed.
     """
+    if given["namespace"].strip("/"):
+        require_name(given["namespace"].strip("/"), "launch: namespace")
     controllers = tuple(name.strip() for name in given["controllers"].split(",") if name.strip())
     return LaunchValues(
         given["trial"],

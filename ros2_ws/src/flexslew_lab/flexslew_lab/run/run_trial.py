@@ -13,6 +13,7 @@ from flexslew_control.planners.feedforward.optimized_feedforward import Optimize
 from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.files.read_limits import MIB, most
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.metrics.from_bag import metrics_from
@@ -46,6 +47,9 @@ class Result(NamedTuple):
     metrics: dict[str, Any]
     bare_metrics: dict[str, Any]  # of the same trial without feedforward; empty where not flown
     changes: int = 0  # how often an operator changed it
+
+
+_ORIENTATION = 32  # of a tick, in the message alone [B]
 
 
 class _Prepared(NamedTuple):
@@ -99,8 +103,9 @@ def run_trial(
         say(f"warning: plan: {prepared.plan.summary['warning']}")
     if prepared.plan is not None and prepared.plan.summary.get("believes"):
         say(f"the plan assumes, unlike the bench: {prepared.plan.summary['believes']}")
+    text = trial_text(trial)  # refused before anything is written
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "trial.yaml").write_text(trial_text(trial))
+    (folder / "trial.yaml").write_text(text)
     metadata = {
         "trial_file": source,
         "versions": json.dumps(software_versions()),
@@ -157,9 +162,23 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
         raise BadInput(str(error), source) from None
     except PlanFailed as error:
         raise PlanFailed(f"{source}: plan: {error}") from None
+    if plan is not None:
+        _require_room(plan, source)
     if (refused := follow(controllers, trial.active, plan)) is not None:
         raise BadInput(f"{trial.active} is not ready: {refused}", source, "plan")
     return _Prepared(bench, controllers, plan)
+
+
+def _require_room(plan: Plan, source: str) -> None:
+    """Refuse a plan that is too large for the log to be read back."""
+    arrays = (plan.position, plan.velocity, plan.effort, plan.state, plan.gains)
+    size = sum(array.nbytes for array in arrays) + _ORIENTATION * (plan.ticks + 1) + MIB
+    if size > most("a chunk"):
+        words = (
+            f"takes {size / MIB:.0f} MiB of the log, which is read up to {most('a chunk') / MIB:g};"
+            " take a longer period, or raise the limit with --largest-chunk"
+        )
+        raise BadInput(f"{source}: plan: {words}")
 
 
 def _in_process(

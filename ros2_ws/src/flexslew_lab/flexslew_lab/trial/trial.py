@@ -38,6 +38,7 @@ from flexslew_plant.settings import (
     Positive,
     load_yaml,
     plain,
+    require_short,
     section,
     validated,
     yaml_text,
@@ -239,8 +240,14 @@ def with_sections(trial: Trial, values: dict[str, Any], source: str) -> Trial:
 
 
 def trial_text(trial: Trial) -> str:
-    """Return the trial as YAML with every default written out; parse_trial reads it back."""
-    return yaml_text(plain(trial))
+    """Return the trial as YAML with every default written out; parse_trial reads it back.
+
+    Raises:
+        BadInput: it is longer than a log can hold.
+    """
+    text = yaml_text(plain(trial))
+    require_short(text, f"trial {trial.name}")
+    return text
 
 
 def bench_settings(trial: Trial) -> BenchSettings:

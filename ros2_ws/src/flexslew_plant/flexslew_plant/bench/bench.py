@@ -283,8 +283,8 @@ class Bench:
 
     def request_switch(self, request: SwitchRequest) -> Refusal | None:
         """Schedule a switch at a tick (0: the next); return why it is refused, or None."""
-        if 0 < request.tick < self.tick:
-            return self._over(request.tick)
+        if self.over(request.tick):
+            return self._past(request.tick)
         if request.tick <= self.tick:
             request = request._replace(tick=self.tick + 1)
         return self.handover.request(request, self.tick, self.last_tick)
@@ -309,8 +309,8 @@ class Bench:
             controllers: all that there are, none of others falls silent; none: not known.
         """
         start = max(tick, self.tick + 1)
-        if 0 < tick < self.tick:
-            return InjectResult(self.tick, refused=self._over(tick))
+        if self.over(tick):
+            return InjectResult(self.tick, refused=self._past(tick))
         if not self.settings.allow_faults:
             words = "faults are off in this trial; set allow_faults: true"
             return InjectResult(self.tick, refused=Refusal(words, cause=Cause.FAULTS_OFF))
@@ -338,8 +338,8 @@ class Bench:
             who: wants it.
         """
         start = max(tick, self.tick + 1)
-        if 0 < tick < self.tick:
-            return InjectResult(self.tick, refused=self._over(tick))
+        if self.over(tick):
+            return InjectResult(self.tick, refused=self._past(tick))
         try:
             at = start * self.settings.period
             turned = retargeted(self._turned, requested_turn(text), at, "target")
@@ -372,8 +372,13 @@ class Bench:
         """Return what disturbs or breaks now, or will."""
         return self._injections.active(self.tick)
 
-    def _over(self, tick: int) -> Refusal:
-        words = f"{tick * self.settings.period:g} s is past: the bench is at {self.time:g} s"
+    def over(self, tick: int) -> bool:
+        """Return whether it is too late for what is asked for at a tick; 0 stands for the next."""
+        return tick != 0 and tick < self.tick
+
+    def _past(self, tick: int) -> Refusal:
+        at = f"{tick * self.settings.period:g} s" if tick > 0 else "that time"
+        words = f"{at} is past: the bench is at {self.time:g} s"
         return Refusal(words, cause=Cause.PAST)
 
     def _fail(self, after: Vector, disturbance: Vector) -> None:

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from typing import Any
 
+from flexslew_plant.bench.requested_yaml import requested_yaml
 from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import Testbed, varied
 from flexslew_plant.testbeds.contract import Retargetable
 
@@ -64,5 +64,5 @@ def with_requests(testbed: Testbed, requests: Iterable[tuple[str, float]]) -> Te
 
 
 def requested_turn(text: str) -> Any:
-    """Return the request of an operator; BadInput if not YAML."""
-    return load_yaml(text, "target")
+    """Return the request of an operator; BadInput: see requested_yaml."""
+    return requested_yaml(text, "target")

@@ -7,11 +7,12 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.requested_yaml import requested_yaml
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FaultSettings
 from flexslew_plant.faults.actuators import CommandDelay
 from flexslew_plant.hardware.disturbances import Disturbance
-from flexslew_plant.settings import load_yaml, section, validated
+from flexslew_plant.settings import section, validated
 
 _Time: TypeAlias = Annotated[float, Field(ge=0.0, le=1e12)]  # in ticks, too, a whole number
 
@@ -79,9 +80,9 @@ def injected_entry(text: str, at: float) -> ScheduleEntry:
         at: when [s].
 
     Raises:
-        BadInput: the text is no YAML, or no fault and no disturbance.
+        BadInput: the text is no YAML, see requested_yaml, or no fault and no disturbance.
     """
-    values: Any = load_yaml(text, "fault")
+    values: Any = requested_yaml(text, "fault")
     if not isinstance(values, dict):
         raise BadInput("fault: give YAML keys, for example {kind: command_lost, probability: 0.1}")
     if "kind" in values:

@@ -18,7 +18,16 @@ from flexslew_plant.events.control import (
     PlanRefused,
     StrayMessage,
 )
-from flexslew_plant.events.event import UNNAMED, Event, Fact, Level, Other, checked, event_of
+from flexslew_plant.events.event import (
+    LONGEST_TEXT,
+    UNNAMED,
+    Event,
+    Fact,
+    Level,
+    Other,
+    checked,
+    event_of,
+)
 from flexslew_plant.events.injections import (
     DisturbanceChanged,
     FaultChanged,
@@ -70,6 +79,7 @@ from flexslew_plant.events.switching import (
 __all__ = [
     "EVENTS",
     "IN_CHARGE",
+    "LONGEST_TEXT",
     "UNNAMED",
     "AnswerMissed",
     "AnswerRepeated",

@@ -1,6 +1,6 @@
 """Events: what took effect at a tick, the same in process, on the topic and in a log."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import StrEnum
 from functools import cache
 from typing import Annotated, Any, NamedTuple, Protocol, TypeVar, dataclass_transform
@@ -11,11 +11,13 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 
 JOINTS = 64  # at most, on any testbed
+LONGEST_TEXT = 1 << 16  # of a field [characters]
+_LONGEST_NAME = 200  # of who asks
 
 Count = Annotated[int, Field(ge=0, lt=1 << 63, strict=True)]
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Seconds = Annotated[float, Field(ge=0.0, le=1e12, strict=True)]
-Text = Annotated[str, Field(max_length=1 << 16, strict=True)]
+Text = Annotated[str, Field(max_length=LONGEST_TEXT, strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
 Efforts = Annotated[list[Finite], Field(max_length=JOINTS)]  # one per joint [N m or N]
 
@@ -120,7 +122,7 @@ class Other(NamedTuple):
 
 
 def event_of(what: Fact, tick: int, time: float, epoch: int, source: str) -> Event:
-    """Return a fact as the event of a tick.
+    """Return a fact as the event of a tick; texts that no log could hold are cut.
 
     Args:
         what: has happened.
@@ -129,7 +131,18 @@ def event_of(what: Fact, tick: int, time: float, epoch: int, source: str) -> Eve
         epoch: counts resets.
         source: the node that says so.
     """
+    what = _short(what)
     return Event(tick, time, epoch, what.level, source, what, what.message)
+
+
+def _short(what: Fact) -> Fact:
+    """Return a fact whose texts have no more characters than are read back."""
+    if not is_dataclass(what):
+        return what
+    texts = {f.name: v for f in fields(what) if isinstance(v := getattr(what, f.name), str)}
+    most = {name: _LONGEST_NAME if name == "who" else LONGEST_TEXT for name in texts}
+    cut = {name: v[: most[name]] for name, v in texts.items() if len(v) > most[name]}
+    return replace(what, **cut) if cut else what
 
 
 def data_of(what: Fact) -> dict[str, Any]:

@@ -40,6 +40,18 @@ def seconds_of(at: Time) -> float:
     return float(at.sec + at.nanosec * 1e-9)
 
 
+def requested_tick(at: Time, period: float, tick: int) -> int:
+    """Return at which tick something is asked for: 0 for the next one, negative for one long over.
+
+    Args:
+        at: simulated time; zero stands for the next tick.
+        period: of a tick [s].
+        tick: of the bench.
+    """
+    nearest = round(seconds_of(at) / period)
+    return -1 if at != Time() and nearest == 0 < tick else nearest
+
+
 def doubles(values: Vector) -> "array[float]":
     """Return an array as the type that rclpy copies fastest."""
     return array("d", values.tobytes())

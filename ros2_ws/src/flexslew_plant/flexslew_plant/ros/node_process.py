@@ -12,6 +12,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from flexslew_plant.errors import BadInput, FlexslewError
+from flexslew_plant.graph_names import require_name
 from flexslew_plant.ros.departure import DEPARTURE_TIMEOUT, INTERRUPTED_TIMEOUT
 from flexslew_plant.ros.interrupts import Interrupts
 from flexslew_plant.ros.loop import Loop
@@ -57,9 +58,16 @@ def _closed(served: Served) -> int:
 
 
 def within(namespace: str) -> list[str]:
-    """Return the command line of a node in a namespace; empty: in none."""
+    """Return the command line of a node in a namespace; empty: in none.
+
+    Raises:
+        BadInput: it is no name.
+    """
     name = "/" + namespace.strip("/")
-    return ["--ros-args", "-r", f"__ns:={name}"] if name != "/" else []
+    if name == "/":
+        return []
+    require_name(name, "--namespace")
+    return ["--ros-args", "-r", f"__ns:={name}"]
 
 
 def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> None:

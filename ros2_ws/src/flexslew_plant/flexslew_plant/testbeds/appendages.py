@@ -32,15 +32,17 @@ class Appendages(NamedTuple):
     body: Callable[[Vector], MovingBody] | None = (
         None  # from a state; None: there are no instruments
     )
-    # of what the truth holds of each; empty: it holds none of a rate or an instrument; None: [m]
-    units: tuple[str, ...] | None = None
+    units: tuple[str, ...] = ()  # of the tips' readings, "" for a plain number; (): all m
+    # whether the truth holds each: of rates and instruments it holds nothing; (): all
+    in_truth: tuple[bool, ...] = ()
 
     @property
     def deflections(self) -> list[tuple[int, str, str]]:
         """Place, name and unit of the readings that the truth holds: displacements and strains."""
-        units = self.units or ("m",) * len(self.names)
-        named = zip(self.names, units, strict=True)
-        return [(k, name, unit) for k, (name, unit) in enumerate(named) if unit]
+        count = len(self.names)
+        units, held = self.units or ("m",) * count, self.in_truth or (True,) * count
+        known = zip(range(count), self.names, units, held, strict=True)
+        return [(k, name, unit) for k, name, unit, there in known if there]
 
     def reading(self, modes: Vector, rates: Vector) -> Vector:
         """Return what the tips read of the modes and their rates, shape (appendages,)."""

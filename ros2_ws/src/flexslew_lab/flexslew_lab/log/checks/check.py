@@ -10,7 +10,8 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.tick_check import Finding, check_ticks
 from flexslew_lab.log.files.mcap_scan import RecordStream
 from flexslew_lab.log.files.mcap_summary import STATISTICS, find_summary, summary_records
-from flexslew_lab.log.messages.logged_text import LONGEST, logged_yaml
+from flexslew_lab.log.files.read_limits import TEXTS, most
+from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import RecordingEnded
 
@@ -94,7 +95,7 @@ def _folder(path: Path, counts: dict[str, int]) -> Finding:
         return Finding(False, METADATA_FILE, "missing; `log recover` makes it again")
     try:
         with described.open(encoding="utf-8") as file:
-            text = file.read(LONGEST + 1)
+            text = file.read(most(TEXTS) + 1)
         information: Any = logged_yaml(text, METADATA_FILE)["rosbag2_bagfile_information"]
         listed = {
             t["topic_metadata"]["name"]: t["message_count"]

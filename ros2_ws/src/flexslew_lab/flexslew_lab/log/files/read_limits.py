@@ -4,9 +4,11 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import LONGEST
 
 MIB = 1 << 20
 LARGEST = 64 * MIB  # of a chunk or another record, and of all rare messages together [B]
+TEXTS = "a YAML or JSON text"
 # As parts of the largest chunk. What becomes many small objects takes about thirty times its bytes.
 _PARTS = {
     "a chunk": 1,
@@ -15,6 +17,7 @@ _PARTS = {
     "a message of every tick": 16,
     "a metadata record": 32,
     "a message definition": 64,
+    TEXTS: LARGEST // LONGEST,
 }
 CHANNELS = 256  # of one file
 # What a file unpacks to, as a multiple of its size; a bench that rests writes 3 times that
@@ -41,13 +44,18 @@ def check_size(what: str, size: int, source: str) -> None:
     Raises:
         BadInput: it is larger than the limit.
     """
-    allowed = _largest.get() // _PARTS[what]
+    allowed = most(what)
     if size > allowed:
         raise BadInput(
             f"{what} of {size / MIB:.1f} MiB, the limit is {allowed / MIB:.3g}; if you "
             "trust this log, raise the limit with --largest-chunk",
             source,
         )
+
+
+def most(what: str) -> int:
+    """Return how large something of a log may be; see check_size [B]."""
+    return _largest.get() // _PARTS[what]
 
 
 class UnpackedSize:

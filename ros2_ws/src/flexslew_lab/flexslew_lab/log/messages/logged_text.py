@@ -3,29 +3,22 @@
 from math import isfinite
 from typing import Any
 
-import yaml
 from pydantic_core import from_json
 
+from flexslew_lab.log.files.read_limits import TEXTS, check_size
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import DEEPEST, load_yaml
-
-LONGEST = 1 << 18  # of one text [B]; a trial takes about 3 KiB, a list of 64 faults 6 KiB
+from flexslew_plant.settings import DEEPEST, load_yaml, require_no_anchor
 
 
 def logged_yaml(text: str, source: str) -> dict[str, Any]:
     """Return the keys of a YAML text; none for an empty one.
 
     Raises:
-        BadInput: it is not YAML, holds no keys, is too long or too deep, or has anchors, which can
-            make gigabytes of a few lines and which this project never writes.
+        BadInput: it is not YAML, holds no keys, is too long or too deep, or has anchors, which
+            this project never writes.
     """
-    _demand_length(text, source)
-    try:
-        for event in yaml.parse(text, Loader=yaml.CSafeLoader):
-            if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-                raise BadInput("has a YAML anchor, which no log of this project has", source)
-    except yaml.YAMLError:
-        pass  # load_yaml names the place
+    check_size(TEXTS, len(text), source)
+    require_no_anchor(text, source)
     found = load_yaml(text, source)
     if found is None:
         return {}
@@ -40,7 +33,7 @@ def logged_json(text: str, source: str) -> dict[str, Any]:
     Raises:
         BadInput: it is not JSON, holds no keys, is too long or too deep, or a number is not finite.
     """
-    _demand_length(text, source)
+    check_size(TEXTS, len(text), source)
     try:
         found = from_json(text, allow_inf_nan=False) if text else {}
     except ValueError as error:
@@ -49,11 +42,6 @@ def logged_json(text: str, source: str) -> dict[str, Any]:
         raise BadInput(f"is a {type(found).__name__}, not an object", source)
     _demand_finite(found, source)
     return found
-
-
-def _demand_length(text: str, source: str) -> None:
-    if len(text) > LONGEST:
-        raise BadInput(f"has {len(text)} characters, at most {LONGEST} are allowed", source)
 
 
 def _demand_finite(value: Any, source: str, depth: int = 0) -> None:

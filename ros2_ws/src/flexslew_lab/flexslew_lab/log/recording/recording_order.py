@@ -7,7 +7,9 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr import stamp_offset, time_at
+from flexslew_lab.log.messages.readable import readable
 from flexslew_lab.log.recording.consecutive import Consecutive
 from flexslew_lab.log.recording.open_ticks import FOLLOWED, PATIENCE, OpenTicks
 from flexslew_plant import topics
@@ -23,6 +25,7 @@ _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
 # late as a starved machine makes it. A plant may publish no truth at all; for that PATIENCE is
 # enough.
 _SURE = 15.0
+_STATUS = "/controller_status"
 _FRAMES = frozenset({topics.TF, topics.TF_STATIC})  # of all benches of a domain
 _DISPLAYED = tuple("/" + name.lstrip("/") for name in DISPLAYED)  # they have none
 _RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
@@ -54,7 +57,8 @@ class RecordingOrder:
     Attributes:
         newest: epoch, and simulated time in it [ns].
         tick: of that time.
-        garbled: topics of messages that were left out, since they are none of their type.
+        garbled: topics of messages that were left out, since they are none of their type, or no
+            reader would take the log.
     """
 
     def __init__(self, namespace: str = "/") -> None:
@@ -97,8 +101,12 @@ class RecordingOrder:
         wait, several = self._waiting.append, self.newest[0] > 0
         for topic, at, data in fresh:
             try:
-                epoch = self._epoch(topic, at, data) if several or topic in self._displayed else 0
+                told = several or topic in self._displayed or topic == _STATUS
+                epoch = self._epoch(topic, at, data) if told else 0
                 if topic in _FRAMES and not of_namespace(data, self._namespace):
+                    continue
+                if not readable(topic, data):
+                    self.garbled.add(topic)
                     continue
                 if topic in FOLLOWED:
                     self._open.hear(epoch, at, topic, data, now)
@@ -140,6 +148,8 @@ class RecordingOrder:
             return min(newest, tick_and_epoch(data)[1])
         if topic in ("/effort_command", "/events"):
             return min(newest, int(_TICK_AND_EPOCH.unpack_from(data, _BEHIND_STAMP)[1]))
+        if topic == _STATUS:  # may come before the question with which its epoch begins
+            return min(newest + 1, int(cdr.decode(TOPICS[topic].type, data).epoch))
         return newest
 
 

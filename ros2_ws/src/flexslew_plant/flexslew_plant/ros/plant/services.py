@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from flexslew_msgs import msg, srv
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -16,7 +17,7 @@ from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.messages import seconds_of, stamp
+from flexslew_plant.ros.messages import requested_tick, stamp
 from flexslew_plant.ros.offers import publisher, service
 from flexslew_plant.ros.parameters import requested_text
 from flexslew_plant.ros.plant.simulation_services import simulation_services
@@ -189,7 +190,7 @@ class Services:
         return reply
 
     def _on_inject(self, request: Any, reply: Any) -> Any:
-        tick = round(seconds_of(request.at) / self._bench.settings.period)
+        tick = self._tick(request.at)
         try:
             text = requested_text(self._node, "fault", request.fault, request.values)
         except BadInput as error:
@@ -203,11 +204,14 @@ class Services:
         return reply
 
     def _on_retarget(self, request: Any, reply: Any) -> Any:
-        tick = round(seconds_of(request.at) / self._bench.settings.period)
+        tick = self._tick(request.at)
         result = self._bench.retarget(request.target, tick, request.who)
         self._loop.hurry()
         reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
         return reply
+
+    def _tick(self, at: Time) -> int:
+        return requested_tick(at, self._bench.settings.period, self._bench.tick)
 
     def _on_end_fault(self, request: Any, reply: Any) -> Any:
         result = self._bench.end_fault(request.number, request.who)

@@ -13,7 +13,7 @@ from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.records import SwitchRequest, SwitchResult
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.messages import doubles, seconds_of
+from flexslew_plant.ros.messages import doubles, requested_tick
 from flexslew_plant.ros.offers import service
 
 
@@ -57,10 +57,9 @@ class SwitchService:
     async def _on_switch(self, request: Any, reply: Any) -> Any:
         bench = self._session.bench
         reply.effort_step = doubles(0.0 * bench.limit)
-        requested = round(seconds_of(request.at) / bench.settings.period)
-        tick = reply.tick = (
-            requested if 0 < requested < bench.tick else max(requested, bench.tick + 1)
-        )
+        requested = requested_tick(request.at, bench.settings.period, bench.tick)
+        tick = requested if bench.over(requested) else max(requested, bench.tick + 1)
+        reply.tick = max(0, tick)
         limit = request.max_effort_step if request.strict else inf
         asked = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
         refused = (

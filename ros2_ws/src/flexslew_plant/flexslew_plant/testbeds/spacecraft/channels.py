@@ -23,6 +23,10 @@ from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.units import Units
 
 _SMALL = 0.1  # deflection that counts as small, of the length [-]
+_UNITS = {  # of a reading, by the kind of its sensor
+    "displacement": "m", "rate": "m/s", "strain": "", "accelerometer": "m/s^2", "gyro": "rad/s",
+    "star_tracker": "", "sun_sensor": "", "resolver": "rad", "tachometer": "rad/s",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -104,9 +108,9 @@ def channels(
     Raises:
         BadInput: a sensor sits where it cannot, by its key.
     """
-    names, in_truth = list[str](), list[str]()
+    names, in_truth = list[str](), list[bool]()
     none = np.zeros(craft.modes)
-    tip, rate, curvature, small = [], [], [], []
+    tip, rate, curvature, small, read = [], [], [], [], []
     for k, a in enumerate(craft.appendages):
         if a.shape is None:
             continue
@@ -116,12 +120,13 @@ def channels(
             bent = _of_all(craft, k, a.axes.T @ a.shape.along.spot(0.0).curvature)
         names += [f"{a.name}_{axis}" for axis in "xyz"]
         names += [f"{a.name}_rate_{axis}" for axis in "xyz"]
-        in_truth += ["m"] * 3 + [""] * 3
+        in_truth += [True] * 3 + [False] * 3
         still = np.zeros_like(rows)
         tip += [*rows, *still]
         rate += [*still, *rows]
         curvature += [*bent, *still]
         small += [_SMALL * _size(a.shape)] * 3 + [np.inf] * 3
+        read += ["m"] * 3 + ["m/s"] * 3
     felt: dict[int, Accelerometer] = {}
     instruments: list[Instrument] = []
     for name, sensor in sensors.items():
@@ -141,12 +146,13 @@ def channels(
             else:
                 row = _row(craft, sensor, units, key)
         names += own
-        kind = sensor.kind if isinstance(sensor, SensorPlace) else ""
-        in_truth += [{"displacement": "m", "strain": "-"}.get(kind, "")] * len(own)
+        held = isinstance(sensor, SensorPlace) and sensor.kind in ("displacement", "strain")
+        in_truth += [held] * len(own)
         tip += [none if is_rate else row] * len(own)
         rate += [row if is_rate else none] * len(own)
         curvature += [none] * len(own)
         small += [np.inf] * len(own)
+        read += [_UNITS[sensor.kind]] * len(own)
     empty = np.zeros((0, craft.modes))
     return Appendages(
         tuple(names),
@@ -158,6 +164,7 @@ def channels(
         np.array(small),
         tuple(instruments),
         partial(body_of, craft) if instruments else None,
+        tuple(read),
         tuple(in_truth),
     )
 
