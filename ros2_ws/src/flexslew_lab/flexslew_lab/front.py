@@ -44,7 +44,7 @@ def analyse(what: What = "m1", controller: str | None = None, at: float | None =
     return analysed(_trial(what), "trial", controller, at, {})
 
 
-def study(file: str | Path, folder: Path | None = None, workers: int = 1) -> dict[str, Any]:
+def study(file: str | Path, folder: Path | str | None = None, workers: int = 1) -> dict[str, Any]:
     """Return what a study shows, after flying what is missing of it; what --json prints.
 
     Args:
@@ -66,7 +66,7 @@ def study(file: str | Path, folder: Path | None = None, workers: int = 1) -> dic
     ready = prepare(asked)
     executor = Pool(ready.job, workers)
     try:
-        store = run_study(ready, folder or default_folder(asked), executor)
+        store = run_study(ready, Path(folder or default_folder(asked)), executor)
     finally:
         executor.close()
     return finished(asked, store)

@@ -9,12 +9,14 @@ flight.plot("position", "tip")
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from yaml.representer import RepresenterError
 
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight as Flight
@@ -57,16 +59,22 @@ def trial(
         BadInput: no such trial, or one of its values is not allowed.
     """
     label, values = _keys(source)
-    values = overridden(values, dict(changes or {}))
+    values = overridden(values, plain_data(dict(changes or {})))
     if law is not None:
         values = with_law(values, law)
     if plan is not None:
         values = with_plan(values, plan)
-    text = yaml_text(plain_data(values))
+    try:
+        text = yaml_text(plain_data(values))
+    except RepresenterError as error:
+        words = "give numbers, texts, lists and keys"
+        raise BadInput(f"{label}: {error.args[-1]!r} is not allowed: {words}") from None
     return checked_trial(parse_trial(text, label, trust), label)
 
 
-def fly(what: Trial | str | Path | Mapping[str, Any] = "m1", folder: Path | None = None) -> Flight:
+def fly(
+    what: Trial | str | Path | Mapping[str, Any] = "m1", folder: Path | str | None = None
+) -> Flight:
     """Return the flight of a trial in process, without ROS.
 
     Args:
@@ -78,7 +86,7 @@ def fly(what: Trial | str | Path | Mapping[str, Any] = "m1", folder: Path | None
     """
     what = what if isinstance(what, Trial) else trial(what)
     if folder is not None:
-        return read(run_trial(what, "notebook", folder, in_process=True).folder, what.trust)
+        return read(run_trial(what, "notebook", Path(folder), in_process=True).folder, what.trust)
     with tempfile.TemporaryDirectory() as passing:
         result = run_trial(what, "notebook", Path(passing, "run"), in_process=True, report=False)
         return read(result.folder, what.trust)
@@ -132,18 +140,24 @@ def nonlinear_model(what: Trial) -> control.NonlinearIOSystem:
 
 
 def plain_data(value: Any) -> Any:
-    """Return a value with NumPy's arrays and numbers as those of Python."""
+    """Return a value with arrays and numbers of NumPy, pandas and xarray as those of Python."""
     if isinstance(value, Mapping):
         return {str(key): plain_data(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | range):
         return [plain_data(entry) for entry in value]
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return np.asarray(value).tolist() if hasattr(value, "__array__") else value
 
 
 def _keys(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return a name for messages and the keys of a trial."""
     if isinstance(source, Mapping):
         return "trial", dict(source)
+    if isinstance(source, Trial):
+        raise BadInput("a Trial is not allowed here: give its name, its file or its keys")
     path = trial_path(source)
     values = load_yaml(text_of(path), str(path))
     if not isinstance(values, dict):
