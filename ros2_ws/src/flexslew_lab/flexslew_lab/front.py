@@ -33,7 +33,7 @@ def analyse(what: What = "m1", controller: str | None = None, at: float | None =
 
     Args:
         what: as from `trial`, or what `trial` takes.
-        controller: of the trial; None: the active one.
+        controller: of the trial; None: the one that its schedule has put in charge then.
         at: simulated time [s]: the rest that the plan passes then; None: the start.
 
     Raises:
