@@ -36,6 +36,8 @@ from flexslew_plant.settings import load_yaml, yaml_text
 if TYPE_CHECKING:
     import control
 
+What = Trial | str | Path | Mapping[str, Any]
+
 
 def trial(
     source: str | Path | Mapping[str, Any] = "m1",
@@ -72,9 +74,7 @@ def trial(
     return checked_trial(parse_trial(text, label, trust), label)
 
 
-def fly(
-    what: Trial | str | Path | Mapping[str, Any] = "m1", folder: Path | str | None = None
-) -> Flight:
+def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
     """Return the flight of a trial in process, without ROS.
 
     Args:
@@ -84,7 +84,7 @@ def fly(
     Raises:
         BadInput, PlanFailed: before anything was written.
     """
-    what = what if isinstance(what, Trial) else trial(what)
+    what = trial_from(what)
     if folder is not None:
         return read(run_trial(what, "notebook", Path(folder), in_process=True).folder, what.trust)
     with tempfile.TemporaryDirectory() as passing:
@@ -112,14 +112,14 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
 
 
 def linear_model(
-    what: Trial, at: float | None = None, sampled: bool = False, **joints: float
+    what: What, at: float | None = None, sampled: bool = False, **joints: float
 ) -> control.StateSpace:
     """Return the small motions of a trial's testbed about a rest, from efforts to sensors.
 
     Signals are named as in the log, with a colon for the dot: `effort:yaw`, `tip:left`.
 
     Args:
-        what: as from `trial`.
+        what: as from `trial`, or what `trial` takes.
         at: simulated time [s]: the rest that the plan passes then; None: the start.
         sampled: as the bench ticks, with hold, delay and motor lag; else continuous.
         joints: where joints rest instead, by name [rad or m].
@@ -129,14 +129,21 @@ def linear_model(
     """
     from flexslew_lab.analysis.trial_models import model_of, point_of
 
-    return model_of(point_of(what, at, joints), sampled).state_space(what.name)
+    given = trial_from(what)
+    return model_of(point_of(given, at, joints), sampled).state_space(given.name)
 
 
-def nonlinear_model(what: Trial) -> control.NonlinearIOSystem:
+def nonlinear_model(what: What) -> control.NonlinearIOSystem:
     """Return the whole plant of a trial as python-control simulates it; see linear_model."""
     from flexslew_control.analysis.nonlinear_plant import nonlinear_system
 
-    return nonlinear_system(plant_of(what).testbed, what.name)
+    given = trial_from(what)
+    return nonlinear_system(plant_of(given).testbed, given.name)
+
+
+def trial_from(what: What) -> Trial:
+    """Return a trial as it is; of what `trial` takes the trial."""
+    return what if isinstance(what, Trial) else trial(what)
 
 
 def plain_data(value: Any) -> Any:
