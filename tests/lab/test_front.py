@@ -1,8 +1,10 @@
 """`import flexslew`: objects in place of names, grids of trials, no module of Linux alone."""
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 
 import flexslew as fs
+from flexslew_lab.trial.trial import plan_of_trial
 
 SHORT: dict[str, Any] = {"name": "short", "duration": 2.0, "testbed": {"modes": 1}}
 SLEW = {**SHORT, "plan": {"method": "reference_only", "goal": {"base_yaw": 0.01}, "duration": 1.0}}
@@ -95,6 +98,17 @@ def test_a_sweep_has_an_axis_per_path_and_the_numbers_of_single_flights() -> Non
     assert "testbed.modes (2) x plan.duration (3)" in repr(found)
     with pytest.raises(fs.BadInput, match=r"testbed\.modes has no values"):
         fs.sweep(SLEW, {"testbed.modes": []})
+
+
+def test_every_point_of_the_sweep_in_the_docs_has_a_plan() -> None:
+    page = (Path(__file__).parents[2] / "docs/library.md").read_text(encoding="utf-8")
+    found = re.search(r'fs\.sweep\("m1", (\{.*\})\)', page)
+    assert found is not None
+    axes = eval(found[1], {"np": np})
+    assert f"({', '.join(str(len(values)) for values in axes.values())});" in page
+    for modes in axes["testbed.modes"]:  # the shortest manoeuvre needs the most
+        keys = {"testbed.modes": modes, "plan.duration": min(axes["plan.duration"])}
+        assert plan_of_trial(fs.trial("m1", keys)) is not None
 
 
 def test_axes_of_a_sweep_may_hold_lists_and_sections_and_bear_the_name_of_a_metric(
