@@ -63,6 +63,7 @@ def test_a_metric_that_there_is_not_is_refused_before_anything_is_planned(
         ({"vary": {STIFFNESS: {"relative": SPREAD, "normal": [0, 1]}}}, "give one of"),
         ({"vary": {"testbed.parameters.bending_stifness": SPREAD}}, f"did you mean {STIFFNESS}"),
         ({"vary": {"active": {"relative": SPREAD}}}, "relative needs numbers"),
+        ({"vary": {"controllers.lqr.model": SPREAD}}, "of a controller the trial's file must give"),
         ({"vary": {"seed": SPREAD}}, "a column of that name"),
         ({"vary": {}}, "vary: is missing"),
         ({"sampling": {"method": "sobol", "n": 100}}, "such as 64 and 128"),

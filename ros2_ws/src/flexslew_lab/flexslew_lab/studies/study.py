@@ -338,6 +338,8 @@ def nominal_value(base: dict[str, Any], key: str, place: str) -> Any:
     known = sorted(_paths(base))
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]}?" if close else ""
+    if key.startswith("controllers."):
+        hint += "; of a controller the trial's file must give it"  # its defaults are its law's
     raise BadInput(f"{key} is not a key of the trial{hint}", place)
 
 
