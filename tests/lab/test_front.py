@@ -1,8 +1,10 @@
 """`import flexslew`: objects in place of names, grids of trials, no module of Linux alone."""
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 
 import flexslew as fs
+from flexslew_lab.trial.trial import plan_of_trial
 
 SHORT: dict[str, Any] = {"name": "short", "duration": 2.0, "testbed": {"modes": 1}}
 SLEW = {**SHORT, "plan": {"method": "reference_only", "goal": {"base_yaw": 0.01}, "duration": 1.0}}
@@ -75,6 +78,8 @@ def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None
         ({"plan": np.full((5, 2), np.nan)}, "not finite"),
         ({"plan": np.zeros((5, 2), dtype=complex)}, "complex128 is not allowed: give real numbers"),
         ({"plan": np.array([["a", "b"], ["c", "d"]])}, "<U1 is not allowed: give real numbers"),
+        ({"plan": np.array([["a", "b"], ["c", "d"]], dtype=object)}, "give real numbers"),
+        ({"plan": np.ma.masked_less(np.zeros((5, 2)), 1.0)}, "some of its numbers are masked"),
         ({"law": int}, r"int is not allowed: a class with update"),
         ({"law": 3.0}, "a float is not allowed"),
     ],
@@ -93,6 +98,17 @@ def test_a_sweep_has_an_axis_per_path_and_the_numbers_of_single_flights() -> Non
     assert "testbed.modes (2) x plan.duration (3)" in repr(found)
     with pytest.raises(fs.BadInput, match=r"testbed\.modes has no values"):
         fs.sweep(SLEW, {"testbed.modes": []})
+
+
+def test_every_point_of_the_sweep_in_the_docs_has_a_plan() -> None:
+    page = (Path(__file__).parents[2] / "docs/library.md").read_text(encoding="utf-8")
+    found = re.search(r'fs\.sweep\("m1", (\{.*\})\)', page)
+    assert found is not None
+    axes = eval(found[1], {"np": np})
+    assert f"({', '.join(str(len(values)) for values in axes.values())});" in page
+    for modes in axes["testbed.modes"]:  # the shortest manoeuvre needs the most
+        keys = {"testbed.modes": modes, "plan.duration": min(axes["plan.duration"])}
+        assert plan_of_trial(fs.trial("m1", keys)) is not None
 
 
 def test_axes_of_a_sweep_may_hold_lists_and_sections_and_bear_the_name_of_a_metric(
@@ -122,12 +138,36 @@ def test_axes_of_a_sweep_may_hold_lists_and_sections_and_bear_the_name_of_a_metr
     assert fs.sweep({**SLEW, "duration": 0.1, "plan": None}).frame()[1] is None
 
 
-@pytest.mark.parametrize("given", [3.0, "abc", {"a": 1.0}, None])
+@pytest.mark.parametrize(
+    ("changes", "axes"), [({"testbed.modes": 2}, {}), ({}, {"testbed.modes": [2]})]
+)
+def test_an_axis_does_not_replace_what_was_set_before_it(
+    changes: dict[str, Any], axes: dict[str, Any]
+) -> None:
+    with pytest.raises(fs.BadInput, match=r"testbed would replace testbed\.modes"):
+        fs.sweep(SLEW, {**axes, "testbed": [{"modes": 1}]}, changes)
+
+
+@pytest.mark.parametrize("given", [3.0, "abc", {"a": 1.0}, None, np.array(3.0)])
 def test_an_axis_that_is_no_list_is_refused(given: Any) -> None:
     with pytest.raises(
         fs.BadInput, match=r"testbed\.modes: .* is not allowed: give a list of values"
     ):
         fs.sweep(SLEW, {"testbed.modes": given})
+
+
+def test_efforts_that_are_complex_fail_the_law() -> None:
+    flown = fs.fly(fs.trial({**SHORT, "duration": 0.2}, law=lambda *_: [1.0 + 2.0j, 0.0]))
+    assert flown.metrics["peak_effort"]["base_yaw"] == 0.0
+    assert any("is complex" in event.message for event in flown.events)
+
+
+def test_a_flight_tells_the_names_of_its_signals(flight: fs.Flight) -> None:
+    assert list(flight) == list(flight.signals)
+    assert "tip" in flight
+    assert "tip.beam_positive" in flight
+    assert "tip.beam" not in flight
+    assert len(flight.plot(*flight).data) == len(flight.signals)
 
 
 def test_a_flight_is_short_to_look_at_and_shows_no_markup_of_others(flight: fs.Flight) -> None:

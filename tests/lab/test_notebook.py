@@ -44,9 +44,27 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert tuple(built.testbed.effort_limit) == (80.0, 90.0)
 
 
+class Column:
+    """An array of another library."""
+
+    def __array__(self, *args: Any, **keys: Any) -> Any:
+        return np.array([300.0, 400.0])
+
+
+@pytest.mark.parametrize("kp", [Column(), range(300, 401, 100), np.array([300, 400], "f4")])
+def test_what_numpy_takes_for_an_array_is_a_list(kp: Any) -> None:
+    built = trial("m1", {"controllers.pd_feedforward.kp": kp, "name": Path("of_a_path")})
+    assert built.controllers["pd_feedforward"]["kp"] == [300.0, 400.0]
+    assert built.name == "of_a_path"
+
+
 @pytest.mark.parametrize(
     ("source", "changes", "named"),
     [
+        (SHORT, {"duration": 1.0 + 0.0j}, "(1+0j) is not allowed: give numbers"),
+        (SHORT, {1: 2}, "1: unknown key"),
+        (trial("m1"), {}, "a Trial is not allowed here"),
+        ("x" * 300, {}, "is neither a file nor a shipped trial"),
         ("no_such_trial", {}, "m1"),
         (SHORT, {"testbed.wings": 2}, "testbed.wings"),
         (SHORT, {"duration": -1.0}, "duration"),
@@ -102,7 +120,7 @@ def test_an_unknown_signal_is_told_with_those_that_there_are(flight: Flight) -> 
 
 
 def test_a_folder_keeps_the_run_and_is_read_again(flight: Flight, tmp_path: Path) -> None:
-    kept = fly(trial(SHORT), tmp_path / "run")
+    kept = fly(trial(SHORT), str(tmp_path / "run"))
     assert (tmp_path / "run" / "report.html").is_file()
     assert kept.metrics["trajectory_hash"] == flight.metrics["trajectory_hash"]
     again = read(str(tmp_path / "run" / "bag"))

@@ -110,6 +110,17 @@ def test_settings_come_back_from_yaml() -> None:
     assert validated(BenchSettings, load_yaml(text, "here"), "here") == settings
 
 
+@pytest.mark.parametrize("text", ["017", "-08", "1:30", "1:30.5", "10:00:00"])
+def test_what_yaml_1_1_takes_for_base_8_or_60_is_a_text(text: str) -> None:
+    assert load_yaml(f"duration: {text}", "here") == {"duration": text}
+    assert load_yaml(yaml_text({"name": text}), "here") == {"name": text}
+
+
+def test_other_numbers_are_numbers() -> None:
+    found = load_yaml("[0, -0.5, 10, 1e3, 0x10, 07.5, +3]", "here")
+    assert found == [0, -0.5, 10, 1000.0, 16, 7.5, 3]
+
+
 def test_yaml_has_no_aliases() -> None:
     shared = [1.0, 2.0]
     assert "&" not in yaml_text({"a": shared, "b": shared})

@@ -186,7 +186,7 @@ def test_its_form_for_lanes_gives_its_own_efforts() -> None:
         if before is not None:
             z = (
                 form.observer.state @ z
-                + form.observer.effort @ effort
+                + form.observer.demand @ effort
                 + form.observer.before @ before
             )
         before = y

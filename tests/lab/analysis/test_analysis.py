@@ -34,6 +34,18 @@ def test_a_user_s_class_has_the_margins_of_the_built_in_law_that_it_is() -> None
     assert ours.disks["input"].alpha == pytest.approx(theirs.disks["input"].alpha, rel=1e-6)
 
 
+def test_the_law_is_the_one_in_charge_then() -> None:
+    pid = {"at": 0.2, "switch": "collocated_pid"}
+    laws: dict[str, Any] = {"pd_feedforward": {}, "collocated_pid": {}}
+    keys = {"plan": None, "duration": 1.0, "controllers": laws}
+    what = trial("m1", {**keys, "schedule": [{"at": 0.57, "switch": "pd_feedforward"}, pid]})
+    charged = {None: "pd_feedforward", 0.19: "pd_feedforward", 0.2: "collocated_pid",
+               0.569: "collocated_pid", 0.57: "pd_feedforward"}  # fmt: skip
+    for at, name in charged.items():
+        assert analysed(what, "m1", at=at).controller == name
+    assert analysed(what, "m1", "pd_feedforward", 0.3).controller == "pd_feedforward"
+
+
 def test_the_frequencies_are_the_plant_s_and_every_mode_is_moved_and_seen() -> None:
     what = trial("m1", M1)
     found = analysed(what, "m1", joints={"hub_pitch": 0.5})

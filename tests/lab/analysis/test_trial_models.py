@@ -23,6 +23,8 @@ def test_three_lines_give_a_state_space() -> None:
     assert plant["tip:beam_positive", "effort:hub_pitch"].nstates == plant.nstates
     assert linear_model(what, sampled=True).dt == 0.01
     assert nonlinear_model(what).nstates == plant.nstates
+    assert np.array_equal(linear_model("m1").A, linear_model(trial("m1")).A)
+    assert nonlinear_model("m1").nstates == linear_model("m1").nstates
 
 
 def test_at_a_time_the_bench_rests_where_its_plan_is_and_with_the_faults_that_act() -> None:

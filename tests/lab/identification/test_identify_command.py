@@ -20,6 +20,7 @@ from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import parse_trial, trial_of_values
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml, plain
 
 W = 2.0**0.5  # both masses 1 kg, spring 1 N/m [rad/s]
@@ -144,6 +145,24 @@ def test_a_file_says_when_its_efforts_end_and_where_they_look_limited(tmp_path: 
     free = np.column_stack((t, rng.standard_normal(400), u))
     np.savetxt(path, free, delimiter=",", header="t,u,x", comments="")
     assert foreign_record(path, ("u",), ("x",)).words == ()
+
+
+@pytest.mark.parametrize(
+    ("rows", "period", "words"),
+    [
+        ("0.0,1.0", None, "two samples and more are needed"),
+        ("0.0,1.0\nnan,1.0\n0.2,1.0", None, "at finite times"),
+        ("0.0,1.0\n0.1,1.0\n0.2,1.0", 0.0, "--period: 0.0 is not allowed"),
+        ("0.0,1.0\n0.1,1.0\n0.2,1.0", float("nan"), "--period: nan is not allowed"),
+    ],
+)
+def test_a_file_without_ticks_is_refused(
+    tmp_path: Path, rows: str, period: float | None, words: str
+) -> None:
+    path = tmp_path / "lab.csv"
+    path.write_text(f"t,u\n{rows}\n")
+    with pytest.raises(BadInput, match=words):
+        foreign_record(path, ("u",), ("u",), period)
 
 
 @pytest.mark.parametrize(

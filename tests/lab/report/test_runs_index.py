@@ -39,6 +39,12 @@ def test_runs_are_listed_with_the_figures_of_the_joints_that_move(folder: Path) 
     assert sorted(unread) == ["c", "d"]
 
 
+def test_the_largest_effort_is_that_of_any_joint(folder: Path) -> None:
+    run(folder, "e", "pd", 0.1, peak_effort={"yaw": 1.0, "pitch": 4.0})
+    peaks = {r.folder.name: r.figures["peak_effort"] for r in runs_in(folder)[0]}
+    assert peaks["e"] == 4.0
+
+
 def test_runs_are_filtered_by_trial_law_and_testbed(folder: Path) -> None:
     assert [r.folder.name for r in runs_in(folder, law="pi")[0]] == ["b"]
     assert len(runs_in(folder, trial="<b>m1", testbed="csa")[0]) == 2

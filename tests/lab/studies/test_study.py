@@ -63,6 +63,7 @@ def test_a_metric_that_there_is_not_is_refused_before_anything_is_planned(
         ({"vary": {STIFFNESS: {"relative": SPREAD, "normal": [0, 1]}}}, "give one of"),
         ({"vary": {"testbed.parameters.bending_stifness": SPREAD}}, f"did you mean {STIFFNESS}"),
         ({"vary": {"active": {"relative": SPREAD}}}, "relative needs numbers"),
+        ({"vary": {"controllers.lqr.model": SPREAD}}, "of a controller the trial's file must give"),
         ({"vary": {"seed": SPREAD}}, "a column of that name"),
         ({"vary": {}}, "vary: is missing"),
         ({"sampling": {"method": "sobol", "n": 100}}, "such as 64 and 128"),
@@ -83,6 +84,10 @@ def test_a_metric_that_there_is_not_is_refused_before_anything_is_planned(
         ({"vary": {STIFFNESS: SPREAD, "both": {"keys": [STIFFNESS], **SPREAD}}}, "the same value"),
         ({"vary": {"testbed": SPREAD, STIFFNESS: SPREAD}}, "both set the same value"),
         ({"vary": {STIFFNESS: SPREAD}, "compare": {STIFFNESS: [1.0, 2.0]}}, "relative or offset"),
+        ({"vary": {"testbed.initial.base_yaw": {"relative": SPREAD}}}, "a share of 0 in every"),
+        ({"compare": {"seed": [1, 2]}}, "compare.seed: is not allowed: every trial of a study"),
+        ({"shake": {"plan": {"method": "excitation"}}}, "shake: is not allowed without replan"),
+        ({"fit": ["damping_ratio"]}, "fit: is not allowed without replan"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(
@@ -98,7 +103,7 @@ def test_bad_input_is_refused_in_one_line(
     [
         ({"criteria": {"residual_tip": {"below": 1.0}}}, "did you mean residual_tip_deflection"),
         ({"stop": {"metric": "peak", "half_width": 1.0}}, "peak is not a metric"),
-        ({"compare": {"active": ["pd_feedfoward"]}}, "active: pd_feedfoward is not in controllers"),
+        ({"compare": {"active": ["pd_feedfoward"]}}, "pd_feedfoward .* allowed: pd_feedforward"),
         ({"vary": {"testbed.modes": {"uniform": [1.2, 1.4]}}}, "testbed.modes"),
         ({"vary": {"overshoot": {"keys": [STIFFNESS], **SPREAD}}}, "a metric has that name"),
     ],
@@ -110,6 +115,16 @@ def test_what_only_the_trial_knows_is_refused_before_the_first_flight(
     with pytest.raises(BadInput, match=words) as error:
         prepare(study)
     assert "\n" not in str(error.value)
+
+
+def test_a_share_of_zero_is_drawn_where_another_variant_has_more(
+    study_of: Callable[..., Study],
+) -> None:
+    damping = {"testbed.damping_ratio": [0.0, 0.01]}
+    study = study_of(vary={"testbed.damping_ratio": {"relative": SPREAD}}, compare=damping)
+    trials = [case_trial(study, case_of(study, sample_table(study), k)) for k in (0, 1)]
+    assert csa(trials[0]).damping_ratio == 0.0
+    assert csa(trials[1]).damping_ratio > 0.01
 
 
 def test_a_list_comes_from_a_file(study_of: Callable[..., Study], tmp_path: Path) -> None:

@@ -81,6 +81,7 @@ def test_every_trial_that_comes_along_is_sound(name: str) -> None:
         ("testbed: hub\nplan: {method: time_optimal, goal: {hub: 1.0}}", "testbed"),
         ("plan: {method: time_optimal}", "goal"),
         ("plan: fast", "plan"),
+        ("controllers: {'': {law: lqr}}\nactive: ''", "controllers: '' is not allowed: a name"),
         ("testbed: {kind: hub_with_appendages, length: 3}\nplan: {method: time_optimal}", "length"),
     ],
 )
@@ -99,6 +100,15 @@ def test_an_entry_after_the_end_is_refused(tmp_path: Path) -> None:
         path.write_text(text.replace("AT", late))
         with pytest.raises(BadInput, match=r"schedule\.0\.at: .* the run ends at 10 s"):
             load_trial(path)
+
+
+def test_a_run_without_a_tick_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.yaml"
+    path.write_text("period: 0.02\nduration: 0.011", encoding="utf-8")
+    assert load_trial(path).duration == 0.011
+    path.write_text("period: 0.02\nduration: 0.01  # °", encoding="utf-8")
+    with pytest.raises(BadInput, match=r"duration: 0\.01 is not allowed: at least a tick of 0\.02"):
+        load_trial(path)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
 from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.settings import validated
@@ -60,6 +61,14 @@ def test_time_is_the_tick_times_the_period_without_drift() -> None:
     for _ in range(1000):
         tick(bed)
     assert bed.time == 1000 * 0.1
+
+
+@pytest.mark.parametrize("parameters", [{"hub_radius": 1e200}, {"length": 1e-300}])
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
+def test_a_testbed_whose_numbers_are_out_of_range_is_refused(parameters: dict[str, float]) -> None:
+    testbed = read_testbed({"kind": "csa", "parameters": parameters}, "here")
+    with pytest.raises(BadInput, match="testbed: its numbers are out of range"):
+        Bench(validated(BenchSettings, {"testbed": testbed}, "here"))
 
 
 def test_the_limit_holds_and_saturated_ticks_are_counted() -> None:

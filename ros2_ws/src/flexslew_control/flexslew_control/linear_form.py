@@ -27,9 +27,11 @@ from flexslew_plant.testbeds.model import Model
 
 
 class LinearObserver(NamedTuple):
-    """z(k) = A z(k - 1) + B u(k - 1) + E y(k - 1) + c, from z(0) = S y(0).
+    """z(k) = A z(k - 1) + B u(k - 1) + E y(k - 1) + c + G d(k - 1), from z(0) = S y(0).
 
-    A, B, E and c may have an axis for ticks in front: those of k - 1 count.
+    u is the effort that was applied; d the law's own demand within the limits of the drives, from
+    which motors, faults and lost answers may keep u. All but S may have an axis for ticks in
+    front: those of k - 1 count.
     """
 
     start: Matrix  # S, (k, l)
@@ -37,6 +39,7 @@ class LinearObserver(NamedTuple):
     effort: Matrix  # B, (k, m)
     before: Matrix  # E, (k, l)
     constant: Vector  # c, (k,)
+    demand: Matrix = np.zeros((0, 0))  # G, (k, m); empty: none
 
 
 class KalmanForm(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -45,6 +46,14 @@ class Flight:
         if name in self.signals:
             return self.signals[name]
         return np.column_stack([self.signals[full] for full in self.names(name)])
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a signal, or a quantity, of that name."""
+        return any(name in (full, full.partition(".")[0]) for full in self.signals)
+
+    def __iter__(self) -> Iterator[str]:
+        """Return the names of all signals."""
+        return iter(self.signals)
 
     def names(self, quantity: str) -> tuple[str, ...]:
         """Return the signals of a quantity (position, effort, ...), or the one of that name.
@@ -132,7 +141,8 @@ class Flight:
         from plotly.subplots import make_subplots
 
         panels = quantities or ("position", "tip", "effort")
-        figure = make_subplots(rows=len(panels), shared_xaxes=True, vertical_spacing=0.06)
+        spacing = min(0.06, 0.5 / len(panels))
+        figure = make_subplots(rows=len(panels), shared_xaxes=True, vertical_spacing=spacing)
         for row, quantity in enumerate(panels, 1):
             names = self.names(quantity)
             for name in names:

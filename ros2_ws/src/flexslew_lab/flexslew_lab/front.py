@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexslew_lab.notebook import trial
-from flexslew_lab.trial.trial import Trial, bench_settings
+from flexslew_lab.notebook import What, trial_from
+from flexslew_lab.trial.trial import bench_settings
 from flexslew_plant.bench.bench import Bench
 
 if TYPE_CHECKING:
     from flexslew_lab.analysis.analysis import Analysis
-
-What = Trial | str | Path | Mapping[str, Any]
 
 
 def bench(what: What = "m1") -> Bench:
@@ -25,7 +22,7 @@ def bench(what: What = "m1") -> Bench:
     Raises:
         BadInput: no such trial, or one of its values is not allowed.
     """
-    return Bench(bench_settings(_trial(what)))
+    return Bench(bench_settings(trial_from(what)))
 
 
 def analyse(what: What = "m1", controller: str | None = None, at: float | None = None) -> Analysis:
@@ -33,7 +30,7 @@ def analyse(what: What = "m1", controller: str | None = None, at: float | None =
 
     Args:
         what: as from `trial`, or what `trial` takes.
-        controller: of the trial; None: the active one.
+        controller: of the trial; None: the one that its schedule has put in charge then.
         at: simulated time [s]: the rest that the plan passes then; None: the start.
 
     Raises:
@@ -41,10 +38,10 @@ def analyse(what: What = "m1", controller: str | None = None, at: float | None =
     """
     from flexslew_lab.analysis.analysis import analysed
 
-    return analysed(_trial(what), "trial", controller, at, {})
+    return analysed(trial_from(what), "trial", controller, at, {})
 
 
-def study(file: str | Path, folder: Path | None = None, workers: int = 1) -> dict[str, Any]:
+def study(file: str | Path, folder: Path | str | None = None, workers: int = 1) -> dict[str, Any]:
     """Return what a study shows, after flying what is missing of it; what --json prints.
 
     Args:
@@ -66,11 +63,7 @@ def study(file: str | Path, folder: Path | None = None, workers: int = 1) -> dic
     ready = prepare(asked)
     executor = Pool(ready.job, workers)
     try:
-        store = run_study(ready, folder or default_folder(asked), executor)
+        store = run_study(ready, Path(folder or default_folder(asked)), executor)
     finally:
         executor.close()
     return finished(asked, store)
-
-
-def _trial(what: What) -> Trial:
-    return what if isinstance(what, Trial) else trial(what)

@@ -75,10 +75,15 @@ def with_plan(values: dict[str, Any], plan: Given | Plan | Matrix) -> dict[str, 
 
 def _positions(plan: Any) -> Matrix:
     """Return positions at every tick, checked."""
+    if np.ma.is_masked(plan):
+        raise BadInput("plan: some of its numbers are masked")
     rows = np.asarray(plan)
     if rows.dtype.kind not in "biufO":
         raise BadInput(f"plan: an array of {rows.dtype} is not allowed: give real numbers")
-    rows = rows.astype(np.float64)
+    try:
+        rows = rows.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"plan: {error}: give real numbers") from None
     if rows.ndim != 2 or len(rows) < 2:
         words = "(ticks + 1, joints), at least two rows"
         raise BadInput(f"plan: an array of shape {rows.shape} is not allowed: {words}")
@@ -95,7 +100,7 @@ def _class_of(function: Callable[..., Any]) -> type[Any]:
 
     def update(self: Any, measurement: Any, estimate: Any, reference: Any) -> Vector:
         """Return what the function returns."""
-        return np.asarray(function(measurement, reference), dtype=np.float64)
+        return np.asarray(function(measurement, reference))
 
     name = getattr(function, "__name__", "")
     return type(name if name.isidentifier() else "given", (), {"__init__": begin, "update": update})

@@ -9,12 +9,14 @@ flight.plot("position", "tip")
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from yaml.representer import RepresenterError
 
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight as Flight
@@ -33,6 +35,8 @@ from flexslew_plant.settings import load_yaml, yaml_text
 
 if TYPE_CHECKING:
     import control
+
+What = Trial | str | Path | Mapping[str, Any]
 
 
 def trial(
@@ -57,16 +61,20 @@ def trial(
         BadInput: no such trial, or one of its values is not allowed.
     """
     label, values = _keys(source)
-    values = overridden(values, dict(changes or {}))
+    values = overridden(values, plain_data(dict(changes or {})))
     if law is not None:
         values = with_law(values, law)
     if plan is not None:
         values = with_plan(values, plan)
-    text = yaml_text(plain_data(values))
+    try:
+        text = yaml_text(plain_data(values))
+    except RepresenterError as error:
+        words = "give numbers, texts, lists and keys"
+        raise BadInput(f"{label}: {error.args[-1]!r} is not allowed: {words}") from None
     return checked_trial(parse_trial(text, label, trust), label)
 
 
-def fly(what: Trial | str | Path | Mapping[str, Any] = "m1", folder: Path | None = None) -> Flight:
+def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
     """Return the flight of a trial in process, without ROS.
 
     Args:
@@ -76,9 +84,9 @@ def fly(what: Trial | str | Path | Mapping[str, Any] = "m1", folder: Path | None
     Raises:
         BadInput, PlanFailed: before anything was written.
     """
-    what = what if isinstance(what, Trial) else trial(what)
+    what = trial_from(what)
     if folder is not None:
-        return read(run_trial(what, "notebook", folder, in_process=True).folder, what.trust)
+        return read(run_trial(what, "notebook", Path(folder), in_process=True).folder, what.trust)
     with tempfile.TemporaryDirectory() as passing:
         result = run_trial(what, "notebook", Path(passing, "run"), in_process=True, report=False)
         return read(result.folder, what.trust)
@@ -104,14 +112,14 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
 
 
 def linear_model(
-    what: Trial, at: float | None = None, sampled: bool = False, **joints: float
+    what: What, at: float | None = None, sampled: bool = False, **joints: float
 ) -> control.StateSpace:
     """Return the small motions of a trial's testbed about a rest, from efforts to sensors.
 
     Signals are named as in the log, with a colon for the dot: `effort:yaw`, `tip:left`.
 
     Args:
-        what: as from `trial`.
+        what: as from `trial`, or what `trial` takes.
         at: simulated time [s]: the rest that the plan passes then; None: the start.
         sampled: as the bench ticks, with hold, delay and motor lag; else continuous.
         joints: where joints rest instead, by name [rad or m].
@@ -121,29 +129,42 @@ def linear_model(
     """
     from flexslew_lab.analysis.trial_models import model_of, point_of
 
-    return model_of(point_of(what, at, joints), sampled).state_space(what.name)
+    given = trial_from(what)
+    return model_of(point_of(given, at, joints), sampled).state_space(given.name)
 
 
-def nonlinear_model(what: Trial) -> control.NonlinearIOSystem:
+def nonlinear_model(what: What) -> control.NonlinearIOSystem:
     """Return the whole plant of a trial as python-control simulates it; see linear_model."""
     from flexslew_control.analysis.nonlinear_plant import nonlinear_system
 
-    return nonlinear_system(plant_of(what).testbed, what.name)
+    given = trial_from(what)
+    return nonlinear_system(plant_of(given).testbed, given.name)
+
+
+def trial_from(what: What) -> Trial:
+    """Return a trial as it is; of what `trial` takes the trial."""
+    return what if isinstance(what, Trial) else trial(what)
 
 
 def plain_data(value: Any) -> Any:
-    """Return a value with NumPy's arrays and numbers as those of Python."""
+    """Return a value with arrays and numbers of NumPy, pandas and xarray as those of Python."""
     if isinstance(value, Mapping):
         return {str(key): plain_data(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | range):
         return [plain_data(entry) for entry in value]
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return np.asarray(value).tolist() if hasattr(value, "__array__") else value
 
 
 def _keys(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return a name for messages and the keys of a trial."""
     if isinstance(source, Mapping):
         return "trial", dict(source)
+    if isinstance(source, Trial):
+        raise BadInput("a Trial is not allowed here: give its name, its file or its keys")
     path = trial_path(source)
     values = load_yaml(text_of(path), str(path))
     if not isinstance(values, dict):

@@ -92,6 +92,7 @@ def sweep(
         PlanFailed: a point has no plan; the message names its number.
     """
     grid = {path: _values(path, values) for path, values in (axes or {}).items()}
+    _require_apart(changes or {}, grid)
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     trials = [trial(source, {**(changes or {}), **point}, **given) for point in points]
     rows = []
@@ -108,13 +109,28 @@ def sweep(
     )
 
 
+def _require_apart(changes: Iterable[str], axes: Iterable[str]) -> None:
+    """Refuse an axis whose section replaces what a change or an axis before it has set.
+
+    Raises:
+        BadInput: it names both.
+    """
+    before = list(changes)
+    for path in axes:
+        for other in before:
+            if other.startswith(f"{path}."):
+                raise BadInput(f"{path} would replace {other}: give {other} as an axis behind it")
+        before.append(path)
+
+
 def _values(path: str, given: Any) -> tuple[Any, ...]:
     """Return the values of an axis as plain data.
 
     Raises:
         BadInput: there are none, or it is a single one.
     """
-    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
+    single = isinstance(given, str | Mapping) or not isinstance(given, Iterable)
+    if single or getattr(given, "ndim", 1) == 0:
         raise BadInput(f"{path}: {given!r} is not allowed: give a list of values")
     values = tuple(plain_data(value) for value in given)
     if not values:

@@ -257,6 +257,14 @@ class YamlDumper(yaml.CSafeDumper):
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+$")
 for _side in (YamlLoader, YamlDumper):  # what is written as a text must come back as one
     _side.add_implicit_resolver("tag:yaml.org,2002:float", _NUMBER, [*"+-.0123456789"])
+# 017 is 17 and 1:30 a text, as YAML 1.2 and JSON have it: YAML 1.1 reads 15 and 90
+_OF_1_1 = re.compile(r"[-+]?(0[0-9_]+|[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?)$")
+for _first, _resolvers in list(YamlLoader.yaml_implicit_resolvers.items()):
+    if _first and _first in "+-0123456789":
+        YamlLoader.yaml_implicit_resolvers[_first] = [
+            ("tag:yaml.org,2002:str", _OF_1_1),
+            *_resolvers,
+        ]
 
 
 def yaml_text(values: Any, flow: bool | None = None) -> str:

@@ -45,6 +45,65 @@ def test_motors_with_a_lag_or_a_slew_rate_fly_in_lanes_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2])
 
 
+INTEGRAL = {
+    "a": [[0.0, 0.0], [0.0, 0.0]],
+    "b": [[0.1, 0.0, 0.0, 0.0], [0.0, 0.1, 0.0, 0.0]],
+    "c": [[100.0, 0.0], [0.0, 100.0]],
+    "d": [[300.0, 0.0, 600.0, 0.0], [0.0, 300.0, 0.0, 600.0]],
+}
+OWN_WINDING: dict[str, dict[str, Any]] = {  # laws that stop their integral by their own demand
+    "linear": {
+        "duration": 4.0,
+        "testbed": {"modes": 1},
+        "plan": PLAN,
+        "controllers": {"linear": {"system": INTEGRAL, "tracking_time": 0.5}},
+    },
+    "planned_gains": {
+        "duration": 1.0,
+        "period": 0.002,
+        "testbed": {"kind": "varying_oscillator"},
+        "plan": {
+            "method": "retargeting",
+            "duration": 1.0,
+            "gains": "perturbation",
+            "weights": {"state": 1.0, "force": 1.0, "force_rate": 0.01},
+        },
+        "controllers": {"planned_gains": {"tracking_time": 0.5}},
+    },
+}
+BETWEEN: dict[str, dict[str, Any]] = {  # what stands between a demand and what is applied
+    "lag": {"actuator": {"lag": 0.05}},
+    "gain": {"allow_faults": True, "schedule": [{"at": 0.3, "fault": {"kind": "actuator_gain"}}]},
+    "lost": {
+        "allow_faults": True,
+        "schedule": [{"at": 0.3, "fault": {"kind": "command_lost", "probability": 0.1}}],
+    },
+}
+
+
+@pytest.mark.parametrize("between", BETWEEN)
+@pytest.mark.parametrize("law", OWN_WINDING)
+def test_an_integral_does_not_wind_back_by_what_motors_make_of_its_demand(
+    study_of: Callable[..., Study], law: str, between: str
+) -> None:
+    trial = deepcopy({**OWN_WINDING[law], **BETWEEN[between], "active": law})
+    joint = "mass" if law == "planned_gains" else "base_yaw"
+    if between == "gain":
+        trial["schedule"][0]["fault"] |= {"joint": joint, "gain": 0.8}
+    parameter = "stiffness" if law == "planned_gains" else "base_inertia"
+    vary = {f"testbed.parameters.{parameter}": {"relative": {"uniform": [-0.1, 0.1]}}}
+    require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1])
+
+
+def test_a_sensor_with_noise_flies_beside_one_without(study_of: Callable[..., Study]) -> None:
+    trial = {"sensors": {"joint_position": {"bias": 1e-3}}}
+    vary = {"sensors.joint_position.noise": {"choice": [0.0, 1e-4]}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    noise = ready.samples["sensors.joint_position.noise"].to_pylist()
+    still = noise.index(0.0)
+    require_equal(ready, [still, noise.index(1e-4, still)])
+
+
 def test_joints_that_stick_fly_in_lanes_as_on_the_bench(study_of: Callable[..., Study]) -> None:
     trial = {
         "duration": 5.0,

@@ -55,7 +55,7 @@ def test_random_quanta_fly_in_lanes_as_on_the_bench(
 
 
 def test_quantised_motors_may_lag_and_thrusters_pulse(study_of: Callable[..., Study]) -> None:
-    motors = {"lag": 0.05, "slew_rate": 200.0, "shortest_pulse": 0.002}
+    motors = {"lag": 0.05, "slew_rate": 200.0, "shortest_pulse": 0.002, "quantisation": 0.5}
     ready = in_quanta(study_of, "pd_feedforward", {"motors": 0.5}, actuator=motors)
     certain = [k for k, way in enumerate(ways_of(ready, 4)) if way is Way.LANES]
     require_equal(ready, certain[:3])
@@ -78,3 +78,21 @@ def test_a_reading_at_the_edge_of_a_quantum_leaves_its_trial_to_the_bench(
     expected = [Way.EDGE if part == pytest.approx(0.5, abs=1e-9) else Way.LANES for part in drawn]
     assert set(expected) == {Way.EDGE, Way.LANES}
     assert ways_of(ready, len(drawn)) == expected
+
+
+def test_a_loop_that_is_not_stable_between_two_quanta_is_the_bench_s(
+    study_of: Callable[..., Study],
+) -> None:
+    """What differs by rounding at its beginning differs by half of its move at the end."""
+    trial = {
+        "duration": 4.0,
+        "testbed": {"kind": "floating_oscillator"},
+        "plan": {"method": "none", "goal": {"mass": 0.1}, "duration": 3.0},
+        "controllers": {"output_feedback": {}},
+        "active": "output_feedback",
+    }
+    quantum = {"sensors.joint_velocity.quantisation": {"choice": [0.0, 4e-4]}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=quantum))
+    drawn = ready.samples["sensors.joint_velocity.quantisation"].to_pylist()[:6]
+    ways = ways_of(ready, len(drawn))
+    assert {way for way, step in zip(ways, drawn, strict=True) if step} == {Way.ROUNDING}

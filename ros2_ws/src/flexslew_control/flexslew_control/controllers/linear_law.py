@@ -302,7 +302,7 @@ def linear(estimator: Estimator, law: LinearLaw, references: list[Reference]) ->
     """Return the law as matrices; see LawEntry. None: it listens to what lanes do not know.
 
     x(k) is split into what the references do, known beforehand, and an observer of the rest with
-    A - back C, driven by the efforts that were applied: the anti-windup is in it.
+    A - back C, driven by its own demand within the limit: the anti-windup is in it.
     """
     s, m = law.system, law.limit.size
     kinds = [name.partition(".")[0] for name in s.inputs]
@@ -329,9 +329,8 @@ def linear(estimator: Estimator, law: LinearLaw, references: list[Reference]) ->
         none, none, none, s.c, s.d[:, y], np.zeros((m, n)), np.array(demand),
         np.zeros((len(references), m)), **(no_integral(m)._asdict() | {"limit": law.limit}),
     )  # fmt: skip
-    return LinearForm(
-        form, LinearObserver(np.zeros((n, len(y))), a, law.back, b[:, y], np.zeros(n))
-    )
+    start, unheard = np.zeros((n, len(y))), np.zeros((n, m))
+    return LinearForm(form, LinearObserver(start, a, unheard, b[:, y], np.zeros(n), law.back))
 
 
 LINEAR = LawEntry("linear", LinearSettings, build, linear=linear, from_file=law_from_file)

@@ -172,6 +172,8 @@ class UserLaw:
         begun = perf_counter()
         try:
             answer = self._built.update(measurement, estimate, reference)
+            if np.iscomplexobj(answer):
+                raise TypeError(f"{answer} is complex")
             effort = np.array(answer, dtype=np.float64)
         except Exception as error:
             raise LawFailed(f"{self._law} raised {one_line(error)}") from error

@@ -28,7 +28,7 @@ from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.running_law import RunningLaw, running_law
 from flexslew_control.plan import Plan
-from flexslew_lab.analysis.trial_models import Point, point_of
+from flexslew_lab.analysis.trial_models import Point, in_charge, point_of
 from flexslew_lab.trial.trial import Trial, law_of, plan_of_trial, plant_of
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -128,7 +128,7 @@ def analysed(
     Args:
         trial: what flies.
         source: its file, for an error.
-        controller: which one; None: the one in charge at the start.
+        controller: which one; None: the one in charge then, see in_charge.
         at: simulated time [s], see point_of.
         joints: where they rest instead [rad or m].
         plan: that is flown; None: the trial's own.
@@ -137,7 +137,7 @@ def analysed(
         BadInput: no such controller, or it has no linear form there.
         PlanFailed: there is no plan.
     """
-    name = controller or trial.active
+    name = controller or in_charge(trial, at or 0.0)
     if name not in trial.controllers:
         known = ", ".join(trial.controllers)
         raise BadInput(f"{source}: --controller: {name} is not in controllers; allowed: {known}")

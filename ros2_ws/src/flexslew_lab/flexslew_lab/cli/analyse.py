@@ -17,7 +17,7 @@ def analyse(
     file: TrialFile = None,
     sets: Sets = None,
     controller: Annotated[
-        str | None, typer.Option(help="Controller of the trial; default: the one in charge.")
+        str | None, typer.Option(help="Controller of the trial; default: the one in charge then.")
     ] = None,
     at: At = None,
     rest: Joints = None,

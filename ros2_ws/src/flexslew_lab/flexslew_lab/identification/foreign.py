@@ -58,7 +58,8 @@ def foreign_record(
         past: an effort is stamped when it ends, not when it begins.
 
     Raises:
-        BadInput: no such column, a gap or jitter beyond what can be mended; with the numbers.
+        BadInput: no such column, no two samples, a gap or jitter beyond what can be mended; with
+            the numbers.
     """
     requested = [_named(text) for text in (*inputs, *outputs)]
     columns = (read_csv if path.suffix == ".csv" else read_bag)(
@@ -68,8 +69,13 @@ def foreign_record(
         if past or name in columns.past:
             t, values = columns.series[name]
             columns.series[name] = t[:-1], values[1:]
+    for name, (t, _) in columns.series.items():
+        if len(t) < 2 or not np.isfinite(t).all():
+            raise BadInput(f"{path}: {name}: two samples and more are needed, at finite times")
+    if period is not None and not 0.0 < period < np.inf:
+        raise BadInput("a number of seconds above 0", key="--period", value=period)
     clock = columns.series[requested[0][0]][0]
-    h = period or float(np.median(np.diff(clock)))
+    h = float(np.median(np.diff(clock))) if period is None else period
     first = max(t[0] for t, _ in columns.series.values())
     last = min(t[-1] for t, _ in columns.series.values())
     ticks = int((last - first) / h + 1e-6)

@@ -183,6 +183,8 @@ def _flying(values: dict[str, Any]) -> dict[str, Any]:
     requested = [values["active"], *values["fallback"]]
     requested += [entry["switch"] for entry in values["schedule"] if entry.get("switch")]
     given = values["controllers"]
+    if not all(name in given or name in CONTROLLERS for name in requested):
+        return values  # which is refused, with all that there are
     controllers = {}
     for name in dict.fromkeys(requested):
         if name in given:

@@ -11,7 +11,7 @@ from flexslew_lab.studies.disk import own_folder
 from flexslew_lab.studies.findings.columns import column, worst_of
 from flexslew_lab.studies.findings.summary import summary
 from flexslew_lab.studies.flight import Flown, Plans, columns_of, flown
-from flexslew_lab.studies.lanes.check import TOLERANCE, apart
+from flexslew_lab.studies.lanes.tolerance import TOLERANCE, apart
 from flexslew_lab.studies.run import flights_of
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study

@@ -1,7 +1,7 @@
 """A study file: which trial, what varies and how, what is compared, what has to hold."""
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from itertools import product
 from pathlib import Path
@@ -178,7 +178,7 @@ def load_study(path: Path, trust: Trust = NO_CODE) -> Study:
         BadInput: the file cannot be read, or one of its values is not allowed.
     """
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot be read: {error}", path) from None
     return parse_study(text, str(path), path.parent, trust)
@@ -209,6 +209,7 @@ def parse_study(text: str, source: str, folder: Path, trust: Trust = NO_CODE) ->
         _with_nominal(variant, varied, base, source, trust)
         for variant in _variants(settings, base, source)
     )
+    _require_effect(settings, varied, variants, base, source)
     for name, criterion in settings.criteria.items():
         if (criterion.below is None) == (criterion.above is None):
             raise BadInput(f"criteria.{name}: give either below or above", source)
@@ -276,6 +277,29 @@ def _require_apart(varied: Iterable[Varied], place: str) -> None:
         seen.append(key)
 
 
+def _require_effect(
+    settings: StudySettings,
+    varied: Iterable[Varied],
+    variants: Sequence[StudyVariant],
+    base: dict[str, Any],
+    source: str,
+) -> None:
+    """Refuse a draw that is a share of zero everywhere, and what only experiments make use of."""
+    for one in varied:
+        if one.reference != "relative":
+            continue
+        of = [v.nominal.get(key, value_at(base, key)) for v in variants for key in one.keys]
+        if not any(map(np.any, of)):
+            words = "is a share of 0 in every trial; use offset, or the values themselves"
+            raise BadInput(words, f"{source}: vary.{one.name}.relative")
+    found = {variant.replan for variant in variants} & {EXPERIMENT, MANOEUVRE}
+    if settings.shake and EXPERIMENT not in found:
+        raise BadInput(f"shake: is not allowed without replan: {EXPERIMENT}", source)
+    if settings.fit and not found:
+        words = f"fit: is not allowed without replan: {EXPERIMENT} or {MANOEUVRE}"
+        raise BadInput(words, source)
+
+
 def _overlap(one: str, other: str) -> bool:
     """Return whether a path is another one, or leads through it."""
     return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
@@ -314,6 +338,8 @@ def nominal_value(base: dict[str, Any], key: str, place: str) -> Any:
     known = sorted(_paths(base))
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]}?" if close else ""
+    if key.startswith("controllers."):
+        hint += "; of a controller the trial's file must give it"  # its defaults are its law's
     raise BadInput(f"{key} is not a key of the trial{hint}", place)
 
 
@@ -335,6 +361,9 @@ def _variants(
 ) -> tuple[StudyVariant, ...]:
     axes = []
     for key, given in settings.compare.items():
+        if key in _OWN:
+            words = f"compare.{key}: is not allowed: every trial of a study has its own"
+            raise BadInput(words, source)
         if key == REPLAN:
             _require_knowledge(given, source)
         elif key.split(".")[0] not in base:

@@ -11,6 +11,7 @@ class Way(StrEnum):
     NOT_ALLOWED = "bench: refused"  # it says why
     METRICS = "bench: a metric of its own raises"
     EDGE = "bench: a value at the edge of a quantum or a pulse"
+    ROUNDING = "bench: a motion that magnifies rounding between quanta"
     SCHEDULE = "bench: a switch at the start, or one that is not answered"
     BRAKE = "bench: the brake takes over"
     NAN = "bench: sensors that read NaN"

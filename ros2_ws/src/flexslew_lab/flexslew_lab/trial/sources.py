@@ -1,5 +1,6 @@
 """Where a trial comes from: a file, or the name of a shipped one, with single values changed."""
 
+import os
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib import resources
@@ -49,9 +50,9 @@ def trial_path(name: str | Path | None) -> Path:
     """
     given = DEFAULT if name is None else str(name)
     path = Path(given)
-    if path.is_file():
+    if os.path.isfile(path):  # also of a name that is too long for one
         return path
-    if path.is_dir():
+    if os.path.isdir(path):
         raise BadInput(f"{given}: cannot be read: it is a folder")
     known = {trial.name: trial.path for trial in shipped_trials()}
     if given in known:

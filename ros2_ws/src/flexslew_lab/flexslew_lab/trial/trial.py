@@ -107,7 +107,7 @@ def text_of(path: Path) -> str:
         BadInput: it cannot be read.
     """
     try:
-        return path.read_text()
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is not a text file"
         raise BadInput(f"cannot be read: {why}", path) from None
@@ -120,11 +120,14 @@ def checked_trial(trial: Trial, source: str) -> Trial:
     """Return a trial that is about to be flown, checked for what an old log may still hold.
 
     Raises:
-        BadInput: it has too many ticks, an entry of the schedule lies after the end or silences
-            nobody, or a plan that ends in motion is over before the run.
+        BadInput: it has too many ticks or none, an entry of the schedule lies after the end or
+            silences nobody, or a plan that ends in motion is over before the run.
     """
     if not trial.duration / trial.period <= _MOST_TICKS:
         words = f"more than {_MOST_TICKS:g} ticks of {trial.period:g} s"
+        raise BadInput(words, source, "duration", trial.duration)
+    if round(trial.duration / trial.period) < 1:
+        words = f"at least a tick of {trial.period:g} s"
         raise BadInput(words, source, "duration", trial.duration)
     until = getattr(trial.plan, "turns_until", None)
     if until is not None and round(until / trial.period) < round(trial.duration / trial.period):
@@ -171,6 +174,8 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     require_units_of_joints(Trial, values, trial.testbed, source)
     if trial.trust != trust:
         trial = replace(trial, trust=trust)
+    if "" in trial.controllers:  # who leads by that name is the brake
+        raise BadInput("a name", source, "controllers", "")
     requested = {"active": trial.active} | {
         f"fallback.{i}": c for i, c in enumerate(trial.fallback)
     }

@@ -45,8 +45,29 @@ from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds import Testbed, initial_state
+from flexslew_plant.testbeds.model import Model
 
 _RIGID_FREQUENCY = 0.1  # of the brake on what has no mode [rad/s]
+
+
+def _begun(given: Testbed, testbed: Testbed) -> tuple[Vector, Model, float]:
+    """Return the state in which a testbed begins, its model and its slowest frequency [rad/s].
+
+    Args:
+        given: the trial's.
+        testbed: the same with the turns of the schedule.
+
+    Raises:
+        BadInput: its numbers are too large or too small to compute with.
+    """
+    try:
+        start, model = kept(initial_state(given)), testbed.model()
+        small = model.linearise(model.split(start)[0])
+        if not np.isfinite((small.mass, small.stiffness)).all():
+            raise OverflowError("mass and stiffness are not finite")
+        return start, model, min(small.frequencies, default=_RIGID_FREQUENCY)
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise BadInput(f"its numbers are out of range ({error})", key="testbed") from None
 
 
 class Bench:
@@ -57,7 +78,8 @@ class Bench:
 
     Raises:
         BadInput: a schedule entry names what the testbed does not have, or breaks something
-            although faults are off; or what has no motors shall have friction.
+            although faults are off; what has no motors shall have friction; or the testbed's
+            numbers are out of range.
     """
 
     question: Measurement  # of this tick
@@ -65,12 +87,9 @@ class Bench:
     def __init__(self, settings: BenchSettings) -> None:
         self.settings = settings
         self._testbed = with_schedule(settings.testbed, settings.schedule)
-        self.model = self._testbed.model()
+        self._start, self.model, slowest = _begun(settings.testbed, self._testbed)
         self.appendages = self.model.appendages
         self.limit: Vector = np.array(settings.testbed.effort_limit, dtype=float)
-        self._start = kept(initial_state(settings.testbed))
-        free = self.model.linearise(self.model.split(self._start)[0])
-        slowest = min(free.frequencies, default=_RIGID_FREQUENCY)
         moved = self.model.inertias(self._start)
         able = np.where(np.isinf(moved), 0.0, moved)  # what does not move its joint brakes nothing
         brake = settings.brake_damping_ratio * slowest * able

@@ -142,7 +142,7 @@ def integral_form(
 ) -> LinearForm:
     """Return the law as matrices; see LawEntry.
 
-    The integral is z = s + x T / 2 with s(k + 1) = s(k) + T x(k) + g (demand - applied), and
+    The integral is z = s + x T / 2 with s(k + 1) = s(k) + T x(k) + g (demand - sat(demand)), and
     s(0) = -x T / 2; g is what takes it back at the limits.
     """
     h, m, n = law.period, len(law.gains), law.gains.shape[1] // 3
@@ -158,10 +158,10 @@ def integral_form(
         of_motion = -np.hstack((kp + 0.5 * h * ki, kd))
         before = np.hstack((h * one, none)) + back @ of_motion
         rows.append((of_motion, -ki, one - back @ ki, -back, before, back))
-    of_motion, of_state, state, effort, before, back = map(np.array, zip(*rows, strict=True))
+    of_motion, of_state, state, taken, before, back = map(np.array, zip(*rows, strict=True))
     start = np.hstack((-0.5 * h * one, none))
     constant = (back @ demand[:, :, None])[:, :, 0]
-    observer = LinearObserver(start, state, effort, before, constant)
+    observer = LinearObserver(start, state, np.zeros((n, m)), before, constant, taken)
     return _on_motion(estimator, of_motion, of_state, demand, observer)
 
 

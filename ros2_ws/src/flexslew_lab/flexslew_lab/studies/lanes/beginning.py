@@ -97,5 +97,5 @@ def _small_motions(first: SmallMotionForm, forms: Sequence[SmallMotionForm]) -> 
 
 def _linear(observers: Sequence[LinearObserver]) -> LinearObserver:
     """Return the matrices of linear observers by lane."""
-    sizes = zip(LinearObserver._fields, (2, 2, 2, 2, 1), strict=True)
+    sizes = zip(LinearObserver._fields, (2, 2, 2, 2, 1, 2), strict=True)
     return LinearObserver(*(by_lane(observers, name, d) for name, d in sizes))

@@ -9,12 +9,12 @@ from flexslew_lab.run.pool import Executor
 from flexslew_lab.studies.cases import Case, Cases
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.flight import Flown
+from flexslew_lab.studies.lanes.tolerance import TOLERANCE, apart
 from flexslew_lab.studies.run import Preparation, note
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 
-TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 SHARE = 0.01  # of the trials, drawn at random
 _WORST = 3  # of each variant
 _STREAM = 0xC4EC
@@ -83,10 +83,3 @@ def check_lanes(
     found["ok"] = bool(found["largest"] <= TOLERANCE)
     note(store, check=found)
     return found
-
-
-def apart(ours: float | None, theirs: float | None) -> float:
-    """Return how far two values are apart, relative to the larger of the value and one."""
-    if ours is None or theirs is None:
-        return 0.0 if ours is theirs else 1e9
-    return abs(ours - theirs) / max(1.0, abs(theirs))

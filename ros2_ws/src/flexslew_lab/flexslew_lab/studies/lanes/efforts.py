@@ -251,7 +251,7 @@ def _give(rows: Rows, sizes: Sizes) -> Callable[..., None]:
 
 def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what a drive makes of a demand; see Actuator and Thrusters."""
-    effort, limit, least = rows.applied, rows.limit, rows.least
+    effort, limit, least, own = rows.applied, rows.limit, rows.least, rows.own
     pulsed, pulse, owed = sizes.pulsed, rows.pulse, rows.owed
     follow, stepped, doubt = _follow(rows, sizes), sizes.stepped, rows.doubt
     quantum = rows.motor + 2 * LANES
@@ -267,6 +267,8 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
 
     @vectorised
     def drive(k: int, i: int, dt: float, troubles: Troubles, w: Vector, filled: int) -> None:
+        for at in range(i * LANES, (i + 1) * LANES):
+            w[own + at] = min(max(w[effort + at], -w[limit + at]), w[limit + at])
         ask(k, i, troubles.faults, w, filled)
         for at in range(i * LANES, (i + 1) * LANES):
             applied = min(max(w[effort + at], w[least + at]), w[limit + at])

@@ -1,6 +1,6 @@
 """Trials flown at once: from trials to lanes and back to metrics."""
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -34,6 +34,7 @@ from flexslew_lab.studies.lanes.lane_trial import (
 from flexslew_lab.studies.lanes.legs import LaneFlight, Leg
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
+from flexslew_lab.studies.lanes.tolerance import TOLERANCE, apart
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
@@ -44,6 +45,7 @@ from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
+_MOVED = 1e-14  # beginning of a twin: above the rounding of a tick, far below any metric
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
 _ROOM = 40_000_000  # for the numbers of their observers
@@ -82,6 +84,28 @@ class _Ready(NamedTuple):
     lane: LaneTrial
     law: _Prepared
     gains: Vector
+
+
+class _SideBySide(NamedTuple):
+    """A group that was flown."""
+
+    metrics: Callable[[int], dict[str, float | None] | None]  # of a lane; None: one raises
+    far: Vector  # largest state of every lane at the end
+    doubt: Vector  # of every lane, see LaneFlight.in_doubt
+    quantised: bool  # readings or motors are
+
+    def way(self, lane: int) -> Way:
+        """Return LANES, or why the bench has to fly this lane's trial."""
+        if not self.far[lane] < _FAR:
+            return Way.FAR
+        return _DOUBTS.get(self.doubt[lane], Way.LANES)
+
+    def agrees(self, lane: int, metrics: Mapping[str, float | None]) -> bool:
+        """Return whether its metrics are these."""
+        own = self.metrics(lane) if self.way(lane) is not Way.FAR else None
+        return own is not None and all(
+            apart(own.get(name), value) <= TOLERANCE for name, value in metrics.items()
+        )
 
 
 @dataclass
@@ -136,6 +160,27 @@ class Lanes:
         return gains if isinstance(gains, Way) else _Ready(lane, law, gains)
 
     def _flown(self, ready: Sequence[_Ready]) -> tuple[list[Flown], list[ForBench]]:
+        found, results, lost = self._side_by_side(ready), list[Flown](), list[ForBench]()
+        # between quanta a loop is cut: what differs by rounding may grow there
+        twin = self._side_by_side(ready, _MOVED) if found.quantised else None
+        for k, one in enumerate(ready):
+            case, way = one.lane.case, found.way(k)
+            metrics = found.metrics(k) if way is Way.LANES else None
+            if metrics is None:
+                lost.append(ForBench(case, Way.METRICS if way is Way.LANES else way))
+            elif twin is not None and not twin.agrees(k, metrics):
+                lost.append(ForBench(case, Way.ROUNDING))
+            else:
+                results.append(Flown(case.number, metrics, None, "ok", "", Way.LANES))
+        return results, lost
+
+    def _side_by_side(self, ready: Sequence[_Ready], moved: float = 0.0) -> _SideBySide:
+        """Fly a group.
+
+        Args:
+            ready: its trials.
+            moved: added to all states in which they begin.
+        """
         group, prepared = [one.lane for one in ready], ready[0].law
         first, last = group[0], ready[-1]  # which fills up
         all_lanes = [*ready, *(last for _ in range(LANES - len(ready)))]
@@ -148,9 +193,11 @@ class Lanes:
             prepared.aim,
             len(group),
             recorded,
+            moved,
         )
         states = first.model.positions + first.model.coordinates
         start = flight.w[: first.model.joints * LANES].reshape(-1, LANES).copy()
+        measured: Callable[[int], dict[str, float | None] | None]
         if recorded:
             measured = self._recorded(group, prepared, flight)
         else:
@@ -159,17 +206,8 @@ class Lanes:
             aim = prepared.goal
             found = LaneMetrics(group, flight.rows, prepared.schedule, aim, start)
             measured = found.metrics(flight.w).__getitem__
-        results, lost, doubt = [], [], flight.in_doubt()
         far = np.abs(flight.w[: states * LANES].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
-        for k, lane in enumerate(group):
-            bounded, doubtful = far[k] < _FAR, bool(doubt[k])
-            metrics = measured(k) if bounded and not doubtful else None
-            if metrics is not None:
-                results.append(Flown(lane.case.number, metrics, None, "ok", "", Way.LANES))
-            else:
-                way = Way.FAR if not bounded else _DOUBTS.get(doubt[k], Way.METRICS)
-                lost.append(ForBench(lane.case, way))
-        return results, lost
+        return _SideBySide(measured, far, flight.in_doubt(), flight.quantised)
 
     def _recorded(
         self, group: Sequence[LaneTrial], prepared: _Prepared, flight: LaneFlight

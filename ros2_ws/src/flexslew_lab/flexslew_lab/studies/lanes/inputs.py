@@ -203,7 +203,7 @@ def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
     m, tips = lanes[0].model.joints, len(lanes[0].model.appendages.names)
     widths = (m, m, tips, tips)
     channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
-    noisy = any(channel.noise for channel in read_channels(lanes[0].trial))
+    noisy = any(channel.noise for lane in lanes for channel in read_channels(lane.trial))
     error = np.zeros((readings if noisy else 1, outputs, LANES))
     for k, lane in enumerate(lanes):
         if k > 0 and lane is lanes[k - 1]:  # it only fills up

@@ -60,6 +60,7 @@ class LaneFlight:
         aim: rows `tip` and `goal`, then the displacement of the plan.
         filled: how many trials there are; the others only fill up.
         recorded: whether the truth is, see lane_loop.
+        moved: added to all states in which the trials begin.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class LaneFlight:
         aim: Vector,
         filled: int,
         recorded: bool,
+        moved: float = 0.0,
     ) -> None:
         self._lanes, self._legs, self._schedule = list(lanes), legs[0], schedule
         self._filled, self._recorded = filled, recorded
@@ -104,7 +106,7 @@ class LaneFlight:
         self._positions = positions_of(lanes, schedule)
         self._next = 0  # leg
         self.rows = rows_of(first.kernel.size, self._sizes(0))
-        self.w = self._at_rest(aim)
+        self.w = self._at_rest(aim, moved)
         self._begin(gains)
 
     def in_doubt(self) -> Vector:
@@ -112,6 +114,11 @@ class LaneFlight:
         if not self._sizes(0).doubtful:
             return np.zeros(LANES)
         return self.w[self.rows.doubt : self.rows.doubt + LANES]
+
+    @property
+    def quantised(self) -> bool:
+        """Whether readings or motors are."""
+        return self._sizes(0).quantised or self._sizes(0).stepped
 
     def cuts(self, most: int) -> list[tuple[int, int]]:
         """Return all ticks in pieces that `fly` takes at once, no longer than `most`."""
@@ -202,14 +209,14 @@ class LaneFlight:
             self._troubles.disturbance.shape[2] > 1,
         )
 
-    def _at_rest(self, aim: Vector) -> Vector:
+    def _at_rest(self, aim: Vector, moved: float) -> Vector:
         """Return the array before tick 0."""
         lanes, rows, kernel = self._lanes, self.rows, self._lanes[0].kernel
         appendages, w = lanes[0].model.appendages, flat_zeros(rows.end)
         packed = np.array([lane.model.packed for lane in lanes]).T
         state = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
-        w[: state.size] = state.ravel()
+        w[: state.size] = state.ravel() + moved
         joints = lanes[0].model.joints
         w[rows.tip : rows.sign] = np.repeat(aim[:-joints], LANES)
         error = w[: joints * LANES] - w[rows.goal : rows.sign]

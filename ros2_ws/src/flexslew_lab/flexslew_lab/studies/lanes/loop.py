@@ -81,7 +81,7 @@ def lane_loop(
         _recorded(of_kernel.effort, rows, sizes) if recorded else _measure(of_kernel, rows, sizes)
     )
     locate, position, velocity, mode = kernel.read, *of_kernel[1:4]
-    reading, earlier, effort = rows.reading, rows.earlier, rows.applied
+    reading, earlier, effort, own = rows.reading, rows.earlier, rows.applied, rows.own
     tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
     about = about_reference(m, rows.reading, turns and filtered is None)
     quantise = quantising(rows, sizes)
@@ -135,6 +135,7 @@ def lane_loop(
             w[reading : reading + ny * LANES],
             w[earlier : earlier + ny * LANES],
             w[effort : effort + m * LANES],
+            w[own : own + m * LANES],
         )
         for k in range(first, last):
             locate(filled, w)

@@ -27,6 +27,7 @@ class LaneSignals(NamedTuple):
     y: Vector  # readings of this tick
     earlier: Vector  # of the one before
     effort: Vector  # that was held in between
+    demand: Vector  # of the law for it, within the limits
 
 
 @vectorised
@@ -99,6 +100,7 @@ def linear(states: int) -> Observe:
             _add_all(law.state, k - 1, z, after)
             _add_all(law.effort, k - 1, signals.effort, after)
             _add_all(law.before, k - 1, signals.earlier, after)
+            _add_all(law.demand, k - 1, signals.demand, after)
         for i in range(states * LANES):
             z[i] = after[i]
 

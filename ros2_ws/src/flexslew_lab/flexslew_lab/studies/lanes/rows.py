@@ -39,6 +39,7 @@ class Rows(NamedTuple):
     """Where each begins, behind what the kernel placed."""
 
     applied: int  # effort of the drives
+    own: int  # demand of the law within their limits
     asked: int  # demand that faults may hold
     reading: int  # of this tick
     earlier: int  # reading of the one before
@@ -85,5 +86,5 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     law = (read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
     quanta = read * sizes.quantised, int(sizes.doubtful)
     drives = (tip, m, m, m, n, m, m, m, 5, *quanta)  # to doubt
-    counts = (m, m * sizes.broken, *law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
+    counts = (m, m, m * sizes.broken, *law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))

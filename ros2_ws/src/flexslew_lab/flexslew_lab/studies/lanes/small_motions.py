@@ -72,7 +72,7 @@ def small_motions(kernels: Kernels, n: int, before: int, behind: int) -> Observe
             take_in(kernels, packed, gain, rest, small, innovation, x, found)
             for i in range(2 * n):
                 z[i * LANES + lane] = found[i]
-        seen = LaneSignals(z[:rows], earlier, signals.effort)
+        seen = LaneSignals(z[:rows], earlier, signals.effort, signals.demand)
         read_estimate(k, t, dt, motions.behind, seen, z[rows:], after, filled)
 
     return cast(Observe, observe)
