@@ -11,7 +11,6 @@ from flexslew_lab.log.truth_columns import coordinate_of
 from flexslew_lab.metrics.from_bag import joint_names_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.own_code import Trust
 from flexslew_plant.testbeds.model import Model
 
 _Q, _V = "coordinate", "coordinate_rate"  # no fields: the state, where joints are read from it

@@ -49,8 +49,6 @@ _MOVED = 1e-14  # beginning of a twin: above the rounding of a tick, far below a
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
 _ROOM = 40_000_000  # for the numbers of their observers
-
-
 _DOUBTS = {1.0: Way.EDGE, DISTRUSTED: Way.JUDGED}
 
 
