@@ -10,6 +10,7 @@ from tests.fake_bench import FakeLink
 
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.panels.sky import SkyPanel
+from flexslew_lab.console.view import COORDINATES
 from flexslew_lab.report.sky_map import projected
 from flexslew_lab.run.run_trial import CHECK_FAILED, Result, run_trial
 from flexslew_lab.trial.trial import trial_of_values
@@ -88,7 +89,7 @@ def test_the_console_shows_the_sky_of_a_craft_that_has_one(tmp_path: Path) -> No
         testbed = link.view.testbed = read_testbed(CRAFT, "here")
         model = testbed.model()
         rows = np.array([model.rest({"roll": angle}) for angle in np.linspace(0.0, 1.0, 50)])
-        link.view.truth.add(np.arange(50, dtype=float) * 0.1, {"position": rows})
+        link.view.truth.add(np.arange(50, dtype=float) * 0.1, {COORDINATES: rows})
         for panel in page._panels:
             if isinstance(panel, SkyPanel):
                 panel._next = 0.0

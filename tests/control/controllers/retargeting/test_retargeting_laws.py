@@ -161,8 +161,9 @@ def test_an_integral_on_an_observer_is_its_matrices_tick_by_tick(planned: bool) 
     s, efforts = start @ y[0], np.zeros((len(references), m))
     for k, reference in enumerate(references):
         if k > 0:
-            a, b, e, c = (each[min(k, len(each)) - 1] for each in others)
-            s = a @ s + b @ efforts[k - 1] + e @ y[k - 1] + c
+            a, b, e, c, d = (each[min(k, len(each)) - 1] for each in others)
+            assert not b.any()  # whatever motors make of a demand, it winds back by its own
+            s = a @ s + e @ y[k - 1] + c + d @ efforts[k - 1]
         own = form.law.from_state[min(k, len(form.law.from_state) - 1)]
         efforts[k] = np.clip(form.law.demand[k] + own @ np.concatenate((y[k], s)), -4.0, 4.0)
         measured = Measurement(k, 0, 0.01 * k, "", none, none, NOTHING, NOTHING, none)
