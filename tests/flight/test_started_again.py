@@ -46,15 +46,21 @@ class Told:
         for name in names:
             self._follow(name, *self._published[-1])
 
-    def start(self, name: str) -> None:
-        """Start a controller again: it hears every plan that there was."""
+    def start(self, name: str, heard: str = "each") -> None:
+        """Start a controller again: it hears every plan that there was.
+
+        A recorder has heard the status of it with each, with the last, or none before the next.
+        """
         self.bench.start(name)
         for published in self._published:
-            self._follow(name, *published)
+            self._follow(name, *published, told=heard == "each")
+        if heard == "last":
+            self.status(name)
 
-    def _follow(self, name: str, published: Plan, of_flight: bool) -> None:
+    def _follow(self, name: str, published: Plan, of_flight: bool, told: bool = True) -> None:
         assert self.bench.hosts[name].adopt(published, of_flight) is None
-        self.status(name)
+        if told:
+            self.status(name)
 
     def status(self, name: str) -> None:
         host = self.bench.hosts[name]
@@ -128,9 +134,10 @@ def test_one_that_starts_again_after_a_reset_has_forgotten_how_it_was_tuned(
     assert resim(tmp_path / "bag").identical
 
 
+@pytest.mark.parametrize("heard", ["each", "last", "later", "none"])
 @pytest.mark.parametrize("begun", [False, True])
 def test_one_that_is_started_in_flight_follows_all_plans_of_it_and_after_a_reset_the_first(
-    tmp_path: Path, begun: bool
+    tmp_path: Path, begun: bool, heard: str
 ) -> None:
     """It is in charge before the later plan has begun, or after."""
     bench, writer = recorded(tmp_path / "bag", parse_trial(TEXT, "test"))
@@ -142,10 +149,12 @@ def test_one_that_is_started_in_flight_follows_all_plans_of_it_and_after_a_reset
         bench.fly(30)
         told.plan(later, *NAMES)
         bench.fly(170 if begun else 40)  # the first plan is flown until 0.6 s
-        told.start("lqr")
+        told.start("lqr", heard)
         came = bench.bench.tick
         bench.session.switch(SwitchRequest("lqr", came + 5), bench.now)
         bench.fly(came + 15)
+        if heard == "later":
+            told.status("lqr")
         lqr = bench.hosts["lqr"].controller
         assert lqr is not None
         for tick in (came + 10, 148, 175):

@@ -219,24 +219,33 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         if topic == "/events":
             event = logged_event(status, source)
             what, key = event.what, (event.epoch, event.tick)
-            if isinstance(what, EstimateBegan) and what.fresh and what.controller in started_again:
-                begun[what.controller] = key
-                found.append(Adoption(what.controller, key, started_again.pop(what.controller)))
+            if isinstance(what, EstimateBegan) and what.fresh:
+                name = what.controller
+                begun[name] = key
+                told = started_again.pop(name, ()) or _course(
+                    heard, following.get(name, ("", 0))[0]
+                )
+                if told:
+                    found.append(Adoption(name, key, told))
             continue
         name, requested = status.controller, status.plan_hash
         at = int(status.epoch), int(status.last_tick)
         before = seen.get(name, at)
         seen[name] = max(before, at)
-        if not requested or following.get(name) == (requested, status.plan_number):
+        if not requested:
+            following.pop(name, None)
+            continue
+        if following.get(name) == (requested, status.plan_number) and at >= before:
             continue
         if requested not in plans:
             raise BadInput(
                 f"{name} follows plan {requested[:12]}, which is not in the log", bag.path
             )
+        course = _course(heard, requested) or (plans[requested],)
         anew = status.plan_number <= following.get(name, ("", 0))[1] or at < before
         following[name] = requested, status.plan_number
         if anew and status.plan_number and not (status.last_tick or status.plan_tick):
-            started_again[name] = _course(heard, requested) or (plans[requested],)
+            started_again[name] = course
             continue
         first = int(status.plan_epoch), int(status.plan_tick)
         if not status.plan_number:  # of an older log: what it had seen when it said so
@@ -245,7 +254,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
                 first = 0, 0
         # one that is built anew, for another testbed or after a crash, says that it began there
         begun[name] = first = max(first, begun.get(name, first))
-        found.append(Adoption(name, first, (plans[requested],)))
+        found.append(Adoption(name, first, course))
     return sorted(found, key=lambda adoption: adoption.first)
 
 
