@@ -83,8 +83,12 @@ def published_plan(message: Any, source: str) -> tuple[Plan, bool]:
     Raises:
         BadInput: see plan_of.
     """
-    at = message.stamp
-    return plan_of(message, source), bool(at.sec or at.nanosec)
+    return plan_of(message, source), in_flight(message)
+
+
+def in_flight(message: Any) -> bool:
+    """Return whether a plan was published in flight; see published_plan."""
+    return bool(message.stamp.sec or message.stamp.nanosec)
 
 
 def plan_of(message: Any, source: str) -> Plan:

@@ -13,7 +13,7 @@ from flexslew_control.controllers import (
 )
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.host import merged
-from flexslew_control.message_fields import published_plan
+from flexslew_control.message_fields import in_flight, published_plan
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode
@@ -214,7 +214,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     for topic, kind, _, _, data in bag.messages(("/controller_status", "/events", "/plan")):
         status = decode(kind, data)
         if topic == "/plan":
-            heard.append((status.hash, Told(*published_plan(status, source))))
+            heard.append((status.hash, Told(plans[status.hash].plan, in_flight(status))))
             continue
         if topic == "/events":
             event = logged_event(status, source)

@@ -74,7 +74,7 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
     collector = _Collector(
         overview.counts,
         len(testbed.joint_names) if testbed is not None else None,
-        _model_with_readings(trial, bag),
+        _model(flown),
         flown if isinstance(flown, Pointing) else None,
     )
     for block in bag.blocks(["/truth", "/controller_state", "/measurement"]):
@@ -126,13 +126,11 @@ def _testbed(trial: Mapping[str, Any], bag: BagReader) -> Testbed | None:
         return None
 
 
-def _model_with_readings(trial: Mapping[str, Any], bag: BagReader) -> Model | None:
-    """Return the model of a trial whose joints are not the first entries of its state."""
+def _model(flown: Testbed | None) -> Model | None:
     try:
-        model = read_testbed(trial["testbed"], str(bag.path), bag.trust).model()
-    except (BadInput, KeyError):
+        return None if flown is None else flown.model()
+    except BadInput:
         return None
-    return None if model.reading is None else model
 
 
 def _goal(overview: Overview) -> dict[str, float]:

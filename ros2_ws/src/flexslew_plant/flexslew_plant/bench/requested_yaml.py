@@ -3,7 +3,7 @@
 from typing import Any
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import LONGEST_TEXT
+from flexslew_plant.events import too_long
 from flexslew_plant.settings import load_yaml, require_no_anchor
 
 
@@ -14,8 +14,7 @@ def requested_yaml(text: str, source: str) -> Any:
         BadInput: it is not YAML, is too long for an event, or has anchors: no log is read that
             has one, see settings.require_no_anchor.
     """
-    if len(text) > LONGEST_TEXT:
-        words = f"has {len(text):,} characters; at most {LONGEST_TEXT:,} are allowed"
+    if words := too_long(text):
         raise BadInput(words, source)
     require_no_anchor(text, source)
     return load_yaml(text, source)

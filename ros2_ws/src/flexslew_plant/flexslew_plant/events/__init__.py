@@ -19,7 +19,6 @@ from flexslew_plant.events.control import (
     StrayMessage,
 )
 from flexslew_plant.events.event import (
-    LONGEST_TEXT,
     UNNAMED,
     Event,
     Fact,
@@ -27,6 +26,7 @@ from flexslew_plant.events.event import (
     Other,
     checked,
     event_of,
+    too_long,
 )
 from flexslew_plant.events.injections import (
     DisturbanceChanged,
@@ -79,7 +79,6 @@ from flexslew_plant.events.switching import (
 __all__ = [
     "EVENTS",
     "IN_CHARGE",
-    "LONGEST_TEXT",
     "UNNAMED",
     "AnswerMissed",
     "AnswerRepeated",
@@ -135,6 +134,7 @@ __all__ = [
     "fact_of",
     "largest",
     "step_words",
+    "too_long",
 ]
 
 _KINDS: tuple[Any, ...] = (

@@ -25,6 +25,13 @@ _T = TypeVar("_T")
 UNNAMED = "unnamed"  # somebody who does not say who asks
 
 
+def too_long(text: str) -> str:
+    """Return why a text is too long for a field of an event; empty: it is not."""
+    if len(text) <= LONGEST_TEXT:
+        return ""
+    return f"has {len(text):,} characters; at most {LONGEST_TEXT:,} are allowed"
+
+
 def _key(name: str) -> str:
     return name.rstrip("_")
 

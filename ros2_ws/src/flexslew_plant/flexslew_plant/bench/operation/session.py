@@ -14,7 +14,6 @@ from flexslew_plant.bench.operation.pacing import Pacing
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Presence
 from flexslew_plant.bench.operation.run_state import PAUSED, WAITING, Reply, RunState
 from flexslew_plant.events import (
-    LONGEST_TEXT,
     UNNAMED,
     Event,
     Fact,
@@ -29,6 +28,7 @@ from flexslew_plant.events import (
     Started,
     Stepped,
     WasReset,
+    too_long,
 )
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
@@ -190,8 +190,7 @@ class Session:
         """Keep an operator's remark in the log."""
         if not text.strip():
             return Reply(refused=Refusal("is empty; write something", "text"))
-        if len(text) > LONGEST_TEXT:
-            words = f"has {len(text):,} characters; at most {LONGEST_TEXT:,} are allowed"
+        if words := too_long(text):
             return Reply(refused=Refusal(words, "text"))
         self._told(Reply(), Noted(text.strip(), who or UNNAMED))
         return Reply(f"noted at tick {self.bench.tick}")
