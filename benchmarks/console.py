@@ -136,7 +136,7 @@ def _heard(domain: int) -> Iterator[dict[float, float]]:
 
     def listen() -> None:
         while not over.wait(0.002):
-            for _, data in listener.take():
+            for _, data, _ in listener.take():
                 arrivals[round(stamp_of(TOPICS[TRUTH].type, data, 0) * 1e-9, 2)] = time.time()
 
     thread = Thread(target=listen)

@@ -1,5 +1,6 @@
 """Killed nodes, interruptions and intruders: the others go on and the log is whole."""
 
+import json
 import os
 import signal
 import subprocess
@@ -11,6 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flexslew_msgs import msg
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
@@ -21,8 +26,11 @@ from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_fi
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant import topics
 from flexslew_plant.direct.names import SETTING
+from flexslew_plant.ros.offers import publisher, subscription
 
+from .bystander import beside
 from .flight import Flight, fork_server, kill, side_by_side, slew
 
 
@@ -177,6 +185,43 @@ def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(
     events = BagReader(flight.bag).overview.events
     assert {event.data["reason"] for event in events if event.kind == "rejected"} >= reasons
     assert flight.metrics["missed_ticks"] == 0
+
+
+def test_who_is_not_the_plant_does_not_enter_the_log(tmp_path: Path) -> None:
+    """Messages of the right type, one of the right size and of a tick that was not yet flown."""
+    others: list[Any] = [
+        (topics.TRUTH, msg.PlantState(tick=12, position=[9.0, 9.0, 9.0])),
+        (topics.TRUTH, msg.PlantState(tick=12, position=[0.0] * 4, velocity=[0.0] * 4)),
+        (topics.MEASUREMENT, msg.Measurement(tick=1 << 60, controller="x")),
+        (topics.TESTBED, msg.Testbed(kind="csa", joint_names=["x"], settings="{")),
+        (topics.JOINT_STATES, JointState(name=["base_yaw"], position=[7.0])),
+        (topics.CLOCK, Clock()),
+    ]
+
+    def speak(pids: dict[str, int], domain: int) -> None:
+        told: set[str] = set()
+        with beside(domain) as stranger:
+            assert stranger.ask(Trigger, "pause").success
+            subscription(stranger.node, topics.EVENTS, lambda event: told.add(event.data))
+            ends = [(publisher(stranger.node, name), message) for name, message in others]
+
+            def told_of_all() -> bool:
+                for end, message in ends:
+                    end.publish(message)
+                strange = [json.loads(data) for data in told if "is not the plant" in data]
+                return {data["topic"] for data in strange} >= {name for name, _ in others}
+
+            stranger.until(told_of_all, lambda: told)
+            assert stranger.ask(Trigger, "start").success
+
+    flight = Flight(slew(duration=16.0, rate=2.0), tmp_path, 10, speak)
+    assert flight.outcome == (0, ""), flight.log
+    assert resim(flight.bag).identical
+    assert flight.metrics["log_complete"]
+    columns = BagReader(flight.bag).columns("/truth", {"tick"})
+    assert columns["tick"].tolist() == list(range(1601))
+    overview = BagReader(flight.bag).overview
+    assert overview.counts["/testbed"] == 1
 
 
 def test_a_node_that_dds_does_not_let_go_is_ended_and_the_run_is_unharmed(tmp_path: Path) -> None:

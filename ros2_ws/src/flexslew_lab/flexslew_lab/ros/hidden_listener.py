@@ -53,13 +53,13 @@ class HiddenListener:
         """Hear a topic no longer."""
         self.node.destroy_subscription(self.subscriptions.pop(name))
 
-    def take(self) -> Iterator[tuple[str, bytes]]:
-        """Yield all that waits: the name of the topic, as it was given, and CDR."""
+    def take(self) -> Iterator[tuple[str, bytes, Mapping[str, Any]]]:
+        """Yield all that waits: the name of the topic, as it was given, CDR, and what DDS says."""
         for name, subscription in self.subscriptions.items():
             with subscription.handle:
                 take, kind = subscription.handle.take_message, subscription.msg_type
                 while (taken := take(kind, True)) is not None:
-                    yield name, taken[0]
+                    yield name, *taken
 
     def close(self) -> None:
         """Leave the graph."""

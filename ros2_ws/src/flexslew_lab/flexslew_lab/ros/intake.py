@@ -7,11 +7,16 @@ from rclpy.node import Node
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.ros.hidden_listener import HiddenListener
+from flexslew_lab.ros.plant_only import SIGN_OF_LIFE, PlantOnly
+from flexslew_plant import topics
 from flexslew_plant.direct.inbox import Inbox
 from flexslew_plant.direct.names import RECORDER, address, direct
 from flexslew_plant.ros.loop import Loop
 
 QUESTIONS = "/measurement"
+# who leaves after the plant
+_AFTER_PLANT = ("/effort_command", "/controller_state", "/plan", "/planned_trajectory")
+_SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
 _TAKE_EVERY = 0.005  # from DDS, while nothing comes: to look costs as much then [wall s]
 
 
@@ -24,13 +29,16 @@ class Intake:
 
     Attributes:
         subscriptions: over DDS, by absolute names of topics.
+        plant_only: who may speak on the topics of the plant.
     """
 
     def __init__(self, node: Node, loop: Loop) -> None:
         self._listener = HiddenListener(node, TOPICS)
         loop.own(self._listener.node)
-        self.subscriptions = self._listener.subscriptions
-        self._next_take = 0.0  # [wall s]
+        self.subscriptions = dict(self._listener.subscriptions)
+        self._listener.listen(SIGN_OF_LIFE, topics.TOPICS[topics.ALIVE])
+        self.plant_only = PlantOnly()
+        self._next_take = self._heard = 0.0  # when something came [wall s]
         self._inbox: Inbox | None = None
         if direct(os.environ):
             questions = self.subscriptions[QUESTIONS].topic_name
@@ -46,9 +54,17 @@ class Intake:
             now: [wall s].
             last: nothing will come any more.
         """
-        over_dds = list(self._listener.take()) if last or now >= self._next_take else []
+        looks = last or now >= self._next_take
+        over_dds = list(self.plant_only.admit(self._listener.take(), now)) if looks else []
         if over_dds:
             self._next_take = now
         elif now >= self._next_take:
             self._next_take = now + _TAKE_EVERY
-        yield from self._inbox.take(over_dds) if self._inbox else over_dds
+        for message in self._inbox.take(over_dds) if self._inbox else over_dds:
+            self._heard = now
+            yield message
+
+    def expects_more(self, now: float) -> bool:
+        """Return whether those who leave after the plant may still have something to say."""
+        there = (self.subscriptions[topic].get_publisher_count() for topic in _AFTER_PLANT)
+        return now < self._heard + _SILENCE and any(there)

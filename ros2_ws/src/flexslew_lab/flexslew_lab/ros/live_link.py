@@ -52,7 +52,7 @@ class LiveLink:
     def poll(self, now: float) -> None:
         """Take what has come, and deliver answers."""
         batches: dict[str, list[bytes]] = {}
-        for name, data in self._listener.take():
+        for name, data, _ in self._listener.take():
             if name != topics.RECORDED:
                 batches.setdefault(name, []).append(data)
                 continue

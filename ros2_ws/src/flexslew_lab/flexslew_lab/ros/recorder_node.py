@@ -7,13 +7,14 @@ from time import monotonic
 
 from flexslew_msgs import msg
 
+from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recording.recording import Recording
 from flexslew_lab.log.recording.recording_order import RecordingOrder
 from flexslew_lab.ros.intake import QUESTIONS, Intake
 from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_plant import topics
-from flexslew_plant.events import Fact, RecordingEnded, RecordingStarted, event_of
+from flexslew_plant.events import Fact, RecordingEnded, RecordingStarted, StrayMessage, event_of
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -23,12 +24,11 @@ from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.settings import section
 
-# who leaves after the plant
-_AFTER_PLANT = ("/effort_command", "/controller_state", "/plan", "/planned_trajectory")
 _TAKE_EVERY = 0.005  # [wall s]
 _BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
-_SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
+
+_STRANGER = "whoever sent it is not the plant of this bench"
 
 
 @section
@@ -56,7 +56,7 @@ class Recorder:
         self._order, self._warned = RecordingOrder(node.get_namespace()), set[str]()  # of topics
         self._told = self._recording.safe
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
-        self._next_look = self._heard = 0.0  # for the plant; when something came [wall s]
+        self._next_look = 0.0  # for the plant [wall s]
         self._intake = Intake(node, loop)
         serve_changes(node, lambda changes: "")
         questions = self._intake.subscriptions[QUESTIONS]
@@ -67,7 +67,8 @@ class Recorder:
         """Take what has come and look for the plant; return when to do so again [wall s]."""
         now = monotonic()
         if now >= self._next_look:
-            self._watch.look(3 if self._recording.stopped else 0, stay=self._expects_more(now))
+            stay = self._intake.expects_more(now)
+            self._watch.look(3 if self._recording.stopped else 0, stay)
             self._next_look = now + 0.2
         if self._leave_at is not None and (now >= self._leave_at or not self._watch.here):
             self.loop.stop(130)
@@ -89,11 +90,6 @@ class Recorder:
         self._take(last=True)
         self._recording.close()
 
-    def _expects_more(self, now: float) -> bool:
-        """Return whether those who leave after the plant may still have something to say."""
-        there = (self._intake.subscriptions[t].get_publisher_count() for t in _AFTER_PLANT)
-        return now < self._heard + _SILENCE and any(there)
-
     def _take(self, last: bool = False) -> int:
         """Write what is due; return how many messages it was."""
         now = monotonic()
@@ -101,6 +97,8 @@ class Recorder:
         for topic in self._order.garbled - self._warned:
             self.node.get_logger().warning(f"left out of the log: a message on {topic} is not one")
         self._warned |= self._order.garbled
+        for topic in self._intake.plant_only.strangers():
+            self._tell(StrayMessage(TOPICS[topic].name, self.node.get_name(), _STRANGER))
         for message in messages:
             self._recording.write(message)
             self._tell_status()
@@ -111,7 +109,6 @@ class Recorder:
 
     def _arrived(self, now: float, last: bool) -> Iterator[tuple[str, bytes]]:
         for topic, data in self._intake.arrived(now, last):
-            self._heard = now
             self._watch.seen = self._watch.seen or topic == QUESTIONS
             self._rebroadcast.hear(topic, data)
             yield topic, data
