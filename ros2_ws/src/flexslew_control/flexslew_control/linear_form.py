@@ -58,6 +58,7 @@ class SteadyForm(NamedTuple):
     model: Model
     gain: Matrix  # K, (2 n, l)
     output: Matrix  # C, (l, 2 n)
+    variance: Vector  # of y - C x as it states it, (l,)
 
 
 class OnModelForm(NamedTuple):

@@ -110,7 +110,12 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
         ),
         (
             Way.JUDGED,
-            {"controllers": {"lqr": {"monitor": {}}}, "active": "lqr"},
+            {
+                "controllers": {
+                    "output_feedback": {"mode": "tracking_b", "observer": "steady", "monitor": {}}
+                },
+                "active": "output_feedback",
+            },
         ),
     ],
 )

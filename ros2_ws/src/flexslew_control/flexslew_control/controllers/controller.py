@@ -112,6 +112,11 @@ class Controller:
         return self._estimator
 
     @property
+    def monitor(self) -> Monitor | None:
+        """What looks at the innovations of the estimator; None: nothing does."""
+        return self._monitor
+
+    @property
     def law(self) -> Law:
         """What turns its estimates into efforts."""
         return self._law

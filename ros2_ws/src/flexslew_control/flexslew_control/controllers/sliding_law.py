@@ -232,7 +232,8 @@ def _on_model(
     if isinstance(estimator, KalmanFilter):
         found = kalman_form(estimator, len(references))
     elif isinstance(estimator, SampledObserver):
-        found = SteadyForm(observed.model, observed.gain, observed.system.c)
+        variance = estimator.innovation_variance()
+        found = SteadyForm(observed.model, observed.gain, observed.system.c, variance)
     else:
         return None
     surface, gain, c = law.found.surface, law.found.observer_gain, observed.system.c

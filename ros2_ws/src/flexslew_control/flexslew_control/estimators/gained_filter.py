@@ -4,7 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.estimators.kalman import KalmanFilter, gain_of, predicted_covariance
+from flexslew_control.estimators.kalman import (
+    KalmanFilter,
+    gain_of,
+    innovation_variance,
+    predicted_covariance,
+)
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds.model import Model
 
@@ -21,6 +26,7 @@ class GainedFilter(NamedTuple):
     output: Matrix  # C, (l, k)
     origin: Vector  # o, (k,)
     gains: Tensor  # K, (ticks, k, l)
+    variance: Matrix  # of e as it states it, (ticks, l)
 
 
 def gained(estimator: KalmanFilter, ticks: int) -> GainedFilter | None:
@@ -47,16 +53,19 @@ def gained(estimator: KalmanFilter, ticks: int) -> GainedFilter | None:
         f[: k - d, k - d :] = g[: k - d, :d]
     dx, du = model.jacobian(np.zeros(k - d), np.zeros(m))
     gains, p = np.zeros((ticks, k, len(own.c))), own.first
+    variance = np.empty((ticks, len(own.c)))
+    variance[0] = innovation_variance(p, own.c, own.r)
     for tick in range(1, ticks):
         if linear:
             ahead = f @ p @ f.T + own.q
         else:
             ahead = predicted_covariance(dx, du[:, :d], p, own.q, period)
         gains[tick], after = gain_of(ahead, own.c, own.r)
+        variance[tick] = innovation_variance(ahead, own.c, own.r)
         if np.array_equal(after, p):  # it is stationary
-            gains[tick + 1 :] = gains[tick]
+            gains[tick + 1 :], variance[tick + 1 :] = gains[tick], variance[tick]
             break
         p = after
     start = np.zeros((k, len(own.c)))
     start[:m, :m], start[n : n + m, m : 2 * m] = np.eye(m), np.eye(m)
-    return GainedFilter(start, f, g, own.c, origin, gains)
+    return GainedFilter(start, f, g, own.c, origin, gains, variance)

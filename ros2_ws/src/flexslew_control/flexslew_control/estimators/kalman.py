@@ -183,6 +183,11 @@ def gain_of(covariance: Matrix, c: Matrix, r: Vector) -> tuple[Matrix, Matrix]:
     return np.array([x for x, *_ in told]).T, told[0][1]
 
 
+def innovation_variance(covariance: Matrix, c: Matrix, r: Vector) -> Vector:
+    """Return the diagonal of C P C^T + R of a predicted covariance P, shape (l,)."""
+    return np.asarray(np.einsum("ij,jk,ik->i", c, covariance, c) + r, dtype=np.float64)
+
+
 class FilterMatrices(NamedTuple):
     """The constants of a KalmanFilter of k states with l outputs."""
 
@@ -341,8 +346,7 @@ class KalmanFilter:
 
     def innovation_variance(self) -> Vector:
         """Return the diagonal of C P C^T + R of the last update, shape (l,)."""
-        own = np.einsum("ij,jk,ik->i", self._c, self._prior, self._c)
-        return np.asarray(own + self._r, dtype=np.float64)
+        return innovation_variance(self._prior, self._c, self._r)
 
     def _predicted(self, effort: Vector, t: float) -> tuple[Vector, Matrix]:
         """Return state and covariance a tick after t [s]."""

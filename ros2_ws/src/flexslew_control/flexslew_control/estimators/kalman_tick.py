@@ -11,8 +11,8 @@ from flexslew_plant.arrays import Matrix, Vector, inlined
 from flexslew_plant.testbeds.compiled.bound import bound
 from flexslew_plant.testbeds.kernels import Kernels
 
-# (belief, t, dt, effort, y, x, P, e): replaces state, covariance and innovation of t [s] by those
-# dt later, when y is measured; effort was held in between
+# (belief, t, dt, effort, y, x, P, e, S): replaces state, covariance, innovation and its variances
+# of t [s] by those dt later, when y is measured; effort was held in between
 Tick: TypeAlias = Callable[..., None]
 
 
@@ -27,6 +27,16 @@ class FilterBelief(NamedTuple):
     r: Vector
     origin: Vector
     first: Matrix
+
+
+@inlined
+def stated_variance(covariance: Matrix, c: Matrix, r: Vector, out: Vector) -> None:
+    """Write kalman.innovation_variance."""
+    for i in range(out.size):
+        out[i] = r[i]
+        for a in range(c.shape[1]):
+            for b in range(c.shape[1]):
+                out[i] += c[i, a] * covariance[a, b] * c[i, b]
 
 
 @lru_cache
@@ -78,8 +88,10 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
         x: Vector,
         p: Matrix,
         e: Vector,
+        variance: Vector,
     ) -> None:
         ahead = predicted(belief, t, dt, effort, x, p)
+        stated_variance(ahead, belief.c, belief.r, variance)
         state, covariance, innovation, _ = corrected(x, ahead, y, belief.c, belief.r)
         for i in range(x.size):
             x[i] = state[i]

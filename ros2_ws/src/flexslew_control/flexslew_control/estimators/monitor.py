@@ -52,10 +52,13 @@ class Monitor:
     Args:
         settings: how often it may be wrong.
         period: one tick [s].
+
+    Attributes:
+        window: ticks of the slower test.
     """
 
     def __init__(self, settings: MonitorSettings, period: float) -> None:
-        self._settings, self._period = settings, period
+        self._settings, self._period, self.window = settings, period, settings.window
         self._limits = np.inf, np.inf  # of one tick, of a window
         self.reset()
 
@@ -73,12 +76,12 @@ class Monitor:
         """
         if self._sum.size != innovation.size:
             self._sum = np.zeros(innovation.size)
-            self._limits = self._found_limits(innovation.size)
+            self._limits = self.limits(innovation.size)
         square = innovation * innovation / variance
         self._sum = self._sum + square
         self._count += 1
         over = self._worst(square, self._limits[0], 1)
-        if self._count == self._settings.window:
+        if self._count == self.window:
             over = over or self._worst(self._sum, self._limits[1], self._count)
             self._sum, self._count = np.zeros(innovation.size), 0
         return over
@@ -88,18 +91,17 @@ class Monitor:
         largest = float(statistic[channel])
         return Doubt(channel, largest, limit, ticks) if largest > limit else None
 
-    def _found_limits(self, channels: int) -> tuple[float, float]:
+    def limits(self, channels: int) -> tuple[float, float]:
         """Return the limits of a tick and of a window that give the false alarms of the settings.
 
         Args:
             channels: how many are tested.
         """
-        window = self._settings.window
         half = 0.5 * self._settings.false_alarms
         ticks = channels * _HOUR / self._period  # tests in an hour
         single = min(half / ticks, 0.5)
-        several = min(half * window / ticks, 0.5)
-        return float(chdtri(1, single)), float(chdtri(window, several))
+        several = min(half * self.window / ticks, 0.5)
+        return float(chdtri(1, single)), float(chdtri(self.window, several))
 
 
 def channel_name(number: int, joints: tuple[str, ...]) -> str:

@@ -5,7 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, corrected, gain_of
+from flexslew_control.estimators.kalman import (
+    FilterSettings,
+    KalmanFilter,
+    corrected,
+    gain_of,
+    innovation_variance,
+)
 from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.turning_platform import TurningPlatform
@@ -127,7 +133,7 @@ class TurningFilter:
     def innovation_variance(self) -> Vector:
         """Return the diagonal of C P C^T + R of the last update, shape (l,)."""
         c, _, r = self._noise
-        return np.asarray(np.einsum("ij,jk,ik->i", c, self._prior, c) + r, dtype=np.float64)
+        return innovation_variance(self._prior, c, r)
 
     @property
     def _noise(self) -> tuple[Matrix, Matrix, Vector]:

@@ -25,7 +25,7 @@ from flexslew_lab.studies.lanes.on_model import (
     steady,
 )
 from flexslew_lab.studies.lanes.small_motions import LaneMotions, small_motions
-from flexslew_plant.arrays import NOTHING, Vector
+from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
@@ -55,15 +55,16 @@ def beginning(found: Observer, observers: Sequence[Any]) -> Beginning:
     if isinstance(found, GainedFilter):
         outputs, k = found.output.shape
         filtered = GainedFilter(*map(np.ascontiguousarray, found))
-        return Beginning(gained(k), filtered, _room(k + outputs), _room(k))
+        return Beginning(gained(k), filtered, _room(k + outputs), _room(k + outputs))
     if isinstance(found, KalmanForm):
         k, outputs = len(found.matrices.origin), len(found.matrices.c)
         belief = FilterBelief(*_stacked((one.model.packed, *one.matrices) for one in observers))
-        memory = np.empty(LANES * (k + k * k))
+        memory = _room(k + k * k + outputs)
         return Beginning(kalman(*_of(found.model)), belief, _room(k + outputs), memory)
     if isinstance(found, SteadyForm):
         gains = LaneSteady(*_stacked((one.model.packed, *one[1:]) for one in observers))
-        return Beginning(steady(*_of(found.model)), gains, _room(sum(found.gain.shape)), NOTHING)
+        room = _room(sum(found.gain.shape)), _room(len(found.output))
+        return Beginning(steady(*_of(found.model)), gains, *room)
     first = beginning(found.observer, [one.observer for one in observers])
     efforts = LaneEfforts(*_stacked((one.model.packed, *one[2:]) for one in observers))
     observe = observed_and_acted(first.observe, first.z.size, on_model(*_of(found.model)))

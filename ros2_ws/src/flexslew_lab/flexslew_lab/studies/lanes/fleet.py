@@ -35,6 +35,7 @@ from flexslew_lab.studies.lanes.legs import LaneFlight, Leg
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.tolerance import TOLERANCE, apart
+from flexslew_lab.studies.lanes.watch import watch_of
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
@@ -280,13 +281,16 @@ class Lanes:
             form = form_of(trial, controller, course.references)
             if isinstance(form, Way):
                 return form
-            legs.append(Leg(first, name, form, controller.handover_ticks))
+            watch = watch_of(controller.monitor, form.observer)
+            if controller.monitor is not None and (watch is None or lane.happens.charge.legs[1:]):
+                return Way.JUDGED  # a filter of which lanes know no innovations, or several
+            legs.append(Leg(first, name, form, controller.handover_ticks, watch))
         if len({_filter_of(leg.form) for leg in legs}) > 1:
             return Way.SWITCH
         if any(is_large(leg.form) for leg in legs):
             self._large[variant] = lane.law
         aim, goal = aim_of(lane, plan)
-        kinds = tuple((leg.first, leg.blended, kind_of(leg.form)) for leg in legs)
+        kinds = tuple((leg.first, leg.blended, leg.watch, kind_of(leg.form)) for leg in legs)
         apart = plan is None and lane.model.attitude is None  # each may hold its own position
         follows = len(course.references) if apart else self._course[0]
         kind = kinds, follows, aim.tobytes()

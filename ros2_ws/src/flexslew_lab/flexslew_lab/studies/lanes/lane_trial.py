@@ -230,11 +230,9 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
     own = [trial.controllers[name] or {} for _, name in charge.legs]
     laws = [law_of(leg[1], values)[0] for leg, values in zip(charge.legs, own, strict=True)]
     known = all(law in CONTROLLERS and CONTROLLERS[law].linear for law in laws)
-    judged = any(values.get("monitor") is not None for values in own)
     later = known and all(CONTROLLERS[law].takes_over for law in laws[1:])
     obstacles = (
         (any(isinstance(entry.fault, SensorNan) for entry in trial.schedule), Way.NAN),
-        (judged, Way.JUDGED),
         (not known, Way.LAW),  # its entry's `linear` has the last word
         (not later, Way.SWITCH),
     )

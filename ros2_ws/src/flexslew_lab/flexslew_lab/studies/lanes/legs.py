@@ -30,6 +30,7 @@ from flexslew_lab.studies.lanes.pushed import pushes_of
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.lanes.senses import filter_of, heard_by
 from flexslew_lab.studies.lanes.turned import turned_joints
+from flexslew_lab.studies.lanes.watch import Watch, innovations_of
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds import initial_state
 from flexslew_plant.testbeds.compiled.lanes import LANES, flat_zeros
@@ -47,6 +48,7 @@ class Leg(NamedTuple):
     controller: str  # its name
     form: LinearForm
     blended: int  # ticks in which the efforts of the one before are blended out
+    watch: Watch | None  # what its monitor allows; None: it has none
 
 
 class LaneFlight:
@@ -176,6 +178,7 @@ class LaneFlight:
             numbers,
             self._errors,
             self._judge,
+            leg.watch,
             turned_joints(attitude, first.model.joints),
             heard and heard.senses,
             self._pushes,
@@ -190,6 +193,7 @@ class LaneFlight:
     def _sizes(self, k: int) -> Sizes:
         first, model = self._lanes[0], self._lanes[0].model
         form, m = self._legs[k].form, model.joints
+        innovations = self._legs[k].watch and innovations_of(form.observer)
         return Sizes(
             m,
             model.modes,
@@ -204,6 +208,7 @@ class LaneFlight:
             bool(self._drives[:, 3 * m + 2].any()),
             bool(self._quanta.any()),
             self._judge is not None,
+            innovations[1] if innovations else 0,
             k > 0,
             self._troubles.faults is not None,
             self._troubles.disturbance.shape[2] > 1,

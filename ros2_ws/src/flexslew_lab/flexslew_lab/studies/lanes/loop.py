@@ -19,6 +19,7 @@ from flexslew_lab.studies.lanes.quanta import quantising
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.lanes.senses import Filter, sensing
 from flexslew_lab.studies.lanes.turned import about_reference
+from flexslew_lab.studies.lanes.watch import watching
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES, KernelRows, LaneKernel
 
@@ -53,7 +54,7 @@ def lane_loop(
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, LaneJudge, turned, Senses,
+    It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, LaneJudge, Watch, turned, Senses,
     LanePushes, LaneFriction, observer, z, memory, filled, first, last, record, draws): w of
     lanes.Advance with the rows of `rows` behind; `error` of the readings, (ticks + 1 or 1, outputs
     LANES); TurnedJoints, if `turns`; w, z and memory in and out; `observer` as `observe` wants it,
@@ -85,7 +86,7 @@ def lane_loop(
     tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
     about = about_reference(m, rows.reading, turns and filtered is None)
     quantise = quantising(rows, sizes)
-    compare = judging(rows, sizes)
+    compare, watch = judging(rows, sizes), watching(rows, sizes)
     set_in, sense = setting_in(rows, sizes, heard), sensing(rows, sizes, heard, filtered)
 
     @vectorised
@@ -117,6 +118,7 @@ def lane_loop(
         law: LawNumbers,
         error: Matrix,
         judge: Any,
+        watched: Any,
         turned: Any,
         senses: Any,
         pushes: Any,
@@ -151,6 +153,7 @@ def lane_loop(
                 sense(k, senses, draw, reference, troubles.faults, w, filled)
             about(w, turned, schedule.position[k], filled)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
+            watch(k, watched, z, memory, w)
             efforts(k, schedule.time[k], dt, troubles, law, turned, z, w, filled)
             push(k * dt, 0.5 * dt, pushes, filled, w)
             move(k * dt, dt, steps, friction, filled, w)

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 
 from flexslew_control.estimators.gained_filter import GainedFilter
-from flexslew_control.estimators.kalman_tick import FilterBelief, kalman_tick
+from flexslew_control.estimators.kalman_tick import FilterBelief, kalman_tick, stated_variance
 from flexslew_control.linear_form import LinearObserver
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
 
 # (k, t, dt, constants, Signals, z, memory, filled): takes z to tick k at t [s], at least in the
-# first `filled` lanes
+# first `filled` lanes; where z has an innovation, its variances stand at the end of the memory
 Observe: TypeAlias = Callable[..., None]
 
 
@@ -147,10 +147,13 @@ def gained(states: int) -> Observe:
         law: GainedFilter,
         signals: LaneSignals,
         z: Vector,
-        ahead: Vector,
+        memory: Vector,
         filled: int,
     ) -> None:
         x, innovation = z[: states * LANES], z[states * LANES :]
+        ahead, variance = memory[: states * LANES], memory[states * LANES :]
+        for i in range(variance.size):
+            variance[i] = law.variance[k, i // LANES]
         if k == 0:
             for i in range(z.size):
                 z[i] = 0.0
@@ -199,6 +202,7 @@ def kalman(kernels: Kernels, before: int, n: int) -> Observe:
         lanes, outputs, states = beliefs.c.shape
         m, each = beliefs.g.shape[2], states + states * states
         read, held, innovation = np.empty(outputs), np.empty(m), np.zeros(outputs)
+        variance = np.empty(outputs)
         for lane in range(filled):
             one = lane if lanes > 1 else 0
             own = memory[lane * each : (lane + 1) * each]
@@ -214,6 +218,7 @@ def kalman(kernels: Kernels, before: int, n: int) -> Observe:
                 for i in range(states):
                     for j in range(states):
                         p[i, j] = beliefs.first[one, i, j]
+                stated_variance(p, beliefs.c[one], beliefs.r[one], variance)
             else:
                 belief = FilterBelief(
                     beliefs.packed[one],
@@ -225,10 +230,11 @@ def kalman(kernels: Kernels, before: int, n: int) -> Observe:
                     beliefs.origin[one],
                     beliefs.first[one],
                 )
-                tick(belief, t - dt, dt, held, read, x, p, innovation)
+                tick(belief, t - dt, dt, held, read, x, p, innovation, variance)
             for i in range(states):
                 z[i * LANES + lane] = x[i]
             for i in range(outputs):
                 z[(states + i) * LANES + lane] = innovation[i]
+                memory[(each + i) * LANES + lane] = variance[i]
 
     return cast(Observe, observe)

@@ -19,6 +19,7 @@ class LaneSteady(NamedTuple):
     packed: Matrix  # the model's numbers, (lanes, size)
     gain: Tensor  # K, (lanes, 2 n, l)
     output: Tensor  # C, (lanes, l, 2 n)
+    variance: Matrix  # of y - C x, (lanes, l)
 
 
 class LaneEfforts(NamedTuple):
@@ -78,6 +79,7 @@ def steady(kernels: Kernels, before: int, n: int) -> Observe:
                 z[i * LANES + lane] = x[i]
             for i in range(outputs):
                 z[(states + i) * LANES + lane] = innovation[i]
+                memory[i * LANES + lane] = lanes.variance[one, i]
 
     return cast(Observe, observe)
 

@@ -25,6 +25,7 @@ class Sizes(NamedTuple):
     stepped: bool  # they are multiples of a quantum
     quantised: bool  # readings are
     judged: bool  # joint readings are compared
+    watched: int  # innovations that a monitor looks at
     taken: bool  # the law took over from another one
     broken: bool  # there are faults
     apart: bool  # each lane has disturbances of its own
@@ -32,7 +33,7 @@ class Sizes(NamedTuple):
     @property
     def doubtful(self) -> bool:
         """Whether a last digit may turn into a whole quantum, a pulse, or a finding."""
-        return self.quantised or self.stepped or self.pulsed or self.judged
+        return self.quantised or self.stepped or self.pulsed or self.judged or self.watched > 0
 
 
 class Rows(NamedTuple):
@@ -65,7 +66,8 @@ class Rows(NamedTuple):
     pulse: int  # impulse of their shortest pulse
     motor: int  # lag, slew rate, quantum, parts of a step gone: at a tick's end, in its mean
     quantum: int  # of each reading; 0: none
-    doubt: int  # 1: something was too near to an edge, see quanta; 2: see judge
+    doubt: int  # 1: something was too near to an edge, see quanta; 2: see judge and watch
+    squares: int  # of innovations over their variances, added up in a window
     residual_tip: int  # from here on: what the metrics count
     peak_tip: int
     residual: int
@@ -84,7 +86,7 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     m, read, tip, n = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes, sizes.axes
     seen, products, taken = n * sizes.shared, n * n * sizes.quadratic, m * sizes.taken
     law = (read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
-    quanta = read * sizes.quantised, int(sizes.doubtful)
-    drives = (tip, m, m, m, n, m, m, m, 5, *quanta)  # to doubt
+    doubts = read * sizes.quantised, int(sizes.doubtful), sizes.watched
+    drives = (tip, m, m, m, n, m, m, m, 5, *doubts)  # to squares
     counts = (m, m, m * sizes.broken, *law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))
