@@ -84,8 +84,8 @@ def enough_time(question: Question) -> str:
             f"body takes {question.rigid:.4g} s"
         )
     return (
-        f"the limits allow a duration of {rounded_up(least):g} s (now {question.duration:g} s), but "
-        f"max_steps: {question.steps} are too few to find its efforts; take more"
+        f"the limits allow a duration of {rounded_up(least):g} s (now {question.duration:g} s), "
+        f"but max_steps: {question.steps} are too few to find its efforts; take more"
     )
 
 
