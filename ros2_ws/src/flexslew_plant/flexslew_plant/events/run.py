@@ -180,8 +180,8 @@ class TurnsFar:
         """One line for a person."""
         return (
             f"the fastest mode, {self.frequency:.4g} rad/s, turns by {self.turn:.3g} rad in a "
-            "tick, more than half a turn: its vibration is not followed, and fades or grows; take at "
-            f"most {self.period:.2g} s, or fewer modes"
+            "tick, more than half a turn: its vibration is not followed, and fades or grows; take "
+            f"at most {self.period:.2g} s, or fewer modes"
         )
 
 
