@@ -15,6 +15,8 @@ from flexslew_control.planners.slew import slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed
+from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
 
 KP, KD = 460.0, 920.0
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)
@@ -200,6 +202,32 @@ def test_what_cannot_be_is_said_in_one_line() -> None:
     ):
         with pytest.raises(BadInput, match=next(iter(wrong))):
             validated(RobustFeedforward, wrong, "trial.yaml")
+
+
+@pytest.mark.parametrize("duration", [5.0, 7.8, 8.0, 8.15, 8.5, 12.5])
+def test_a_weak_drive_keeps_to_its_limit_whatever_the_duration(duration: float) -> None:
+    # a price of effort that suits 150 N m bought vibration with more than 1 N, and where the first
+    # update was optimal to the last bit no further one was found
+    wanted = {"method": "robust_feedforward", "duration": duration, "goal": {"mass": 1.0}}
+    wanted["feedback"] = {"kp": [0.5], "kd": [1.0]}
+    bench = plant(0.005, (1.0,), FloatingOscillatorTestbed())
+    found = make_plan(plan_settings(wanted, "trial.yaml"), bench)
+    assert np.max(found.summary["worst_peak_effort"]) <= 1.0
+    assert found.state[-1, 0] == pytest.approx(1.0, abs=0.02)
+    model, x = bench.testbed.model(), np.zeros(4)
+    for k in range(found.ticks):
+        r = found.reference(k)
+        u = r.effort + 0.5 * (r.position - x[:1]) + 1.0 * (r.velocity - x[2:3])
+        assert abs(u[0]) <= 1.0
+        x = model.advance(x, u, 0.005)
+    assert x[0] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_slew_that_does_not_arrive_within_the_limits_is_refused() -> None:
+    settings = plan_settings({"method": "robust_feedforward", "duration": 5.0}, "trial.yaml")
+    hub = plant(0.005, (2.7116,), HubTestbed())
+    with pytest.raises(PlanFailed, match=r"needs 4\.\d+ N m on hub .*limit is 2\.7116 N m; a dur"):
+        make_plan(settings, hub)  # a rigid body takes 6.0 s
 
 
 RANGES: list[dict[str, list[float]]] = [

@@ -19,7 +19,7 @@ from flexslew_control.planners.progress import Progress, Update
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
-_PRICE = 0.01  # of effort beyond its limit [m/(N m)]
+PRICE = 0.01  # of effort beyond its limit [m/(N m)]
 _STIFFNESS = 1e3  # of a joint beyond its range, that costs like a torque [N m/rad]
 _EDGES = 4  # of the integration in each piece of the basis, so that no peak is missed
 _HALVINGS = 12  # of a step that makes things worse
@@ -37,6 +37,7 @@ class Problem:
         rho: what torque costs [1/(N m)^2].
         effort_limit: that the efforts keep to, shape (joints,) [N m].
         joint_range: lowest and highest positions, shape (2, joints) [rad or m]; None: free.
+        price: of effort beyond its limit [m/(N m)].
     """
 
     members: Sequence[FeedforwardMember]
@@ -44,6 +45,7 @@ class Problem:
     rho: float
     effort_limit: Vector
     joint_range: Matrix | None = None
+    price: float = PRICE
 
     @property
     def maps(self) -> list[TerminalMap]:
@@ -81,7 +83,7 @@ class Problem:
     def cost(self, weights: Vector, y: Vector, bounded: Vector) -> float:
         """Return the objective of weights that lead to the vibrations y and to `bounded`."""
         excess = self.beyond(bounded)
-        value = y @ y + self.rho * (weights @ weights) + _PRICE**2 * (excess @ excess)
+        value = y @ y + self.rho * (weights @ weights) + self.price**2 * (excess @ excess)
         return float(value) if np.isfinite(value) else np.inf
 
 
@@ -119,7 +121,7 @@ def limited_gauss_newton(
     cost = problem.cost(u, *at_u)
     history: list[tuple[Vector, Update]] = []
     for k in range(max_iterations):
-        step = _best_step(problem, u, at_u, slopes())
+        step, promised = _best_step(problem, u, at_u, slopes())
         for _ in range(_HALVINGS):
             new = flown(u + step)
             value = problem.cost(u + step, *new)
@@ -127,7 +129,13 @@ def limited_gauss_newton(
                 break
             step = 0.5 * step
         else:
-            break
+            if promised > tolerance * cost:
+                break
+            # the best step gains less than rounding hides: u is optimal
+            if not history:
+                error = float(np.linalg.norm(at_u[0]))
+                history.append((u, Update(1, cost, error, float(np.linalg.norm(u)), 0.0, True)))
+            return history
         u, at_u, gain, cost = u + step, new, cost - value, value
         size, error = float(np.linalg.norm(u)), float(np.linalg.norm(at_u[0]))
         change = float(np.linalg.norm(step)) / max(size, 1e-300)
@@ -147,8 +155,8 @@ def _best_step(
     weights: Vector,
     at_weights: tuple[Vector, Vector],
     slopes: tuple[Matrix, Matrix],
-) -> Vector:
-    """Return the change of the weights that is best for the linearised ensemble.
+) -> tuple[Vector, float]:
+    """Return the change of the weights that is best for the linearised ensemble, and its gain.
 
     Args:
         problem: what is minimised.
@@ -161,12 +169,12 @@ def _best_step(
     quadratic.flat[:: weights.size + 1] += problem.rho
     linear = g.T @ y + problem.rho * weights
     step = np.zeros(weights.size)
-    cost = problem.cost(weights, y, bounded)
+    begun = cost = problem.cost(weights, y, bounded)
     for _ in range(_INNER):
         excess = problem.beyond(bounded + t @ step)
         active = t[excess != 0.0]
-        slope = linear + quadratic @ step + _PRICE**2 * (active.T @ excess[excess != 0.0])
-        towards = -np.linalg.solve(quadratic + _PRICE**2 * (active.T @ active), slope)
+        slope = linear + quadratic @ step + problem.price**2 * (active.T @ excess[excess != 0.0])
+        towards = -np.linalg.solve(quadratic + problem.price**2 * (active.T @ active), slope)
         for _ in range(_HALVINGS):
             new = step + towards
             value = problem.cost(weights + new, y + g @ new, bounded + t @ new)
@@ -174,8 +182,8 @@ def _best_step(
                 break
             towards = 0.5 * towards
         else:
-            return step
+            break
         step, gain, cost = new, cost - value, value
         if gain <= _SETTLED * cost:
-            return step
-    return step
+            break
+    return step, begun - cost

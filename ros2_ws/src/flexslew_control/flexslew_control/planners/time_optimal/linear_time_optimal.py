@@ -28,6 +28,7 @@ _STEP = 0.0125  # of the grid, as an angle of the fastest mode [rad]
 _ORDER = 4  # derivatives of c that are kept
 _ITERATIONS, _DURATIONS = 10, 20
 _TOUCHING = (1e-4, 1e-3)  # of the largest |mu . c|, where short arcs may be missed
+_ALIKE = 1e3, 1e11  # condition of c, from which to which its rows are combined
 _FIRST_WIDTHS = (1.0, 0.3)  # as _Effort.widths, on the way to the first minimum
 
 
@@ -144,6 +145,9 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
     period = 2.0 * np.pi / float(linear.frequencies[0])
     step, longest = _STEP / float(linear.frequencies[-1]), rigid + 2.0 * period
     grid = _sampled(a, b, conditions, step, longest)
+    apart = _told_apart(conditions, grid)
+    if apart is not conditions:
+        conditions, grid = apart, _sampled(a, b, apart, step, longest)
     scale = np.abs(grid.values[:, 0]).max(axis=0)
     mu = np.zeros(len(conditions))
     mu[0] = 1.0 / goal
@@ -206,6 +210,23 @@ def extended(slew: BangBang) -> tuple[Matrix, Vector, Matrix]:
     whole = np.block([[a, np.zeros_like(a)], [by_stiffness, closed]])
     rows = block_diag(slew.resting, slew.insensitive_to)
     return whole, np.concatenate((b, np.zeros(2 * n))), rows
+
+
+def _told_apart(conditions: Matrix, grid: _Grid) -> Matrix:
+    """Return the rows, all but the first combined where c is nearly the same for some of them.
+
+    Two close modes and their sensitivities answer nearly alike. What has to vanish may be combined;
+    the combinations answer at right angles.
+    """
+    samples = grid.values[:, 0, 1:]
+    scale = np.abs(samples).max(axis=0)
+    if not scale.all():
+        return conditions
+    triangle = np.linalg.qr(samples / scale)[1]
+    if not _ALIKE[0] < np.linalg.cond(triangle) < _ALIKE[1]:
+        return conditions
+    combined = np.linalg.solve(triangle.T, conditions[1:] / scale[:, None])
+    return np.vstack((conditions[:1], combined))
 
 
 def _sampled(a: Matrix, b: Vector, conditions: Matrix, step: float, longest: float) -> _Grid:
@@ -289,6 +310,8 @@ def _smoothed(grid: _Grid, mu: Vector, duration: float, scale: Vector, effort: _
                 if least <= value - 1e-4 * share * expected:
                     break
                 share *= 0.5
+            else:  # a step that makes things worse leads away for good
+                break
             y, f, value = y + share * step, new, least
     return np.append(mu[0], y / scale[1:])
 

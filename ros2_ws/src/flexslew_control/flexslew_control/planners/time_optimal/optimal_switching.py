@@ -23,6 +23,7 @@ _ITERATIONS = 25
 _FIXED_ITERATIONS = 60  # with second derivatives that stay as they are
 _LONGEST = 3.0  # of the iterates, times the guess
 _END, _SLOPE = 1e-11, 1e-8  # at which the two conditions hold, relative
+_ROUNDING = 1e-12  # of dr/dd, relative: what multipliers of nearly equal conditions make large
 _CLOSE = 1e-6, 1e-3  # the same, near the end
 
 
@@ -120,7 +121,8 @@ def shortest_durations(
         if not (np.isfinite(r).all() and np.isfinite(j).all()):
             return None
         missed, wrong = float(np.abs(r).max()), float(np.abs(slope).max())
-        if missed < _END and wrong < _SLOPE:
+        settled = _SLOPE + _ROUNDING * float(np.abs(mu).max())
+        if missed < _END and wrong < settled:
             return np.asarray(d)
         close = missed < _CLOSE[0] and wrong < _CLOSE[1] and before > _SLOPE
         # they cost an iteration for each arc: are as many not enough without them?
