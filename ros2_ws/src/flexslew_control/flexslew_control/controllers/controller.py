@@ -131,11 +131,15 @@ class Controller:
         self._course = course
 
     def begin_epoch(self, epoch: int) -> None:
-        """Know that the bench was reset: the plan of tick 0 is flown again, if there is one."""
+        """Know that the bench was reset: the plan of tick 0 is flown again, if there is one.
+
+        What kept it from taking charge was of the flight that is over: it begins anew.
+        """
         if epoch > self._key[0]:
             if self._key[0] >= 0:
                 self._course.restart()
             self._key, self._led, self._joined = (epoch, _NONE), False, False
+            self._failure, self._doubt, self._blind = None, None, False
 
     def begin_anew(self, epoch: int) -> None:
         """Take the next measurement for the first one, wherever the bench is."""
@@ -206,9 +210,9 @@ class Controller:
         """Return the answer if the measurement names this controller.
 
         The same measurement again gives the same answer; an old one gives none. A law that has
-        failed gives none any more, one without a finite estimate gives none until it has one.
+        failed gives none in this epoch, one without a finite estimate gives none until it has one.
         """
-        if self._failure:
+        if self._failure and measurement.epoch <= self._key[0]:
             self._key = max(self._key, (measurement.epoch, measurement.tick))
             return None
         try:
