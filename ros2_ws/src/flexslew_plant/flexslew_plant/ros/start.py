@@ -4,6 +4,7 @@ import os
 from typing import Any
 
 import rclpy
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.network import SETTING, on_network, prepare, tell
@@ -19,7 +20,8 @@ def start_ros(**how: Any) -> None:
         how: for rclpy.init.
 
     Raises:
-        BadInput: see network.prepare; or the middleware is none that stays on the loopback.
+        BadInput: see network.prepare; the middleware is none that stays on the loopback; or the
+            command line is none of ROS.
     """
     prepare(os.environ)
     middleware = rclpy.get_rmw_implementation_identifier()
@@ -30,4 +32,9 @@ def start_ros(**how: Any) -> None:
         )
     if SUPERVISOR not in os.environ:  # the process that started this one has told it
         tell()
-    rclpy.init(**how)
+    try:
+        rclpy.init(**how)
+    except rclpy_implementation.RCLError as error:
+        words, _, _ = str(error).removeprefix("failed to initialize rcl: ").partition(", at /")
+        hint = "; a value that is YAML stands in quotes of its own: -p plan:=\"'{goal: ...}'\""
+        raise BadInput(words + hint * (":={" in words)) from None
