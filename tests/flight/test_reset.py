@@ -80,7 +80,7 @@ class Hasty:
         return np.zeros(2)
 
 
-UNREADY = {
+UNREADY: dict[str, tuple[str, dict[str, Any], str]] = {
     "its estimate is doubted": ("lqr", {"monitor": {}}, "innovation"),
     "its estimate is not finite": ("lqr", {}, "finite"),
     "its law has failed": (f"{Path(__file__)}:Hasty", {}, "off"),

@@ -126,6 +126,11 @@ class Controller:
         """The newest plan that it follows, or will from its start on; None: there is none."""
         return self._course.plan
 
+    @property
+    def first(self) -> Plan | None:
+        """The plan of tick 0; None: there is none."""
+        return self._course.first
+
     def steer(self, course: Course) -> None:
         """Follow a course in place of the plans that were adopted."""
         self._course = course

@@ -1,6 +1,7 @@
 """The first step of every process that joins the graph: who may reach it, then rclpy.init."""
 
 import os
+import sys
 from typing import Any
 
 import rclpy
@@ -35,6 +36,6 @@ def start_ros(**how: Any) -> None:
     try:
         rclpy.init(**how)
     except rclpy_implementation.RCLError as error:
-        words, _, _ = str(error).removeprefix("failed to initialize rcl: ").partition(", at /")
         hint = "; a value that is YAML stands in quotes of its own: -p plan:=\"'{goal: ...}'\""
-        raise BadInput(words + hint * (":={" in words)) from None
+        given = any(":={" in argument for argument in how.get("args") or sys.argv)
+        raise BadInput(f"{error}{hint * given}") from None
