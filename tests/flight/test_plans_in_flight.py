@@ -1,6 +1,7 @@
 """A plan that is adopted in flight begins where the reference is: no jump, no burst of effort."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -177,3 +178,96 @@ def test_a_planner_that_was_given_a_place_begins_there() -> None:
     course.begin_epoch(1)
     assert course.rest_at(30.0, 1.0) == dict.fromkeys(names, pytest.approx(FARTHEST))
     assert LARGEST_JUMP < FARTHEST
+
+
+def followed(bench: WireBench) -> set[str]:
+    return {host.plan_hash for host in bench.hosts.values()}
+
+
+def test_what_was_asked_for_in_a_flight_that_is_over_is_not_flown() -> None:
+    """It begins where the reference was to be then: at tick 0 that would be a step."""
+    bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
+    course, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    at_rest = course.flight(bench.bench.time)
+    adopted(bench, course, planned(bench, course, 0.0, {names[0]: FARTHEST}))
+    bench.fly(450)
+    flight = course.flight(bench.bench.time)
+    late = planned(bench, course, 30.0, {names[0]: 0.0})
+    assert late.position[0].max() == pytest.approx(FARTHEST)
+    assert course.objection(late, bench.bench.time, flight=flight) is None
+    bench.session.reset()
+    course.begin_epoch(1)
+    refused = course.objection(late, bench.bench.time, flight=flight)
+    assert "the bench was reset" in str(refused)
+    still = planned(bench, course, 0.0, {names[0]: FARTHEST})
+    assert course.objection(still, 0.0, flight=at_rest) is None
+    assert course.objection(still, 0.0, flight=course.flight(0.0)) is None
+
+
+def test_a_plan_that_all_refuse_leaves_the_one_before_it() -> None:
+    bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
+    course, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    first = planned(bench, course, 0.0, {names[0]: FARTHEST})
+    adopted(bench, course, first)
+    bench.fly(450)
+    late = planned(bench, course, 4.4, {names[0]: 0.0})  # the planner believes to be in time
+    assert course.objection(late, 4.3) is None
+    assert bench.hosts["lqr"].adopt(late, True) is not None
+    course.add(late, 4.3)
+    assert course.rest_at(20.0, 4.6)[names[0]] == 0.0
+    course.withdraw(first)  # which is not the newest one
+    assert course.plan is late
+    course.withdraw(late)
+    assert course.plan is first
+    adopted(bench, course, planned(bench, course, 20.0, {names[0]: 0.0}))
+    assert bench.hosts["lqr"].reason is None
+    course.begin_epoch(1)
+    course.withdraw(first)
+    assert course.plan is first
+
+
+def test_a_planner_that_came_in_flight_lets_the_controllers_judge_how_far_a_plan_jumps() -> None:
+    bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
+    before, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    adopted(bench, before, planned(bench, before, 0.0, {names[0]: FARTHEST}))
+    bench.fly(450)
+    new = PlannedCourse(bench.plant)
+    given = {names[0]: FARTHEST}
+    there = planned(bench, new, 8.0, {names[0]: 0.0}, initial=given)
+    assert "stands at 0" in str(new.objection(there, 4.5))
+    assert new.objection(there, 4.5, followed=followed(bench)) is None
+    assert bench.hosts["lqr"].adopt(there, True) is None
+    new.add(there, 4.5)
+    here = planned(bench, new, 20.0, {names[0]: 0.0}, initial=given)
+    assert "stands at 0" in str(new.objection(here, 4.5, followed=followed(bench)))
+
+
+def test_one_that_is_told_the_plan_of_tick_0_again_flies_on() -> None:
+    """By a planner that was started again: it would be too late for any other plan."""
+    bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
+    course, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    host = bench.hosts["lqr"]
+    first = planned(bench, course, 0.0, {names[0]: FARTHEST})
+    adopted(bench, course, first)
+    bench.fly(450)
+    assert host.adopt(first) is None
+    later = planned(bench, course, 5.0, {names[0]: 0.0})
+    assert host.adopt(later, True) is None
+    bench.fly(700)
+    taken = host.plans_taken
+    assert host.adopt(first) is None
+    assert host.reason is None
+    assert (host.plan, host.plans_taken) == (later, taken)
+    assert host.adopt(planned(bench, course, 0.0, {names[1]: FARTHEST})) is not None
+
+
+def test_a_plan_that_is_published_again_is_not_refused_by_what_was_said_before() -> None:
+    answers = PlanAnswers()
+    answers.status(SimpleNamespace(controller="a", plan_hash="old"))
+    answers.refusal("a", "new", "it starts too early")
+    assert answers.of("new").refused
+    answers.expect("new")
+    assert answers.of("new").silent == ("a",)
+    answers.status(SimpleNamespace(controller="a", plan_hash="new"))
+    assert answers.of("new").taken == ("a",)
+    assert answers.followed == {"new"}

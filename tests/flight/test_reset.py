@@ -1,5 +1,6 @@
 """After a reset every law, filter and allocation begins as one that was just started."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, parse_trial
 from flexslew_plant.bench.records import SwitchRequest
+from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import yaml_text
 
 GAINS = {"d": [[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]]}
@@ -59,3 +61,60 @@ def test_what_was_flown_before_a_reset_leaves_nothing_behind(name: str) -> None:
         for one, other in zip(fresh, again, strict=True):
             np.testing.assert_array_equal(one.applied_effort, other.applied_effort)
             np.testing.assert_array_equal(one.position, other.position)
+
+
+class Hasty:
+    """A law that gives up for good once a joint is off."""
+
+    def __init__(self, settings: dict[str, Any], period: float, limit: Any) -> None:
+        self.terms: dict[str, Any] = {}
+        self.over = False
+
+    def reset(self, *told: Any) -> None:
+        self.over = False
+
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
+        self.over |= bool(np.abs(measurement.joint_position).max() > 0.05)
+        if self.over:
+            raise ArithmeticError("off")
+        return np.zeros(2)
+
+
+UNREADY: dict[str, tuple[str, dict[str, Any], str]] = {
+    "its estimate is doubted": ("lqr", {"monitor": {}}, "innovation"),
+    "its estimate is not finite": ("lqr", {}, "finite"),
+    "its law has failed": (f"{Path(__file__)}:Hasty", {}, "off"),
+}
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("why", UNREADY)
+def test_a_reset_takes_back_who_could_not_go_on(why: str, told: bool) -> None:
+    """The bench starts again, whether its state has told of the reset or the first question."""
+    law, own, words = UNREADY[why]
+    fault = {"kind": "sensor_nan" if "finite" in why else "sensor_bias"}
+    values = {
+        "testbed": {"modes": 1},
+        "allow_faults": True,
+        "controllers": {"one": {"law": law, **own}},
+        "active": "one",
+    }
+    bench = WireBench(parse_trial(yaml_text(values), "test", Trust.of([law])))
+    bench.fly(20)
+    more = {} if "finite" in why else {"bias": 0.1}
+    assert bench.bench.inject(yaml_text({**fault, "channel": "joint_position", **more})).ok
+    bench.fly(40)
+    assert words in str(bench.hosts["one"].reason)
+    assert bench.bench.drive.active == ""
+    bench.session.reset()
+    if told:
+        bench.hosts["one"].begin_epoch(1)
+        assert bench.hosts["one"].reason is None
+    else:  # a bench that waits for nobody
+        bench.session.reasons["one"] = None
+        bench._tell = lambda: None  # type: ignore[method-assign]
+    assert bench.session.start().ok
+    bench.fly(20)
+    assert bench.bench.drive.active == "one"
+    assert bench.hosts["one"].reason is None
+    assert bench.bench.drive.missed == 0

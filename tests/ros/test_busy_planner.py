@@ -1,8 +1,13 @@
-"""A planner that was busy itself blames nobody for what it could not hear."""
+"""A planner that was busy itself, or that has not heard all that it must know."""
+
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from flexslew_msgs import msg
 
 from flexslew_control.ros import planner_node
+from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_control.ros.planner_node import Planner
 from flexslew_plant.bench.operation.presence import Beat, Presence
 
@@ -25,3 +30,11 @@ def test_who_beat_before_a_long_plan_was_written_is_there_after_it(
         now += 0.02
         planner.poll()
     assert planner._presence.silent("pd_feedforward", now)
+
+
+@pytest.mark.parametrize("period", [0.0, 0.01])
+def test_a_trajectory_may_come_before_the_testbed_of_a_bench_that_flies(period: float) -> None:
+    release = object.__new__(PlanRelease)
+    clock: Any = SimpleNamespace(now=lambda: 100.0, later=lambda wait: wait)
+    release._clock, release._testbed = clock, msg.Testbed(period=period)
+    assert release.soonest() == pytest.approx(101.0 if period else 0.0)

@@ -7,12 +7,15 @@ from typing import Any
 import pytest
 import rclpy
 import yaml
+from rcl_interfaces.msg import Parameter as Message
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant.errors import BadInput
-from flexslew_plant.ros.parameters import declare, requested_text, settings_of
+from flexslew_plant.ros.parameters import declare, new_node, requested_text, settings_of
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.settings import plain
 
@@ -118,9 +121,37 @@ def test_typed_values_are_the_yaml_that_they_stand_for() -> None:
         ("", typed(kp=1.0) * 2, "kp stands twice"),
         ("", typed(a__b=1.0, a=2.0), "a.b stands twice"),
         ("", typed(a=1.0, a__b=2.0), "a.b stands twice"),
+        ("", [Message(name="kp", value=ParameterValue(type=99))], "kp has type 99"),
     ],
 )
 def test_values_that_contradict_each_other_are_refused(text: str, values: Any, words: str) -> None:
     node: Any = Named()
     with pytest.raises(BadInput, match=words):
         requested_text(node, "settings", text, values)
+
+
+def test_a_parameter_of_no_type_of_ros_is_refused_and_ends_no_node() -> None:
+    bad, good = Message(name="kp", value=ParameterValue(type=99)), typed(kp=1.0)[0]
+    with own_domain() as domain:
+        rclpy.init(domain_id=domain)
+        node = new_node("one")
+        try:
+            serve = {service.srv_type: service.callback for service in node.services}
+            one_by_one = serve[SetParameters](
+                SetParameters.Request(parameters=[bad, good]), SetParameters.Response()
+            )
+            together = serve[SetParametersAtomically](
+                SetParametersAtomically.Request(parameters=[bad]),
+                SetParametersAtomically.Response(),
+            )
+            for result in (*one_by_one.results, together.result):
+                assert not result.successful
+                assert "kp has type 99" in result.reason
+            assert len(one_by_one.results) == 2
+            request = SetParameters.Request(parameters=[good])
+            (result,) = serve[SetParameters](request, SetParameters.Response()).results
+            assert result.successful
+            assert node.get_parameter("kp").value == 1.0
+        finally:
+            node.destroy_node()
+            rclpy.shutdown()

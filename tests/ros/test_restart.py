@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import rclpy
-from flexslew_msgs.msg import BenchState, ControllerStatus, Measurement, Plan, Testbed
+from flexslew_msgs.msg import BenchState, ControllerStatus, Event, Measurement, Plan, Testbed
 from rclpy.duration import Duration
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -23,6 +23,7 @@ from flexslew_plant.settings import plain, yaml_text
 from flexslew_plant.topics import (
     BENCH_STATE,
     CONTROLLER_STATUS,
+    EVENTS,
     JOINT_TRAJECTORY,
     PLAN,
     TESTBED,
@@ -169,3 +170,74 @@ def test_after_a_reset_who_was_started_in_flight_hears_the_plan_of_tick_0(bench:
     assert heard[2].hash == heard[0].hash != heard[1].hash
     bench.until(lambda: bench.statuses["pd"].reason == "not heard by a plant")  # that is all
     assert following(0)
+
+
+OWN = "'{method: reference_only, goal: {base_yaw: 0.1}, start: 0.5}'"
+
+
+class Fake:
+    """A plant that says where the bench is, and what is heard of the planner's plans."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench, node = bench, bench.node
+        plant = node.create_publisher(Testbed, TESTBED, qos(TOPICS[TESTBED]))
+        self._state = node.create_publisher(BenchState, BENCH_STATE, qos(TOPICS[BENCH_STATE]))
+        self._asks = node.create_publisher(JointTrajectory, JOINT_TRAJECTORY, 10)
+        plant.publish(announcement())
+        self.flies()
+        self.plans, self.events = self.listen(), list[Any]()
+        node.create_subscription(Event, EVENTS, self.events.append, qos(TOPICS[EVENTS]))
+
+    def listen(self) -> list[Any]:
+        heard: list[Any] = []
+        self._bench.node.create_subscription(Plan, PLAN, heard.append, qos(TOPICS[PLAN]))
+        return heard
+
+    def flies(self) -> None:
+        self._state.publish(BenchState(state="paused", stamp=stamp(100.0), tick=10_000))
+
+    def resets(self) -> None:
+        self._state.publish(BenchState(state="paused", epoch=1))
+
+    def asks(self, goal: float, at: float) -> None:
+        """Ask for a plan until one comes at this time: the planner may hear of it later [s]."""
+        self._bench.until(lambda: self._asks.get_subscription_count() == 1)
+        there = JointTrajectoryPoint(positions=[goal], time_from_start=Duration(seconds=9).to_msg())
+        again, end = 0.0, monotonic() + WAIT
+        while not self.plans or self.plans[-1].stamp != stamp(at):
+            assert monotonic() < end, "it never happened"
+            if monotonic() >= again:  # one that comes before they have met is lost
+                self._asks.publish(JointTrajectory(joint_names=["base_yaw"], points=[there]))
+                again = monotonic() + 3.0
+            rclpy.spin_once(self._bench.node, timeout_sec=0.05)
+
+
+def test_after_a_reset_without_a_plan_of_tick_0_nobody_hears_those_of_the_flight_before(
+    bench: Bench,
+) -> None:
+    fake = Fake(bench)
+    bench.start("planner", PLANNER)
+    fake.asks(0.2, at=100.0)
+    bench.start("another", PLANNER, plan=OWN)  # which leaves before it publishes anything
+    bench.until(lambda: not bench.runs("another"))
+    assert fork_server().exit_code(bench.pids["another"]) == 2
+    assert "another planner called planner is on the graph" in bench.log("another")
+    fake.resets()
+    fake.asks(0.3, at=0.0)
+    late = fake.listen()
+    bench.until(lambda: bool(late))
+    assert {plan.hash for plan in late} == {fake.plans[-1].hash}
+    assert fake.plans[0].hash != fake.plans[-1].hash
+
+
+def test_a_planner_that_is_started_in_flight_keeps_the_plan_of_its_parameters_for_a_reset(
+    bench: Bench,
+) -> None:
+    """Controllers that follow another one would refuse it, and not be ready."""
+    fake = Fake(bench)
+    bench.start("planner", PLANNER, plan=OWN)
+    bench.until(lambda: any("flown after a reset" in event.data for event in fake.events))
+    assert not fake.plans
+    fake.resets()
+    bench.until(lambda: len(fake.plans) == 1)
+    assert fake.plans[0].stamp == stamp(0.0)

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +139,38 @@ def test_what_was_to_be_tuned_at_the_next_tick_is_tuned_after_a_reset(known: boo
         ("tuned", 1, 0),
         ("tuned", 1, 0),
     ]
+
+
+def test_a_plant_that_comes_back_flies_the_plan_of_tick_0_and_none_of_the_flight_before() -> None:
+    host, first = standing(), make_plan(ReferenceOnly(start=0.0), CSA)
+    assert host.adopt(first) is None
+    host.observe(question(0))
+    host.observe(question(1))
+    assert host.adopt(replace(first, start=1.0, position=first.position + 0.001), True) is None
+    host.announce(builder("pd_feedforward", CSA), 2)
+    assert (host.plan, host.plan_hash) == (first, plan_hash(first))
+    without = standing()
+    without.observe(question(0, position=first.position[0].max()))
+    without.observe(question(1))
+    assert without.adopt(replace(first, start=1.0), True) is None
+    without.announce(builder("pd_feedforward", OSCILLATOR), 2)
+    without.announce(builder("pd_feedforward", CSA), 2)
+    assert (without.plan, without.plan_hash, without.reason) == (None, "", None)
+
+
+def test_a_tuning_for_a_time_that_never_comes_is_refused_as_a_switch_is() -> None:
+    host = standing()
+    for tick in range(6):
+        host.observe(question(tick))
+    kp = {"kp": [500.0, 500.0]}
+    assert str(host.tune(kp, tick=4).refused) == "0.04 s is past: the bench is at 0.05 s"
+    assert str(host.tune(kp, tick=-1).refused) == "that time is past: the bench is at 0.05 s"
+    assert [host.tune(kp, tick=at).tick for at in (0, 5, 6, 900)] == [6, 6, 6, 900]
+    host.run_ends = 100
+    late = host.tune(kp, tick=100)
+    assert str(late.refused) == "tick 100 is too late: the run ends at tick 100"
+    assert host.tune(kp, tick=99).ok
+    assert host.tune(kp).ok
 
 
 def test_a_reset_forgets_what_was_to_be_tuned() -> None:

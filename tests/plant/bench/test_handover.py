@@ -174,6 +174,26 @@ def test_the_latched_brake_holds_until_it_is_released_on_purpose() -> None:
     assert not bed.faulted
 
 
+def test_a_brake_that_was_asked_for_before_a_reset_holds_from_tick_0_on() -> None:
+    bed = bench(fallback=("b",))
+    asked(bed, 3)
+    assert bed.brake(True, "me") is None
+    bed.reset()
+    assert bed.handover.latched
+    assert str(bed.brake(True)) == "the brake is latched already"
+    assert asked(bed, 2) == ["", ""]
+    assert bed.brake(False) is None
+    bed.reset()  # so does its release
+    assert not bed.handover.latched
+    assert bed.request_switch(SwitchRequest("b", 2)) is None
+    assert asked(bed, 3) == ["", "", "b"]
+    told = [(e.kind, e.epoch, e.tick) for e in bed.events if e.kind.startswith("brake_")]
+    assert told == [
+        ("brake_requested", 0, 3), ("brake_latched", 1, 0),
+        ("brake_requested", 1, 2), ("brake_released", 2, 0),
+    ]  # fmt: skip
+
+
 def test_a_brake_that_is_released_within_its_tick_takes_the_bench_all_the_same() -> None:
     bed = bench(fallback=("b",))
     asked(bed, 3)

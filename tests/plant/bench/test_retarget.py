@@ -57,6 +57,14 @@ def test_a_wish_in_flight_is_the_same_flight_as_one_in_the_schedule() -> None:
     assert flown(antenna()) != scheduled
 
 
+def test_a_wish_for_a_time_after_the_end_of_the_run_is_refused() -> None:
+    bench = Bench(bench_settings(antenna()))
+    refused = bench.retarget("{appendage: beam, to: -0.2, duration: 0.1}", 60, "me")
+    assert refused.message == "tick 60 is too late: the run ends at tick 60"
+    assert not bench.events
+    assert bench.retarget("{appendage: beam, to: -0.2, duration: 0.1}", 59, "me").ok
+
+
 def test_everybody_knows_the_turns_of_the_schedule() -> None:
     testbed = plant_of(antenna(schedule=[{"at": 0.4, "retarget": AGAIN}])).testbed
     assert isinstance(testbed, Retargetable)

@@ -33,6 +33,11 @@ class Course:
         """The newest plan; None: there is none."""
         return self._legs[-1].plan if self._legs else None
 
+    @property
+    def first(self) -> Plan | None:
+        """The plan of tick 0; None: there is none."""
+        return next((leg.plan for leg in self._legs if leg.first < 0), None)
+
     def reference(self, tick: int, hold: Reference) -> Reference:
         """Return the reference of a tick.
 

@@ -1,6 +1,7 @@
 """The course that the bench flies as its planner knows it: where a plan begins, and who took it."""
 
 from collections.abc import Collection
+from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -9,11 +10,16 @@ import numpy as np
 from flexslew_control.course import LARGEST_JUMP, Course, jump
 from flexslew_control.law import PlantDescription, Reference
 from flexslew_control.plan import Plan
+from flexslew_control.plan_file import plan_hash
 from flexslew_plant.arrays import NOTHING
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds import initial_positions
 
 PATIENCE = 2.0  # for the answers of the controllers to a plan [wall s]
+_OVER = Refusal(
+    "it was asked for in a flight that is over: the bench was reset; ask for it again",
+    cause=Cause.BENCH_RESET,
+)
 
 
 class PlannedCourse:
@@ -29,17 +35,28 @@ class PlannedCourse:
         rest = np.zeros(len(self._names))
         self._hold = Reference(np.array([first[n] for n in self._names]), rest, rest, NOTHING)
         self._course, self._epoch = Course(), 0
+        self._before = self._course  # the newest plan
 
     @property
     def plan(self) -> Plan | None:
         """The newest plan that is flown, or will be; None: there is none."""
         return self._course.plan
 
+    @property
+    def first(self) -> Plan | None:
+        """The plan of tick 0, which is flown again after a reset; None: there is none."""
+        return self._course.first
+
+    def flight(self, now: float) -> int | None:
+        """Return the epoch that is flown at a simulated time [s]; None: it is at tick 0."""
+        return self._epoch if now > 0.0 else None
+
     def begin_epoch(self, epoch: int) -> None:
         """Know that the bench was reset: the controllers return to the plan of tick 0."""
         if epoch != self._epoch:
             self._epoch = epoch
             self._course.restart()
+            self._before = self._course
 
     def rest_at(self, start: float, now: float) -> dict[str, float]:
         """Return where each joint's reference is at a simulated time, by name; at tick 0 nothing.
@@ -53,14 +70,26 @@ class PlannedCourse:
         at = self._course.reference(round(start / self._period), self._hold).position
         return dict(zip(self._names, at.tolist(), strict=True))
 
-    def objection(self, plan: Plan, now: float, last_tick: int = 0) -> Refusal | None:
+    def objection(
+        self,
+        plan: Plan,
+        now: float,
+        last_tick: int = 0,
+        flight: int | None = None,
+        followed: Collection[str] = (),
+    ) -> Refusal | None:
         """Return why the bench cannot fly a plan from a simulated time on, or None.
 
         Args:
             plan: that is to be adopted.
             now: at which the bench is [s].
             last_tick: at which the run ends; zero: nobody knows.
+            flight: in which it was asked for: it begins where the reference was to be there.
+            followed: hashes of the plans that controllers follow. Where the newest one here is not
+                among them, a planner before this one has made theirs: they know how far they jump.
         """
+        if flight not in (None, self._epoch):
+            return _OVER
         stops = self._stops_early(plan, last_tick)
         if now <= 0.0 or stops is not None:
             return stops
@@ -70,6 +99,9 @@ class PlannedCourse:
                 "make one that starts later",
                 cause=Cause.PAST,
             )
+        newest = self.plan
+        if followed and (newest is None or plan_hash(newest) not in followed):
+            return None
         far = jump(plan, self._course.reference(plan.first_tick, self._hold))
         if far is None:
             return None
@@ -90,10 +122,16 @@ class PlannedCourse:
 
     def add(self, plan: Plan, now: float) -> None:
         """Take note that a plan was published at this simulated time [s]."""
+        self._before, self._course = self._course, copy(self._course)
         if now <= 0.0:
             self._course.begin_with(plan)
         else:
             self._course.add(plan)
+
+    def withdraw(self, plan: Plan) -> None:
+        """Take note that nobody follows the newest plan: the one before it is flown on."""
+        if plan is self.plan:
+            self._course = self._before
 
 
 class Answered(NamedTuple):
@@ -128,9 +166,18 @@ class PlanAnswers:
         """The controllers that were ever heard."""
         return tuple(self._following)
 
+    @property
+    def followed(self) -> set[str]:
+        """The hashes of the plans that are followed."""
+        return {*self._following.values()} - {""}
+
     def refusal(self, controller: str, digest: str, why: str) -> None:
         """Take that a controller refuses a plan with this hash."""
         self._refused[controller, digest] = why
+
+    def expect(self, digest: str) -> None:
+        """Forget what was said of an earlier plan with this hash: it is published again."""
+        self._refused = {key: why for key, why in self._refused.items() if key[1] != digest}
 
     def of(self, digest: str, gone: Collection[str] = ()) -> Answered:
         """Return what has come so far on a plan.

@@ -1,3 +1,5 @@
+import pytest
+
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, SILENT_AFTER, Beat, Presence
 
 OLD, YOUNG = Beat("a", "controller", 5, 100), Beat("a", "controller", 4, 200)
@@ -31,9 +33,10 @@ def test_of_two_with_one_name_the_younger_steps_back() -> None:
     assert presence.older(YOUNG, 5.0) is None  # the older one has gone
 
 
-def test_two_plants_are_rivals_under_any_name() -> None:
+@pytest.mark.parametrize("role", ["plant", "planner"])
+def test_two_of_which_a_bench_has_one_are_rivals_under_any_name(role: str) -> None:
     presence = Presence()
-    first, second = Beat("plant", "plant", 1, 1), Beat("testbed", "plant", 2, 2)
+    first, second = Beat("one", role, 1, 1), Beat("other", role, 2, 2)
     presence.hear(first, 0.0)
     assert presence.older(second, 0.1) == first
     assert presence.older(Beat("b", "controller", 3, 3), 0.1) is None

@@ -131,16 +131,25 @@ class Controller:
         """The newest plan that it follows, or will from its start on; None: there is none."""
         return self._course.plan
 
+    @property
+    def first(self) -> Plan | None:
+        """The plan of tick 0; None: there is none."""
+        return self._course.first
+
     def steer(self, course: Course) -> None:
         """Follow a course in place of the plans that were adopted."""
         self._course = course
 
     def begin_epoch(self, epoch: int) -> None:
-        """Know that the bench was reset: the plan of tick 0 is flown again, if there is one."""
+        """Know that the bench was reset: the plan of tick 0 is flown again, if there is one.
+
+        What kept it from taking charge was of the flight that is over: it begins anew.
+        """
         if epoch > self._key[0]:
             if self._key[0] >= 0:
                 self._course.restart()
             self._key, self._led, self._joined = (epoch, _NONE), False, False
+            self._failure, self._doubt, self._blind = None, None, False
 
     def begin_anew(self, epoch: int) -> None:
         """Take the next measurement for the first one, wherever the bench is."""
@@ -211,9 +220,9 @@ class Controller:
         """Return the answer if the measurement names this controller.
 
         The same measurement again gives the same answer; an old one gives none. A law that has
-        failed gives none any more, one without a finite estimate gives none until it has one.
+        failed gives none in this epoch, one without a finite estimate gives none until it has one.
         """
-        if self._failure:
+        if self._failure and measurement.epoch <= self._key[0]:
             self._key = max(self._key, (measurement.epoch, measurement.tick))
             return None
         try:

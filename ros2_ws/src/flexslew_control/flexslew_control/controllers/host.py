@@ -72,8 +72,10 @@ class ControllerHost:
         self.name, self.values = name, values
         self.controller: Controller | None = None
         self.plan: Plan | None = None
+        self._first: Plan | None = None  # that of tick 0
         self._heard: list[tuple[Plan, bool]] = []  # before the first testbed; see adopt
         self.epoch = 0  # of the last question
+        self.run_ends = 0  # at this tick; 0: when somebody stops it
         self.plans_taken, self.plan_hash = 0, ""  # of the plan that is followed
         self.plan_from = 0, 0  # epoch and tick of the first question answered with it
         self.events: deque[Event] = deque()
@@ -105,6 +107,8 @@ class ControllerHost:
     def announce(self, build: Build, appendages: int = 0) -> None:
         """Build the controller for a testbed, in place of any before.
 
+        Of the plans that it followed there it keeps that of tick 0, as after a reset.
+
         Args:
             build: makes a controller for this testbed.
             appendages: how many it has.
@@ -124,7 +128,10 @@ class ControllerHost:
             self.controller, self._unfit = None, Refusal(words, cause=Cause.NO_TESTBED)
             return
         self.controller.warm(appendages)
-        known = self._heard if first else [] if self.plan is None else [(self.plan, False)]
+        if not first:
+            self._heard = [] if self._first is None else [(self._first, False)]
+            self.plan, self.plan_hash, self._plan_refused = self._first, "", None
+        known = self._heard
         for plan, of_flight in known:
             self._follow(plan, plan_hash(plan), of_flight)
         self._heard = []
@@ -151,7 +158,8 @@ class ControllerHost:
     def adopt(self, plan: Plan, of_flight: bool = False) -> Refusal | None:
         """Follow a plan as soon as there is a testbed; return why not, or None.
 
-        One that it follows already changes nothing: planners tell a plan again after a reset.
+        One that it follows already, or did from tick 0 on, changes nothing: planners tell a plan
+        again after a reset, and when they are started again.
 
         Args:
             plan: to be followed.
@@ -160,7 +168,12 @@ class ControllerHost:
         digest, following = plan_hash(plan), self.controller and self.controller.plan
         if following and digest == self.plan_hash and self._plan_refused is None:
             return None
+        first = self.controller.first if self.controller and self.controller.last_tick > 0 else None
+        if first is not None and digest == plan_hash(first):
+            return None
         self.plan = plan
+        if not of_flight:
+            self._first = plan
         if self._build is None:
             self._heard.append((plan, of_flight))
         refused = self._follow(plan, digest, of_flight)
@@ -229,14 +242,16 @@ class ControllerHost:
 
         Args:
             changes: of its settings, nested as they are.
-            tick: first one with the new settings; one that is over when the design is made: the
-                next.
+            tick: first one with the new settings; 0, or one that is over when the design is made:
+                the next.
             who: asks.
             beside: makes the design while questions are answered.
         """
         if self._build is None or self.controller is None:
             why = Refusal(f"{self.name} cannot be tuned: {self.reason}", cause=Cause.NO_TESTBED)
             return Tuned(0, refused=why)
+        if (never := self._never(tick, self.controller)) is not None:
+            return Tuned(0, refused=never)
         tick = max(tick, self.controller.last_tick + 1)
         if not changes:
             return Tuned(tick, refused=Refusal("nothing changes; give at least one setting"))
@@ -265,6 +280,18 @@ class ControllerHost:
             for key, value in changes.items()
         )
         return Tuned(tick, f"{words} from tick {tick} on")
+
+    def _never(self, tick: int, controller: Controller) -> Refusal | None:
+        """Return why nothing happens at a tick that is asked for any more; 0 is the next."""
+        period, seen = controller.period, controller.last_tick
+        if tick != 0 and tick < seen:
+            at = f"{tick * period:g} s" if tick > 0 else "that time"
+            words = f"{at} is past: the bench is at {seen * period:g} s"
+            return Refusal(words, cause=Cause.PAST)
+        if 0 < self.run_ends <= tick:
+            words = f"tick {tick} is too late: the run ends at tick {self.run_ends}"
+            return Refusal(words, cause=Cause.RUN_OVER)
+        return None
 
     def _designed(
         self, build: Build, tick: int, changes: dict[str, Any], who: str

@@ -1,6 +1,7 @@
 """The simulated time for nodes that do not hear every tick."""
 
 from collections.abc import Callable
+from math import inf
 from time import monotonic
 
 from flexslew_msgs import msg
@@ -55,6 +56,8 @@ class BenchClock:
         return wait * max(1.0, float(self._state.rate_factor))
 
     def _on_state(self, message: msg.BenchState) -> None:
+        if message.stamp.sec < 0 or not 0.0 <= message.rate_factor < inf:
+            return  # no plant says this
         before, self._state, self._heard = self._state, message, monotonic()
         if message.epoch != before.epoch:
             self._on_reset()

@@ -46,7 +46,7 @@ class ControllerNode:
         self._settings = declared(node, ControllerNodeSettings, {"law": law, **own})
         given = with_file(self._settings.law, given, f"node {node.get_name()}")
         self._host = ControllerHost(node.get_name(), given)
-        self._next_look, self._state = 0.0, ""  # [wall s]; of the bench
+        self._next_look, self._state, self._realtime = 0.0, "", RealTime()  # [wall s]; of the bench
         outlets = loop.outlets(node)
         self._events = EventLog(node, outlets)
         self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
@@ -64,7 +64,6 @@ class ControllerNode:
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
-        self._realtime = RealTime()
         self._tuning = Tuning(node, self._host, self._settings.law, self._serve)
 
     def poll(self) -> float:
@@ -113,6 +112,7 @@ class ControllerNode:
         self._announcer.announce(always=True)
 
     def _on_bench_state(self, message: msg.BenchState) -> None:
+        self._host.run_ends = message.last_tick
         if message.epoch > self._host.epoch:
             self._host.begin_epoch(message.epoch)
             self._announcer.announce(always=True)

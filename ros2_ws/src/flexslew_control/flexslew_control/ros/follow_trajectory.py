@@ -143,9 +143,9 @@ class FollowTrajectory:
             section = trajectory_section(goal.request.trajectory, self._release.soonest())
         except BadInput as error:
             return error.refusal
-        done: Future = self._loop.future()
+        done, flight = self._loop.future(), self._release.flight
         self._job.ask(self._release.request(section), done.set_result)
-        return self._release.checked(await done)
+        return self._release.checked(await done, flight)
 
     def _tell(self, goal: ServerGoalHandle, tracking: Tracking, time: float, seen: Tracked) -> None:
         told = self._kind.Feedback(joint_names=list(tracking.joints))

@@ -14,6 +14,7 @@ from rclpy.task import Future
 from flexslew_control.law import ActiveLaw, described
 from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
+from flexslew_control.plan_file import plan_hash
 from flexslew_control.planned_course import PATIENCE, PlanAnswers, PlannedCourse
 from flexslew_control.planning import PlanRequest, plan_request
 from flexslew_control.ros.bench_clock import BenchClock
@@ -80,23 +81,26 @@ class PlanRelease:
         self._node, self._trust, self._law = node, Trust.of(trust), law
         self._loop, self._alive, self._gains = loop, alive, gains
         self._believed: dict[str, Any] | None = None  # a testbed's section; None: as each request
-        self._draft: tuple[Plan, msg.Plan] | None = None
+        self._draft: tuple[Plan, msg.Plan, int | None] | None = None  # the flight that it is of
         self._course: PlannedCourse | None = None
-        self._told: Plan | None = None  # what those hear who come now
+        self._told: Plan | None = None  # what those hear last who come now
         self._testbed = msg.Testbed()
         self._attitude: AttitudeJoints | None = None  # of the testbed
         self._stray = False  # a strange message was told of
         self._answers, self._pending = PlanAnswers(), list[_Pending]()
         self._clock = BenchClock(node, self._begin_again)
-        self._plan = publisher(node, topics.PLAN)
-        self._trajectory = publisher(node, topics.PLANNED_TRAJECTORY)
+        self._offers = {n: publisher(node, n) for n in (topics.PLAN, topics.PLANNED_TRAJECTORY)}
         self._events = EventLog(node)
         subscription(node, topics.CONTROLLER_STATUS, self._answers.status)
         subscription(node, topics.EVENTS, self._on_event)
         service(node, srv.Operate, topics.DECIDE_PLAN, self._on_decide)
 
     def announce(self, testbed: msg.Testbed) -> bool:
-        """Return whether this is what stands on the bench: a new run begins."""
+        """Return whether this is what stands on the bench: a new run begins.
+
+        Controllers that are still there keep the plan of tick 0.
+        """
+        first = self._course.first if self._course is not None else None
         try:
             plant = described(testbed.settings, f"/{topics.TESTBED}", self._trust)
             self._course = PlannedCourse(plant)
@@ -108,6 +112,11 @@ class PlanRelease:
                 self._events.tell(event_of(fact, 0, now, epoch, "planner"))
             return False
         self._testbed, self._attitude = testbed, plant.testbed.model().attitude
+        self._draft = None
+        self._forget()
+        if first is not None and first.joint_names == plant.joint_names:
+            self._course.add(first, 0.0)
+            self._offer(first, self._message(first, 0.0))
         return True
 
     def serve_model(self, node: Node, text: str) -> None:
@@ -189,15 +198,28 @@ class PlanRelease:
         """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""
         return self._here.rest_at(start, self._clock.now()) if self._course is not None else {}
 
-    def checked(self, outcome: Plan | Refusal) -> Plan | Refusal:
-        """Return what came of a request, or why the bench cannot fly the plan from now on."""
-        return (self.objection(outcome) or outcome) if isinstance(outcome, Plan) else outcome
+    @property
+    def flight(self) -> int | None:
+        """The epoch that is flown, of which a request is that comes now; None: it is at tick 0."""
+        return self._here.flight(self._clock.now()) if self._course is not None else None
 
-    def objection(self, plan: Plan) -> Refusal | None:
+    def checked(self, outcome: Plan | Refusal, flight: int | None) -> Plan | Refusal:
+        """Return what came of a request, or why the bench cannot fly the plan from now on.
+
+        Args:
+            outcome: of the request.
+            flight: in which it came, see flight.
+        """
+        return (
+            (self.objection(outcome, flight) or outcome) if isinstance(outcome, Plan) else outcome
+        )
+
+    def objection(self, plan: Plan, flight: int | None) -> Refusal | None:
         """Return why a plan is not one that the bench can fly from now on, or None."""
         if self._course is None:
             return None
-        return self._here.objection(plan, self._clock.now(), self._clock.last_tick)
+        now, followed = self._clock.now(), self._answers.followed
+        return self._here.objection(plan, now, self._clock.last_tick, flight, followed)
 
     def publish(self, plan: Plan, who: str) -> msg.Plan:
         """Let the controllers follow a plan; return it as a message."""
@@ -205,20 +227,50 @@ class PlanRelease:
         message = self._message(plan, now)
         if self._course is not None:
             self._here.add(plan, now)
+        self._answers.expect(message.hash)
         self._offer(plan, message)
         self._tell(PlanPublished, plan, message, who)
         return message
 
+    def begin_with(self, plan: Plan) -> None:
+        """Publish the plan that the node was started with, which is that of tick 0.
+
+        A planner that is started in flight tells it again where it is followed, else after a reset:
+        it would come too late.
+        """
+        now = self._clock.now()
+        if now <= 0.0 or plan.start > now or self._course is None:
+            self.publish(plan, "")
+            return
+        self._here.add(plan, 0.0)
+        message = self._message(plan, 0.0)
+        if message.hash in self._answers.followed:
+            self._offer(plan, message)
+        else:
+            words = f"the bench is at {now:.2f} s already: it is flown after a reset"
+            self.refuse(plan.method, Refusal(words, cause=Cause.PAST))
+
     def _begin_again(self) -> None:
         """Tell the plan of tick 0 again: a newcomer of the flight that is over heard the latest."""
         first = self._here.plan if self._course is not None else None
-        if first is not None and first is not self._told:
+        if first is None:
+            self._forget()
+        elif first is not self._told:
             self._offer(first, self._message(first, 0.0))
 
     def _offer(self, plan: Plan, message: msg.Plan) -> None:
         self._told = plan
-        self._plan.publish(message)
-        self._trajectory.publish(trajectory_message(plan))
+        self._offers[topics.PLAN].publish(message)
+        self._offers[topics.PLANNED_TRAJECTORY].publish(trajectory_message(plan))
+
+    def _forget(self) -> None:
+        """Let nobody who comes now hear what was published before."""
+        if self._told is None:
+            return
+        self._told = None
+        for name, offer in self._offers.items():
+            self._node.destroy_publisher(offer)
+            self._offers[name] = publisher(self._node, name)
 
     def refuse(self, method: str, why: Refusal) -> None:
         """Say on `events` why nothing comes of a request that has no answer of its own."""
@@ -228,14 +280,19 @@ class PlanRelease:
         self._events.tell(event_of(what, tick, now, epoch, "planner"))
 
     def soonest(self) -> float:
-        """Return from which tick on a plan can begin that is asked for now [s]."""
-        now, period = self._clock.now(), self._testbed.period
-        return period * ceil((now + self._clock.later(START_MARGIN)) / period) if now > 0.0 else 0.0
+        """Return from which tick on a plan can begin that is asked for now [s].
+
+        Where the bench is may be heard before what stands there: nothing can be planned then.
+        """
+        now, period = self._clock.now(), float(self._testbed.period)
+        if now <= 0.0 or period <= 0.0:
+            return 0.0
+        return period * ceil((now + self._clock.later(START_MARGIN)) / period)
 
     def keep(self, plan: Plan, who: str) -> msg.Plan:
         """Keep a draft in the place of the last one; return it as a message."""
         message = self._message(plan, self._clock.now())
-        self._draft = plan, message
+        self._draft = plan, message, self.flight
         self._tell(PlanDrafted, plan, message, who)
         return message
 
@@ -249,8 +306,7 @@ class PlanRelease:
     def poll(self, now: float) -> bool:
         """Tell those who wait for the controllers' answers; return whether somebody still does."""
         for pending in list(self._pending):
-            gone = [n for n in self._answers.known if self._alive.presence.silent(n, now)]
-            found = self._answers.of(pending.digest, gone)
+            found = self._answers.of(pending.digest, self._gone(now))
             answered = not found.silent and self._met
             if answered or now >= pending.deadline:
                 self._pending.remove(pending)
@@ -276,6 +332,20 @@ class PlanRelease:
             what = fact_of(event.kind, json.loads(event.data))
         if isinstance(what, PlanRefused) and what.controller is not None:
             self._answers.refusal(what.controller, what.hash, what.reason or "")
+            self._withdraw_if_refused(what.hash)
+
+    def _withdraw_if_refused(self, digest: str) -> None:
+        """Fly on with the plan before the newest one if all controllers have refused that."""
+        plan = self._here.plan if self._course is not None else None
+        if plan is None or plan_hash(plan) != digest:
+            return
+        answered = self._answers.of(digest, self._gone(monotonic()))
+        if answered.refused and not (answered.taken or answered.silent):
+            self._here.withdraw(plan)
+
+    def _gone(self, now: float) -> list[str]:
+        """Return which controllers have fallen silent."""
+        return [n for n in self._answers.known if self._alive.presence.silent(n, now)]
 
     def _message(self, plan: Plan, now: float) -> msg.Plan:
         """Return a plan as a message; from its stamp on a reset drops it, but not that of 0 s."""
@@ -293,7 +363,7 @@ class PlanRelease:
         if refused is not None or self._draft is None:
             reply.message = str(refused or "")
             return reply
-        plan, message = self._draft
+        plan, message, _ = self._draft
         self._draft, reply.ok = None, True
         reply.tick = plan.first_tick
         if word == ADOPT:
@@ -316,8 +386,8 @@ class PlanRelease:
         if self._draft is None:
             words = "there is no draft to decide on; make one with draft_plan"
             return Refusal(words, cause=Cause.NO_PLAN)
-        plan, message = self._draft
+        plan, message, flight = self._draft
         if digest not in ("", message.hash):
             words = f"the draft is {message.hash[:12]} now, not {digest[:12]}"
             return Refusal(words, cause=Cause.UNKNOWN)
-        return self.objection(plan) if word == ADOPT else None
+        return self.objection(plan, flight) if word == ADOPT else None

@@ -41,7 +41,8 @@ class Planner:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("planner")
-        self._presence = (alive := loop.live(node, "planner")).presence
+        self._alive = alive = loop.live(node, "planner")
+        self._presence = alive.presence
         self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
         self._job = PlanJob(loop, soon=not self._settings.file)
         self._next_look = self._due = 0.0
@@ -81,6 +82,8 @@ class Planner:
             self._next_look = now + _POLL_PERIOD
             if self._following is not None:
                 self._following.poll()
+        if self._alive.is_second(now):
+            return _POLL_PERIOD
         awaited = self._release.poll(now)
         if not self._job.busy:
             return _PLANNING if awaited else self._next_look - now
@@ -102,14 +105,14 @@ class Planner:
         """Publish what the parameters ask for; without it the node has no purpose."""
         if isinstance(outcome, Refusal):
             raise failure(outcome)
-        self._release.publish(outcome, "")
+        self._release.begin_with(outcome)
 
     def _on_testbed(self, testbed: msg.Testbed) -> None:
         if not self._release.announce(testbed):
             return
         self._watch.seen = True
         if self._settings.file:
-            self._release.publish(load_plan(Path(self._settings.file)), "")
+            self._release.begin_with(load_plan(Path(self._settings.file)))
         elif self._settings.plan and not self._job.busy:
             self._job.ask(self._release.own_request(self._settings.plan), self._own_plan)
 
@@ -129,9 +132,10 @@ class Planner:
         if self._job.busy:
             return BUSY
         requested = self._release.request(request.request, request.period, request.effort_limit)
+        flight = self._release.flight
         done: Future = self.loop.future()
         self._job.ask(requested, done.set_result, goal)
-        return self._release.checked(await done)
+        return self._release.checked(await done, flight)
 
 
 def main() -> None:

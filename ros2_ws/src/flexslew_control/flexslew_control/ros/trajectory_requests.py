@@ -1,5 +1,7 @@
 """What is heard on `joint_trajectory` becomes a plan, or an event that says why not."""
 
+from functools import partial
+
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
@@ -27,18 +29,19 @@ class TrajectoryRequests:
         subscription(node, topics.JOINT_TRAJECTORY, self._on_trajectory)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
+        flight = self._release.flight
         if self._job.busy:
-            self._done(BUSY)
+            self._done(flight, BUSY)
             return
         try:
             section = trajectory_section(message, self._release.soonest())
         except BadInput as error:
-            self._done(error.refusal)
+            self._done(flight, error.refusal)
             return
-        self._job.ask(self._release.request(section), self._done)
+        self._job.ask(self._release.request(section), partial(self._done, flight))
 
-    def _done(self, outcome: Outcome) -> None:
-        outcome = self._release.checked(outcome)
+    def _done(self, flight: int | None, outcome: Outcome) -> None:
+        outcome = self._release.checked(outcome, flight)
         if isinstance(outcome, Refusal):
             self._release.refuse(METHOD, outcome)
         else:

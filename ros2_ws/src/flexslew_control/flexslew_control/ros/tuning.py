@@ -13,7 +13,7 @@ from flexslew_control.controllers import CONTROLLERS, CommonSettings, law_values
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
-from flexslew_plant.ros.messages import seconds_of
+from flexslew_plant.ros.messages import requested_tick
 from flexslew_plant.ros.offers import service
 from flexslew_plant.ros.parameters import declare, requested_text, serve_changes
 from flexslew_plant.settings import flat, load_yaml, validated
@@ -71,7 +71,8 @@ class Tuning:
         if not isinstance(changes, dict):
             reply.message = "settings: give YAML keys, for example {kp: [500.0, 500.0]}"
             return reply
-        tick = round(seconds_of(request.at) / controller.period) if controller else 0
+        here, period = (controller.last_tick, controller.period) if controller else (0, 1.0)
+        tick = requested_tick(request.at, period, here)
         done = self._host.tune(changes, tick, request.who, self._beside)
         reply.ok, reply.message, reply.tick = done.ok, done.message, done.tick
         if reply.ok:

@@ -43,6 +43,7 @@ class BenchClient:
             for name in (topics.PLAN_SLEW, topics.DRAFT_PLAN)
         }
         self._goal: Any = None  # that is planned for
+        self._planned: list[tuple[str, Drafted]] = []  # who waits for which action
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
         """Call a service; see console.link.Link.ask."""
@@ -63,8 +64,12 @@ class BenchClient:
         self._send()
 
     def poll(self, now: float) -> None:
-        """Deliver the answers that have come."""
+        """Deliver the answers that have come; a planner that has died gives none."""
         self._send()
+        for name, then in list(self._planned):
+            if not self._planners[name].server_is_ready():
+                self._planned.remove((name, then))
+                then(RequestResult(False, "the planner has left the graph; ask again"), None)
         for asked in list(self._asked):
             if asked.future is not None and asked.future.done():
                 self._asked.remove(asked)
@@ -101,6 +106,14 @@ class BenchClient:
             )
             return
 
+        self._planned.append((name, then))
+
+        def answer(result: RequestResult, plan: Any = None) -> None:
+            self._goal = None
+            if (name, then) in self._planned:
+                self._planned.remove((name, then))
+                then(result, plan)
+
         def iterate(message: Any) -> None:
             f = message.feedback
             told(Iterate(f.iteration, f.objective, f.norm_terminal_error, f.norm_input))
@@ -108,19 +121,18 @@ class BenchClient:
         def accepted(future: Any) -> None:
             self._goal = future.result()
             if not self._goal.accepted:
-                then(RequestResult(False, "the planner does not take the request"), None)
+                answer(RequestResult(False, "the planner does not take the request"))
                 return
             self._goal.get_result_async().add_done_callback(finished)
 
         def finished(future: Any) -> None:
-            self._goal = None
             result = future.result().result
             ok = result.error_code == result.DONE
             plan = result.plan
             did = "published" if name == topics.PLAN_SLEW else "drafted: adopt or refuse it"
             words = f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is {did}"
             words += f"; {result.message}" if result.message else ""
-            then(RequestResult(ok, words if ok else result.message), plan if ok else None)
+            answer(RequestResult(ok, words if ok else result.message), plan if ok else None)
 
         sent = self._planners[name].send_goal_async(goal, feedback_callback=iterate)
         sent.add_done_callback(accepted)

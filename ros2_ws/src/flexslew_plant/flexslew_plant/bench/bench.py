@@ -344,9 +344,8 @@ class Bench:
             injection = injection_of(entry, names, period, "fault")
         except BadInput as error:
             return InjectResult(self.tick, refused=error.refusal)
-        if self.last_tick is not None and start >= self.last_tick:
-            words = f"tick {start} is too late: the run ends at tick {self.last_tick}"
-            return InjectResult(self.tick, refused=Refusal(words, cause=Cause.RUN_OVER))
+        if (late := self._too_late(start)) is not None:
+            return InjectResult(self.tick, refused=late)
         word, number = self._injections.add(injection)
         self.tell(InjectionRequested(text, start, number, who, word))
         at = start * self.settings.period
@@ -368,6 +367,8 @@ class Bench:
             turned = retargeted(self._turned, requested_turn(text), at, "target")
         except BadInput as error:
             return InjectResult(self.tick, refused=error.refusal)
+        if (late := self._too_late(start)) is not None:
+            return InjectResult(self.tick, refused=late)
         self._turned, self.model = turned, turned.model()
         what = TargetRequested(text, start, who)
         self.tell(what)
@@ -398,6 +399,13 @@ class Bench:
     def over(self, tick: int) -> bool:
         """Return whether it is too late for what is asked for at a tick; 0 stands for the next."""
         return tick != 0 and tick < self.tick
+
+    def _too_late(self, start: int) -> Refusal | None:
+        """Return why nothing can begin at this tick, if the run is over by then."""
+        if self.last_tick is None or start < self.last_tick:
+            return None
+        words = f"tick {start} is too late: the run ends at tick {self.last_tick}"
+        return Refusal(words, cause=Cause.RUN_OVER)
 
     def _past(self, tick: int) -> Refusal:
         at = f"{tick * self.settings.period:g} s" if tick > 0 else "that time"

@@ -63,11 +63,15 @@ class Handover:
         self._misled: set[str] = set()  # lost the bench to implausible sensors in this epoch
 
     def reset(self, scheduled: Iterable[SwitchRequest]) -> None:
-        """Begin an epoch with the switches of the schedule; those that wait are dropped."""
+        """Begin an epoch with the switches of the schedule; those that wait are dropped.
+
+        A brake that was to be latched or released with the next tick is so from tick 0 on.
+        """
         self.drop_all(_RESET)
         self._drive.reset()
         self.faulted = False
-        self._queue, self._handover, self._brake_requests = list(scheduled), None, []
+        self._queue, self._handover = list(scheduled), None
+        self._brake_requests = [(0, on) for _, on in self._brake_requests]
         self._fallen.clear()
         self._misled.clear()
         if self.latched:

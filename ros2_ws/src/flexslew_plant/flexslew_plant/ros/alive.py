@@ -8,9 +8,12 @@ from rclpy.node import Node
 
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat, Presence
+from flexslew_plant.errors import BadInput
 from flexslew_plant.process_identity import own_identity
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.offers import publisher, subscription
+
+NOTICE = 1.0  # for an older one to hear of a newer one, or to leave [wall s]
 
 
 class Alive:
@@ -28,6 +31,7 @@ class Alive:
         self._publisher = publisher(node, topics.ALIVE)
         subscription(node, topics.ALIVE, self._hear)
         self._next = 0.0
+        self._met = 0.0  # an older one [wall s]
 
     @property
     def older(self) -> Refusal | None:
@@ -37,6 +41,18 @@ class Alive:
             return None
         words = f"another {found.role} called {found.node} is on the graph already"
         return Refusal(words, cause=Cause.DUPLICATE)
+
+    def is_second(self, now: float) -> bool:
+        """Return whether another one was here before; this one leaves unless that does.
+
+        Raises:
+            BadInput: it stays, and has had the time to notice this one.
+        """
+        older = self.older
+        self._met = (self._met or now) if older else 0.0
+        if older and now - self._met > NOTICE:
+            raise BadInput(f"{older}; give this bench a namespace or a ROS_DOMAIN_ID of its own")
+        return older is not None
 
     def poll(self, now: float) -> float:
         """Beat if it is time; return when it is time again [wall s]."""

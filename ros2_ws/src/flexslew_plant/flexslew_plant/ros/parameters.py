@@ -12,6 +12,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -33,11 +34,53 @@ def new_node(name: str) -> Node:
     Args:
         name: unless the command line says another one.
     """
-    return Node(
+    node = Node(
         name,
         allow_undeclared_parameters=True,
         automatically_declare_parameters_from_overrides=True,
     )
+    for service in node.services:
+        if service.srv_type in (SetParameters, SetParametersAtomically):
+            service.callback = _with_known_types(service.callback)
+    return node
+
+
+def _with_known_types(answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return a service of rclpy that refuses values of a type that ROS has not: they would end it.
+
+    Args:
+        answer: sets parameters, one by one or all together.
+    """
+
+    def refused(request: Any, reply: Any) -> Any:
+        try:
+            _typed(request.parameters)
+        except BadInput as error:
+            result = SetParametersResult(successful=False, reason=str(error))
+            if hasattr(reply, "results"):
+                reply.results = [result] * len(request.parameters)
+            else:
+                reply.result = result
+            return reply
+        return answer(request, reply)
+
+    return refused
+
+
+def _typed(values: Iterable[Any]) -> "list[Parameter[Any]]":
+    """Return rcl_interfaces/Parameter as rclpy has them.
+
+    Raises:
+        BadInput: a value has a type that ROS has not.
+    """
+    given = []
+    for value in values:
+        try:
+            given.append(Parameter.from_parameter_msg(value))
+        except ValueError:
+            words = f"{value.name} has type {value.value.type}, which is none of ParameterType"
+            raise BadInput(words, "values") from None
+    return given
 
 
 def parameters_of(node: Node) -> dict[str, Any]:
@@ -73,9 +116,9 @@ def requested_text(node: Node, key: str, text: str, values: Iterable[Any]) -> st
         values: rcl_interfaces/Parameter, nested by the dots of their names.
 
     Raises:
-        BadInput: both are given, or a name stands twice.
+        BadInput: both are given, a name stands twice, or a value has a type that ROS has not.
     """
-    given = [Parameter.from_parameter_msg(value) for value in values]
+    given = _typed(values)
     if not given:
         return text
     if text:

@@ -11,6 +11,7 @@ from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import truth_bytes
 from flexslew_plant.measurement import EffortCommand, Measurement
+from flexslew_plant.ros.alive import NOTICE
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
@@ -22,7 +23,7 @@ from flexslew_plant.ros.plant.diagnostics import Diagnostics
 from flexslew_plant.ros.plant.display import Display
 from flexslew_plant.ros.plant.exchange import Exchange, Neighbour
 from flexslew_plant.ros.plant.parameters import CHANGEABLE, PlantParameters
-from flexslew_plant.ros.plant.report import NOTICE, PlantReport
+from flexslew_plant.ros.plant.report import PlantReport
 from flexslew_plant.ros.plant.services import Services
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.ros.realtime import NONE, PLANT, RealTime
@@ -72,7 +73,7 @@ class Plant:
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
         now = monotonic()
-        if self._report.is_duplicate(now):
+        if self._alive.is_second(now):
             return NOTICE / 4
         self._exchange.look(now)
         wait = self.session.poll(now)

@@ -1,9 +1,11 @@
 """The first step of every process that joins the graph: who may reach it, then rclpy.init."""
 
 import os
+import sys
 from typing import Any
 
 import rclpy
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.network import SETTING, on_network, prepare, tell
@@ -19,7 +21,8 @@ def start_ros(**how: Any) -> None:
         how: for rclpy.init.
 
     Raises:
-        BadInput: see network.prepare; or the middleware is none that stays on the loopback.
+        BadInput: see network.prepare; the middleware is none that stays on the loopback; or the
+            command line is none of ROS.
     """
     prepare(os.environ)
     middleware = rclpy.get_rmw_implementation_identifier()
@@ -30,4 +33,9 @@ def start_ros(**how: Any) -> None:
         )
     if SUPERVISOR not in os.environ:  # the process that started this one has told it
         tell()
-    rclpy.init(**how)
+    try:
+        rclpy.init(**how)
+    except rclpy_implementation.RCLError as error:
+        hint = "; a value that is YAML stands in quotes of its own: -p plan:=\"'{goal: ...}'\""
+        given = any(":={" in argument for argument in how.get("args") or sys.argv)
+        raise BadInput(f"{error}{hint * given}") from None

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 BEAT_EVERY = 0.25  # [wall s]
 SILENT_AFTER = 0.8  # without a beat a node counts as gone [wall s]
+_ONE = ("plant", "planner")  # roles that a bench has once, under whatever name
 
 
 class Beat(NamedTuple):
@@ -75,12 +76,12 @@ class Presence:
         return sorted(name for name, had in self._known.items() if had == role)
 
     def older(self, beat: Beat, now: float) -> Beat | None:
-        """Return the older one that is alive under the same name, or as another plant, if any."""
+        """Return the first that came before it, of its name or of a role that is had once."""
         rivals = [other for other in self._rivals(beat, now) if other.age < beat.age]
         return min(rivals, key=lambda other: other.age, default=None)
 
     def younger(self, beat: Beat, now: float) -> list[Beat]:
-        """Return the younger ones that are alive under the same name, or as another plant."""
+        """Return those that came after it, of its name or of a role that is had once."""
         return [other for other in self._rivals(beat, now) if other.age > beat.age]
 
     def _rivals(self, beat: Beat, now: float) -> list[Beat]:
@@ -89,5 +90,5 @@ class Presence:
             for other, at in self._heard.values()
             if other.instance != beat.instance
             and now - at <= SILENT_AFTER
-            and (other.node == beat.node or other.role == beat.role == "plant")
+            and (other.node == beat.node or (other.role == beat.role and beat.role in _ONE))
         ]

@@ -6,14 +6,13 @@ from rclpy.node import Node
 
 from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
-from flexslew_plant.errors import BadInput
 from flexslew_plant.events import SecondPlant
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.dead_nodes import DeadNodes
 from flexslew_plant.ros.graph import UNNAMED, incompatible
 from flexslew_plant.ros.outlet import Outlet
 
-NOTICE = 1.0  # for an older plant to hear of a newer one [wall s]
+_LOOK_EVERY = 1.0  # for those who ask for another QoS [wall s]
 
 
 class PlantReport:
@@ -41,21 +40,8 @@ class PlantReport:
         self._next, self._printed = 0.0, -1  # when to print again [wall s]; the last tick printed
         self._told: list[str] = []  # whom it waits for, as logged
         self._rivals: set[str] = set()  # younger plants
-        self._met = 0.0  # an older plant [wall s]
         self._next_qos = 0.0  # when to look who asks for another QoS [wall s]
         self._warned: set[tuple[str, str]] = set()  # of whom: node and topic
-
-    def is_duplicate(self, now: float) -> bool:
-        """Return whether another plant was here before; leave as soon as it must have noticed.
-
-        Raises:
-            BadInput: it has had the time to.
-        """
-        older = self._alive.older
-        self._met = now if older and not self._met else self._met
-        if older and now - self._met > NOTICE:
-            raise BadInput(f"{older}; give this bench a namespace or a ROS_DOMAIN_ID of its own")
-        return older is not None
 
     def poll(self, now: float) -> None:
         """Print the progress, log who is missing or one too many; let go of the dead."""
@@ -89,4 +75,4 @@ class PlantReport:
         for node, topic in sorted(named - self._warned):
             self._node.get_logger().warning(f"incompatible QoS requested: {node} on {topic}")
         self._warned |= named
-        self._next_qos = now + NOTICE
+        self._next_qos = now + _LOOK_EVERY

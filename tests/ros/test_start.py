@@ -1,0 +1,40 @@
+"""What ROS makes of a command line, before any node is there."""
+
+import shlex
+from pathlib import Path
+
+import pytest
+import rclpy
+
+from flexslew_plant.errors import BadInput
+from flexslew_plant.ros.start import start_ros
+
+DOCS = Path(__file__).parents[2] / "docs"
+COMMANDS = [
+    line
+    for page in ("ros2.md", "installation.md", "own_controller.md")
+    for line in (DOCS / page).read_text().splitlines()
+    if "--ros-args" in line and line.startswith(("ros2 run", "python -m"))
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_ros_takes_every_command_line_of_the_docs(command: str) -> None:
+    context = rclpy.Context()
+    start_ros(context=context, args=shlex.split(command))
+    context.shutdown()
+
+
+def test_the_docs_tell_how_to_start_each_node() -> None:
+    assert len(COMMANDS) >= 9
+    assert {word for line in COMMANDS for word in line.split()} >= {"plant", "planner", "recorder"}
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [("plan:={goal: 1}", "in quotes of its own"), ("kp:=", "kp:="), ("kp", "'-p kp'")],
+)
+def test_a_parameter_that_ros_cannot_read_is_refused_in_words(given: str, words: str) -> None:
+    with pytest.raises(BadInput, match="parameter override rule") as refused:
+        start_ros(context=rclpy.Context(), args=["--ros-args", "-p", given])
+    assert words in str(refused.value)
