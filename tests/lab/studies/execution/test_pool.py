@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -102,6 +104,24 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
     assert failed[3] == "its process died 2 times (SIGKILL)"
     assert "no controller answered any more" in failed[5]
     assert failed[7] == "no end after 8 s"
+
+
+SCRIPT = """
+import flexslew as fs
+found = fs.study("study.yaml", "out")
+print(found["trials"], found["failed"], found["reasons"])
+"""
+
+
+def test_a_script_flies_a_study_without_being_run_again_by_its_processes(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    study_of(sampling={"method": "random", "n": 2})
+    (tmp_path / "script.py").write_text(SCRIPT)
+    command = [sys.executable, "-P", "script.py"]
+    child = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert child.stderr == ""
+    assert child.stdout == "2 0 {}\n"
 
 
 def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:
