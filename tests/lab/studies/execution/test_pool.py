@@ -1,6 +1,7 @@
 """Processes that die, hang or stay: none of it shows in the results."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -122,6 +123,34 @@ def test_a_script_flies_a_study_without_being_run_again_by_its_processes(
     child = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert child.stderr == ""
     assert child.stdout == "2 0 {}\n"
+
+
+EXAMPLES = Path(__file__).parents[4] / "docs/examples"
+PLANNER = f"{EXAMPLES / 'my_shaper.py'}:Shaper"
+TESTBED = f"{EXAMPLES / 'three_joints.py'}:ThreeJoints"
+
+
+@pytest.mark.parametrize(
+    "flown_keys",
+    [
+        {"plan": {"method": PLANNER, "goal": {"base_yaw": 0.1}}},
+        {
+            "testbed": {"kind": TESTBED},
+            "plan": {"method": "none"},
+            "controllers": {"pd_feedforward": {}},
+        },
+    ],
+)
+def test_a_job_travels_with_classes_of_the_users_own_that_its_receiver_has_not_loaded(
+    flown_keys: dict[str, Any], study_of: Callable[..., Study], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vary = {"effort": {"keys": ["testbed.effort_limit"], "relative": {"uniform": [-0.1, 0.1]}}}
+    ready = prepare(study_of(flown_keys, vary=vary, sampling={"method": "random", "n": 2}))
+    here, sent = flown(ready, InThisProcess(ready.job)), pickle.dumps(ready.job)
+    for name in [name for name in sys.modules if name.startswith("flexslew_user_")]:
+        monkeypatch.delitem(sys.modules, name)
+    assert flown(ready, InThisProcess(pickle.loads(sent))) == here
+    assert {result.status for result in here.values()} == {"ok"}
 
 
 def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:
