@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import flexslew as fs
 from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.cases import Case, case_of
 from flexslew_lab.studies.findings.summary import passed
@@ -211,6 +212,20 @@ def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) 
     assert joined.table_path.read_bytes() == whole.table_path.read_bytes()
     with pytest.raises(BadInput, match="is one of the shards"):
         merged([tmp_path / "shard-1"], tmp_path / "shard-1", NO_CODE)
+
+
+def test_the_library_does_what_the_command_does(
+    study_of: Callable[..., Study], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexslew_lab.run.pool.Pool", lambda job, workers: InThisProcess(job))
+    study_of(lanes=True, keep={"bags": "worst 1"}, sampling={"method": "random", "n": 2})
+    found = fs.study(tmp_path / "study.yaml", tmp_path / "s")
+    assert found["check"]["ok"]
+    assert found["check"]["trials"] == 2
+    (worst,) = (tmp_path / "s" / "worst").iterdir()
+    assert int(worst.name) == found["metrics"]["residual_tip_deflection"]["worst"][0]["index"]
+    with pytest.raises(BadInput, match="workers: 0 is not allowed: at least 1"):
+        fs.study(tmp_path / "study.yaml", tmp_path / "s", workers=0)
 
 
 def test_failed_trials_are_results_and_are_flown_again_on_demand(
