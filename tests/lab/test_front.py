@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import flexslew as fs
+from flexslew_lab.given_objects import with_law
 from flexslew_lab.trial.trial import plan_of_trial
 
 SHORT: dict[str, Any] = {"name": "short", "duration": 2.0, "testbed": {"modes": 1}}
@@ -154,6 +156,33 @@ def test_an_axis_that_is_no_list_is_refused(given: Any) -> None:
         fs.BadInput, match=r"testbed\.modes: .* is not allowed: give a list of values"
     ):
         fs.sweep(SLEW, {"testbed.modes": given})
+
+
+def test_laws_of_one_name_are_told_apart_whichever_thread_gives_them() -> None:
+    def made(effort: float) -> Any:
+        def law(measurement: Any, reference: Any) -> Any:
+            return [effort, 0.0]
+
+        return law
+
+    def give(first: int) -> None:
+        begin.wait()
+        for k in range(first, first + 100):
+            keys[k] = with_law({}, made(float(k)))
+
+    keys: dict[int, dict[str, Any]] = {}
+    before, begin = sys.getswitchinterval(), threading.Barrier(8)
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [threading.Thread(target=give, args=(100 * k,)) for k in range(8)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    names = [found["controllers"]["law"]["law"] for found in keys.values()]
+    assert len(set(names)) == len(keys) == 800
 
 
 def test_efforts_that_are_complex_fail_the_law() -> None:

@@ -146,9 +146,8 @@ def _named(thing: type[Any]) -> str:
         return f"{thing.__module__}.{thing.__name__}"
     module = sys.modules.setdefault(MODULE, ModuleType(MODULE, "Objects given to a trial."))
     name, count = thing.__name__, 1
-    while getattr(module, name, thing) is not thing:
+    while vars(module).setdefault(name, thing) is not thing:  # at once: others may have threads
         count += 1
         name = f"{thing.__name__}_{count}"
-    setattr(module, name, thing)
     assert importlib.import_module(MODULE) is module
     return f"{MODULE}.{name}"
