@@ -30,7 +30,7 @@ class Steady:
 
     def __init__(self, settings: Any, period: Any, effort_limit: Any) -> None:
         self.settings, self.period, self.effort_limit = settings, period, effort_limit
-        self.terms = {"steady": [1.0, 2.0], "wrong": "x"}
+        self.terms: dict[str, Any] = {"steady": [1.0, 2.0], "wrong": "x"}
 
     def update(self, measurement: Any, estimate: Any, reference: Any) -> list[Any]:
         return [1.0, 2.0]
@@ -63,12 +63,25 @@ class Broken(Steady):
             "nothing": lambda: None,
             "words": lambda: "full speed",
             "finite": lambda: np.array([0.0, np.nan]),
+            "masked": lambda: np.ma.masked_less(np.zeros(2), 1.0),
+            "terms": self.unclear,
             "slow": self.slow,
         }[self.settings["how"]]()
+
+    def unclear(self) -> Any:
+        self.terms = {"unclear": Unclear()}
+        return np.zeros(2)
 
     @staticmethod
     def slow() -> Any:
         return np.full(2, sum(0.0 for _ in range(200_000)))
+
+
+class Unclear:
+    """What is no array after all."""
+
+    def __array__(self, *args: Any, **keys: Any) -> Any:
+        raise RuntimeError("no terms today")
 
 
 class BrokenEstimator:
@@ -97,6 +110,8 @@ class Incomplete:
 
 HERE = f"{__file__}:"
 REASONS = {
+    "masked": "is masked",
+    "terms": "no terms today",
     "raises": "ZeroDivisionError",
     "shape": "shape (3,), expected (2,)",
     "nothing": "shape (), expected (2,)",

@@ -174,7 +174,10 @@ class UserLaw:
             answer = self._built.update(measurement, estimate, reference)
             if np.iscomplexobj(answer):
                 raise TypeError(f"{answer} is complex")
+            if np.ma.is_masked(answer):
+                raise TypeError(f"{answer} is masked")
             effort = np.array(answer, dtype=np.float64)
+            terms = self._terms()
         except Exception as error:
             raise LawFailed(f"{self._law} raised {one_line(error)}") from error
         took = perf_counter() - begun
@@ -188,7 +191,7 @@ class UserLaw:
             )
         if not np.isfinite(effort).all() and _whole(measurement):
             raise LawFailed(f"{self._law} gave {effort.tolist()}, which is not finite")
-        self.terms = self._terms()
+        self.terms = terms
         return effort
 
     def _terms(self) -> dict[str, Vector]:
