@@ -158,6 +158,21 @@ def test_an_axis_that_is_no_list_is_refused(given: Any) -> None:
         fs.sweep(SLEW, {"testbed.modes": given})
 
 
+def test_a_function_is_asked_once_a_tick_and_by_nobody_but_the_flight() -> None:
+    asked: list[int] = []
+
+    def remembers(measurement: Any, reference: Any) -> Any:
+        asked.append(measurement.tick)
+        return push(measurement, reference)
+
+    flown = fs.fly(fs.trial(SLEW, law=remembers))
+    assert asked == list(range(200))
+    assert (
+        flown.metrics["trajectory_hash"]
+        == fs.fly(fs.trial(SLEW, law=Push)).metrics["trajectory_hash"]
+    )
+
+
 def test_laws_of_one_name_are_told_apart_whichever_thread_gives_them() -> None:
     def made(effort: float) -> Any:
         def law(measurement: Any, reference: Any) -> Any:

@@ -93,7 +93,11 @@ def _positions(plan: Any) -> Matrix:
 
 
 def _class_of(function: Callable[..., Any]) -> type[Any]:
-    """Return a law whose efforts a function of (measurement, reference) returns."""
+    """Return a law whose efforts a function of (measurement, reference) returns.
+
+    What a function remembers is the same for all flights, so no other flight than the user's own
+    asks it, as a planner does that foretells what a law leaves.
+    """
 
     def begin(self: Any, settings: dict[str, Any], period: float, effort_limit: Vector) -> None:
         """Take nothing: a function has no settings."""
@@ -103,7 +107,8 @@ def _class_of(function: Callable[..., Any]) -> type[Any]:
         return np.asarray(function(measurement, reference))
 
     name = getattr(function, "__name__", "")
-    return type(name if name.isidentifier() else "given", (), {"__init__": begin, "update": update})
+    members = {"__init__": begin, "update": update, "flight_only": True}
+    return type(name if name.isidentifier() else "given", (), members)
 
 
 def _planner_of(

@@ -140,6 +140,8 @@ class UserLaw:
     ) -> None:
         self._built, self._law, self._joints = built, law, joints
         self._rest = None if getattr(built, "follows_reference", True) else rest
+        # a planner does not ask it how it would fly: it may remember what it was asked
+        self.flight_only: bool = getattr(built, "flight_only", False)
         self._limit = time_limit
         self.terms: dict[str, Vector] = {}
 
