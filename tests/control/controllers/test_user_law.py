@@ -1,4 +1,6 @@
+import importlib
 import os
+import sys
 from hashlib import sha256
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -258,6 +260,24 @@ def test_a_sensor_that_reads_nan_is_not_held_against_a_users_law() -> None:
 def test_a_law_that_is_not_there_is_refused_with_the_reason(law: Any, words: str) -> None:
     with pytest.raises(BadInput, match=f"test: .*{words}"):
         controller("mine", law)
+
+
+def test_the_hash_of_a_modules_law_is_that_of_the_code_that_flies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    file, law = tmp_path / "laws_that_change.py", "laws_that_change.MyLaw"
+    text = Path(EXAMPLE.rpartition(":")[0]).read_text()
+    file.write_text(text)
+    controller("mine", law)
+    flies = sha256(text.encode()).hexdigest()
+    assert own_code.code_hash(law) == flies
+    file.write_text(text + "# another\n")
+    controller("mine", law)  # Python imports a module once
+    assert own_code.code_hash(law) == flies
+    importlib.reload(sys.modules["laws_that_change"])
+    controller("mine", law)
+    assert own_code.code_hash(law) == sha256(file.read_bytes()).hexdigest() != flies
 
 
 def test_a_law_that_refuses_its_settings_is_heard() -> None:
