@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import flexslew as fs
+from flexslew_lab.given_objects import with_law
 from flexslew_lab.trial.trial import plan_of_trial
 
 SHORT: dict[str, Any] = {"name": "short", "duration": 2.0, "testbed": {"modes": 1}}
@@ -59,6 +61,55 @@ def test_a_plan_that_was_made_elsewhere_is_flown(flight: fs.Flight) -> None:
     made = fs.Plan("mine", names, 0.5, 0.01, rows, rates, np.zeros((100, 2)), none, 1.0)
     flown = fs.fly(fs.trial(SHORT, law=push, plan=made))
     assert np.array_equal(flown["reference"][50:151], rows)
+
+
+@pytest.mark.parametrize("law", ["lqr", "output_feedback", "proportional_integral"])
+def test_a_given_plan_flies_as_the_planner_that_made_it(law: str) -> None:
+    """Laws with filters about the plan take its nominal state, too."""
+    changes = {"duration": 3.0, "controllers": {law: {}}, "active": law}
+    made = plan_of_trial(fs.trial("m1", changes))
+    assert made is not None
+    given = fs.fly(fs.trial("m1", changes, plan=made))
+    own = fs.fly(fs.trial("m1", changes))
+    assert given.metrics["trajectory_hash"] == own.metrics["trajectory_hash"]
+
+
+def test_a_given_plan_is_kept_as_it_was_given_and_has_gains_too() -> None:
+    rows = cubic(100, 0.2, 0.1)
+    names, efforts = ("base_yaw", "hub_pitch"), np.zeros((100, 2))
+    state, gains = np.ones((101, 6)), np.full((101, 3), 7.0)
+    made = fs.Plan("mine", names, 0.5, 0.01, rows, 0.0 * rows, efforts, state, 1.0, gains)
+    given = fs.trial(SHORT, plan=made)
+    rows[:], efforts[:] = 9.0, 9.0
+    flown = plan_of_trial(given)
+    assert flown is not None
+    assert np.array_equal(flown.position, cubic(100, 0.2, 0.1))
+    assert not flown.effort.any()
+    assert np.array_equal(flown.state, state)
+    assert np.array_equal(flown.gains, gains)
+    assert (flown.start, flown.duration) == (0.5, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"period": 0.02}, r"plan: has a period of 0\.02 s; that of this trial is 0\.01 s"),
+        ({"joint_names": ("hub_pitch", "base_yaw")}, "plan: moves hub_pitch, base_yaw; this bench"),
+        ({"velocity": np.zeros((100, 2))}, r"plan: velocity of shape \(100, 2\) does not fit"),
+        (
+            {"effort": np.zeros((100, 3))},
+            r"plan: effort of shape \(100, 3\) does not fit 100 ticks",
+        ),
+        ({"state": np.zeros(101)}, r"plan: state of shape \(101,\) does not fit"),
+        ({"duration": 2.0}, "plan: duration: 2 s is longer than its 100 ticks"),
+    ],
+)
+def test_a_given_plan_of_another_bench_is_refused_in_one_line(changes: Any, words: str) -> None:
+    rows = cubic(100, 0.2, 0.1)
+    names, none = ("base_yaw", "hub_pitch"), np.zeros((101, 0))
+    made = fs.Plan("mine", names, 0.0, 0.01, rows, 0.0 * rows, np.zeros((100, 2)), none, 1.0)
+    with pytest.raises(fs.BadInput, match=words):
+        fs.fly(fs.trial(SHORT, plan=replace(made, **changes)))
 
 
 def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None:
@@ -154,6 +205,48 @@ def test_an_axis_that_is_no_list_is_refused(given: Any) -> None:
         fs.BadInput, match=r"testbed\.modes: .* is not allowed: give a list of values"
     ):
         fs.sweep(SLEW, {"testbed.modes": given})
+
+
+def test_a_function_is_asked_once_a_tick_and_by_nobody_but_the_flight() -> None:
+    asked: list[int] = []
+
+    def remembers(measurement: Any, reference: Any) -> Any:
+        asked.append(measurement.tick)
+        return push(measurement, reference)
+
+    flown = fs.fly(fs.trial(SLEW, law=remembers))
+    assert asked == list(range(200))
+    assert (
+        flown.metrics["trajectory_hash"]
+        == fs.fly(fs.trial(SLEW, law=Push)).metrics["trajectory_hash"]
+    )
+
+
+def test_laws_of_one_name_are_told_apart_whichever_thread_gives_them() -> None:
+    def made(effort: float) -> Any:
+        def law(measurement: Any, reference: Any) -> Any:
+            return [effort, 0.0]
+
+        return law
+
+    def give(first: int) -> None:
+        begin.wait()
+        for k in range(first, first + 100):
+            keys[k] = with_law({}, made(float(k)))
+
+    keys: dict[int, dict[str, Any]] = {}
+    before, begin = sys.getswitchinterval(), threading.Barrier(8)
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [threading.Thread(target=give, args=(100 * k,)) for k in range(8)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    names = [found["controllers"]["law"]["law"] for found in keys.values()]
+    assert len(set(names)) == len(keys) == 800
 
 
 def test_efforts_that_are_complex_fail_the_law() -> None:

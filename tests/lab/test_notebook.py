@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexslew_lab.log.recording.bag_observer import BagObserver
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.notebook import Flight, fly, read, trial
 from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.trial.trial import follow, plan_of_trial, set_up, trial_text
 from flexslew_plant.errors import BadInput
 
 SHORT: dict[str, Any] = {
@@ -188,3 +191,33 @@ def test_joints_of_a_spacecraft_are_read_from_its_state(name: str) -> None:
     state = np.hstack((flown["coordinate"], flown["coordinate_rate"]))
     assert np.array_equal(flown["position.mode_1"], state[:, model.positions - model.modes])
     assert np.array_equal(flown["velocity"][7, : len(joints)], model.joint_state(state[7])[1])
+
+
+def test_a_flight_with_resets_is_its_last_epoch_as_its_metrics_are(tmp_path: Path) -> None:
+    given = trial(SHORT, {"schedule": [{"at": 0.0, "disturbance": {"hub_pitch": 2.0}}]})
+    bench, controllers = set_up(given, "test")
+    plan = plan_of_trial(given)
+    assert follow(controllers, given.active, plan) is None
+    with BagWriter(tmp_path / "bag", {"trial": trial_text(given)}) as writer:
+        observer = BagObserver(writer)
+        observer.announce(given, bench, plan, controllers)
+        for ticks in (250, 60):
+            while bench.tick < ticks:
+                question = bench.question
+                observer.question(question)
+                observer.truth(bench.truth())
+                answer = controllers[question.controller].observe(question)
+                assert answer is not None
+                observer.answer(answer)
+                bench.offer(answer.command)
+                bench.advance()
+            observer.truth(bench.truth())
+            if ticks == 250:
+                bench.reset()
+        observer.close()
+    flown = read(tmp_path / "bag")
+    assert flown.time == pytest.approx(np.arange(61) * 0.01, abs=1e-12)
+    assert flown.metrics["ticks"] == 60
+    assert np.abs(flown["tip"]).max() == flown.metrics["peak_tip_deflection"]
+    assert flown["measured.hub_pitch"][0] == 0.0
+    assert np.array_equal(flown["demand"][:-1], flown["effort"][1:])

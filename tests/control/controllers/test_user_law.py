@@ -1,4 +1,6 @@
+import importlib
 import os
+import sys
 from hashlib import sha256
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -30,7 +32,7 @@ class Steady:
 
     def __init__(self, settings: Any, period: Any, effort_limit: Any) -> None:
         self.settings, self.period, self.effort_limit = settings, period, effort_limit
-        self.terms = {"steady": [1.0, 2.0], "wrong": "x"}
+        self.terms: dict[str, Any] = {"steady": [1.0, 2.0], "wrong": "x"}
 
     def update(self, measurement: Any, estimate: Any, reference: Any) -> list[Any]:
         return [1.0, 2.0]
@@ -63,12 +65,25 @@ class Broken(Steady):
             "nothing": lambda: None,
             "words": lambda: "full speed",
             "finite": lambda: np.array([0.0, np.nan]),
+            "masked": lambda: np.ma.masked_less(np.zeros(2), 1.0),
+            "terms": self.unclear,
             "slow": self.slow,
         }[self.settings["how"]]()
+
+    def unclear(self) -> Any:
+        self.terms = {"unclear": Unclear()}
+        return np.zeros(2)
 
     @staticmethod
     def slow() -> Any:
         return np.full(2, sum(0.0 for _ in range(200_000)))
+
+
+class Unclear:
+    """What is no array after all."""
+
+    def __array__(self, *args: Any, **keys: Any) -> Any:
+        raise RuntimeError("no terms today")
 
 
 class BrokenEstimator:
@@ -97,6 +112,8 @@ class Incomplete:
 
 HERE = f"{__file__}:"
 REASONS = {
+    "masked": "is masked",
+    "terms": "no terms today",
     "raises": "ZeroDivisionError",
     "shape": "shape (3,), expected (2,)",
     "nothing": "shape (), expected (2,)",
@@ -243,6 +260,24 @@ def test_a_sensor_that_reads_nan_is_not_held_against_a_users_law() -> None:
 def test_a_law_that_is_not_there_is_refused_with_the_reason(law: Any, words: str) -> None:
     with pytest.raises(BadInput, match=f"test: .*{words}"):
         controller("mine", law)
+
+
+def test_the_hash_of_a_modules_law_is_that_of_the_code_that_flies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    file, law = tmp_path / "laws_that_change.py", "laws_that_change.MyLaw"
+    text = Path(EXAMPLE.rpartition(":")[0]).read_text()
+    file.write_text(text)
+    controller("mine", law)
+    flies = sha256(text.encode()).hexdigest()
+    assert own_code.code_hash(law) == flies
+    file.write_text(text + "# another\n")
+    controller("mine", law)  # Python imports a module once
+    assert own_code.code_hash(law) == flies
+    importlib.reload(sys.modules["laws_that_change"])
+    controller("mine", law)
+    assert own_code.code_hash(law) == sha256(file.read_bytes()).hexdigest() != flies
 
 
 def test_a_law_that_refuses_its_settings_is_heard() -> None:

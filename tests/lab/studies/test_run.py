@@ -4,17 +4,20 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import flexslew as fs
 from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.cases import Case, case_of
 from flexslew_lab.studies.findings.summary import passed
 from flexslew_lab.studies.finish import finished, fly_again, keep_worst
 from flexslew_lab.studies.flight import Flown, flown
+from flexslew_lab.studies.identity import require_same
 from flexslew_lab.studies.merge import merged
 from flexslew_lab.studies.run import Preparation, Shard, prepare, run_study
 from flexslew_lab.studies.study import Study
@@ -142,6 +145,65 @@ def test_versions_and_law_files_are_part_of_a_study(ready: Preparation, tmp_path
         run_study(older, tmp_path / "s", InThisProcess(ready.job))
 
 
+METRIC = """
+from flexslew_lab.metrics import Key
+
+class Count:
+    KEYS = {"count": Key("-", False, "of ticks")}
+    def __init__(self, setup): self.count = 0.0
+    def add(self, block): self.count += len(block.time)
+    def result(self, ending): return {"count": self.count}
+"""
+LAW = """
+import numpy as np
+
+class Still:
+    def __init__(self, settings, period, effort_limit): pass
+    def update(self, measurement, estimate, reference): return np.zeros(2)
+"""
+EXAMPLES = Path(__file__).parents[3] / "docs/examples"
+SHIPPED = Path(str(resources.files("flexslew_plant"))) / "testbeds/spacecraft/data"
+MASS = {"testbed.platform.mass": {"relative": {"uniform": [-0.1, 0.1]}}}
+CRAFT = {
+    "testbed": {
+        "kind": "spacecraft",
+        "appendages": {"boom": {"shape": {"kind": "modal_data", "file": "own.yaml"}}},
+    },
+    "plan": {"method": "none"},
+    "controllers": {"pd_feedforward": {"kp": [9.0], "kd": [9.0]}},
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "flown", "keys"),
+    [
+        ("own.py", METRIC, {}, {"compare": {"metrics": {"own": ["own.py:Count"]}}}),
+        ("own.py", (EXAMPLES / "my_shaper.py").read_text(),
+         {"plan": {"method": "own.py:Shaper", "goal": {"base_yaw": 0.1}}}, {}),
+        ("own_module.py", LAW, {"controllers": {"own": {"law": "own_module.Still"}},
+                                "active": "own"}, {}),
+        ("own.yaml", (SHIPPED / "solar_panel.yaml").read_text(), CRAFT, {"vary": MASS}),
+    ],
+)  # fmt: skip
+def test_files_that_trials_run_or_read_are_part_of_a_study(
+    name: str,
+    text: str,
+    flown: dict[str, Any],
+    keys: dict[str, Any],
+    study_of: Callable[..., Study],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / name).write_text(text)
+    before = prepare(study_of(flown, **keys)).identity
+    (tmp_path / name).write_text(text + "# another\n")
+    after = prepare(study_of(flown, **keys)).identity
+    with pytest.raises(BadInput, match=r"holds another study, files\.own"):
+        require_same(before, after, tmp_path)
+
+
 def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) -> None:
     whole = run_study(ready, tmp_path / "whole", InThisProcess(ready.job))
     for k in (1, 2, 3):
@@ -150,6 +212,20 @@ def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) 
     assert joined.table_path.read_bytes() == whole.table_path.read_bytes()
     with pytest.raises(BadInput, match="is one of the shards"):
         merged([tmp_path / "shard-1"], tmp_path / "shard-1", NO_CODE)
+
+
+def test_the_library_does_what_the_command_does(
+    study_of: Callable[..., Study], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexslew_lab.run.pool.Pool", lambda job, workers: InThisProcess(job))
+    study_of(lanes=True, keep={"bags": "worst 1"}, sampling={"method": "random", "n": 2})
+    found = fs.study(tmp_path / "study.yaml", tmp_path / "s")
+    assert found["check"]["ok"]
+    assert found["check"]["trials"] == 2
+    (worst,) = (tmp_path / "s" / "worst").iterdir()
+    assert int(worst.name) == found["metrics"]["residual_tip_deflection"]["worst"][0]["index"]
+    with pytest.raises(BadInput, match="workers: 0 is not allowed: at least 1"):
+        fs.study(tmp_path / "study.yaml", tmp_path / "s", workers=0)
 
 
 def test_failed_trials_are_results_and_are_flown_again_on_demand(

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 class Flight:
     """What a run was: every signal over the ticks of the truth, by name and with its unit.
 
+    After a reset it is the last epoch alone, as for the metrics; the events are those of all.
     Signals are called `quantity.joint`, `quantity.mode_1` or `tip.appendage`; `energy` stands
     alone. Where a signal has no value at a tick (nobody answered, say) it is NaN.
     """

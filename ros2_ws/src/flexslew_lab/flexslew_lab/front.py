@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexslew_lab.notebook import What, trial_from
 from flexslew_lab.trial.trial import bench_settings
 from flexslew_plant.bench.bench import Bench
+from flexslew_plant.errors import BadInput
 
 if TYPE_CHECKING:
     from flexslew_lab.analysis.analysis import Analysis
@@ -44,26 +46,34 @@ def analyse(what: What = "m1", controller: str | None = None, at: float | None =
 def study(file: str | Path, folder: Path | str | None = None, workers: int = 1) -> dict[str, Any]:
     """Return what a study shows, after flying what is missing of it; what --json prints.
 
+    As the command does, it flies some trials of the lanes again by the ordinary bench, and the
+    worst ones again with their logs where the file says `keep`.
+
     Args:
         file: a study file, or the name of a shipped one.
         folder: of the study; None: runs/study-NAME.
-        workers: processes.
+        workers: processes, at least 1.
 
     Raises:
         BadInput: no such study, or one of its values is not allowed.
         ModuleNotFoundError: pyarrow is not installed.
     """
     from flexslew_lab.run.pool import Pool
-    from flexslew_lab.studies.finish import finished
+    from flexslew_lab.studies.finish import finished, keep_worst
+    from flexslew_lab.studies.lanes.check import bench_job, check_lanes
     from flexslew_lab.studies.run import default_folder, prepare, run_study
     from flexslew_lab.studies.study import load_study, study_path
     from flexslew_plant.own_code import ANY_CODE
 
+    if workers < 1:
+        raise BadInput("at least 1", key="workers", value=workers)
     asked = load_study(study_path(str(file)), ANY_CODE)
     ready = prepare(asked)
-    executor = Pool(ready.job, workers)
-    try:
+    with closing(Pool(ready.job, workers)) as executor:
         store = run_study(ready, Path(folder or default_folder(asked)), executor)
-    finally:
-        executor.close()
-    return finished(asked, store)
+    if asked.settings.lanes:
+        with closing(Pool(bench_job(ready), workers)) as executor:
+            check_lanes(ready, store, executor)
+    found = finished(asked, store)
+    keep_worst(asked, store, lambda words: None)  # why a trial has no log, its row says
+    return found

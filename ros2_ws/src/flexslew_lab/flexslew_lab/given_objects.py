@@ -8,6 +8,8 @@ where the object is; a class of an importable module keeps its own name.
 import importlib
 import sys
 from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import replace
 from types import ModuleType
 from typing import Any, TypeAlias
 
@@ -66,8 +68,7 @@ def with_plan(values: dict[str, Any], plan: Given | Plan | Matrix) -> dict[str, 
     if isinstance(plan, type):
         return {**values, "plan": {**before, "method": _named(plan)}}
     if isinstance(plan, Plan):
-        own = _planner_of(plan.position, plan.velocity, plan.effort)
-        start = {"start": plan.start}
+        own, start = _planner_of(deepcopy(plan)), {"start": plan.start}
     else:
         own, start = _planner_of(_positions(plan)), {}
     return {**values, "plan": {"method": _named(own), **start}}
@@ -93,7 +94,11 @@ def _positions(plan: Any) -> Matrix:
 
 
 def _class_of(function: Callable[..., Any]) -> type[Any]:
-    """Return a law whose efforts a function of (measurement, reference) returns."""
+    """Return a law whose efforts a function of (measurement, reference) returns.
+
+    What a function remembers is the same for all flights, so no other flight than the user's own
+    asks it, as a planner does that foretells what a law leaves.
+    """
 
     def begin(self: Any, settings: dict[str, Any], period: float, effort_limit: Vector) -> None:
         """Take nothing: a function has no settings."""
@@ -103,13 +108,12 @@ def _class_of(function: Callable[..., Any]) -> type[Any]:
         return np.asarray(function(measurement, reference))
 
     name = getattr(function, "__name__", "")
-    return type(name if name.isidentifier() else "given", (), {"__init__": begin, "update": update})
+    members = {"__init__": begin, "update": update, "flight_only": True}
+    return type(name if name.isidentifier() else "given", (), members)
 
 
-def _planner_of(
-    position: Matrix, velocity: Matrix | None = None, effort: Matrix | None = None
-) -> type[Any]:
-    """Return a planner whose plan is already there."""
+def _planner_of(given: Plan | Matrix) -> type[Any]:
+    """Return a planner whose plan, or positions at every tick, are already there."""
 
     class GivenPlan:
         """Its keys in the `plan` section."""
@@ -120,22 +124,58 @@ def _planner_of(
 
         def plan(self, slew: Any, progress: Any) -> Plan:
             """Return the plan that was given, on the ticks of this bench."""
-            model, ticks = slew.model, len(position) - 1
-            if position.shape[1] != model.joints:
-                words = f"({ticks + 1}, {model.joints}): {', '.join(model.joint_names)}"
-                raise BadInput(f"plan: an array of shape {position.shape} does not fit: {words}")
-            rates = velocity
-            if rates is None:
-                rates = np.gradient(position, slew.period, axis=0)
-                rates[[0, -1]] = 0.0  # at rest before and after
-            efforts = np.zeros((ticks, model.joints)) if effort is None else effort
-            none, lasts = np.zeros((ticks + 1, 0)), ticks * slew.period
+            names, period = slew.model.joint_names, slew.period
+            if isinstance(given, Plan):
+                _require_fit(given, names, period)
+                return replace(given, method=self.method, start=self.start)
+            ticks, joints = len(given) - 1, len(names)
+            if given.shape[1] != joints:
+                words = f"({ticks + 1}, {joints}): {', '.join(names)}"
+                raise BadInput(f"plan: an array of shape {given.shape} does not fit: {words}")
+            rates = np.gradient(given, period, axis=0)
+            rates[[0, -1]] = 0.0  # at rest before and after
+            efforts, none, lasts = (
+                np.zeros((ticks, joints)),
+                np.zeros((ticks + 1, 0)),
+                ticks * period,
+            )
+            position = given.copy()
             return Plan(
-                self.method, model.joint_names, self.start, slew.period, position.copy(),
-                rates, efforts, none, lasts,
-            )  # fmt: skip
+                self.method, names, self.start, period, position, rates, efforts, none, lasts
+            )
 
     return section(GivenPlan)
+
+
+def _require_fit(plan: Plan, names: tuple[str, ...], period: float) -> None:
+    """Check a plan that was given against the bench that shall fly it.
+
+    Raises:
+        BadInput: it moves other joints, or in another order, has another period, or its parts are
+            not of one size.
+    """
+    if plan.joint_names != names:
+        words = f"moves {', '.join(plan.joint_names)}; this bench has {', '.join(names)}"
+        raise BadInput(f"plan: {words}")
+    if abs(plan.period - period) > 1e-9 * period:
+        words = f"has a period of {plan.period:g} s; that of this trial is {period:g} s"
+        raise BadInput(f"plan: {words}")
+    rows, joints = plan.ticks + 1, len(names)
+    sizes = {
+        "position": (rows, joints),
+        "velocity": (rows, joints),
+        "effort": (rows - 1, joints),
+        "state": (rows, *plan.state.shape[1:2]),
+        "gains": (rows, *plan.gains.shape[1:2]) if plan.gains.size else plan.gains.shape,
+    }
+    for part, size in sizes.items():
+        found = getattr(plan, part).shape
+        if len(found) != 2 or found != size:
+            words = f"{part} of shape {found} does not fit {plan.ticks} ticks of {joints} joints"
+            raise BadInput(f"plan: {words}")
+    if not 0.0 <= plan.duration <= (plan.ticks + 1e-6) * period:
+        words = f"duration: {plan.duration:g} s is longer than its {plan.ticks} ticks"
+        raise BadInput(f"plan: {words}")
 
 
 def _named(thing: type[Any]) -> str:
@@ -146,9 +186,8 @@ def _named(thing: type[Any]) -> str:
         return f"{thing.__module__}.{thing.__name__}"
     module = sys.modules.setdefault(MODULE, ModuleType(MODULE, "Objects given to a trial."))
     name, count = thing.__name__, 1
-    while getattr(module, name, thing) is not thing:
+    while vars(module).setdefault(name, thing) is not thing:  # at once: others may have threads
         count += 1
         name = f"{thing.__name__}_{count}"
-    setattr(module, name, thing)
     assert importlib.import_module(MODULE) is module
     return f"{MODULE}.{name}"

@@ -20,6 +20,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import did_you_mean
@@ -52,6 +53,8 @@ class Trust:
 
 
 NO_CODE, ANY_CODE = Trust(), Trust(everything=True)
+# by class and name: what code_hash returns
+_FOUND: WeakKeyDictionary[type[Any], dict[str, str]] = WeakKeyDictionary()
 
 
 class Untrusted(BadInput):
@@ -94,7 +97,15 @@ def file_of(name: str) -> Path | None:
 
 
 def code_hash(name: str) -> str:
-    """Return the SHA-256 of the file that a name stands for, hexadecimal; empty: no such file."""
+    """Return the SHA-256 of the file that a name stands for, hexadecimal; empty: no such file.
+
+    Python imports a module once: of a class of one, the file is meant as it was when the class was
+    found first here, which is what runs, whatever stands in it now.
+    """
+    place, _, attribute = name.rpartition(".")
+    found = getattr(sys.modules.get(place), attribute, None)
+    if isinstance(found, type) and name in (known := _FOUND.get(found, {})):
+        return known[name]
     path = file_of(name)
     return hashlib.sha256(path.read_bytes()).hexdigest() if path is not None else ""
 
@@ -129,6 +140,8 @@ def find_class(
         elif "." in name:
             place, _, attribute = name.rpartition(".")
             found = getattr(importlib.import_module(place), attribute)
+            if isinstance(found, type):
+                _FOUND.setdefault(found, {})[name] = code_hash(name)
         else:
             allowed = ", ".join(sorted({*known, *installed}))
             kind = what.title().replace(" ", "")

@@ -1,7 +1,10 @@
 """Processes that die, hang or stay: none of it shows in the results."""
 
 import os
+import pickle
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -102,6 +105,52 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
     assert failed[3] == "its process died 2 times (SIGKILL)"
     assert "no controller answered any more" in failed[5]
     assert failed[7] == "no end after 8 s"
+
+
+SCRIPT = """
+import flexslew as fs
+found = fs.study("study.yaml", "out")
+print(found["trials"], found["failed"], found["reasons"])
+"""
+
+
+def test_a_script_flies_a_study_without_being_run_again_by_its_processes(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    study_of(sampling={"method": "random", "n": 2})
+    (tmp_path / "script.py").write_text(SCRIPT)
+    command = [sys.executable, "-P", "script.py"]
+    child = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert child.stderr == ""
+    assert child.stdout == "2 0 {}\n"
+
+
+EXAMPLES = Path(__file__).parents[4] / "docs/examples"
+PLANNER = f"{EXAMPLES / 'my_shaper.py'}:Shaper"
+TESTBED = f"{EXAMPLES / 'three_joints.py'}:ThreeJoints"
+
+
+@pytest.mark.parametrize(
+    "flown_keys",
+    [
+        {"plan": {"method": PLANNER, "goal": {"base_yaw": 0.1}}},
+        {
+            "testbed": {"kind": TESTBED},
+            "plan": {"method": "none"},
+            "controllers": {"pd_feedforward": {}},
+        },
+    ],
+)
+def test_a_job_travels_with_classes_of_the_users_own_that_its_receiver_has_not_loaded(
+    flown_keys: dict[str, Any], study_of: Callable[..., Study], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vary = {"effort": {"keys": ["testbed.effort_limit"], "relative": {"uniform": [-0.1, 0.1]}}}
+    ready = prepare(study_of(flown_keys, vary=vary, sampling={"method": "random", "n": 2}))
+    here, sent = flown(ready, InThisProcess(ready.job)), pickle.dumps(ready.job)
+    for name in [name for name in sys.modules if name.startswith("flexslew_user_")]:
+        monkeypatch.delitem(sys.modules, name)
+    assert flown(ready, InThisProcess(pickle.loads(sent))) == here
+    assert {result.status for result in here.values()} == {"ok"}
 
 
 def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:

@@ -8,6 +8,7 @@ from shutil import rmtree
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from flexslew_lab.studies.cases import sample_table
@@ -19,7 +20,7 @@ from flexslew_lab.studies.findings.statistics import (
     success_bounds,
     trials_needed,
 )
-from flexslew_lab.studies.findings.stopping import settled
+from flexslew_lab.studies.findings.stopping import at_every_look, interim_sizes, settled
 from flexslew_lab.studies.findings.summary import passed, summary
 from flexslew_lab.studies.findings.tables import metric_tables, overall_rows
 from flexslew_lab.studies.flight import Flown, failed
@@ -193,7 +194,7 @@ def test_what_has_no_number_keeps_to_no_criterion(
             assert row["lower_bound"] is row["upper_bound"] is None
             assert row["verdict"] == "undecided"
     assert passed(found) == all(row["passed"] for row in found["criteria"])
-    said = needed(study)
+    said = needed(study, store.samples)
     assert len(said) == ("probability" in asked)
     if said and method not in (*INDEPENDENT, *REPLICATED):
         assert "show no probability, however many" in said[0]
@@ -317,3 +318,44 @@ def test_a_study_looks_for_its_stop_at_the_bounds_that_it_reports(
     assert found is not None
     reported = summary(study, store, {})["metrics"][NAME]["quantiles"]["0.5"]
     assert found["bounds"] == {"": reported}
+
+
+def test_bounds_and_criteria_of_a_study_that_may_stop_hold_at_every_look(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    rng = np.random.default_rng(5)
+    rows = [{NAME: float(rng.random()), "goal_error": float(rng.random())} for _ in range(128)]
+    asked = {"goal_error": {"below": 0.95, "probability": 0.9}}
+    stop = {"metric": NAME, "quantile": 0.5, "half_width": 0.5}
+    study, store = told(rows, stop=stop, criteria=asked)
+    assert interim_sizes(study, store.samples) == [64, 128]
+    found = summary(study, store, {})
+    values = np.array([row["goal_error"] for row in rows])
+    (row,) = found["criteria"]
+    kept = int(np.count_nonzero(values < 0.95))
+    assert (row["lower_bound"], row["upper_bound"]) == success_bounds(kept, 128, 0.95)
+    low, _, high = found["metrics"]["goal_error"]["quantiles"]["0.5"]
+    assert (low, high) == quantile_bounds(values, 0.5, 0.95)
+
+
+def test_a_study_that_stops_errs_no_more_often_than_its_criterion_says(
+    study_of: Callable[..., Study],
+) -> None:
+    """One in 200 trials is far off; the study stops where its 99 % quantile is known."""
+    stop = {"metric": NAME, "quantile": 0.99, "half_width": 1.0}
+    study = study_of(sampling={"method": "random", "n": 4096}, stop=stop)
+    samples = pa.table({"replicate": np.zeros(4096, dtype=np.int32)})
+    looks, probability = interim_sizes(study, samples), 0.995
+    each, joint = at_every_look(study, samples, 0.9), 1.0 - 0.1 / len(looks)
+    rng, runs, wrong, alone = np.random.default_rng(2), 1500, 0, 0
+    for _ in range(runs):
+        values = np.where(rng.random(4096) < 1.0 - probability, 10.0, 0.0)
+        for n in looks:
+            low, high = quantile_bounds(values[:n], 0.99, joint)
+            if high - low <= 2.0:
+                break
+        kept = int(np.count_nonzero(values[:n] < 5.0))
+        wrong += success_bounds(kept, n, each)[0] > probability
+        alone += success_bounds(kept, n, 0.9)[0] > probability
+    assert wrong <= 0.1 * runs
+    assert alone > 0.11 * runs  # as bounds for a given number of samples do

@@ -140,6 +140,8 @@ class UserLaw:
     ) -> None:
         self._built, self._law, self._joints = built, law, joints
         self._rest = None if getattr(built, "follows_reference", True) else rest
+        # a planner does not ask it how it would fly: it may remember what it was asked
+        self.flight_only: bool = getattr(built, "flight_only", False)
         self._limit = time_limit
         self.terms: dict[str, Vector] = {}
 
@@ -174,7 +176,10 @@ class UserLaw:
             answer = self._built.update(measurement, estimate, reference)
             if np.iscomplexobj(answer):
                 raise TypeError(f"{answer} is complex")
+            if np.ma.is_masked(answer):
+                raise TypeError(f"{answer} is masked")
             effort = np.array(answer, dtype=np.float64)
+            terms = self._terms()
         except Exception as error:
             raise LawFailed(f"{self._law} raised {one_line(error)}") from error
         took = perf_counter() - begun
@@ -188,7 +193,7 @@ class UserLaw:
             )
         if not np.isfinite(effort).all() and _whole(measurement):
             raise LawFailed(f"{self._law} gave {effort.tolist()}, which is not finite")
-        self.terms = self._terms()
+        self.terms = terms
         return effort
 
     def _terms(self) -> dict[str, Vector]:

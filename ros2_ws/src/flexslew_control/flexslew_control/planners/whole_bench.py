@@ -142,7 +142,7 @@ def flown_on_bench(
     model: Model | None = None,
     motors: Matrices | None = None,
 ) -> Prediction | None:
-    """Return the residuals of a plan that a law flies; None: it cannot fly it.
+    """Return the residuals of a plan that a law flies; None: it cannot fly it, or not twice.
 
     The law's own controller flies it in this process, with motors and sensors without errors but
     delays and gaps. It is in charge from the start on, at rest where the plan begins.
@@ -159,6 +159,8 @@ def flown_on_bench(
     except BadInput:  # who builds the controllers says why
         return None
     if controller.adopt(replace(plan, start=0.0)) or controller.reason:
+        return None
+    if getattr(controller.law, "flight_only", False):
         return None
     model = plant.testbed.model() if model is None else model
     names, limit, tip = plant.joint_names, plant.effort_limit, model.appendages.tip

@@ -65,7 +65,7 @@ def run(
     requested = load_study(study_path(file), ANY_CODE)
     with for_people.status("preparing"):
         ready = prepare(requested)
-    for line in needed(requested):
+    for line in needed(requested, ready.samples):
         say(line)
     folder = out or default_folder(requested, part)
     executor = _executor(ready, workers, dask)

@@ -42,7 +42,7 @@ class Signals(NamedTuple):
 
 
 def read_signals(bag: BagReader) -> Signals:
-    """Return all signals of a bag, whole in memory.
+    """Return all signals of the last epoch of a bag, whole in memory: of what metrics measure.
 
     Raises:
         BadInput: the bag is damaged, or holds no truth.
@@ -51,6 +51,8 @@ def read_signals(bag: BagReader) -> Signals:
     truth = columns.get("/truth", {})
     if not truth:
         raise BadInput("holds no truth", bag.path)
+    last = truth["epoch"] == truth["epoch"].max()
+    truth |= {field: column[last] for field, column in truth.items()}
     model = flown_model(bag.overview, bag.trust)
     if (
         model is not None

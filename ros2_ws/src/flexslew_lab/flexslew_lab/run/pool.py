@@ -9,12 +9,13 @@ import signal
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from multiprocessing.connection import Connection, wait
 from operator import length_hint
 from time import monotonic
+from types import ModuleType
 from typing import Any, Generic, Protocol, TypeVar
 
 CHUNK_TIME = 3.0  # of a chunk, aimed at [wall s]
@@ -226,7 +227,8 @@ class Pool(Generic[_Case, _Result]):
     def _start(self) -> _Worker[_Case]:
         ours, theirs = _SERVER.Pipe()
         process = _SERVER.Process(target=_work, args=(theirs, self._job), daemon=True)
-        process.start()
+        with _without_script():
+            process.start()
         theirs.close()
         self._workers.append(_Worker[_Case](process, ours))
         return self._workers[-1]
@@ -297,6 +299,20 @@ class Pool(Generic[_Case, _Result]):
         worker.process.kill()
         worker.process.join()
         worker.pipe.close()
+
+
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """Start processes that do not run the caller's script: they need nothing of it.
+
+    Python would run it again in each of them, up to the call that starts them, which then fails.
+    """
+    script = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
 
 
 def _work(pipe: Connection, job: PooledJob[Any, Any]) -> None:

@@ -1,22 +1,24 @@
 """What a study is of, in plain data: two runs with the same identity may share one table."""
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import suppress
 from importlib import metadata, resources
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
-from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.studies.flight import Plans
 from flexslew_lab.studies.study import EXPERIMENT, MANOEUVRE, Study
-from flexslew_lab.trial.trial import law_of
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import file_of
 from flexslew_plant.settings import plain
 
+_NAMING = ("vary", "shake", "compare")  # keys that may name files, as the trial may
 _FREE = ("criteria", "keep", "limit", "trial")  # keys that change no trial
 # folders whose code decides what a trial becomes
 _CODE = (
@@ -44,7 +46,7 @@ def identity_of(
     return {
         "study": {key: value for key, value in settings.items() if key not in _FREE},
         "trial": study.base,
-        "files": _law_files(study),
+        "files": _files(study),
         "versions": _versions(study),
         "plans": [plan_hash(p) if isinstance(p, Plan) else str(p) for p in plans.made.values()],
         "samples": _samples_digest(samples),
@@ -81,19 +83,34 @@ def _differences(place: str, old: Any, new: Any) -> list[tuple[str, Any, Any]]:
     return [] if old == new else [(place, old, new)]
 
 
-def _law_files(study: Study) -> dict[str, str]:
-    """Return the digests of the user's own files that trials may run, by path: laws, metrics."""
-    names = [variant.changes.get("active") for variant in study.variants]
-    given = [law_of(name, own or {})[0] for name, own in study.base["controllers"].items()]
+def _files(study: Study) -> dict[str, str]:
+    """Return the digests of the files that trials run or read, by what the trials call them.
+
+    These are classes of the user's own and data, as of modal shapes, wherever a trial, what is
+    compared or a draw names one.
+    """
+    of_study = plain(study.settings)
+    given = study.base, *(of_study[key] for key in _NAMING)
     digests = {}
-    kinds = [variant.changes.get("testbed.kind") for variant in study.variants]
-    own = study.base.get("metrics") or ()
-    for law in [*given, *names, study.base["testbed"].get("kind"), *kinds, *own]:
-        if not isinstance(law, str) or law in CONTROLLERS or ".py:" not in law:
-            continue
-        path = Path(law.rpartition(":")[0])
-        digests[str(path)] = _digest([path]) if path.is_file() else "missing"
+    for name in sorted(set(_texts(given))):
+        with suppress(OSError, ValueError):  # of a text that could be no file's name
+            if (path := file_of(name) or Path(name)).is_file():
+                digests[name] = _digest([path])
+            elif ".py:" in name:
+                digests[name] = "missing"
     return digests
+
+
+def _texts(values: Any) -> Iterator[str]:
+    """Yield every text in plain data."""
+    if isinstance(values, str):
+        yield values
+    elif isinstance(values, dict):
+        for value in values.values():
+            yield from _texts(value)
+    elif isinstance(values, list | tuple):
+        for value in values:
+            yield from _texts(value)
 
 
 def _versions(study: Study) -> dict[str, str]:

@@ -27,6 +27,13 @@ class Job(NamedTuple):
         """The longest that a trial may take [wall s]."""
         return self.study.settings.limit
 
+    def __reduce__(self) -> tuple[type["Job"], tuple[Study, Plans, int]]:
+        """Travel without the trials made so far: they may be of classes that a file here holds.
+
+        Another process finds these by their names when it makes the trials itself.
+        """
+        return Job, (self.study._replace(nominal={}), self.plans, self.at_once)
+
     def flyer(self) -> "Flyer":
         """Return what flies its trials."""
         return Flyer(self)

@@ -4,11 +4,13 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from flexslew_lab.studies.findings.columns import Column, column, population
 from flexslew_lab.studies.findings.population import Bounds
 from flexslew_lab.studies.findings.statistics import trials_needed
+from flexslew_lab.studies.findings.stopping import at_every_look
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Criterion, Study
@@ -25,12 +27,13 @@ class Verdict(StrEnum):
 def judged(study: Study, store: Store, name: str, c: Criterion) -> list[dict[str, Any]]:
     """Return one row per variant: a failed trial and one without a number do not keep to it."""
     lines = []
+    confidence = at_every_look(study, store.samples, c.confidence)
     for k, variant in enumerate(study.variants):
         found, rows = column(study, store, name, k)
         kept = _kept(found, c)
         counted = np.where(np.isnan(found.values), np.inf, found.values)  # every trial counts
         whole = population(study, counted, rows["replicate"].to_numpy())
-        bound = whole.success(kept, c.confidence)
+        bound = whole.success(kept, confidence)
         probable = c.probability is not None
         verdict = verdict_of(c, kept, bound)
         lines.append(
@@ -50,7 +53,7 @@ def judged(study: Study, store: Store, name: str, c: Criterion) -> list[dict[str
                 "upper_bound": bound.high if probable else None,
                 "needed": None
                 if c.probability is None
-                else trials_needed(c.probability, c.confidence, int(np.count_nonzero(~kept))),
+                else trials_needed(c.probability, confidence, int(np.count_nonzero(~kept))),
                 "verdict": verdict.value,
                 "passed": verdict is Verdict.PASSED,
             }
@@ -81,14 +84,19 @@ def verdict_of(c: Criterion, kept: NDArray[np.bool_], bound: Bounds) -> Verdict:
     return Verdict.UNDECIDED
 
 
-def needed(study: Study) -> list[str]:
-    """Return, in words, how many trials each criterion needs at least."""
+def needed(study: Study, planned: pa.Table) -> list[str]:
+    """Return, in words, how many trials each criterion needs at least.
+
+    Args:
+        study: its file.
+        planned: its samples.
+    """
     lines = []
     samples = study.settings.sampling
     for name, c in study.settings.criteria.items():
         if c.probability is None:
             continue
-        least = trials_needed(c.probability, c.confidence)
+        least = trials_needed(c.probability, at_every_look(study, planned, c.confidence))
         line = (
             f"{name}: {least} trials without a failure show {100 * c.probability:g} % at "
             f"{100 * c.confidence:g} %"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from flexslew_lab.studies.findings.columns import CONFIDENCE, column, population
 from flexslew_lab.studies.findings.population import Population
+from flexslew_lab.studies.findings.stopping import at_every_look
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Vector
@@ -29,6 +30,7 @@ def paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]
     variants share its error (Bonferroni).
     """
     lines = []
+    confidence = at_every_look(study, store.samples, CONFIDENCE)
     for name in names if len(study.variants) > 1 else []:
         first, rows = column(study, store, name, 0)
         replicate = rows["replicate"].to_numpy()
@@ -54,9 +56,9 @@ def paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]
                     "without_number": len(difference) - len(found.values),
                     "smaller": _share(found.values < 0.0),
                     "larger": _share(found.values > 0.0),
-                    "mean": list(found.mean(CONFIDENCE)),
-                    "median": list(found.quantile(0.5, CONFIDENCE)),
-                    **_tested(found, len(study.variants) - 1),
+                    "mean": list(found.mean(confidence)),
+                    "median": list(found.quantile(0.5, confidence)),
+                    **_tested(found, (1.0 - confidence) / (len(study.variants) - 1)),
                 }
             )
     return lines
@@ -79,11 +81,11 @@ def _share(which: NDArray[np.bool_]) -> float | None:
     return float(np.mean(which)) if len(which) else None
 
 
-def _tested(found: Population, variants: int) -> dict[str, Any]:
+def _tested(found: Population, error: float) -> dict[str, Any]:
     """Return the p-value of no difference, and which way it goes if that is below the error."""
     likely = found.differs()
     verdict = PairedDifference.UNDECIDED
-    if likely is not None and likely <= (1.0 - CONFIDENCE) / variants:
+    if likely is not None and likely <= error:
         more = np.sum(np.sign(found.values)) > 0.0
         verdict = PairedDifference.LARGER if more else PairedDifference.SMALLER
     return {"p_value": likely, "verdict": verdict.value}

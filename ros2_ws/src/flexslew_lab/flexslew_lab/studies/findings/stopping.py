@@ -41,9 +41,21 @@ def interim_confidence(study: Study, samples: pa.Table, stop: Stop) -> float:
     All looks hold at once with the confidence of the stop, so that the bounds of the look at which
     a study ended hold with it, too.
     """
-    return 1.0 - (1.0 - stop.confidence) / (
-        len(interim_sizes(study, samples)) * len(study.variants)
-    )
+    return at_every_look(study, samples, 1.0 - (1.0 - stop.confidence) / len(study.variants))
+
+
+def at_every_look(study: Study, samples: pa.Table, confidence: float) -> float:
+    """Return the confidence of bounds at each look, so that those of all looks hold at once.
+
+    How many samples a study that may stop has depends on them: bounds for a given number of
+    samples hold less often there (Bonferroni).
+
+    Args:
+        study: whose looks these are; one that cannot stop looks once.
+        samples: of it.
+        confidence: of all looks together.
+    """
+    return 1.0 - (1.0 - confidence) / len(interim_sizes(study, samples))
 
 
 def settled(study: Study, store: Store, samples: pa.Table, look: int) -> dict[str, Any] | None:

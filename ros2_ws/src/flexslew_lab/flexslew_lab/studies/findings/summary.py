@@ -12,7 +12,7 @@ from flexslew_lab.studies.findings.criteria import judged
 from flexslew_lab.studies.findings.pairs import paired
 from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.findings.sensitivity import indices
-from flexslew_lab.studies.findings.stopping import interim_confidence
+from flexslew_lab.studies.findings.stopping import at_every_look, interim_confidence
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -108,7 +108,8 @@ def _confidence(study: Study, store: Store, name: str) -> float:
     stop = study.settings.stop
     if stop is not None and stop.metric == name:  # the look at which it ended was chosen by it
         return interim_confidence(study, store.samples, stop)
-    return 1.0 - (1.0 - CONFIDENCE) / len(study.variants)
+    alone = 1.0 - (1.0 - CONFIDENCE) / len(study.variants)
+    return at_every_look(study, store.samples, alone)
 
 
 def _numbers(found: Population, confidence: float) -> dict[str, Any]:
