@@ -72,6 +72,27 @@ def test_every_kind_of_file_holds_the_same_law(tmp_path: Path) -> None:
         built(**values)
 
 
+def test_a_transfer_function_is_saved_as_the_state_space_that_it_is(tmp_path: Path) -> None:
+    lead, path = control.tf([920.0, 460.0], [0.01, 1.0]), str(tmp_path / "lead.npz")
+    save_law(lead, path, "error.base_yaw", "effort.base_yaw")
+    system = with_file("linear", {"file": path}, "here")["system"]
+    assert (system["inputs"], system["outputs"]) == (["error.base_yaw"], ["effort.base_yaw"])
+    flown = control.ss(*(system[name] for name in "abcd"))
+    for frequency in (0.0, 3.0, 300.0):
+        assert flown(1j * frequency) == pytest.approx(lead(1j * frequency), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "system",
+    [control.tf([1.0, 1.0], [1.0]), control.frd([1.0], [1.0]), np.eye(1), 7.0],
+    ids=["improper", "data", "array", "number"],
+)
+def test_what_is_no_state_space_is_refused_with_what_to_do(system: Any, tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"is no state space .*; join proper parts: control\.append"):
+        save_law(system, tmp_path / "law.npz", ["error.base_yaw"], ["effort.base_yaw"])
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_file_leaves_nothing_of_the_system_that_it_replaces(tmp_path: Path) -> None:
     before = {"system": {"a": [[-1.0]], "b": [[1.0] * 4], "c": [[1.0], [2.0]], "d": D.tolist(),
                          "outputs": ["effort.hub_pitch", "effort.base_yaw"]}}  # fmt: skip
@@ -206,6 +227,10 @@ def test_its_form_for_lanes_gives_its_own_efforts() -> None:
             "system.inputs: speed",
         ),
         ({"system": {"d": D.tolist(), "outputs": ["effort.x", "effort.y"]}}, "system.outputs"),
+        (
+            {"system": {"d": D.tolist(), "outputs": ["effort.base_yaw", "base_yaw"]}},
+            "system.outputs: base_yaw is there twice",
+        ),
         ({"system": {"e": 1}}, "unknown key"),
         ({"file": "law.txt"}, "give a file that ends in"),
         ({"file": "nowhere.npz"}, "nowhere.npz: cannot be read"),

@@ -53,6 +53,9 @@ def call(
         (("trial", sys.executable), "cannot be read: it is not a text file"),
         (("plan", "--out", "/proc/x"), "--out: /proc/x"),
         (("plan", "--figure", "/"), "--figure: / is a folder"),
+        (("plan", "--out", "p", "--figure", "./p"), "--figure: p is the file of --out, too"),
+        (("gains", "--out", "g", "--journal", "./g"), "--out: g is the file of --journal, too"),
+        (("trial", "--in-process", "--open", "--no-report"), "--open: there is no page to open"),
         (("compare", "--out", "/proc/x.html"), "--out: /proc/x.html"),
         (("report", "/nothing"), "/nothing: no such run"),
         (("reproduce", "csa", "--figures", "/proc/x"), "--figures: /proc/x"),
@@ -108,6 +111,7 @@ def test_a_broken_benchmark_costs_no_figure_of_the_others(
         ("analyse", "t.yaml", "--out", "t.yaml"),
         ("compare", "t.yaml", "--out", "t.yaml"),
         ("gains", "t.yaml", "--out", "t.yaml"),
+        ("gains", "t.yaml", "--journal", "t.yaml"),
     ],
     ids=lambda words: " ".join(words[::2]),
 )

@@ -118,6 +118,16 @@ def test_resim_tells_the_same_hash(call: Any, flown: Any) -> None:
     assert found["hash"] in out
 
 
+def test_resim_refuses_another_plan_as_it_plans_nothing_again(call: Any, flown: Any) -> None:
+    for change in ("plan.goal.base_yaw=0.2", "plan=null"):
+        code, out, err = call("resim", flown, "--set", change)
+        assert (code, out) == (2, "")
+        assert (
+            f"{change.partition('=')[0]}: a log is flown again with the plan that it holds" in err
+        )
+    assert call("resim", flown, "--set", "controllers.pd_feedforward.kp=400")[0] == 1
+
+
 def test_check_passes_the_recorded_controller(call: Any, flown: Any) -> None:
     code, out, _ = call("check", flown, "--json")
     assert code == 0

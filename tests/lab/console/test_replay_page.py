@@ -17,6 +17,11 @@ PAUSED = (
     "return document.querySelector('[role=checkbox][aria-label=\"Pause the view\"]')"
     "?.ariaChecked === 'true'"
 )
+# all charts show the 15 s before and after the first swap, at 12.5 s
+JUMPED = (
+    "return [...document.querySelectorAll('.bench-grid svg')].every(chart =>"
+    " [...chart.querySelectorAll('text')].some(e => e.textContent === '27.5'))"
+)
 PICTURE = "FLEXSLEW_PICTURE"  # environment variable: where the picture of the README goes
 
 
@@ -63,6 +68,7 @@ def test_a_log_is_moved_through_and_its_events_move_the_charts(page: Page, run: 
         browser.click("//*[@role='tab' and normalize-space()='Log']")
         browser.click("//tr[contains(., 'pd_feedforward -> output_feedback, effort step')]/td[2]")
         browser.until(PAUSED)
+        browser.until(JUMPED)
         assert not browser.run(shown, "Brake (space bar)")
         if PICTURE in os.environ:
             browser.picture(Path(os.environ[PICTURE]), whole=False)

@@ -6,6 +6,8 @@ from tests.console_walk import CONTROLS, SIZES, TABS, open_tab
 from tests.fake_bench import FakeLink
 
 from flexslew_lab.console.page import Page
+from flexslew_plant.events import Noted
+from flexslew_plant.events.event import event_of
 
 _BRAKE = """
 const box = document.getElementById("brake").getBoundingClientRect();
@@ -17,6 +19,36 @@ return [...document.querySelectorAll(".bench-left .bench-field, .bench-left .ben
   .filter(e => e.checkVisibility())
   .filter(e => e.getBoundingClientRect().width < 0.85 * e.closest(".bench-left").clientWidth)
   .map(e => e.innerText || e.ariaLabel);
+"""
+# texts whose contrast with what is behind them is below 4.5 (WCAG 2.1, AA)
+_PALE = """
+const numbers = color => { const n = color.match(/[\\d.]+/g).map(Number); return [...n, 1]; };
+const light = color => color.slice(0, 3).map(c => c / 255)
+  .map(c => c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4)
+  .reduce((sum, c, k) => sum + [0.2126, 0.7152, 0.0722][k] * c, 0);
+const over = (top, below) => [0, 1, 2].map(k => top[3] * top[k] + (1 - top[3]) * below[k]);
+const behind = e => !e ? [255, 255, 255]
+  : over(numbers(getComputedStyle(e).backgroundColor), behind(e.parentElement));
+const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
+while (walk.nextNode()) {
+  const e = walk.currentNode.parentElement, text = walk.currentNode.textContent.trim();
+  if (!text || !e.checkVisibility()) continue;
+  if (e.closest("[disabled], .disabled, style, script, svg")) continue;
+  const ground = behind(e), ink = light(over(numbers(getComputedStyle(e).color), ground));
+  const [low, high] = [ink, light(ground)].sort((a, b) => a - b);
+  if ((high + 0.05) / (low + 0.05) < 4.5) found.push(text);
+}
+return found;
+"""
+# every time of the log stands in one line
+_WHOLE = """
+const times = [...document.querySelectorAll(".bench-table td:first-child")]
+  .filter(e => e.innerText);
+return times.length && times.every(e => {
+  const range = document.createRange();
+  range.selectNodeContents(e);
+  return new Set([...range.getClientRects()].map(box => Math.round(box.top))).size === 1;
+});
 """
 _FITS = """
 const boxes = [...document.querySelectorAll(".bench-grid .bench-chart svg")]
@@ -31,6 +63,9 @@ def test_every_control_can_be_reached_and_the_brake_stays_where_it_is(
     served: tuple[Page, FakeLink], webgl: bool
 ) -> None:
     page, link = served
+    note = Noted("the beams ring on after the slew " * 20, "ann, page 2")
+    link.view.events.append(event_of(note, 123456, 1234.56, 0, "plant"))
+    link.view.heard += 1
     with chromium(*([] if webgl else ["--disable-3d-apis"])) as browser:
         for width, height in SIZES.items():
             browser.open(page.server.address, width, height)
@@ -49,6 +84,9 @@ def test_every_control_can_be_reached_and_the_brake_stays_where_it_is(
                 wrong = [c["name"] for c in controls if not (c["inside"] and c["hit"])]
                 assert not wrong, (width, tab, wrong)
                 assert browser.run(_NARROW) == [], (width, tab)
+                assert browser.run(_PALE) == [], (width, tab)
+                if tab == "Log":
+                    assert browser.until(_WHOLE, within=20.0), width
                 assert browser.run("return document.documentElement.scrollWidth <= innerWidth")
                 browser.run("scrollTo(0, document.body.scrollHeight)")
                 assert browser.run(_BRAKE) == place, (width, tab)

@@ -7,6 +7,7 @@ import pytest
 from tests.present import present
 
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
+from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial, trial_of_values, trial_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain, yaml_text
@@ -60,6 +61,22 @@ def test_a_log_holds_the_content_and_flies_again_without_the_file(tmp_path: Path
     assert isinstance(again.plan, OptimizedFeedforward)
     assert again.plan.model == again.controllers["lqr"]["model"]
     assert read_testbed(again.plan.model, "log") == FOUND
+
+
+@pytest.mark.parametrize("name", ["m1", "swap_demo"])
+def test_the_plan_of_a_shipped_trial_believes_what_its_bench_was_found_to_be(
+    name: str, tmp_path: Path
+) -> None:
+    two: Any = IdentifiedTestbed(
+        joints=("base_yaw", "hub_pitch"), joint_units=("rad", "rad"),
+        inertia=((6000.0, 0.0), (0.0, 5900.0)),
+        free_modes=(FreeMode(frequency=1.3, joints=(0.01, 0.0), tips=(1.0, -1.0)),),
+        appendages=("beam_positive", "beam_negative"), effort_limit=(150.0, 150.0),
+    )  # fmt: skip
+    read, _ = read_trial(name, [f"plan.model.file={written(tmp_path, two)}"])
+    assert isinstance(read.plan, OptimizedFeedforward)
+    assert read.plan.model is not None
+    assert read_testbed(read.plan.model, "the plan") == two
 
 
 def test_keys_beside_the_file_win(tmp_path: Path) -> None:

@@ -1,12 +1,15 @@
 """The list of runs: key figures, filter, and what cannot be read."""
 
 import json
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
+from flexslew_lab.cli.main import main
 from flexslew_lab.report.runs_index import runs_in, write_index
 
 
@@ -43,6 +46,29 @@ def test_the_largest_effort_is_that_of_any_joint(folder: Path) -> None:
     run(folder, "e", "pd", 0.1, peak_effort={"yaw": 1.0, "pitch": 4.0})
     peaks = {r.folder.name: r.figures["peak_effort"] for r in runs_in(folder)[0]}
     assert peaks["e"] == 4.0
+
+
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path: Path) -> None:
+    run(tmp_path, "whole", "pd", 0.5)
+    for name in ("metrics.json", "trial.yaml"):
+        run(tmp_path, name, "pd", 0.5)
+        (tmp_path / name / name).unlink()
+        os.mkfifo(tmp_path / name / name)
+    found, unread = runs_in(tmp_path)
+    assert [r.folder.name for r in found] == ["whole"]
+    assert sorted(unread) == ["metrics.json", "trial.yaml"]
+
+
+def test_runs_that_cannot_be_read_are_told_beside_json_too(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["flexslew", "runs", str(folder), "--json"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    out, err = capfd.readouterr()
+    assert end.value.code == 0
+    assert [Path(row["folder"]).name for row in json.loads(out)] == ["b", "a"]
+    assert sorted(err.strip().removeprefix("not readable, left out: ").split(", ")) == ["c", "d"]
 
 
 def test_runs_are_filtered_by_trial_law_and_testbed(folder: Path) -> None:

@@ -188,6 +188,8 @@ def _folded(settings: LinearSettings, model: Model, period: float) -> Lti:
         if joint not in joints:
             allowed = ", ".join(f"effort.{known}" for known in joints)
             raise BadInput(f"system.outputs: {name} is not allowed: {allowed}")
+        if place[joints.index(joint)].any():
+            raise BadInput(f"system.outputs: {name} is there twice; give each joint one output")
         place[joints.index(joint), k] = 1.0
     pick = pick.reshape(len(inputs), len(raw))
     states = tuple(f"x.{k + 1}" for k in range(len(a)))

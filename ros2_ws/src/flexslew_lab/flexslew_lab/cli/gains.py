@@ -10,6 +10,7 @@ from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import for_people, link, print_table, say
 from flexslew_lab.trial.outputs import new_file, writable_file
+from flexslew_plant.errors import BadInput
 
 
 def gains(
@@ -55,6 +56,10 @@ def gains(
     from flexslew_lab.trial.sources import read_trial
 
     requested, source = read_trial(file, sets)
+    if journal is not None:
+        writable_file(journal, "--journal", file)
+        if out is not None and out.resolve() == journal.resolve():
+            raise BadInput(f"--out: {out} is the file of --journal, too; give another name")
     target = writable_file(out or new_file(f"{requested.name}-gains.html"), "--out", file)
     varied = gains_of(requested, source, controller, gain or ())
     with for_people.status("flying"):

@@ -92,6 +92,8 @@ def trial(
     from flexslew_lab.run.run_trial import run_trial
     from flexslew_lab.trial.sources import read_trial
 
+    if no_report and open_it:
+        raise BadInput("there is no page to open with --no-report", key="--open")
     if not in_process:
         require_ros()
     requested, source = read_trial(file, sets)
@@ -165,6 +167,8 @@ def plan(
     for path, option in ((out, "--out"), (figure, "--figure")):
         if path is not None:
             writable_file(path, option, file)
+    if out is not None and figure is not None and out.resolve() == figure.resolve():
+        raise BadInput(f"--figure: {figure} is the file of --out, too; give another name")
     requested, source = read_trial(file, sets)
     settings = plan_section_of(requested, source)
     if method is not None:

@@ -33,7 +33,9 @@ def resim(
     ] = False,
     sets: Annotated[
         list[str] | None,
-        typer.Option("--set", help="key.path=value of the trial, to see what it changes."),
+        typer.Option(
+            "--set", help="key.path=value of the trial but its plan: what does it change?"
+        ),
     ] = None,
     partial: Partial = False,
     trust: TrustOption = None,

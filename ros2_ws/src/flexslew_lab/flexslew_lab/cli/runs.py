@@ -32,6 +32,8 @@ def runs(
         raise BadInput("no such folder; a first run makes it", folder)
     found, unread = runs_in(folder, trial, law, testbed)
     page = write_index(folder)
+    if unread:
+        say(f"not readable, left out: {', '.join(unread)}")
     if as_json:
         rows = [run._asdict() | {"folder": str(run.folder)} for run in found]
         print(json.dumps(rows, indent=2))
@@ -45,8 +47,6 @@ def runs(
             for r in found
         ],
     )
-    if unread:
-        say(f"not readable, left out: {', '.join(unread)}")
     say(f"{link(page)}")
     if open_it:
         open_page(page)

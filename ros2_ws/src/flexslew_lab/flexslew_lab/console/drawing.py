@@ -10,7 +10,7 @@ from nicegui import background_tasks, ui
 from flexslew_lab.console.charting import expression, whole
 from flexslew_lab.console.gui import Element, Gui, accepted
 from flexslew_lab.console.scene_drawing import SceneDrawing
-from flexslew_lab.console.sheet import SCRIPT, SHEET
+from flexslew_lab.console.sheet import PRIMARY, SCRIPT, SHEET
 
 _PLACES = ("folder", "tools", "grid")  # of other elements
 _LARGE = ("chart", "scene")  # what a page draws for longer than it takes to send
@@ -50,6 +50,7 @@ class PageView:
         self._client.on_delete(self._leave)
         self._client.on_connect(self._catch_up)
         ui.add_css(SHEET)
+        ui.colors(primary=PRIMARY)
         ui.add_head_html(f"<script>{SCRIPT}</script>")
         with ui.header().classes("bench-header"):
             self._place(gui.header, "bench-top")

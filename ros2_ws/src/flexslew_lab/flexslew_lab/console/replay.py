@@ -24,6 +24,9 @@ _WORDS = "this is a log; it takes no commands"
 class Replay:
     """A console.link.Link, and the recording behind it.
 
+    Attributes:
+        first, last, time: of the log, now [s]: simulated, and after a reset they go on.
+
     Args:
         bag: its folder or file.
         trust: which testbeds of the user's own may be loaded.
@@ -43,6 +46,8 @@ class Replay:
         self.view, self.folder = BenchView(trust), str(bag.parent if bag.name == "bag" else bag)
         self.command = f"./flexslew resim {self.folder}"
         self.first, self.last = self._player.first * 1e-9, self._player.last * 1e-9
+        self.time = self.first
+        self._ticks = self._last_tick()
         self.seek(self.first)
 
     @property
@@ -60,7 +65,7 @@ class Replay:
         state = "replaying" if self.playing else "paused"
         rate = self._player.settings.rate
         view.now = Now(
-            state, tick=round(view.time / period), last_tick=round(self.last / period),
+            state, tick=round(view.time / period), last_tick=self._ticks,
             rate_factor=rate, active=view.answering,
         )  # fmt: skip
 
@@ -72,9 +77,19 @@ class Replay:
             self._player.resume()
 
     def seek(self, time: float) -> RequestResult:
-        """Go to a simulated time [s]; what came before it is read, too."""
+        """Go to a time of the log [s]; what came before it is read, too."""
+        return self._seek(time, _BEFORE)
+
+    def _last_tick(self) -> int:
+        """Return that of the run; 0 where a reset made it begin anew, and epochs have their own."""
+        self._seek(self.last, 1.0)
+        period = self.view.joints.period if self.view.joints else 0.01
+        once = abs(self.view.time - self.time) < 0.5 * period
+        return round(self.last / period) if once else 0
+
+    def _seek(self, time: float, before: float) -> RequestResult:
         try:
-            self._player.seek(min(max(time - _BEFORE, self.first), self.last))
+            self._player.seek(min(max(time - before, self.first), self.last))
         except BadInput as error:
             return RequestResult(False, str(error))
         self.view.forget()
@@ -98,6 +113,8 @@ class Replay:
     def _take(self, messages: Iterable[Outgoing]) -> None:
         batches: dict[str, list[bytes]] = {}
         for message in messages:
+            if message.topic == f"/{topics.TRUTH}":
+                self.time = message.stamp * 1e-9
             batches.setdefault(message.topic, []).append(message.data)
         for topic, data in batches.items():
             self.view.take(topic.lstrip("/"), TOPICS[topic].type, data)

@@ -1,5 +1,6 @@
 """How the page looks, and the key of its brake."""
 
+PRIMARY = "#1565c0"  # of buttons; white on it has a contrast of 5.7
 SHEET = """
 :root { --nicegui-default-padding: 0; --nicegui-default-gap: 0; }
 body { background: #f4f5f7; font-size: 14px; }
@@ -31,7 +32,9 @@ body { background: #f4f5f7; font-size: 14px; }
 .bench-scene svg { width: 100%; height: 300px; }
 .bench-table { max-height: 50vh; }
 .bench-table td { overflow-wrap: anywhere; white-space: normal; cursor: pointer; }
+.bench-table td:first-child { white-space: nowrap; overflow-wrap: normal; }
 .bench-table tr:has(td) { vertical-align: top; }
+.q-tooltip { background: #333; font-size: 12px; }
 @media (max-width: 800px) {
   .bench-page, .bench-grid { grid-template-columns: minmax(0, 1fr); }
 }

@@ -99,7 +99,7 @@ class BenchView:
         self.plan: Any = None  # the last flexslew_msgs/Plan
         self.truth, self.controller_state = Track(), Track()
         self.measured = Track()  # empty unless the link listens to the sensors
-        self.position: Vector = np.zeros(0)  # the coordinates now
+        self.position: Vector = np.zeros(0)  # the coordinates now; empty before the first tick
         self.time = 0.0  # simulated [s]
         self.answering = ""  # who gave the last answer
         self._layouts: dict[tuple[str, int], list[Layout]] = {}
@@ -141,7 +141,7 @@ class BenchView:
         self.controller_state.clear()
         self.measured.clear()
         self.events.clear()
-        self.plan = None
+        self.plan, self.position, self.time = None, np.zeros(0), 0.0
 
     def _take_rows(self, name: str, kind: str, data: Sequence[bytes]) -> None:
         raw = [RawMessage(0, 0, 0, one) for one in data]
@@ -161,8 +161,9 @@ class BenchView:
                 time, columns = time[first:], {k: v[first:] for k, v in columns.items()}
             rows = {field: columns[field] for field in _ROWS[name]}
             if name == topics.TRUTH:
-                self.time, self.position = float(time[-1]), columns["position"][-1]
                 rows |= self._joints_of(rows)
+                if int(columns["epoch"][-1]) >= self.now.epoch:  # else of before a reset
+                    self.time, self.position = float(time[-1]), columns["position"][-1]
             track.add(time, rows)
             if name == topics.CONTROLLER_STATE:
                 self.answering = str(columns["controller"][-1])
@@ -174,6 +175,8 @@ class BenchView:
         return {"position": place, "velocity": rate, COORDINATES: q}
 
     def _take_state(self, m: Any) -> None:
+        if m.epoch > self.now.epoch:  # it stands where it began, and nothing is asked of it yet
+            self.position = np.zeros(0)
         faults = tuple(zip((int(n) for n in m.fault_numbers), m.faults, strict=False))
         self.now = Now(
             m.state, tuple(m.waiting_for), m.tick, m.last_tick, m.epoch, m.rate_factor,

@@ -59,6 +59,13 @@ def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
         raise BadInput("holds no trial", bag.path)
     source = f"{bag.path}: trial"
     values = logged_yaml(bag.trial_text, source)
+    for path in changes or ():
+        if path.partition(".")[0] == "plan":  # else it would change nothing, in silence
+            raise BadInput(
+                "a log is flown again with the plan that it holds, nothing is planned again; "
+                "fly the trial.yaml of its run with another plan",
+                key=path,
+            )
     if changes:
         values = overridden(values, dict(changes))
     return trial_of_values(values, source, bag.trust)

@@ -99,6 +99,8 @@ def _run(folder: Path) -> Run:
 
 
 def _text(file: Path) -> str:
+    if not file.is_file():  # a pipe would be waited for
+        raise BadInput("is no file", file)
     with file.open(encoding="utf-8") as opened:
         return opened.read(_LARGE)
 

@@ -48,7 +48,7 @@ class ExperimentPanel:
         self._form.set("start", "")
         desk.click(gui.button("Plan the experiment"), self._plan)
         self._fly = gui.button("Fly the experiment", hint="from its start on", visible=False)
-        self._drop = gui.button("Drop the experiment", color="blue-grey", visible=False)
+        self._drop = gui.button("Drop the experiment", color="blue-grey-8", visible=False)
         for button, word in ((self._fly, "adopt"), (self._drop, "refuse")):
             desk.click(button, partial(self._decide, word))
         self._reply, self._far = DeskReply(desk), gui.html()

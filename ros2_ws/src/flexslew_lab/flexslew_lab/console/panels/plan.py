@@ -42,7 +42,7 @@ class PlanPanel:
         desk.click(gui.button("Plan"), self._plan)
         desk.click(gui.button("Cancel planning"), lambda who: desk.link.cancel())
         self._adopt = gui.button("Adopt the draft", hint="fly it from its start on")
-        self._refuse = gui.button("Refuse the draft", color="blue-grey")
+        self._refuse = gui.button("Refuse the draft", color="blue-grey-8")
         for button, word in ((self._adopt, "adopt"), (self._refuse, "refuse")):
             desk.click(button, partial(self._decide, word))
         self._reply = DeskReply(desk)

@@ -13,15 +13,16 @@ _RATES = {"0.1": 0.1, "0.5": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "50"
 class RecordingPanel(Protocol):
     """A log that plays."""
 
-    first: float  # simulated time of its first message [s]
+    first: float  # time of its first message in the log [s]
     last: float  # and of its last one [s]
+    time: float  # and of what is shown; simulated, but after a reset it goes on [s]
 
     @property
     def playing(self) -> bool:
         """Time passes."""
 
     def seek(self, time: float) -> RequestResult:
-        """Go to a simulated time [s]."""
+        """Go to a time of the log [s]."""
 
     def play(self, rate: float) -> None:
         """Go on from here, simulated seconds per wall second; 0: rest."""
@@ -37,7 +38,7 @@ class ReplayPanel:
 
     def __init__(self, desk: Desk, recording: RecordingPanel) -> None:
         gui = desk.gui
-        self._view, self._recording = desk.view, recording
+        self._recording = recording
         end = max(recording.last, recording.first + 0.01)
         self._time = gui.slider("Time [s]", recording.first, end, 0.01, recording.first)
         self._goal = gui.number("Go to [s]", recording.first)
@@ -50,8 +51,8 @@ class ReplayPanel:
 
     def refresh(self) -> None:
         """Let the slider follow."""
-        if self._recording.playing and abs(self._time.value - self._view.time) >= 0.1:
-            self._time.value = self._view.time
+        if self._recording.playing and abs(self._time.value - self._recording.time) >= 0.1:
+            self._time.value = self._recording.time
 
     def _play(self, who: str) -> None:
         try:
@@ -63,4 +64,4 @@ class ReplayPanel:
         """Go to a time; one that is no number, as of an empty field, is none to go to."""
         if time == time:
             self._reply.tell(self._recording.seek(time))
-            self._time.value = min(max(self._view.time, self._time.low), self._time.high)
+            self._time.value = min(max(self._recording.time, self._time.low), self._time.high)

@@ -25,7 +25,7 @@ class HeaderPanel:
         self._view = desk.view
         with desk.gui.header:
             self._brake = desk.gui.add("brake", "Brake (space bar)", color="negative")
-            self._release = desk.gui.button("Release the brake", color="blue-grey")
+            self._release = desk.gui.button("Release the brake", color="blue-grey-8")
             self._line = desk.gui.html()
             self._reply = DeskReply(desk)
         self._brake.visible, self._release.visible = brake, False
@@ -66,7 +66,7 @@ class RunPanel:
         desk.click(gui.button("Set the rate"), self._set_rate)
         self._reply = DeskReply(desk)
         with gui.folder("Back to tick 0"):  # away from Pause: it ends what is flown
-            desk.click(gui.button("Reset", color="blue-grey"), partial(self._act, topics.RESET))
+            desk.click(gui.button("Reset", color="blue-grey-8"), partial(self._act, topics.RESET))
 
     def refresh(self) -> None:
         """Nothing changes by itself."""

@@ -46,7 +46,8 @@ class ScenePanel:
             return
         if testbed is not self._testbed or self._scene is None:
             self._scene = self._build(testbed)
-        position = self._view.position if self._view.position.size else self._start
+        begun = self._view.position.size > 0
+        position = self._view.position if begun else self._start
         outlined = bool(self._outline_box.value)
         chosen = self._scale.value, outlined, self._look, self._drawing.value
         state = (position.tobytes(), self._view.time, *chosen)
@@ -58,7 +59,7 @@ class ScenePanel:
         bent[position.size - model.modes :] *= self._scale.value
         reference = self._view.controller_state.column("reference_position")
         outline = None
-        if outlined and len(reference) and reference.shape[1] == model.joints:
+        if outlined and begun and len(reference) and reference.shape[1] == model.joints:
             pose = dict(zip(model.joint_names, reference[-1].tolist(), strict=True))
             outline = body(self._scene, model.rest(pose), self._view.time)
         self._drawn.data = Picture(
