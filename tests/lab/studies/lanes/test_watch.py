@@ -18,7 +18,12 @@ NOISE = {"joint_position": {"noise": 1e-4}, "joint_velocity": {"noise": 1e-3}}
 BENCHES: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
     "by equations": (CSA, "lqr", {}),
     "on the equations of motion": (CSA, "output_feedback", {"rate_sigma": 1e-3}),
-    "steady": (CSA, "output_feedback", {"rate_sigma": 1e-3, "observer": "steady"}),
+    # it states the covariance of long after its beginning
+    "steady": (
+        CSA,
+        "output_feedback",
+        {"angle_sigma": 5e-4, "rate_sigma": 5e-3, "observer": "steady"},
+    ),
     "by matrices": (LINEAR, "lqr", {"filter": {"prediction": "linear"}}),
 }
 
