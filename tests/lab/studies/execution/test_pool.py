@@ -4,6 +4,7 @@ import os
 import pickle
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from flexslew_lab.run.pool import Chunks, Executor, InThisProcess, Pool
+from flexslew_lab.run.pool import Chunks, Executor, InThisProcess, Pool, _without_script
 from flexslew_lab.studies.cases import Case, case_of
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation, prepare
@@ -120,6 +121,25 @@ def test_processes_do_not_run_the_script_that_flies_a_study(
     flown(ready, Pool(ready.job, 1))
     assert not mark.exists()
     assert sys.modules["__main__"] is main
+
+
+def test_threads_that_start_processes_leave_the_script_where_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def start() -> None:
+        with _without_script():
+            begun.set()
+            leave.wait()
+
+    script, begun, leave = ModuleType("__main__"), threading.Event(), threading.Event()
+    monkeypatch.setitem(sys.modules, "__main__", script)
+    other = threading.Thread(target=start)
+    with _without_script():
+        other.start()
+        begun.wait(0.2)  # it does not begin before this one has ended
+    leave.set()
+    other.join()
+    assert sys.modules["__main__"] is script
 
 
 def test_processes_that_do_not_get_ready_are_no_fault_of_a_trial() -> None:

@@ -7,6 +7,7 @@ any moment harms no other. A result does not depend on who found it or in which 
 import multiprocessing
 import signal
 import sys
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -29,6 +30,7 @@ _DEATHS = 2  # with a chunk, before it is split to find out which case it is
 _LAST_WORDS = 1.0  # patience with a process that has closed its pipe and not yet ended [wall s]
 _READY = -1  # what a process says first
 _START = 120.0  # that a process may take before it says so [wall s]
+_STARTING = threading.Lock()  # of processes, one after the other: others may have threads
 _SERVER = multiprocessing.get_context("forkserver")  # has imported everything once, for all
 
 
@@ -335,12 +337,13 @@ def _without_script() -> Iterator[None]:
 
     Python would run it again in each of them, up to the call that starts them, which then fails.
     """
-    script = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = script
+    with _STARTING:
+        script = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = script
 
 
 def _work(pipe: Connection, job: PooledJob[Any, Any]) -> None:
