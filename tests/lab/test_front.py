@@ -112,6 +112,28 @@ def test_a_given_plan_of_another_bench_is_refused_in_one_line(changes: Any, word
         fs.fly(fs.trial(SHORT, plan=replace(made, **changes)))
 
 
+def test_the_name_of_a_method_plans_the_same_manoeuvre() -> None:
+    changes = {"plan.goal.hub_pitch": 0.2, "plan.start": 1.0}
+    for method in ("reference_only", "none", "start_coast_stop", "optimized_feedforward"):
+        plan: Any = fs.trial("m1", changes, plan=method).plan
+        assert (plan.method, plan.start) == (method, 1.0)
+        assert plan.goal == {"base_yaw": 1.0, "hub_pitch": 0.2}
+    plan = fs.trial(SHORT, plan="none").plan
+    assert plan.method == "none"
+    with pytest.raises(fs.BadInput, match=r"m1: plan.*wishing"):
+        fs.trial("m1", plan="wishing")
+
+
+def test_the_name_of_a_controller_of_the_trial_keeps_its_settings() -> None:
+    stiff = {"pd_feedforward": {"kp": 700.0}, "lqr": {}}
+    keys = {**SHORT, "controllers": stiff, "active": "lqr"}
+    chosen = fs.trial(keys, law="pd_feedforward")
+    assert (chosen.active, chosen.controllers["pd_feedforward"]["kp"]) == ("pd_feedforward", 700.0)
+    other = fs.trial(keys, law="collocated_pid")
+    assert other.active == "collocated_pid"
+    assert list(other.controllers) == ["pd_feedforward", "lqr", "collocated_pid"]
+
+
 def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None:
     keys = {"name": "craft", "duration": 2.0, "testbed": {"kind": "spacecraft"}}
     rows = cubic(100, 0.02, -0.01, 0.03)

@@ -16,9 +16,11 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners import PLANNERS, other_method, plan_settings
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import section
+from flexslew_plant.own_code import Trust
+from flexslew_plant.settings import plain, section
 
 MODULE = "flexslew_given"
 Given: TypeAlias = str | type[Any] | Callable[..., Any]
@@ -29,11 +31,15 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
 
     Args:
         values: keys of a trial.
-        law: a class with `update`, a function of (measurement, reference), or a name.
+        law: a class with `update`, a function of (measurement, reference), or a name: of a
+            controller of the trial, which keeps its settings, or of a law with its defaults.
 
     Raises:
         BadInput: it is neither.
     """
+    others = values.get("controllers") or {}
+    if isinstance(law, str) and law in others:
+        return {**values, "active": law}
     if isinstance(law, str):
         name, settings = law.rpartition(":")[2].rpartition(".")[2], {"law": law}
     elif isinstance(law, type):
@@ -46,24 +52,30 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
         name, settings = own.__name__, {"law": _named(own)}
     else:
         raise BadInput(f"law: a {type(law).__name__} is not allowed: give a class or a function")
-    others = values.get("controllers") or {}
     name = name if name.isidentifier() else "mine"
     return {**values, "controllers": {**others, name: settings}, "active": name}
 
 
-def with_plan(values: dict[str, Any], plan: Given | Plan | Matrix) -> dict[str, Any]:
+def with_plan(
+    values: dict[str, Any], plan: Given | Plan | Matrix, source: str, trust: Trust
+) -> dict[str, Any]:
     """Return the keys of a trial that flies this plan.
 
     Args:
         values: keys of a trial.
         plan: positions at every tick, shape (ticks + 1, joints) [rad or m], a Plan, a planner
-            class, or a name.
+            class, or the name of a method, which takes over the manoeuvre as other_method does.
+        source: of the trial, for an error.
+        trust: which planners it may name.
 
     Raises:
-        BadInput: an array of another shape, or with numbers that are not finite.
+        BadInput: an array of another shape, or with numbers that are not finite; or no such method.
     """
     before = values.get("plan") or {}
     if isinstance(plan, str):
+        if plan in PLANNERS and before.get("method") not in (None, plan):
+            place = f"{source}: plan"
+            before = plain(other_method(plan_settings(before, place, trust), plan, place))
         return {**values, "plan": {**before, "method": plan}}
     if isinstance(plan, type):
         return {**values, "plan": {**before, "method": _named(plan)}}

@@ -53,9 +53,11 @@ def trial(
         changes: path to value, for example {"testbed.modes": 5, "plan.duration": 30.0}.
         trust: which classes it may name; for keys that come from somebody else's log: NO_CODE.
         law: that flies it in place of the trial's: a class as in own_controller.md, a function of
-            (measurement, reference) that returns the efforts, or a name.
+            (measurement, reference) that returns the efforts, or a name: of one of its
+            controllers, or of a law, which has its defaults.
         plan: in place of the trial's: positions of the joints at every tick from 0 on, shape
-            (ticks + 1, joints) [rad or m], a Plan, a planner class as in own_planner.md, or a name.
+            (ticks + 1, joints) [rad or m], a Plan, a planner class as in own_planner.md, or the
+            name of a method, which takes over the goal, the start and what else it has of them.
 
     Raises:
         BadInput: no such trial, or one of its values is not allowed.
@@ -65,7 +67,7 @@ def trial(
     if law is not None:
         values = with_law(values, law)
     if plan is not None:
-        values = with_plan(values, plan)
+        values = with_plan(values, plan, label, trust)
     try:
         text = yaml_text(plain_data(values))
     except RepresenterError as error:

@@ -3,20 +3,22 @@
 import os
 import pickle
 import signal
-import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 
-from flexslew_lab.run.pool import Chunks, Executor, InThisProcess, Pool
+from flexslew_lab.run.pool import Chunks, Executor, InThisProcess, Pool, _without_script
 from flexslew_lab.studies.cases import Case, case_of
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
+from flexslew_plant.errors import RunFault
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 LAW = '''
@@ -107,22 +109,47 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
     assert failed[7] == "no end after 8 s"
 
 
-SCRIPT = """
-import flexslew as fs
-found = fs.study("study.yaml", "out")
-print(found["trials"], found["failed"], found["reasons"])
-"""
-
-
-def test_a_script_flies_a_study_without_being_run_again_by_its_processes(
-    study_of: Callable[..., Study], tmp_path: Path
+def test_processes_do_not_run_the_script_that_flies_a_study(
+    ready: Preparation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    study_of(sampling={"method": "random", "n": 2})
-    (tmp_path / "script.py").write_text(SCRIPT)
-    command = [sys.executable, "-P", "script.py"]
-    child = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert child.stderr == ""
-    assert child.stdout == "2 0 {}\n"
+    """A script without a guard would fly its study again in each of them, and fail there."""
+    script, mark = tmp_path / "script.py", tmp_path / "mark"
+    script.write_text(f"open({str(mark)!r}, 'w').close()")
+    main = ModuleType("__main__")
+    main.__file__ = str(script)
+    monkeypatch.setitem(sys.modules, "__main__", main)
+    flown(ready, Pool(ready.job, 1))
+    assert not mark.exists()
+    assert sys.modules["__main__"] is main
+
+
+def test_threads_that_start_processes_leave_the_script_where_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def start() -> None:
+        with _without_script():
+            begun.set()
+            leave.wait()
+
+    script, begun, leave = ModuleType("__main__"), threading.Event(), threading.Event()
+    monkeypatch.setitem(sys.modules, "__main__", script)
+    other = threading.Thread(target=start)
+    with _without_script():
+        other.start()
+        begun.wait(0.2)  # it does not begin before this one has ended
+    leave.set()
+    other.join()
+    assert sys.modules["__main__"] is script
+
+
+def test_processes_that_do_not_get_ready_are_no_fault_of_a_trial() -> None:
+    broken: Any = SimpleNamespace(limit=9.0, at_once=1)  # says nothing of what flies its cases
+    pool = Pool[Case, Flown](broken, 1)
+    try:
+        with pytest.raises(RunFault, match=r"3 processes, .* ended \(exit code 1\) before their"):
+            list(pool.fly(iter([Case(0, 0, 0, 0, ())])))
+    finally:
+        pool.close()
 
 
 EXAMPLES = Path(__file__).parents[4] / "docs/examples"

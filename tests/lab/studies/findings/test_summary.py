@@ -13,8 +13,10 @@ import pytest
 
 from flexslew_lab.studies.cases import sample_table
 from flexslew_lab.studies.findings.criteria import Verdict, needed, verdict_of
+from flexslew_lab.studies.findings.figures import distribution
 from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.findings.statistics import (
+    dkw_half_width,
     quantile_bounds,
     sign_test,
     success_bounds,
@@ -336,6 +338,9 @@ def test_bounds_and_criteria_of_a_study_that_may_stop_hold_at_every_look(
     assert (row["lower_bound"], row["upper_bound"]) == success_bounds(kept, 128, 0.95)
     low, _, high = found["metrics"]["goal_error"]["quantiles"]["0.5"]
     assert (low, high) == quantile_bounds(values, 0.5, 0.95)
+    drawn = distribution(study, store, "goal_error", "-", {"": values})
+    curve, _, above = (np.asarray(trace.y) for trace in drawn.data)
+    assert (above - curve)[:60] == pytest.approx(dkw_half_width(128, 0.95))
 
 
 def test_a_study_that_stops_errs_no_more_often_than_its_criterion_says(

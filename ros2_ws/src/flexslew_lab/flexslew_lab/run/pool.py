@@ -7,6 +7,7 @@ any moment harms no other. A result does not depend on who found it or in which 
 import multiprocessing
 import signal
 import sys
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -18,14 +19,18 @@ from time import monotonic
 from types import ModuleType
 from typing import Any, Generic, Protocol, TypeVar
 
+from flexslew_plant.errors import RunFault
+
 CHUNK_TIME = 3.0  # of a chunk, aimed at [wall s]
 _LEAST_TIME = 0.05  # of a chunk, where there are enough cases for all [wall s]
 _SHARES = 2  # that each worker gets of the cases left, at least
 _LARGEST = 4096  # cases of a chunk
 _GROWTH = 4  # of a chunk over the one before, at most
 _DEATHS = 2  # with a chunk, before it is split to find out which case it is
+_LAST_WORDS = 1.0  # patience with a process that has closed its pipe and not yet ended [wall s]
 _READY = -1  # what a process says first
 _START = 120.0  # that a process may take before it says so [wall s]
+_STARTING = threading.Lock()  # of processes, one after the other: others may have threads
 _SERVER = multiprocessing.get_context("forkserver")  # has imported everything once, for all
 
 
@@ -158,6 +163,7 @@ class _Worker(Generic[_Case]):
     pipe: Connection
     chunk: _Chunk[_Case] = field(default_factory=_Chunk)
     now: int | None = None  # number of the case that is done alone
+    ready: bool = False  # it has said so
     heard: float = 0.0  # when something came from it last [wall s]
     patience: float = _START  # with its silence [wall s]
     started: float = 0.0  # the chunk [wall s]
@@ -177,10 +183,15 @@ class Pool(Generic[_Case, _Result]):
         self._workers: list[_Worker[_Case]] = []
         self._again: deque[_Chunk[_Case]] = deque()
         self._chunks = Chunks(job.at_once)
+        self._unready = 0  # processes that ended before they were ready, one after the other
         _SERVER.set_forkserver_preload([type(job).__module__])
 
     def fly(self, cases: Iterator[_Case]) -> Iterator[list[_Result]]:
-        """Yield the results of all cases; see Executor."""
+        """Yield the results of all cases; see Executor.
+
+        Raises:
+            RunFault: processes end before they are ready, which is no fault of a case.
+        """
         while True:
             self._fill(cases)
             busy = [worker for worker in self._workers if worker.chunk]
@@ -241,6 +252,7 @@ class Pool(Generic[_Case, _Result]):
         worker.heard, worker.patience = monotonic(), self._job.limit
         if isinstance(message, int):
             worker.now = message if message != _READY else None
+            worker.ready, self._unready = True, 0
             return []
         worker.now = None
         done = {result.number for result in message}
@@ -253,9 +265,12 @@ class Pool(Generic[_Case, _Result]):
 
     def _replace(self, worker: _Worker[_Case]) -> list[_Result]:
         """Put what a dead process was at back into the queue; give up a case that kills twice."""
+        worker.process.join(_LAST_WORDS)
         self._end(worker)
         self._workers.remove(worker)
         code = worker.process.exitcode
+        if not worker.ready:
+            return self._excuse(worker, f"ended ({_cause(code)})")
         lost, rest = self._culprits(worker)
         if rest:
             self._again.append(rest)
@@ -272,12 +287,27 @@ class Pool(Generic[_Case, _Result]):
     def _end_hung(self, worker: _Worker[_Case]) -> list[_Result]:
         self._end(worker)
         self._workers.remove(worker)
+        if not worker.ready:
+            return self._excuse(worker, f"were not ready after {_START:g} s")
         lost, rest = self._culprits(worker)
         if rest:
             self._again.append(rest)
         if len(lost) == 1:
             return [self._job.failed(lost[0].number, f"no end after {self._job.limit:g} s")]
         self._split(lost)
+        return []
+
+    def _excuse(self, worker: _Worker[_Case], why: str) -> list[_Result]:
+        """Put all that a process was given back into the queue: it has not begun.
+
+        Raises:
+            RunFault: the same has happened to others before it.
+        """
+        self._again.append(worker.chunk)
+        self._unready += 1
+        if self._unready > _DEATHS * self._count:
+            words = f"{self._unready} processes, one after the other, {why} before their first case"
+            raise RunFault(words)
         return []
 
     def _culprits(self, worker: _Worker[_Case]) -> tuple[_Chunk[_Case], _Chunk[_Case]]:
@@ -307,12 +337,13 @@ def _without_script() -> Iterator[None]:
 
     Python would run it again in each of them, up to the call that starts them, which then fails.
     """
-    script = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = script
+    with _STARTING:
+        script = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = script
 
 
 def _work(pipe: Connection, job: PooledJob[Any, Any]) -> None:

@@ -9,6 +9,7 @@ from plotly.subplots import make_subplots
 from flexslew_lab.report.panels import COLOURS, GRID, INK
 from flexslew_lab.studies.findings.columns import CONFIDENCE, column
 from flexslew_lab.studies.findings.statistics import dkw_half_width, quantile
+from flexslew_lab.studies.findings.stopping import at_every_look
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -33,12 +34,15 @@ def columns(study: Study, store: Store, name: str) -> dict[str, Vector]:
     return found
 
 
-def distribution(study: Study, name: str, unit: str, each: dict[str, Vector]) -> go.Figure:
+def distribution(
+    study: Study, store: Store, name: str, unit: str, each: dict[str, Vector]
+) -> go.Figure:
     """Return the empirical distributions, with a DKW band where the samples are independent."""
     figure = curves(each, name, unit)
     if METHODS[study.settings.sampling.method].independent:
+        confidence = at_every_look(study, store.samples, CONFIDENCE)
         for number, values in enumerate(each.values()):
-            _band(figure, values, COLOURS[number % len(COLOURS)])
+            _band(figure, values, COLOURS[number % len(COLOURS)], confidence)
     criterion = study.settings.criteria.get(name)
     if criterion is not None:
         limit = criterion.below if criterion.below is not None else criterion.above
@@ -213,11 +217,11 @@ def _steps(values: Vector) -> tuple[Vector, Vector]:
     return ordered[thin], share[thin]
 
 
-def _band(figure: go.Figure, values: Vector, colour: str) -> None:
+def _band(figure: go.Figure, values: Vector, colour: str, confidence: float) -> None:
     if not len(values):
         return
     x, share = _steps(values)
-    width = dkw_half_width(len(values), CONFIDENCE)
+    width = dkw_half_width(len(values), confidence)
     for side in (-1.0, 1.0):
         figure.add_trace(
             go.Scatter(

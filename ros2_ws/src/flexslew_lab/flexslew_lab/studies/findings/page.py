@@ -35,7 +35,7 @@ def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
         drawn.append(
             {
                 "name": name,
-                "distribution": _html(figures.distribution(study, name, unit, each)),
+                "distribution": _html(figures.distribution(study, store, name, unit, each)),
                 "scatter": _html(figures.scatter(study, store, name, unit)),
                 "maps": [_html(m) for m in figures.maps(study, store, name, unit)],
             }
