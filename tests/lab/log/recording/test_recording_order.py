@@ -218,6 +218,8 @@ PLAN: dict[str, Any] = {"joint_names": ["a"], "period": 0.01, "position": [float
         message("/testbed", 1, settings="{}", joint_names=["a"]),
         message("/controller_status", 1, settings="{"),
         message("/plan", 1, **PLAN),
+        ("/clock", encode(TOPICS["/clock"].type, {"clock": -PERIOD})),
+        ("/joint_states", encode(TOPICS["/joint_states"].type, {"header": {"stamp": -1}})),
     ],
 )
 def test_a_message_with_which_no_reader_takes_the_log_is_left_out(odd: Message) -> None:

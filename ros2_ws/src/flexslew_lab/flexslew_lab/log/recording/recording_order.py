@@ -96,6 +96,9 @@ class RecordingOrder:
         fresh, plant = [], self._plant
         for topic, data in messages:
             at = time_at(self._stamp[topic], data, self.newest[1])
+            if at < 0:  # no log has such a time
+                self.garbled.add(topic)
+                continue
             if topic in plant:
                 try:
                     tick, epoch = tick_and_epoch(data)
