@@ -173,6 +173,29 @@ def test_a_tuning_for_a_time_that_never_comes_is_refused_as_a_switch_is() -> Non
     assert host.tune(kp).ok
 
 
+@pytest.mark.parametrize("later", [0, 20])
+def test_a_reset_while_a_design_is_made_leaves_it_for_tick_0_or_refuses_it(later: int) -> None:
+    host = standing()
+    for tick in range(10):
+        host.observe(question(tick))
+
+    def beside(make: Any) -> Any:
+        made = make()
+        host.observe(question(0, epoch=1))
+        return made
+
+    done = host.tune({"kp": [500.0, 500.0]}, tick=later, beside=beside)
+    assert done.ok is not bool(later)
+    if later:
+        assert str(done.refused) == "the bench was reset meanwhile"
+    else:
+        assert done.tick == 1
+    for tick in range(1, 30):
+        host.observe(question(tick, epoch=1))
+    told = [(e.epoch, e.tick) for e in host.events if e.kind == "tuned"]
+    assert told == ([] if later else [(1, 1)])
+
+
 def test_a_reset_forgets_what_was_to_be_tuned() -> None:
     host = standing()
     host.observe(question(0))

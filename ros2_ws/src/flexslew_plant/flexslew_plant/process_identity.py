@@ -4,6 +4,8 @@ import os
 from functools import cache
 from pathlib import Path
 
+_STARTED = 19  # of what /proc says, counted from the state
+
 
 def own_identity() -> str:
     """Return what this process is known by: boot and PID namespace/id; empty: by nothing."""
@@ -12,16 +14,38 @@ def own_identity() -> str:
 
 def has_ended(identity: str) -> bool:
     """Return whether a process of this machine and PID namespace has certainly ended."""
-    where, _, number = identity.partition("/")
-    if not number.isdecimal() or not where or where != _where():
+    if not _is_here(identity):
         return False
     try:
-        state = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0]
+        state = _stat(identity)[0]
     except (FileNotFoundError, ProcessLookupError):
         return True
     except OSError:
         return False
     return state in "ZX"
+
+
+def started(identity: str) -> int | None:
+    """Return when a process started, since the boot of the machine [ns]; None: nobody here knows.
+
+    The wall clock may have been set meanwhile.
+    """
+    try:
+        ticks = int(_stat(identity)[_STARTED]) if _is_here(identity) else None
+    except OSError:
+        return None
+    return None if ticks is None else ticks * (1_000_000_000 // os.sysconf("SC_CLK_TCK"))
+
+
+def _is_here(identity: str) -> bool:
+    where, _, number = identity.partition("/")
+    return bool(number.isdecimal() and where and where == _where())
+
+
+def _stat(identity: str) -> list[str]:
+    """Return what /proc says of a process here, from its state on (proc_pid_stat(5))."""
+    number = identity.partition("/")[2]
+    return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
 
 
 @cache

@@ -218,6 +218,8 @@ PLAN: dict[str, Any] = {"joint_names": ["a"], "period": 0.01, "position": [float
         message("/testbed", 1, settings="{}", joint_names=["a"]),
         message("/controller_status", 1, settings="{"),
         message("/plan", 1, **PLAN),
+        ("/clock", encode(TOPICS["/clock"].type, {"clock": -PERIOD})),
+        ("/joint_states", encode(TOPICS["/joint_states"].type, {"header": {"stamp": -1}})),
     ],
 )
 def test_a_message_with_which_no_reader_takes_the_log_is_left_out(odd: Message) -> None:
@@ -249,3 +251,45 @@ def test_a_status_stands_in_the_epoch_that_it_tells() -> None:
         ("/truth", 1, 0),
         ("/controller_status", 1, 0),
     ]
+
+
+@pytest.mark.parametrize("topic", ["/joint_states", "/tf", "/clock"])
+@pytest.mark.parametrize(("ahead", "flown"), [(0, 1), (0, 4), (1, 4), (3, 4)])  # ticks
+def test_what_is_displayed_ahead_of_the_first_question_of_an_epoch_is_of_that_epoch(
+    topic: str, ahead: int, flown: int
+) -> None:
+    """Topics overtake one another on DDS, as where a log with a reset is played at full speed."""
+
+    def shown(tick: int) -> Message:
+        stamp = {"stamp": tick * PERIOD}
+        frame = {"header": stamp, "child_frame_id": "hub"}
+        fields = {"header": stamp, "clock": tick * PERIOD, "transforms": [frame]}
+        known = {"/joint_states": "header", "/tf": "transforms", "/clock": "clock"}[topic]
+        return topic, encode(TOPICS[topic].type, {known: fields[known]})
+
+    def tick(number: int, epoch: int) -> list[Message]:
+        return [message(name, number, epoch) for name in ("/measurement", "/truth", *ANSWERS)]
+
+    order, done = RecordingOrder(), []
+    for number in range(flown):
+        done += order.take([*tick(number, 0), shown(number)], 0.01 * number)
+    done += order.take([shown(number) for number in range(ahead)], 0.05)
+    for number in range(4):
+        more = [shown(number)] if number >= ahead else []
+        done += order.take([*tick(number, 1), *more], 0.06 + 0.01 * number)
+    done += order.take([], 1.0, last=True)
+    assert [(one.epoch, one.at) for one in done] == sorted((one.epoch, one.at) for one in done)
+    told = [(one.epoch, one.at // PERIOD) for one in done if one.topic == topic]
+    assert told == [(0, k) for k in range(flown)] + [(1, k) for k in range(4)]
+
+
+def test_a_display_that_goes_back_without_a_reset_is_not_kept_for_long() -> None:
+    order = RecordingOrder()
+    clock = [("/clock", encode(TOPICS["/clock"].type, {"clock": k * PERIOD})) for k in range(3)]
+    for number in range(3):
+        order.take([message("/measurement", number), message("/truth", number)], 0.0)
+    found = order.take([clock[2], clock[0]], 0.1)
+    found += order.take([clock[1]], 0.2)
+    found += order.take([], 0.3 + PATIENCE)
+    found += order.take([], 0.4 + PATIENCE)
+    assert [one.topic for one in found if one.topic == "/clock"] == ["/clock"] * 3

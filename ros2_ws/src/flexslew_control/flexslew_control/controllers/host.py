@@ -253,17 +253,9 @@ class ControllerHost:
         if (never := self._never(tick, self.controller)) is not None:
             return Tuned(0, refused=never)
         tick = max(tick, self.controller.last_tick + 1)
-        if not changes:
-            return Tuned(tick, refused=Refusal("nothing changes; give at least one setting"))
-        try:
-            size = len(json.dumps([changes, self.values], allow_nan=False))
-        except (TypeError, ValueError):
-            words = "a setting is not plain data or not a finite number: the log could not hold it"
-            return Tuned(tick, refused=Refusal(words))
-        if size > LONGEST:
-            words = f"settings of {size:,} characters; a log holds at most {LONGEST:,}"
-            return Tuned(tick, refused=Refusal(words))
-        build = self._build
+        if (unfit := self._not_settings(changes)) is not None:
+            return Tuned(tick, refused=unfit)
+        build, epoch, following = self._build, self.epoch, self.controller.last_tick + 1
         try:
             made = beside(partial(self._designed, build, tick, dict(changes), who))
         except BadInput as error:
@@ -272,6 +264,11 @@ class ControllerHost:
             why = Refusal("another testbed was announced meanwhile", cause=Cause.NO_TESTBED)
             return Tuned(tick, refused=why)
         now = self.controller.last_tick + 1
+        if self.epoch != epoch:  # as begin_epoch has done with those before
+            if tick > following:
+                why = Refusal("the bench was reset meanwhile", cause=Cause.BENCH_RESET)
+                return Tuned(tick, refused=why)
+            made, tick = [each._replace(tick=now) for each in made[:1]], now
         earlier = [tuning for tuning in self._tunings if tuning.tick <= tick]
         self._tunings = earlier + [each._replace(tick=max(each.tick, now)) for each in made]
         tick = max(tick, now)
@@ -280,6 +277,19 @@ class ControllerHost:
             for key, value in changes.items()
         )
         return Tuned(tick, f"{words} from tick {tick} on")
+
+    def _not_settings(self, changes: Mapping[str, Any]) -> Refusal | None:
+        """Return why no log could hold these changes as those of settings, or None."""
+        if not changes:
+            return Refusal("nothing changes; give at least one setting")
+        try:
+            size = len(json.dumps([changes, self.values], allow_nan=False))
+        except (TypeError, ValueError):
+            words = "a setting is not plain data or not a finite number: the log could not hold it"
+            return Refusal(words)
+        if size > LONGEST:
+            return Refusal(f"settings of {size:,} characters; a log holds at most {LONGEST:,}")
+        return None
 
     def _never(self, tick: int, controller: Controller) -> Refusal | None:
         """Return why nothing happens at a tick that is asked for any more; 0 is the next."""

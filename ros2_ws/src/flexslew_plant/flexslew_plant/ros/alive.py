@@ -9,7 +9,7 @@ from rclpy.node import Node
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat, Presence
 from flexslew_plant.errors import BadInput
-from flexslew_plant.process_identity import own_identity
+from flexslew_plant.process_identity import own_identity, started
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.offers import publisher, subscription
 
@@ -32,6 +32,7 @@ class Alive:
         subscription(node, topics.ALIVE, self._hear)
         self._next = 0.0
         self._met = 0.0  # an older one [wall s]
+        self._since: dict[tuple[int, int], int] = {}  # of others, see _dated
 
     @property
     def older(self) -> Refusal | None:
@@ -64,4 +65,17 @@ class Alive:
     def _hear(self, message: msg.Alive) -> None:
         if message.instance != self.beat.instance:
             beat = Beat(*(getattr(message, name) for name in Beat._fields))
-            self.presence.hear(beat, monotonic())
+            self.presence.hear(self._dated(beat), monotonic())
+
+    def _dated(self, beat: Beat) -> Beat:
+        """Return a beat since when its process runs by the clock that nobody sets.
+
+        That of the wall may have been set back since this one started: the newer one would be taken
+        for the older. Where the other one is on another machine there is no better one.
+        """
+        key = beat.instance, beat.since
+        if key not in self._since:
+            here, there = started(self.beat.process), started(beat.process)
+            known = None not in (here, there) and here != there
+            self._since[key] = self.beat.since + (there or 0) - (here or 0) if known else beat.since
+        return beat._replace(since=self._since[key])

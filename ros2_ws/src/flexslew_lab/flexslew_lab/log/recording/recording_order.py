@@ -43,6 +43,13 @@ class Ordered(NamedTuple):
     data: bytes  # CDR
 
 
+class _Early(NamedTuple):
+    """What is displayed of a tick 0 that was not heard of yet, and after it."""
+
+    since: float  # [wall s]
+    messages: list[tuple[str, int, bytes]]
+
+
 class RecordingOrder:
     """Sorts messages as they come; hands out what is surely complete.
 
@@ -66,6 +73,7 @@ class RecordingOrder:
         self.newest, self.tick = (0, 0), 0
         self.garbled: set[str] = set()
         self._displayed = dict.fromkeys(_DISPLAYED, (0, 0))  # epoch and time by topic
+        self._early: dict[str, _Early] = {}  # by topic
         self._stamp = {topic: stamp_offset(known.type) for topic, known in TOPICS.items()}
         self._waiting: list[Ordered] = []
         self._open = OpenTicks()
@@ -88,6 +96,9 @@ class RecordingOrder:
         fresh, plant = [], self._plant
         for topic, data in messages:
             at = time_at(self._stamp[topic], data, self.newest[1])
+            if at < 0:  # no log has such a time
+                self.garbled.add(topic)
+                continue
             if topic in plant:
                 try:
                     tick, epoch = tick_and_epoch(data)
@@ -98,8 +109,11 @@ class RecordingOrder:
                 if (epoch, at) >= self.newest:
                     self.newest, self.tick = (epoch, at), tick
             fresh.append((topic, at, data))
+        fresh = [*self._no_longer_early(now, last), *fresh]
         wait, several = self._waiting.append, self.newest[0] > 0
         for topic, at, data in fresh:
+            if topic in self._displayed and not last and self._is_early(topic, at, data, now):
+                continue
             try:
                 told = several or topic in self._displayed or topic == _STATUS
                 epoch = self._epoch(topic, at, data) if told else 0
@@ -136,12 +150,36 @@ class RecordingOrder:
             self._slowest, self._moved_at = slowest, now
         return slowest if now - self._moved_at <= _SURE else self.newest
 
+    def _is_early(self, topic: str, at: int, data: bytes, now: float) -> bool:
+        """Keep what is displayed of a new epoch until a question tells of it; return whether.
+
+        A topic whose time goes back to that of tick 0, which is always shown, may be ahead of the
+        question: from a plant that is heard over DDS, or from a log that is played.
+        """
+        epoch, before = self._displayed[topic]
+        if topic not in self._early:
+            if at != 0 or before <= 0 or epoch < self.newest[0]:
+                return False
+            self._early[topic] = _Early(now, [])
+        self._early[topic].messages.append((topic, at, data))
+        return True
+
+    def _no_longer_early(self, now: float, last: bool) -> list[tuple[str, int, bytes]]:
+        """Return what was kept and has its epoch now, or was kept for long enough."""
+        done = [
+            topic
+            for topic, early in self._early.items()
+            if last or self.newest[0] > self._displayed[topic][0] or now - early.since > PATIENCE
+        ]
+        self._displayed.update(dict.fromkeys(done, (self.newest[0], -1)))
+        return [message for topic in done for message in self._early.pop(topic).messages]
+
     def _epoch(self, topic: str, at: int, data: bytes) -> int:
         """Return the epoch to which a message belongs; the plant's newest one is known."""
         newest = self.newest[0]
         if topic in self._displayed:
             epoch, before = self._displayed[topic]
-            epoch = newest if at < before else epoch
+            epoch = newest if at < before or at == 0 else epoch
             self._displayed[topic] = epoch, at
             return epoch
         if topic in _OF_PLANT or topic == "/controller_state":

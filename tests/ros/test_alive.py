@@ -1,0 +1,43 @@
+"""Who was here before, whatever the wall clock says."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from flexslew_plant.bench.operation.presence import Beat
+from flexslew_plant.process_identity import own_identity
+from flexslew_plant.ros.alive import Alive
+
+HOUR = 3_600_000_000_000  # [ns]
+
+
+@pytest.fixture
+def later() -> Iterator[str]:
+    """Yield the identity of a process that was started after this one."""
+    child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    yield f"{own_identity().rpartition('/')[0]}/{child.pid}"
+    child.communicate(b"\n")
+
+
+def alive(own: Beat) -> Alive:
+    one: Any = object.__new__(Alive)
+    one.beat, one._since = own, {}
+    return one  # type: ignore[no-any-return]
+
+
+def test_one_that_came_later_is_the_younger_though_the_clock_was_set_back(later: str) -> None:
+    first = Beat("plant", "plant", 1, 2 * HOUR, own_identity())
+    second = Beat("plant", "plant", 2, HOUR, later)
+    assert alive(first)._dated(second).age > first.age
+    assert alive(second)._dated(first).age < second.age
+    assert alive(first)._dated(second)._replace(since=HOUR) == second
+
+
+@pytest.mark.parametrize("process", ["", "elsewhere/1", own_identity()])
+def test_where_the_machine_cannot_tell_the_wall_clock_does(process: str) -> None:
+    first = Beat("plant", "plant", 1, 2 * HOUR, own_identity())
+    second = Beat("plant", "plant", 2, HOUR, process)
+    assert alive(first)._dated(second) == second
