@@ -19,7 +19,8 @@ def start_ros(**how: Any) -> None:
         how: for rclpy.init.
 
     Raises:
-        BadInput: see network.prepare; or the middleware is none that stays on the loopback.
+        BadInput: see network.prepare; the middleware is none that stays on the loopback; or the
+            command line cannot be read.
     """
     prepare(os.environ)
     middleware = rclpy.get_rmw_implementation_identifier()
@@ -30,4 +31,9 @@ def start_ros(**how: Any) -> None:
         )
     if SUPERVISOR not in os.environ:  # the process that started this one has told it
         tell()
-    rclpy.init(**how)
+    try:
+        rclpy.init(**how)
+    except RuntimeError as error:
+        raise BadInput(
+            f"--ros-args: {error}; a parameter that is YAML itself is a text: NAME:=\"'{{...}}'\""
+        ) from None
