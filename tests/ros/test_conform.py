@@ -11,6 +11,28 @@ import pytest
 
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/any_language.py"
 
+IN_C = """
+#include <stdio.h>
+#include <rcl/rcl.h>
+#include <flexslew_msgs/msg/effort_command.h>
+int main(int count, char **words) {
+  rcl_init_options_t start = rcl_get_zero_initialized_init_options();
+  rcl_context_t context = rcl_get_zero_initialized_context();
+  rcl_node_t node = rcl_get_zero_initialized_node();
+  rcl_node_options_t usual = rcl_node_get_default_options();
+  rcl_publisher_t effort = rcl_get_zero_initialized_publisher();
+  rcl_publisher_options_t reliable = rcl_publisher_get_default_options();
+  if (rcl_init_options_init(&start, rcl_get_default_allocator())) return 1;
+  if (rcl_init(count, (const char *const *)words, &start, &context)) return 2;
+  if (rcl_node_init(&node, "in_c", "", &context, &usual)) return 3;
+  if (rcl_publisher_init(&effort, &node,
+      ROSIDL_GET_MSG_TYPE_SUPPORT(flexslew_msgs, msg, EffortCommand), "effort_command", &reliable))
+    return 4;
+  puts("serves effort_command");
+  return 0;
+}
+"""
+
 
 def examined(*command: str, patience: float = 120.0) -> tuple[int, dict[str, str]]:
     """Return the exit code and what is wrong by rule; a node of ours may have to compile first."""
@@ -49,6 +71,17 @@ def test_the_example_of_the_docs_keeps_every_rule(tmp_path: Path) -> None:
     code, wrong = examined(*of_example(tmp_path))
     assert wrong == dict.fromkeys(wrong, "")
     assert (code, len(wrong)) == (0, 10)
+
+
+def test_a_program_in_c_is_built_as_the_page_says_and_joins_a_graph(tmp_path: Path) -> None:
+    page = (EXAMPLE.parents[1] / "any_language.md").read_text()
+    build = next(block for block in page.split("```sh\n") if "gcc" in block).partition("```")[0]
+    (tmp_path / "my_controller.c").write_text(IN_C)
+    root = EXAMPLE.parents[2]
+    for name in ("setup", ".venv", "ros2_ws"):
+        (tmp_path / name).symlink_to(root / name)
+    done = subprocess.run(["bash", "-e"], input=build, cwd=tmp_path, capture_output=True, text=True)
+    assert done.stdout == "serves effort_command\n", done.stderr
 
 
 def test_each_broken_rule_is_told(tmp_path: Path) -> None:

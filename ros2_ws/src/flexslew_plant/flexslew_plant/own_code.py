@@ -181,9 +181,15 @@ def _demand(trust: Trust, name: str, source: str) -> None:
     if trust.allows(name):
         return
     path, digest = file_of(name), code_hash(name)
-    found = f"{path.resolve()}, SHA-256 {digest}" if path is not None else "which is not found here"
-    words = f"{source}: refused to run {name} ({found}), which is named there; read it first, "
-    raise Untrusted(f"{words}then allow it with --trust {name}", name)
+    if path is None:
+        raise Untrusted(
+            f"{source}: refused to run {name} (which is not found here), which is named there; "
+            f"read the class first, then allow it with --trust {name}; a controller that was a "
+            "program of its own cannot be run again",
+            name,
+        )
+    words = f"{source}: refused to run {name} ({path.resolve()}, SHA-256 {digest}), which is named "
+    raise Untrusted(f"{words}there; read it first, then allow it with --trust {name}", name)
 
 
 def module_at(path: Path) -> ModuleType:

@@ -20,7 +20,7 @@ _OF_PLANT = frozenset(
     )
 )
 _UNDECIDED = 5.0  # for a sign of life of a plant that came back; it beats every 0.25 [wall s]
-_FAST_DDS, _PREFIX = "rmw_fastrtps_cpp", 12  # of a GUID, the part of its participant [B]
+_FAST_DDS, _PREFIX = "rmw_fastrtps", 12  # of a GUID, the part of its participant [B]
 
 
 class PlantOnly:
@@ -78,5 +78,5 @@ def _participant(info: Mapping[str, Any]) -> bytes:
         Empty where rclpy or its middleware does not say.
     """
     gid = info.get("publisher_gid") or {}
-    told = gid.get("implementation_identifier") == _FAST_DDS
+    told = gid.get("implementation_identifier", "").startswith(_FAST_DDS)
     return bytes(gid["data"][:_PREFIX]) if told else b""
