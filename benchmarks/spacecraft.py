@@ -16,10 +16,10 @@ from scipy.linalg import cho_factor, cho_solve
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import Model, read_testbed
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
+from flexslew_plant.yaml_data import load_yaml
 
 _ROUNDS = 9
 _TIMES = 400

@@ -18,8 +18,8 @@ from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from flexslew_plant.settings import yaml_text
 from flexslew_plant.settings_fields import FieldMeaning, own_meanings
+from flexslew_plant.yaml_data import yaml_text
 
 DOCS = Path(__file__).parent
 PAGES = tuple(DOCS / name for name in ("trial.md", "spacecraft.md", "studies.md", "faults.md"))

@@ -23,7 +23,7 @@ from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.own_code import ANY_CODE
-from flexslew_plant.settings import load_yaml, yaml_text
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 TRIAL = """
 name: short

@@ -13,7 +13,7 @@ from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml, yaml_text
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 ODD: list[Any] = [
     None, True, 0, -1, 2**63, 10**30, 1e308, -1e-320, float("nan"), float("inf"), "", "x" * 3000,

@@ -14,7 +14,7 @@ from tests.wire_bench import WireBench
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.trial import Trial, parse_trial
 from flexslew_plant.bench.records import SwitchRequest
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 LAWS = ("pd_feedforward", "proportional_integral", "lqr")
 LAST = 60  # tick of the last epoch

@@ -12,7 +12,7 @@ from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, parse_trial
 from flexslew_plant.bench.records import SwitchRequest
 from flexslew_plant.own_code import Trust
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 GAINS = {"d": [[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]]}
 LAWS = [law for law in CONTROLLERS if law != "planned_gains"]  # which needs a plan

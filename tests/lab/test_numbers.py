@@ -10,7 +10,7 @@ from flexslew_lab.console.forms import number_of
 from flexslew_lab.studies.study import parse_study
 from flexslew_lab.trial.sources import changes_of
 from flexslew_lab.trial.trial import parse_trial
-from flexslew_plant.settings import load_yaml, yaml_text
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 WRITTEN = ("1e-5", "1e-05", "1E-5", "1.0e-5", "1.e-5", ".1e-4", "+1e-5", "0.00001", "1.0E-05")
 

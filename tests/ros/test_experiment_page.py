@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 from tests.browser import chromium
 
 from .console_page import Page, console

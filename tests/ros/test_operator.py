@@ -33,9 +33,10 @@ from flexslew_plant.policies import OWN_SERVICES, OWN_TOPICS, ROLES
 from flexslew_plant.refusal import NO_TESTBED
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.settings import load_yaml, plain, yaml_text
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
 from flexslew_plant.topics import EVENTS, PLAN, RECORDER_STATUS, TOPICS
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 from tests.present import present
 
 ON_SOCKETS = {"/measurement", "/effort_command"}  # not heard by those who talk past DDS

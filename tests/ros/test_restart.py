@@ -19,7 +19,7 @@ from flexslew_plant.bench.bench import Bench as Plant
 from flexslew_plant.bench.records import BenchSettings
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
 from flexslew_plant.topics import (
     BENCH_STATE,
     CONTROLLER_STATUS,
@@ -29,6 +29,7 @@ from flexslew_plant.topics import (
     TESTBED,
     TOPICS,
 )
+from flexslew_plant.yaml_data import yaml_text
 
 from .flight import fork_server
 

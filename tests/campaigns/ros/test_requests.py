@@ -13,7 +13,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
 from flexslew_plant import topics
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 from tests.campaigns.test_texts import FAULTS, ODD, changed
 from tests.ros.bystander import Bystander, beside
 from tests.ros.flight import Flight, slew

@@ -23,9 +23,9 @@ from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_of_values
 from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.attitude import turn_between
+from flexslew_plant.yaml_data import load_yaml
 
 TORQUES = {
     name: {"kind": "torque", "direction": axis.tolist(), "limit": 0.5}

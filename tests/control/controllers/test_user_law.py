@@ -19,7 +19,8 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Level
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import ANY_CODE, LAWS, NO_CODE
-from flexslew_plant.settings import Positive, load_yaml, section, validated
+from flexslew_plant.settings import Positive, section, validated
+from flexslew_plant.yaml_data import load_yaml
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = f"{ROOT / 'docs' / 'examples' / 'my_law.py'}:MyLaw"

@@ -5,7 +5,7 @@ import pytest
 from flexslew_control.planners import PLANNERS
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 TRIAL = "duration: 40.0\nplan: {{method: {name}, goal: {{base_yaw: {goal!r}, hub_pitch: 0.0}}}}\n"
 

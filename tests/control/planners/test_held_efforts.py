@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.trial.trial import Trial, parse_trial, plan_of_trial
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 
 def skew() -> Trial:

@@ -17,7 +17,8 @@ from flexslew_lab.console.page import Page
 from flexslew_lab.console.view import ControllerView
 from flexslew_lab.notebook import trial
 from flexslew_lab.trial.trial import bench_settings, plant_of
-from flexslew_plant.settings import load_yaml, plain, yaml_text
+from flexslew_plant.settings import plain
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 FLOWN = trial("m1", {"plan": None, "testbed.modes": 1, "testbed.initial": {"hub_pitch": 0.5}})
 TUNED = {"kp": [300.0, 500.0], "kd": [800.0, 950.0]}

@@ -20,9 +20,9 @@ from flexslew_lab.identification.measurements import FIELDS
 from flexslew_plant import topics
 from flexslew_plant.bench.wire import measurement_bytes
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.topics import TOPICS
+from flexslew_plant.yaml_data import load_yaml
 
 START, PERIOD = 2.0, 0.02
 BENCH = bench(kind="floating_oscillator", damping_ratio=0.02)

@@ -18,7 +18,7 @@ from flexslew_lab.console.gui import Element, Gui
 from flexslew_lab.console.page import Page
 from flexslew_plant.events import AnswerMissed, Noted
 from flexslew_plant.events.event import event_of
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 
 
 class Hands:

@@ -10,9 +10,10 @@ from flexslew_control.planners.feedforward.optimized_feedforward import Optimize
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial, trial_of_values, trial_text
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
+from flexslew_plant.yaml_data import yaml_text
 
 # both masses 1 kg, k 1 N/m: free mode sqrt(2), joint feels 2 kg, spring 2/sqrt(2) per unit
 FOUND: Any = IdentifiedTestbed(

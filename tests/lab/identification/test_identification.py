@@ -19,8 +19,8 @@ from flexslew_lab.identification.modes import identify_modes, whiteness_of
 from flexslew_lab.identification.physical_fit import fit_parameters
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import varied
+from flexslew_plant.yaml_data import load_yaml
 
 OSCILLATOR = {"band": [0.1, 6.0], "largest_excursion": [0.2]}, (np.array([0.5]), np.array([1.0]))
 CSA = (

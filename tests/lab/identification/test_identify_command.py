@@ -21,7 +21,8 @@ from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import parse_trial, trial_of_values
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml, plain
+from flexslew_plant.settings import plain
+from flexslew_plant.yaml_data import load_yaml
 
 W = 2.0**0.5  # both masses 1 kg, spring 1 N/m [rad/s]
 TRIAL = """

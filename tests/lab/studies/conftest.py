@@ -8,7 +8,7 @@ import pytest
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study, parse_study
 from flexslew_plant.own_code import ANY_CODE
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 TRIAL: dict[str, Any] = {
     "name": "small",

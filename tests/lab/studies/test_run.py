@@ -23,7 +23,7 @@ from flexslew_lab.studies.run import Preparation, Shard, prepare, run_study
 from flexslew_lab.studies.study import Study
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 
 class OneByOne(InThisProcess[Case, Flown]):

@@ -24,7 +24,7 @@ from flexslew_lab.studies.study import parse_study
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust, Untrusted, code_hash
 from flexslew_plant.refusal import Refusal
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 SHAPER = Path(__file__).parents[3] / "docs" / "examples" / "my_shaper.py"
 

@@ -13,7 +13,7 @@ from flexslew_lab.trial.sources import shipped_trials
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE
-from flexslew_plant.settings import load_yaml, yaml_text
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 SCHEMA = trial_schema()
 TYPES: dict[str, Any] = {

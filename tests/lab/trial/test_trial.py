@@ -19,7 +19,7 @@ from flexslew_lab.trial.trial import (
 )
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 
 HUB = """
 duration: 10.0

@@ -12,7 +12,8 @@ from flexslew_plant.events.run import Objection
 from flexslew_plant.hardware.disturbances import Pulse, shape_effort
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.refusal import Cause
-from flexslew_plant.settings import plain, validated, yaml_text
+from flexslew_plant.settings import plain, validated
+from flexslew_plant.yaml_data import yaml_text
 
 KP, KD, GOAL = 460.0, 920.0, np.array([0.05, -0.03])
 AT, UNTIL = 2.0, 4.0  # when the faults act [s]

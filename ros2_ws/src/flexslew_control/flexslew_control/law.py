@@ -14,8 +14,9 @@ from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import NO_CODE, Trust
-from flexslew_plant.settings import load_yaml, validated
+from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import Model, Testbed, believed, read_testbed
+from flexslew_plant.yaml_data import load_yaml
 
 
 def per_joint(name: str, given: tuple[float, ...], joints: tuple[str, ...]) -> Vector:

@@ -10,8 +10,8 @@ from flexslew_control.plan_file import plan_hash
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.wire import Stamp, stamped_bytes
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml, yaml_text
 from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 _NO_GAINS: Matrix = np.zeros((0, 0))
 TEXTS = ("request", "summary", "versions")  # YAML in the message

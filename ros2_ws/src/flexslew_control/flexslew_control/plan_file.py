@@ -12,7 +12,7 @@ import yaml
 
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import YamlDumper, YamlLoader, bounded
+from flexslew_plant.yaml_data import YamlDumper, YamlLoader, bounded
 
 VERSION = 1  # of the layout of the file
 _ARRAYS = ("position", "velocity", "effort", "state")

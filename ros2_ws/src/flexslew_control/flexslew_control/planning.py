@@ -17,8 +17,8 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Cause, Refusal
-from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import default_testbed, varied
+from flexslew_plant.yaml_data import load_yaml
 
 MOST_TICKS = 1_000_000  # of a manoeuvre
 

@@ -31,7 +31,7 @@ from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust
-from flexslew_plant.settings import load_yaml, yaml_text
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 if TYPE_CHECKING:
     import control

@@ -12,7 +12,7 @@ from flexslew_control.planners.slew import slew_of
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.sources import read_trial, trial_path
 from flexslew_lab.trial.trial import feedback_of, parse_trial, plant_of
-from flexslew_plant.settings import load_yaml, yaml_text
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 ARCSEC = np.pi / 648000.0
 ARMS = ("inner_left", "inner_right", "outer_left", "outer_right")

@@ -15,7 +15,7 @@ from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.faults import FAULTS
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 NAMED = {
     "joint": "hub_pitch",

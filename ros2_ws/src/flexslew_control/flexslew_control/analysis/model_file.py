@@ -10,7 +10,7 @@ from scipy.io import savemat
 
 from flexslew_control.analysis.lti import Lti, plain
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 
 def save_model(system: Lti, path: Path) -> None:

@@ -19,8 +19,9 @@ from flexslew_plant.entries import table
 from flexslew_plant.errors import BadInput
 from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.own_code import code_hash
-from flexslew_plant.settings import NonNegative, plain, section, validated, yaml_text
+from flexslew_plant.settings import NonNegative, plain, section, validated
 from flexslew_plant.testbeds.model import Model
+from flexslew_plant.yaml_data import yaml_text
 
 # isort: split
 # the laws, a line each

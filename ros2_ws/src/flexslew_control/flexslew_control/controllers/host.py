@@ -27,7 +27,7 @@ from flexslew_plant.events import (
 )
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.refusal import NO_TESTBED, Cause, Refusal
-from flexslew_plant.settings import LONGEST
+from flexslew_plant.yaml_data import LONGEST
 
 _LONGEST = 200  # characters of a value in an answer
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexslew_control.controllers.mat_file import read_mat
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 
 _KEYS = {"A": "a", "B": "b", "C": "c", "D": "d", "Ts": "period"}
 _NAMES = ("inputs", "outputs")

@@ -31,7 +31,8 @@ from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.own_code import PLANNERS as GROUP
-from flexslew_plant.settings import plain, require_short, validated, yaml_text
+from flexslew_plant.settings import plain, validated
+from flexslew_plant.yaml_data import require_short, yaml_text
 
 # isort: split
 # the planners, a line each

@@ -38,9 +38,9 @@ from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, service, subscription
 from flexslew_plant.ros.parameters import serve_changes
-from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.yaml_data import load_yaml
 
 START_MARGIN = 1.0  # until a plan that is asked for now can begin [wall s]
 ADOPT, REFUSE = "adopt", "refuse"

@@ -1,7 +1,8 @@
 """The parameters of the planner node."""
 
 from flexslew_control.law import ActiveLaw
-from flexslew_plant.settings import NonNegative, load_yaml, section
+from flexslew_plant.settings import NonNegative, section
+from flexslew_plant.yaml_data import load_yaml
 
 
 @section

@@ -16,8 +16,9 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.messages import requested_tick
 from flexslew_plant.ros.offers import service
 from flexslew_plant.ros.parameters import declare, requested_text, serve_changes
-from flexslew_plant.settings import flat, load_yaml, validated
+from flexslew_plant.settings import flat, validated
 from flexslew_plant.settings_fields import meanings
+from flexslew_plant.yaml_data import load_yaml
 
 _SHARE = 2e-4  # for which one of two threads works before the other one may [wall s]
 _Made = TypeVar("_Made")

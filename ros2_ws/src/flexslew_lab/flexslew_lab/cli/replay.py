@@ -249,7 +249,7 @@ def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:
 
 def _settings(pairs: list[str]) -> dict[str, Any]:
     """Return `key=value` texts as settings; dots nest."""
-    from flexslew_plant.settings import load_yaml
+    from flexslew_plant.yaml_data import load_yaml
 
     settings: dict[str, Any] = {}
     for pair in pairs:

@@ -16,8 +16,9 @@ from flexslew_lab.trial.trial import Trial, trial_text
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Truth
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed
+from flexslew_plant.yaml_data import yaml_text
 
 STIFFNESS, CARRIED = "stiffness", "carried"  # what a bench may have otherwise
 _MOTION = ("start", "duration", "position", "velocity", "effort", "state", "gains")  # of a plan

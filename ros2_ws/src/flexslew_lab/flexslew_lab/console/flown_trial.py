@@ -8,7 +8,7 @@ from flexslew_lab.console.view import BenchView
 from flexslew_lab.trial.trial import Trial, trial_of_values
 from flexslew_plant.bench.records import BenchSettings
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 
 
 def flown_trial(view: BenchView, controller: str) -> Trial:

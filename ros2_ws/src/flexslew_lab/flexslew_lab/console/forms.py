@@ -9,9 +9,10 @@ from flexslew_lab.console.desk import Desk, line
 from flexslew_lab.console.gui import Element
 from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
-from flexslew_plant.settings import load_yaml, validated, yaml_text
+from flexslew_plant.settings import validated
 from flexslew_plant.settings_fields import own_meanings
 from flexslew_plant.units import in_si, units_in
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 LATEST = 1e9  # of a simulated time [s]
 _LONGEST = 4000  # characters of a field

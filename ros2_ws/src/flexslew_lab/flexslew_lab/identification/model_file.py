@@ -12,8 +12,9 @@ from flexslew_lab.identification.modes import CONFIDENCE, Interval, ModalModel
 from flexslew_lab.identification.record import Quantity
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
+from flexslew_plant.yaml_data import yaml_text
 
 _AXES = "xyz"
 _LIGHT = 1e-6  # mass of an appendage whose modes push nothing along [kg]

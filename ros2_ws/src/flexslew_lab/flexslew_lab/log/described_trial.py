@@ -3,7 +3,7 @@
 from typing import Any
 
 from flexslew_lab.log.messages.logged_text import logged_yaml
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 _OF_PLANT = ("rate_factor", "answer_timeout", "display_rate")  # beside the settings of the bench
 _FAULTS_BEFORE = "faults_enabled"  # how logs of before name allow_faults

@@ -26,7 +26,7 @@ from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.events import IN_CHARGE, BentFar, Switched, TurnsFar, step_words
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 
 EVENTS = 300  # of a run that the table shows
 HEADLINES = (

@@ -12,7 +12,7 @@ from flexslew_lab.report.page import render
 from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 
 PAGE = "index.html"
 FIGURES = ("residual_tip_deflection", "settling_time", "peak_effort", "saturated_time")

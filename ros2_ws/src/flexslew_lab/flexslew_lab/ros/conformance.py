@@ -28,7 +28,8 @@ from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.start import start_ros
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
+from flexslew_plant.yaml_data import yaml_text
 
 _QUESTIONS = 200  # in lock-step
 _BURST = 5  # questions nobody waits for

@@ -16,7 +16,8 @@ from flexslew_lab.trial.trial import (
     law_of,
     trial_text,
 )
-from flexslew_plant.settings import flat, plain, yaml_text
+from flexslew_plant.settings import flat, plain
+from flexslew_plant.yaml_data import yaml_text
 
 
 class NodeProcess(NamedTuple):

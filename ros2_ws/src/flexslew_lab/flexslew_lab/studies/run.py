@@ -21,7 +21,8 @@ from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, known_metric
 from flexslew_lab.trial.trial import Trial, set_up
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
+from flexslew_plant.yaml_data import yaml_text
 
 RUNS = Path("runs")
 _PART_TIME = 5.0  # between two parts [wall s]

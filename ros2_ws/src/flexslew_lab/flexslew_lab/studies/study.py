@@ -18,7 +18,8 @@ from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import Trial, load_trial, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
-from flexslew_plant.settings import Positive, load_yaml, plain, section, validated
+from flexslew_plant.settings import Positive, plain, section, validated
+from flexslew_plant.yaml_data import load_yaml
 
 SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
 

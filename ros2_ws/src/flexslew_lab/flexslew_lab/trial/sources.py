@@ -12,7 +12,7 @@ from flexslew_lab.trial.trial import Trial, checked_trial, text_of, trial_of_val
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import ANY_CODE
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 
 FOLDER = Path(str(resources.files("flexslew_lab"))) / "trials"
 DEFAULT = "m1"

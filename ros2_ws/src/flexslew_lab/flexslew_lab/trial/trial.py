@@ -33,17 +33,9 @@ from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
-from flexslew_plant.settings import (
-    NotAKey,
-    Positive,
-    load_yaml,
-    plain,
-    require_short,
-    section,
-    validated,
-    yaml_text,
-)
+from flexslew_plant.settings import NotAKey, Positive, plain, section, validated
 from flexslew_plant.testbeds import Testbed, TestbedSettings, default_testbed, with_model_file
+from flexslew_plant.yaml_data import load_yaml, require_short, yaml_text
 
 
 def _default_law_alone() -> dict[str, dict[str, Any]]:

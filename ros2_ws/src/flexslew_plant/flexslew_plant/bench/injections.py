@@ -17,7 +17,8 @@ from flexslew_plant.hardware.disturbances import (
     check_disturbance,
     disturbance_effort,
 )
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
+from flexslew_plant.yaml_data import yaml_text
 
 Injection: TypeAlias = TimedDisturbance | Timed
 Tell: TypeAlias = Callable[[Fact], None]  # notes what happened

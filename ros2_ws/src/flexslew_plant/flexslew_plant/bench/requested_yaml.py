@@ -4,7 +4,7 @@ from typing import Any
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import too_long
-from flexslew_plant.settings import load_yaml, require_no_anchor
+from flexslew_plant.yaml_data import load_yaml, require_no_anchor
 
 
 def requested_yaml(text: str, source: str) -> Any:

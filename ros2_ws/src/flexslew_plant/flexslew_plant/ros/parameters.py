@@ -18,8 +18,9 @@ from rclpy.parameter import Parameter
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE
-from flexslew_plant.settings import flat, load_yaml, plain, validated, yaml_text
+from flexslew_plant.settings import flat, plain, validated
 from flexslew_plant.settings_fields import FieldMeaning, meanings
+from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 _ROS = ("use_sim_time", "qos_overrides", "start_type_description")  # parameters of ROS itself
 _UNSET = "null"  # as which a dump of parameters writes, and ROS reads, what has no value

@@ -27,7 +27,8 @@ from flexslew_plant.ros.plant.report import PlantReport
 from flexslew_plant.ros.plant.services import Services
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.ros.realtime import NONE, PLANT, RealTime
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
+from flexslew_plant.yaml_data import yaml_text
 
 
 class Plant:

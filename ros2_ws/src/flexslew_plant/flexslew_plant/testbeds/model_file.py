@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 
 FILE = "file"  # key of a `model` section
 

@@ -17,7 +17,7 @@ from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import one_line
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.yaml_data import load_yaml
 
 _PAGE = "analysis.html"
 _OPEN = f'<a href="{FILES}{_PAGE}" target="_blank" rel="noopener">Open the analysis</a>'

@@ -27,7 +27,8 @@ from flexslew_lab.identification.separable import groups_of
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import one_line
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
+from flexslew_plant.yaml_data import yaml_text
 
 MODEL = "identified.yaml"
 _NONE = "no responses yet"

@@ -12,7 +12,7 @@ from flexslew_plant.bench.schedule import injected_entry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS
 from flexslew_plant.hardware.disturbances import PulseShape, SineShape
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 _CONSTANT, _NOTHING = "constant", "(nothing)"
 _EFFORT = "constant effort"

@@ -15,7 +15,7 @@ from flexslew_lab.console.link import Iterate, RequestResult
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import is_own_code
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 _GOAL = "goal of "
 _SHOWN = 8  # iterations

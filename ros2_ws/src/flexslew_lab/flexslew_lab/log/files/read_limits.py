@@ -4,7 +4,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import LONGEST
+from flexslew_plant.yaml_data import LONGEST
 
 MIB = 1 << 20
 LARGEST = 64 * MIB  # of a chunk or another record, and of all rare messages together [B]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from flexslew_lab.log.bag_layout import qos_profile
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.log.messages.schemas import type_hash
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 
 class TopicCount(NamedTuple):

@@ -7,7 +7,7 @@ from pydantic_core import from_json
 
 from flexslew_lab.log.files.read_limits import TEXTS, check_size
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import DEEPEST, load_yaml, require_no_anchor
+from flexslew_plant.yaml_data import DEEPEST, load_yaml, require_no_anchor
 
 
 def logged_yaml(text: str, source: str) -> dict[str, Any]:

@@ -21,7 +21,8 @@ from flexslew_plant.bench.wire import (
 )
 from flexslew_plant.events import Event
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.settings import plain
+from flexslew_plant.yaml_data import yaml_text
 
 
 class BagObserver:

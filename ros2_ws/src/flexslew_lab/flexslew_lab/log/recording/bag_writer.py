@@ -23,7 +23,7 @@ from flexslew_lab.log.files.rosbag2_folder import TopicCount, information, write
 from flexslew_lab.log.messages.schemas import schema_text, type_hash
 from flexslew_plant.atomic import atomic
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.yaml_data import yaml_text
 
 __all__ = ["CHUNK_SIZE", "BagWriter", "RecordingStopped"]
 

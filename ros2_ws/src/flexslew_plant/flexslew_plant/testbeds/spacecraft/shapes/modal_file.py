@@ -35,7 +35,6 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
     Integrals,
     Points,
@@ -52,6 +51,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.modal_checks import (
 )
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
 from flexslew_plant.testbeds.spacecraft.units import UNITS, hint
+from flexslew_plant.yaml_data import load_yaml
 
 _KEYS = {
     "units",
