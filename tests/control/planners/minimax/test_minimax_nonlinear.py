@@ -11,6 +11,7 @@ from tests.plants import late, plant
 from tests.present import present
 
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
+from flexslew_control.planners.minimax import shortest
 from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import question_of
 from flexslew_control.planners.minimax.nonlinear_path import channels, deviation, tabled
@@ -184,3 +185,20 @@ def test_a_mass_on_a_spring_that_varies_is_led_to_its_goal(seed: int) -> None:
     gains = Feedback(kp=(gain,), kd=(gain,))
     plan = make_plan(plan_settings(section, "t"), plant(0.02, testbed.effort_limit, testbed), gains)
     assert plan.summary["predicted_residual_attitude_error"]["mass"] < 5e-4 * abs(begin)
+
+
+def test_a_duration_that_is_said_to_be_enough_was_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the limits allow may be more than a search of few steps finds."""
+    monkeypatch.setattr(shortest, "least_duration", lambda question: 6.2)
+    few = {"max_steps": 3, "pieces": 5, "ensemble": {"draw": "corners"}}
+    with pytest.raises(PlanFailed) as caught:
+        planned("hub_with_appendages", duration=4.0, **few)
+    enough = float(present(re.search(r"a duration of ([\d.]+) s \(now 4", str(caught.value)))[1])
+    assert enough > 6.2
+    assert planned("hub_with_appendages", duration=enough, **few).duration == pytest.approx(enough)
+
+
+def test_where_no_steps_are_enough_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shortest, "least_duration", lambda question: 4.0)
+    with pytest.raises(PlanFailed, match=r"allow a duration of 4 s .* max_steps: 1 are too few"):
+        planned("hub_with_appendages", duration=3.0, max_steps=1, pieces=5)

@@ -16,6 +16,8 @@ from flexslew_plant.errors import PlanFailed
 _CLOSE = 5e-4  # of the duration, to which the shortest is found [-]
 _ROUGH = 0.01  # the same of the least that is feasible on a plant that is not linear [-]
 _TIMES = 3  # that a duration is lengthened by half before none is said to meet a bound
+_STEPS = 12  # at least, of a search for what the limits allow
+_TRIED, _A_LITTLE = 6, 1.05  # durations from the least on, and from one to the next
 _LONGER = 12  # times that a duration is doubled before none is said to do
 
 
@@ -66,13 +68,24 @@ def least_duration(question: Question) -> float | None:
 
 
 def enough_time(question: Question) -> str:
-    """Return in words in what time the limits let efforts lead to the goal."""
+    """Return in words in what time there is a plan; what is said is what was tried."""
     least = least_duration(question)
     if least is None:
         return f"no duration up to {2**_LONGER * question.duration:.4g} s is enough; widen a limit"
+    duration = rounded_up(least)
+    for _ in range(_TRIED):
+        try:
+            found_optimum(replace(question, duration=duration), ignore)
+        except PlanFailed:  # of a search that ends after max_steps
+            duration = rounded_up(_A_LITTLE * duration)
+            continue
+        return (
+            f"a duration of {duration:g} s (now {question.duration:g} s) is enough; a rigid "
+            f"body takes {question.rigid:.4g} s"
+        )
     return (
-        f"a duration of {rounded_up(least):g} s (now {question.duration:g} s) is enough; a rigid "
-        f"body takes {question.rigid:.4g} s"
+        f"the limits allow a duration of {rounded_up(least):g} s (now {question.duration:g} s), "
+        f"but max_steps: {question.steps} are too few to find its efforts; take more"
     )
 
 
@@ -124,7 +137,8 @@ def _feasible(question: Question, members: tuple[Member, ...], ticks: int, linea
         if linear:
             solved(convex_program(asked, members), goal=Goal(feasible=True))
         else:
-            found_optimum(replace(asked, feasible=True), ignore)
+            steps = max(asked.steps, _STEPS)
+            found_optimum(replace(asked, feasible=True, steps=steps), ignore)
     except PlanFailed:
         return False
     return True
