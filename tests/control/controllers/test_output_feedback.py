@@ -2,6 +2,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from tests.plants import plant as on_bench
 
 from flexslew_control.controllers import output_feedback
@@ -184,3 +185,69 @@ def test_a_steady_observer_whose_steps_diverge_is_refused_with_the_period_that_d
         assert largest_estimate(testbed, short, settings) < 0.1  # the errors of the start, on csa
     exact = OutputFeedback(model={"modes": testbed.modes}, observer="steady", mode="tracking_b")
     assert largest_estimate(testbed, long, exact) < 0.1
+
+
+def own_covariance(observer: Any) -> Any:
+    """Return P of the errors at rest, from differences of the observer's own ticks."""
+    observed, h, gain = observer.observed, observer.period, observer.found.observer_gain
+    system, rest = observed.system, observed.origin
+    a, c = system.a, system.c
+    k, outputs = len(a), len(c)
+
+    def ahead(z: Any, y: Any) -> Any:
+        still = np.zeros(system.b.shape[1])
+        return observed.advanced(rest + z, c @ rest + y, still, gain, None)
+
+    d = 1e-6
+    f = np.array(
+        [ahead(d * e, np.zeros(outputs)) - ahead(-d * e, np.zeros(outputs)) for e in np.eye(k)]
+    ).T
+    held = np.array(
+        [ahead(np.zeros(k), d * e) - ahead(np.zeros(k), -d * e) for e in np.eye(outputs)]
+    ).T
+    f, held = f / (2.0 * d), held / (2.0 * d)
+    force = system.noise_input @ system.noise_density @ system.noise_input.T
+    points, weights = np.polynomial.legendre.leggauss(12)
+    paths = [expm(0.5 * h * (p + 1.0) * a) for p in points]
+    p = sum(0.5 * h * w * e @ force @ e.T for w, e in zip(weights, paths, strict=True))
+    p = p + held @ (system.sensor_density / h) @ held.T
+    for _ in range(30):  # of the sum of f^j q f^jT
+        p, f = p + f @ p @ f.T, f @ f
+    return p
+
+
+@pytest.mark.parametrize(
+    ("testbed", "mode", "sigma", "share"),
+    [
+        (CsaTestbed(modes=2), "tracking_a", 1e-4, 1.03),
+        (CsaTestbed(modes=2), "tracking_a", 5e-6, 2.0),
+        (CsaTestbed(modes=2), "tracking_b", 1e-6, 5.0),
+        (HubTestbed(), "tracking_b", 1e-4, 50.0),
+    ],
+)
+def test_a_steady_observer_states_the_covariance_of_its_own_ticks(
+    testbed: Any, mode: Any, sigma: float, share: float
+) -> None:
+    # P of (7) knows no ticks: with gains that are fast beside one it is far too small
+    limit = np.array(testbed.effort_limit)
+    settings = OutputFeedback(
+        model={"modes": testbed.modes},
+        observer="steady",
+        mode=mode,
+        angle_sigma=sigma,
+        rate_sigma=sigma,
+    )
+    observer, _ = build(settings, PlantDescription(testbed, PERIOD, limit))
+    assert isinstance(observer, SampledObserver)
+    still = np.zeros(limit.size)
+    there = Measurement(0, 0, 0.0, "", still, still, np.zeros(0), np.zeros(0), still)
+    observer.reset(there)
+    stated, own = observer.update(there).covariance, own_covariance(observer)
+    sizes = np.sqrt(np.diag(own))
+    np.testing.assert_allclose(
+        stated / np.outer(sizes, sizes), own / np.outer(sizes, sizes), atol=1e-5
+    )
+    assert (np.diag(own) / np.diag(observer.found.covariance)).max() > share
+    c, sensors = observer.observed.system.c, observer.observed.system.sensor_density / PERIOD
+    expected = np.diag(c @ own @ c.T + sensors)
+    np.testing.assert_allclose(observer.innovation_variance(), expected, rtol=1e-5)

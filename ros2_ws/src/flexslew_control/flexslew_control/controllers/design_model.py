@@ -87,6 +87,12 @@ class ObservedModel(Protocol):
             reference: of that tick, if it is known.
         """
 
+    def error_step(self) -> tuple[Matrix, Matrix]:
+        """Return F, (k, k), and H, (k, l): at rest a tick turns an error e into F e - H v.
+
+        v is the noise of the sensors, held over the tick.
+        """
+
     def estimate(self, z: Vector, measurement: Measurement) -> tuple[Vector, Vector]:
         """Return positions and rates, the joints first."""
 
@@ -176,6 +182,16 @@ class JointsAndModes:
         at = z + h * k3
         k4 = derivative(at, effort) + (held - feedback @ at)
         return z + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+
+    def error_step(self) -> tuple[Matrix, Matrix]:
+        """Return what a tick makes of errors and of held sensor noise."""
+        k, p = len(self.system.a), len(self.system.c)
+        if self.linear:
+            return self._step[:, :k], self._step[:, -p:]
+        h, eye = self.period, np.eye(k)
+        drift = h * (self.system.a - self._feedback)
+        mean = eye + drift / 2.0 @ (eye + drift / 3.0 @ (eye + drift / 4.0))
+        return eye + drift @ mean, h * mean @ self.gain
 
     def drift(self, z: Vector, reference: Reference) -> Vector:
         """Return f(z, 0)."""

@@ -130,6 +130,10 @@ class OneAppendage:
         held = self.disturbance(reference)
         return self._step @ np.concatenate((z, effort, held, y))
 
+    def error_step(self) -> tuple[Matrix, Matrix]:
+        """Return what a tick makes of errors and of held sensor noise."""
+        return self._step[:, : len(self.system.a)], self._step[:, -len(self.system.c) :]
+
     def drift(self, z: Vector, reference: Reference) -> Vector:
         """Return A z + D."""
         return self.system.a @ z + self.disturbance(reference)

@@ -10,7 +10,8 @@ Observers:
             Kalman gain of the tick, from what is known at the start; its covariance is right at
             rest and in a slew.
     steady  the paper's (5): the stationary gain K_f, the measurement held over the tick. It lags
-            by omega T / 2 in a slew, and P of (7), which it states, is right at rest alone.
+            by omega T / 2 in a slew, and the covariance of its ticks, which it states, is right at
+            rest alone.
 
 A craft that is free in space is controlled about its plan: see plan_deviation. The observer is then
 a TurningFilter, and tracking_b has the A of rest in the law.

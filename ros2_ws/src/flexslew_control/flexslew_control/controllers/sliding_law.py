@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
 
 from flexslew_control.controllers.design_model import (
     DesignModel,
@@ -15,7 +16,7 @@ from flexslew_control.controllers.plan_deviation import PlanDeviation
 from flexslew_control.controllers.sliding_surface import SlidingDesign
 from flexslew_control.controllers.turning_form import turning_form
 from flexslew_control.estimators.gained_filter import GainedFilter
-from flexslew_control.estimators.kalman import KalmanFilter
+from flexslew_control.estimators.kalman import KalmanFilter, discretised
 from flexslew_control.estimators.turning_filter import TurningFilter
 from flexslew_control.law import Estimate, Estimator, Reference
 from flexslew_control.linear_form import (
@@ -37,11 +38,13 @@ from flexslew_plant.measurement import Measurement
 class SampledObserver:
     """z_hat' = f(z_hat, u) + K_f (y - C z_hat) (5), with y and the applied u held over each tick.
 
-    The estimate at tick k rests on the measurements before k; the law adds K_f y(k) itself.
+    The estimate at tick k rests on the measurements before k; the law adds K_f y(k) itself. Its
+    covariance at rest is not P of (7), which knows no ticks: an error e becomes F e - H v + w, with
+    the noise v of the sensors held over the tick, so P = F P F^T + H R H^T + Q.
 
     Args:
         observed: what is observed.
-        found: K_f and P.
+        found: K_f.
         period: one tick [s].
     """
 
@@ -56,11 +59,14 @@ class SampledObserver:
     _coming: Reference | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        """Precompute the inverse of the innovation's covariance."""
-        s = self.observed.system
-        variance = s.c @ self.found.covariance @ s.c.T + s.sensor_density / self.period
+        """Precompute the covariance, and the inverse of the innovation's."""
+        s, sensors = self.observed.system, self.observed.system.sensor_density / self.period
+        noise = s.noise_input @ s.noise_density @ s.noise_input.T
+        f, h = self.observed.error_step()
+        q = discretised(s.a, s.b, noise, self.period)[2] + h @ sensors @ h.T
+        self._covariance = np.asarray(solve_discrete_lyapunov(f, q), dtype=np.float64)
+        variance = s.c @ self._covariance @ s.c.T + sensors
         self._inverse, self._variance = np.linalg.inv(variance), np.diag(variance)
-        self._covariance = self.found.covariance.copy()
         self._covariance.flags.writeable = False
 
     def expect(self, reference: Reference) -> None:
