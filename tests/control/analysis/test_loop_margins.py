@@ -46,6 +46,7 @@ LAWS: dict[str, dict[str, Any]] = {
 }
 SOFT = {"pd_feedforward": {"kp": [0.5], "kd": [1.0]},
         "collocated_pid": {"kp": [0.5], "kd": [1.0], "ki": [0.02]}}  # fmt: skip
+LATE = ActuatorSettings(lag=0.2)
 PATHS = {"ideal": ActuatorSettings(), "lag": ActuatorSettings(lag=0.05)}
 
 
@@ -179,3 +180,21 @@ def test_a_gain_that_holds_a_falling_joint_no_more_is_a_margin_at_zero_frequency
     found = held_joint(-fall, 4.0 * fall, np.sqrt(fall), 0.0)[1]
     assert found.gain_down == pytest.approx(0.25, rel=1e-6)
     assert found.down_frequency == 0.0
+
+
+@pytest.mark.parametrize("coupling", [0.02, 1e-3, 1e-4])
+def test_the_delay_margin_of_a_mode_that_is_seen_weakly_is_found(coupling: float) -> None:
+    # L is beyond one on a band as narrow as the coupling squared, beside which a grid is coarse
+    mode = {"frequency": 8.6, "joints": [coupling], "tips": [1.0]}
+    bed = {"kind": "identified", "inertia": [[100.0]], "free_modes": [mode]}
+    testbed = read_testbed(bed, "here")
+    described = plant(0.1, testbed.effort_limit, testbed)
+    gains = {"kp": [4.0], "kd": [34.0], "ki": [0.08]}
+    it, rest = build_controller("it", "collocated_pid", gains, described, "h"), rest_of(testbed)
+    form, path = running_law(it, rest, described.effort_limit).form, PlantPath(0.1, LATE)
+    found = loop_of(sampled_plant(rest, path, applied=True), form)
+    margins = channel_margins(swept(found), "effort.hub")
+    late = np.array([margins.delay / 0.1])
+    for share in np.linspace(0.05, 0.99, 12):
+        assert radius(rest, form, replace(path, delay=share * late)) < 1.0
+    assert radius(rest, form, replace(path, delay=1.01 * late)) > 1.0

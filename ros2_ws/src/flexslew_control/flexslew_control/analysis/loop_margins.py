@@ -20,6 +20,7 @@ _BELOW = 0.01  # of the slowest pole: where the grid begins, if that is before _
 _POINTS, _A_DECADE = 600, 150  # of the grid above _SLOW, and in each decade before it
 _FLAT = 0.01  # change of L over an octave, of its size, and its angle, where it is that at zero
 _NEAR = np.concatenate((-np.geomspace(30.0, 1e-3, 40), np.geomspace(1e-3, 30.0, 40)))  # widths
+_BESIDE = np.geomspace(1e-9, 0.01, 80)  # of a crossover: where a delay margin may lie
 _SCALINGS = 20
 _POWERS = (20.0, 200.0, 2000.0)  # of singular values, in norms that end near the largest one
 _POLE = 1e8  # |L| beyond that is a pole on the circle, and no crossing
@@ -167,6 +168,12 @@ class _Channel:
         """Return where |L| is one [rad/s]."""
         return self._roots(lambda value: abs(value) - 1.0)
 
+    def _around(self, w: float) -> Vector:
+        """Return frequencies about a crossover, denser the nearer: a resonance may be narrow."""
+        wide = np.linspace(0.7, 1.3, 801)
+        near = w * np.unique(np.concatenate((wide, 1.0 - _BESIDE, 1.0 + _BESIDE)))
+        return near[near < np.pi / self._period * (1.0 - 1e-9)]
+
     def delay(self, w: float) -> tuple[float, float]:
         """Return the delay that puts a pole on the circle near a crossover, and its frequency.
 
@@ -174,7 +181,7 @@ class _Channel:
         """
         h = self._period
         late = np.angle(-self(w)) % (2.0 * np.pi) / (w * h)
-        near = np.linspace(0.7 * w, min(1.3 * w, np.pi / h * (1.0 - 1e-9)), 801)
+        near = self._around(w)
         values = self._at(near)
         best = (np.inf, np.nan)
         for whole in range(max(0, int(late) - 2), int(late) + 3):
