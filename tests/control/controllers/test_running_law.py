@@ -236,3 +236,19 @@ def test_numbers_are_set_where_they_were_found() -> None:
         assign(there, place, value + 1.0)
     assert {p: v + 1.0 for p, v in places.items()} == numbers(there)
     assert numbers(root) == places
+
+
+@pytest.mark.parametrize("period", [0.005, 0.01, 0.02])
+def test_a_filter_that_forgets_within_months_has_a_form(period: float) -> None:
+    # its disturbance hides a mode: after two days the covariance still turned with it, and the form
+    # of one tick was not that of the next
+    testbed = read_testbed({"kind": "floating_oscillator"}, "here")
+    bench = plant(period, testbed.effort_limit, testbed)
+    it, rest = build_controller("it", "proportional_integral", {}, bench, "h"), rest_of(testbed)
+    found = running_law(it, rest, bench.effort_limit)
+    assert found.mismatch < 1e-10
+    estimator: Any = found.rested.estimator
+    c, p = estimator.matrices.c, estimator._prior
+    own = p @ c.T @ np.linalg.inv(c @ p @ c.T + np.diag(estimator.matrices.r))
+    # the least that forgets is 2e-9 a tick, which the solver of the Riccati equation loses
+    np.testing.assert_allclose(own, settled_gain(it, rest), rtol=1e-4, atol=1e-9)

@@ -33,6 +33,8 @@ _SETTLED = 1e-9  # change of a number in 100 ticks, of its size
 _MOST_TICKS = 20_000  # until it must have settled
 _SOON = 1_000  # ticks after which what settles slowly is taken ahead
 _DOUBLINGS = 24  # of a tick: two days of them at 100 Hz
+_TO_THE_END = 40  # doublings after which every covariance stands still that has a limit
+_HAS_A_LIMIT = 0.01  # of what it is after two days: what is less by then goes to nothing
 _EXCITED = 8  # ticks in which two copies measure different things
 _PROBE = 1e-6  # of a number that is zero at rest
 _SHARE = 1e-3  # of the effort limits that a perturbation may ask for
@@ -50,8 +52,8 @@ _SMALLER, _AS_BEFORE = 0.01, 0.1
 class SettlesSlowly(Protocol):
     """An estimator whose covariance may take longer than ticks can be flown."""
 
-    def settle(self, doublings: int) -> None:
-        """Let the covariance become that of 2^doublings ticks later, in which nothing moves."""
+    def settle(self, doublings: int) -> Matrix:
+        """Let the covariance become that of 2^doublings ticks later at rest, and return it."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,15 @@ def running_law(
             " or keep its memory outside of itself"
         )
     return RunningLaw(form, mismatch, desk.tick, desk.controller, tuple(memory))
+
+
+def _settle(estimator: SettlesSlowly) -> None:
+    """Take a covariance to its limit; where it has none that is not zero, to that of two days."""
+    later: SettlesSlowly = copied(estimator)
+    limit = np.diag(later.settle(_TO_THE_END))
+    days = np.diag(estimator.settle(_DOUBLINGS))
+    if (limit >= _HAS_A_LIMIT * days).all():
+        estimator.settle(_TO_THE_END)
 
 
 def _parts(controller: Controller) -> dict[str, Any]:
@@ -236,7 +247,7 @@ class _Desk:
         """Let it rest until its memory changes no more.
 
         A covariance that takes longer is taken to where the filter's own ticks would, and they go
-        on from there.
+        on from there: to its limit, or to that of two days where a variance goes to nothing.
         """
         none, before, estimator = np.zeros(self.inputs), None, self.controller.estimator
         most = 2 * _SOON if isinstance(estimator, SettlesSlowly) else _MOST_TICKS
@@ -245,7 +256,7 @@ class _Desk:
                 self.ask(self.controller, self.tick, none)
                 self.tick += 1
             if self.tick == _SOON and isinstance(estimator, SettlesSlowly):
-                estimator.settle(_DOUBLINGS)
+                _settle(estimator)
             now = self._values(self.controller)
             if (
                 before is not None

@@ -331,13 +331,14 @@ class KalmanFilter:
         self._last = self._estimate(innovation, nis)
         return self._last
 
-    def settle(self, doublings: int) -> None:
-        """Let the covariance become that of 2^doublings ticks later, in which nothing moves."""
+    def settle(self, doublings: int) -> Matrix:
+        """Let the covariance become that of 2^doublings ticks later at rest, and return it."""
         nonlinear = self.settings.prediction == "nonlinear"
         f = self._transition(self._x) if nonlinear else self._f
         self._prior = later_covariance(f, self._q, self._c, self._r, self._prior, doublings)
         self._p = corrected(self._x, self._prior, self._c @ self._x, self._c, self._r)[1]
         self._last = self._last._replace(covariance=self._p)
+        return self._p
 
     def innovation_variance(self) -> Vector:
         """Return the diagonal of C P C^T + R of the last update, shape (l,)."""

@@ -117,12 +117,13 @@ class TurningFilter:
             p = after
         return found
 
-    def settle(self, doublings: int) -> None:
-        """Let the covariance become that of 2^doublings ticks later, in which nothing moves."""
+    def settle(self, doublings: int) -> Matrix:
+        """Let the covariance become that of 2^doublings ticks later at rest, and return it."""
         f, c, q, r = self._step(np.zeros(self.platform.small.joints))[0], *self._noise
         self._prior = later_covariance(f, q, c, r, self._prior, doublings)
         self._p = corrected(self._x, self._prior, c @ self._x, c, r)[1]
         self._last = self._last._replace(covariance=self._p)
+        return self._p
 
     def innovation_variance(self) -> Vector:
         """Return the diagonal of C P C^T + R of the last update, shape (l,)."""
