@@ -9,8 +9,9 @@ import pytest
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.divergence import FARTHEST, STABLE_TURN, is_lost
 from flexslew_plant.bench.schedule import ScheduleEntry
-from flexslew_plant.events import Level
+from flexslew_plant.events import Level, TurnsFar
 from flexslew_plant.measurement import EffortCommand
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.compiled.dynamics import STAGE_WEIGHTS, STEP_WEIGHTS
 from flexslew_plant.testbeds.csa import CsaTestbed
 
@@ -101,3 +102,33 @@ def test_the_stable_turn_is_where_the_method_begins_to_amplify() -> None:
 
     assert max(map(amplification, np.linspace(0.1, STABLE_TURN, 500))) <= 1.0
     assert amplification(STABLE_TURN * 1.001) > 1.0
+
+
+@pytest.mark.parametrize(("frequency", "told"), [(31.0, False), (50.0, True)])
+def test_a_mode_that_ticks_do_not_follow_is_told_of_once_an_epoch(
+    frequency: float, told: bool
+) -> None:
+    """A step of the hub leaves (p / w^2) (1 - cos w t) of a mode: here 3.1 and 5 rad a tick."""
+    mode = {"frequency": frequency, "joints": [0.05], "tips": [1.0]}
+    bed = read_testbed({"kind": "identified", "inertia": [[100.0]], "free_modes": [mode]}, "here")
+    push = ScheduleEntry(at=0.0, until=20.0, disturbance={"hub": 1.0})
+    bench = Bench(BenchSettings(active="a", period=0.1, testbed=bed, schedule=(push,)))
+    tips: list[float] = []
+    still = np.zeros(1)
+    for _ in range(2):
+        tips.clear()
+        for _ in range(20):
+            question = bench.question
+            bench.offer(EffortCommand(question.tick, question.epoch, question.controller, still))
+            bench.advance()
+            tips.append(bench.truth().tip_deflection[0])
+        bench.reset()
+    facts = [e.what for e in bench.events if isinstance(e.what, TurnsFar)]
+    assert len(facts) == 2 * told
+    size = 0.05 / frequency**2
+    off = np.array(tips) - size * (1.0 - np.cos(0.1 * frequency * np.arange(1, 21)))
+    assert (np.abs(off).max() > 0.1 * size) == told
+    for fact in facts:
+        assert fact.turn == pytest.approx(5.0)
+        assert "50 rad/s, turns by 5 rad in a tick" in fact.message
+        assert "take at most 0.06 s" in fact.message

@@ -25,7 +25,7 @@ from flexslew_lab.report.story import Line, story_of
 from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.events import IN_CHARGE, BentFar, Switched, step_words
+from flexslew_plant.events import IN_CHARGE, BentFar, Switched, TurnsFar, step_words
 from flexslew_plant.settings import load_yaml
 
 EVENTS = 300  # of a run that the table shows
@@ -330,7 +330,9 @@ def _provenance(run: RunData) -> dict[str, Any]:
         "facts": facts,
         "plans": plans,
         "events": overview.events[:EVENTS],
-        "bent": [event.message for event in overview.events if isinstance(event.what, BentFar)],
+        "doubtful": [
+            event.message for event in overview.events if isinstance(event.what, BentFar | TurnsFar)
+        ],
         "more_events": max(len(overview.events) - EVENTS, 0),
         "counts": sorted(overview.counts.items()),
         "types": overview.types,

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexslew_plant.arrays import Vector, keep_all, kept
-from flexslew_plant.bench.divergence import diagnosis, is_lost
+from flexslew_plant.bench.divergence import diagnosis, is_lost, too_fast
 from flexslew_plant.bench.handover import RUN_OVER, Handover
 from flexslew_plant.bench.injections import Injections, injection_of
 from flexslew_plant.bench.records import ActiveFault
@@ -102,6 +102,8 @@ class Bench:
         )
         chosen = settings.plausibility
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None
+        q, _ = self.model.split(self._start)
+        self._too_fast = too_fast(self.model, q, settings.period)
         self._friction = friction_of(settings.actuator, self.model, settings.period)
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.allow_faults)
@@ -266,6 +268,8 @@ class Bench:
         self._x, self._applied, self._extra, self._total = after, applied, extra, total
         self.saturated_ticks += self.actuator.saturated
         self.tick += 1
+        if self.tick == 1 and self._too_fast is not None:
+            self.tell(self._too_fast)
         self._watch_tips()
         if self.tick == self.last_tick:
             self.handover.drop_all(RUN_OVER)

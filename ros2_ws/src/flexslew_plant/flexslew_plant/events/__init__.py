@@ -56,6 +56,7 @@ from flexslew_plant.events.run import (
     StateLost,
     Stepped,
     TransportChosen,
+    TurnsFar,
     WasReset,
 )
 from flexslew_plant.events.switching import (
@@ -129,6 +130,7 @@ __all__ = [
     "Switched",
     "TargetRequested",
     "TransportChosen",
+    "TurnsFar",
     "WasReset",
     "event_of",
     "fact_of",
@@ -149,6 +151,7 @@ _KINDS: tuple[Any, ...] = (
     RunFinished,
     StateLost,
     BentFar,
+    TurnsFar,
     FellBehind,
     CommandRejected,
     SecondPlant,

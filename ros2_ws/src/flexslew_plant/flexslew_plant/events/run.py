@@ -166,6 +166,26 @@ class BentFar:
 
 
 @fact
+class TurnsFar:
+    """A mode is too fast for the ticks to follow, for the first time of an epoch."""
+
+    kind: ClassVar[str] = "fast_mode"
+    level: ClassVar[Level] = Level.WARNING
+    frequency: Finite = 0.0  # of the fastest mode at the start [rad/s]
+    turn: Finite = 0.0  # of it in a tick [rad]
+    period: Seconds = 0.0  # that is short enough [s]
+
+    @property
+    def message(self) -> str:
+        """One line for a person."""
+        return (
+            f"the fastest mode, {self.frequency:.4g} rad/s, turns by {self.turn:.3g} rad in a "
+            "tick, more than half a turn: its vibration is not followed, and fades or grows; take "
+            f"at most {self.period:.2g} s, or fewer modes"
+        )
+
+
+@fact
 class StateLost:
     """The state after a tick is not finite, and the run ends."""
 
