@@ -9,12 +9,17 @@ from flexslew_lab.identification.separable import ModalLeastSquares, Solution
 from flexslew_plant.arrays import Vector
 
 _GRID = 0.05  # relative distance of its frequencies
+# Beside a known mode: how many places on either side, and how many times its price a mode must
+# explain there, where what is not linear is left, too.
+_BESIDE, _DEARER = 6, 10.0
 
 
 def missed_mode(
     signals: RegressorSignals, solution: Solution, noise: Vector, band: tuple[float, float]
 ) -> Oscillator | None:
     """Return the oscillator of a grid that explains most of what is left; None: none pays.
+
+    Where none does, a mode may be hidden beside one that is known.
 
     Args:
         signals: of the experiment.
@@ -33,6 +38,54 @@ def missed_mode(
         explained = gain(now, one)
         if explained > most:
             most, best = explained, one
+    if best is None:
+        most *= _DEARER
+        for one in _beside(solution.modes, signals.record.duration):
+            explained = gain(now, one)
+            if explained > most:
+                most, best = explained, one
+    return best
+
+
+def _beside(modes: tuple[Oscillator, ...], duration: float) -> list[Oscillator]:
+    """Return oscillators beside modes, from half a period of the record to half the grid away."""
+    found = []
+    for mode in modes:
+        nearest = np.pi / (duration * mode.frequency)
+        if nearest < 0.5 * _GRID:
+            for away in np.geomspace(nearest, 0.5 * _GRID, _BESIDE).tolist():
+                sides = (1.0 - away, 1.0 + away)
+                found += [Oscillator(side * mode.frequency, 0.5 * away) for side in sides]
+    return found
+
+
+def split_mode(
+    signals: RegressorSignals, solution: Solution, noise: Vector
+) -> tuple[Oscillator, ...] | None:
+    """Return the modes with one of them as two, where that explains most; None: none pays.
+
+    A mode that stands for two close ones lies between them and is damped more.
+
+    Args:
+        signals: of the experiment.
+        solution: modes that were found.
+        noise: standard deviation of every output, (outputs,).
+    """
+    problem = ModalLeastSquares(signals, noise)
+    now = problem.solve(solution.modes, slopes=False).cost
+    most, best = now - _DEARER * price(problem), None
+    for mode in solution.modes:
+        others = tuple(one for one in solution.modes if one is not mode)
+        nearest = np.pi / (signals.record.duration * mode.frequency)
+        if nearest >= 0.5 * _GRID:
+            continue
+        for away in np.geomspace(nearest, 0.5 * _GRID, _BESIDE).tolist():
+            for damping in (0.5 * away, 0.2 * away):
+                pair = [Oscillator(s * mode.frequency, damping) for s in (1.0 - away, 1.0 + away)]
+                tried = tuple(sorted((*others, *pair), key=lambda one: one.frequency))
+                cost = problem.solve(tried, slopes=False).cost
+                if cost < most:
+                    most, best = cost, tried
     return best
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_lab.identification.missed import missed_mode, price
+from flexslew_lab.identification.missed import missed_mode, price, split_mode
 from flexslew_lab.identification.modal_fit import FLOOR, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
@@ -48,14 +48,27 @@ def _searched(
     # a start that is out of phase explains little: no candidate goes before it has moved
     solution, noise = refined(signals, modes, first, _FIRST_ROUNDS)
     solution, noise = _kept(signals, pruned(signals, solution.modes, noise), noise)
-    while (missed := missed_mode(signals, solution, noise, band)) is not None:
-        more = tuple(sorted((*solution.modes, missed), key=lambda mode: mode.frequency))
-        tried, found = refined(signals, more, noise, _FIRST_ROUNDS)
-        tried, found = _kept(signals, pruned(signals, tried.modes, found), found)
-        if len(tried.modes) <= len(solution.modes):
-            break
-        solution, noise = tried, found
+    while (more := _more(signals, solution, noise, band)) is not None:
+        solution, noise = more
     return solution
+
+
+def _more(
+    signals: RegressorSignals, solution: Solution, noise: Vector, band: tuple[float, float]
+) -> tuple[Solution, Vector] | None:
+    """Return a fit with more modes: one that was missed, or two for one; None: there are none."""
+    missed = missed_mode(signals, solution, noise, band)
+    starts = [] if missed is None else [(*solution.modes, missed)]
+    for start in (*starts, None):
+        modes = split_mode(signals, solution, noise) if start is None else start
+        if modes is None:
+            continue
+        modes = tuple(sorted(modes, key=lambda mode: mode.frequency))
+        tried, found = refined(signals, modes, noise, _FIRST_ROUNDS)
+        tried, found = _kept(signals, pruned(signals, tried.modes, found), found)
+        if len(tried.modes) > len(solution.modes):
+            return tried, found
+    return None
 
 
 def _kept(
