@@ -11,6 +11,7 @@ from flexslew_control.planners.feedforward.optimized_feedforward import Optimize
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import read_testbed
 
 YAW = {"base_yaw": 1.0}
 BOTH = {"base_yaw": 1.0, "hub_pitch": 0.5}
@@ -200,3 +201,13 @@ def test_a_manoeuvre_that_a_method_does_not_know_is_refused_in_one_line() -> Non
         BadInput, match="goal: hub is not a joint of the testbed; allowed: base_yaw"
     ):
         make_plan(other_method(hub, "input_shaping", "trial.yaml"), plant())
+
+
+def test_a_craft_without_the_usual_joint_asks_for_a_goal() -> None:
+    drives = {
+        name: {"kind": "torque", "direction": axis, "limit": 1.0}
+        for name, axis in zip("abc", np.eye(3).tolist(), strict=True)
+    }
+    craft = read_testbed({"kind": "spacecraft", "actuators": drives}, "here")
+    with pytest.raises(BadInput, match="goal: missing; give one to some of the joints a, b, c"):
+        make_plan(plan_settings({"method": "none"}, "t"), plant(0.05, (1.0,) * 3, craft))

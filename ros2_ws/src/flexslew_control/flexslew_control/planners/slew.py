@@ -142,8 +142,11 @@ def slew_of(
     first = initial_positions(testbed) | _checked(
         getattr(settings, "initial", None), names, "initial"
     )
-    goal = settings.goal
-    last = first | _checked(testbed.typical_goal if goal is None else goal, names, "goal")
+    goal = testbed.typical_goal if settings.goal is None else settings.goal
+    if settings.goal is None and not set(goal) <= set(names):
+        listed = ", ".join(names)
+        raise BadInput(f"plan: goal: missing; give one to some of the joints {listed}")
+    last = first | _checked(goal, names, "goal")
     gains = getattr(settings, "feedback", None) or feedback or Feedback()
     slew = Slew(
         testbed,
