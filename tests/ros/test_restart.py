@@ -19,7 +19,6 @@ from flexslew_plant.bench.bench import Bench as Plant
 from flexslew_plant.bench.records import BenchSettings
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.settings import plain
 from flexslew_plant.topics import (
     BENCH_STATE,
     CONTROLLER_STATUS,
@@ -29,7 +28,6 @@ from flexslew_plant.topics import (
     TESTBED,
     TOPICS,
 )
-from flexslew_plant.yaml_data import yaml_text
 
 from .flight import fork_server
 
@@ -83,7 +81,7 @@ class Bench:
 
 def announcement() -> Testbed:
     settings = BenchSettings()
-    fields = message_fields.testbed_fields(Plant(settings), yaml_text(plain(settings)))
+    fields = message_fields.testbed_fields(Plant(settings), settings)
     return message_of(Testbed, {"stamp": stamp(0.0), **fields})
 
 

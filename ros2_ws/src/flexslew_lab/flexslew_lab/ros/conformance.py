@@ -28,8 +28,6 @@ from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.start import start_ros
-from flexslew_plant.settings import plain
-from flexslew_plant.yaml_data import yaml_text
 
 _QUESTIONS = 200  # in lock-step
 _BURST = 5  # questions nobody waits for
@@ -83,8 +81,7 @@ class Examiner:
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.ALIVE, self._on_beat)
         self._testbed = publisher(node, topics.TESTBED)
-        settings = yaml_text({"bench": plain(bench.settings)})
-        fields = {"stamp": stamp(0.0), **testbed_fields(bench, settings)}
+        fields = {"stamp": stamp(0.0), **testbed_fields(bench, {"bench": bench.settings})}
         self._testbed.publish(message_of(msg.Testbed, fields))
         self._epoch, self._tick = 0, -1
         self._who = ""

@@ -6,6 +6,8 @@ from typing import Any
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.events import Event
+from flexslew_plant.settings import plain
+from flexslew_plant.yaml_data import yaml_text
 
 
 def event_fields(event: Event) -> dict[str, Any]:
@@ -22,12 +24,12 @@ def event_fields(event: Event) -> dict[str, Any]:
     }
 
 
-def testbed_fields(bench: Bench, settings: str) -> dict[str, Any]:
+def testbed_fields(bench: Bench, settings: Any) -> dict[str, Any]:
     """Return the fields of flexslew_msgs/Testbed but for its stamp.
 
     Args:
         bench: that stands there.
-        settings: of the plant, YAML.
+        settings: of the plant, as sections.
     """
     return {
         "kind": bench.settings.testbed.kind,
@@ -37,5 +39,5 @@ def testbed_fields(bench: Bench, settings: str) -> dict[str, Any]:
         "modes": bench.model.modes,
         "period": bench.settings.period,
         "effort_limit": bench.limit,
-        "settings": settings,
+        "settings": yaml_text(plain(settings)),
     }

@@ -27,8 +27,6 @@ from flexslew_plant.ros.plant.report import PlantReport
 from flexslew_plant.ros.plant.services import Services
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.ros.realtime import NONE, PLANT, RealTime
-from flexslew_plant.settings import plain
-from flexslew_plant.yaml_data import yaml_text
 
 
 class Plant:
@@ -68,7 +66,7 @@ class Plant:
         self._services = Services(node, self.session, self.statuses, loop)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(node, self.session, self.display, loop)
-        fields = {"stamp": stamp(0.0), **testbed_fields(bench, yaml_text(plain(self._settings)))}
+        fields = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
         publisher(node, topics.TESTBED).publish(message_of(msg.Testbed, fields))
 
     def poll(self) -> float:

@@ -21,8 +21,6 @@ from flexslew_plant.bench.wire import (
 )
 from flexslew_plant.events import Event
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.settings import plain
-from flexslew_plant.yaml_data import yaml_text
 
 
 class BagObserver:
@@ -47,7 +45,7 @@ class BagObserver:
         self._put(
             "/testbed",
             stamp=self._now,
-            **testbed_fields(bench, yaml_text(plain(bench_settings(trial)))),
+            **testbed_fields(bench, bench_settings(trial)),
         )
         digest = ""
         if plan is not None:
