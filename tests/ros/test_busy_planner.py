@@ -7,9 +7,10 @@ import pytest
 from flexslew_msgs import msg
 
 from flexslew_control.ros import planner_node
-from flexslew_control.ros.plan_release import PlanRelease
+from flexslew_control.ros.plan_requests import PlanRequests
 from flexslew_control.ros.planner_node import Planner
 from flexslew_plant.bench.operation.presence import Beat, Presence
+from flexslew_plant.own_code import NO_CODE
 
 
 @pytest.mark.parametrize("busy", [0.0, 0.5, 1.5, 20.0])
@@ -34,7 +35,7 @@ def test_who_beat_before_a_long_plan_was_written_is_there_after_it(
 
 @pytest.mark.parametrize("period", [0.0, 0.01])
 def test_a_trajectory_may_come_before_the_testbed_of_a_bench_that_flies(period: float) -> None:
-    release = object.__new__(PlanRelease)
     clock: Any = SimpleNamespace(now=lambda: 100.0, later=lambda wait: wait)
-    release._clock, release._testbed = clock, msg.Testbed(period=period)
-    assert release.soonest() == pytest.approx(101.0 if period else 0.0)
+    requests = PlanRequests(clock, ((), ()), NO_CODE, None, lambda start: {})
+    requests.testbed = msg.Testbed(period=period)
+    assert requests.soonest() == pytest.approx(101.0 if period else 0.0)

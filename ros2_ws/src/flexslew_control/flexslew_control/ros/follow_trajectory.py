@@ -109,7 +109,7 @@ class FollowTrajectory:
         self._flown[_number(goal)] = flight
         try:
             message = self._release.publish(outcome, "")
-            answered = await self._release.answered(message.hash)
+            answered = await self._release.answers.awaited(message.hash)
             if answered.refused or answered.silent:
                 return TrackingEnd(TrackingCode.INVALID_GOAL, answered.message)
             end: TrackingEnd = await flight.ended
@@ -120,7 +120,7 @@ class FollowTrajectory:
 
     def _refused(self, request: Any) -> TrackingEnd | None:
         """Return what cannot be asked for of this bench, or None."""
-        known, asked = self._release.joint_names, request.trajectory.joint_names
+        known, asked = self._release.requests.joint_names, request.trajectory.joint_names
         tolerances = (*request.path_tolerance, *request.goal_tolerance)
         strange = [name for name in (*asked, *(t.name for t in tolerances)) if name not in known]
         if not asked or strange:
@@ -140,11 +140,11 @@ class FollowTrajectory:
         if self._job.busy:
             return BUSY
         try:
-            section = trajectory_section(goal.request.trajectory, self._release.soonest())
+            section = trajectory_section(goal.request.trajectory, self._release.requests.soonest())
         except BadInput as error:
             return error.refusal
         done, flight = self._loop.future(), self._release.flight
-        self._job.ask(self._release.request(section), done.set_result)
+        self._job.ask(self._release.requests.request(section), done.set_result)
         return self._release.checked(await done, flight)
 
     def _tell(self, goal: ServerGoalHandle, tracking: Tracking, time: float, seen: Tracked) -> None:

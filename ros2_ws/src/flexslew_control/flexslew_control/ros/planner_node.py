@@ -18,7 +18,8 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.ros.follow_trajectory import follow_trajectory
 from flexslew_control.ros.plan_job import Outcome, PlanJob
-from flexslew_control.ros.plan_release import MODEL, PlanRelease
+from flexslew_control.ros.plan_release import PlanRelease
+from flexslew_control.ros.plan_requests import MODEL
 from flexslew_control.ros.plan_result import BUSY, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_control.ros.trajectory_requests import TrajectoryRequests
@@ -49,7 +50,7 @@ class Planner:
         s = self._settings
         self._release = PlanRelease(node, loop, alive, (s.kp, s.kd), s.trust, s.in_charge())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        self._release.serve_model(node, s.model)
+        self._release.requests.serve_model(node, s.model)
         self._trajectories = TrajectoryRequests(node, self._job, self._release)
         self._following = follow_trajectory(node, loop, self._job, self._release)
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
@@ -84,7 +85,7 @@ class Planner:
                 self._following.poll()
         if self._alive.is_second(now):
             return _POLL_PERIOD
-        awaited = self._release.poll(now)
+        awaited = self._release.answers.poll(now)
         if not self._job.busy:
             return _PLANNING if awaited else self._next_look - now
         self._job.poll()
@@ -114,7 +115,7 @@ class Planner:
         if self._settings.file:
             self._release.begin_with(load_plan(Path(self._settings.file)))
         elif self._settings.plan and not self._job.busy:
-            self._job.ask(self._release.own_request(self._settings.plan), self._own_plan)
+            self._job.ask(self._release.requests.own_request(self._settings.plan), self._own_plan)
 
     async def _execute(
         self, hand_over: Callable[[Plan, str], msg.Plan], flown: bool, goal: ServerGoalHandle
@@ -123,15 +124,15 @@ class Planner:
         if not isinstance(outcome, Plan):
             return plan_result(goal, outcome, None)
         plan = hand_over(outcome, goal.request.who)
-        answered = await self._release.answered(plan.hash) if flown else None
+        answered = await self._release.answers.awaited(plan.hash) if flown else None
         return plan_result(goal, outcome, plan, answered)
 
     async def _outcome(self, goal: ServerGoalHandle) -> Outcome:
         """Return what comes of a goal."""
-        request = goal.request
+        request, requests = goal.request, self._release.requests
         if self._job.busy:
             return BUSY
-        requested = self._release.request(request.request, request.period, request.effort_limit)
+        requested = requests.request(request.request, request.period, request.effort_limit)
         flight = self._release.flight
         done: Future = self.loop.future()
         self._job.ask(requested, done.set_result, goal)

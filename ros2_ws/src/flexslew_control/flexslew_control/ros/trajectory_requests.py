@@ -34,11 +34,11 @@ class TrajectoryRequests:
             self._done(flight, BUSY)
             return
         try:
-            section = trajectory_section(message, self._release.soonest())
+            section = trajectory_section(message, self._release.requests.soonest())
         except BadInput as error:
             self._done(flight, error.refusal)
             return
-        self._job.ask(self._release.request(section), partial(self._done, flight))
+        self._job.ask(self._release.requests.request(section), partial(self._done, flight))
 
     def _done(self, flight: int | None, outcome: Outcome) -> None:
         outcome = self._release.checked(outcome, flight)

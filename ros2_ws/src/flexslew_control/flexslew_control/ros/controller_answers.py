@@ -1,0 +1,92 @@
+"""What the controllers say of the plans that they hear, and who waits for it."""
+
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from time import monotonic
+from typing import NamedTuple
+
+from flexslew_msgs import msg
+from rclpy.node import Node
+from rclpy.task import Future
+
+from flexslew_control.planned_course import PATIENCE, Answered, PlanAnswers
+from flexslew_plant import topics
+from flexslew_plant.bench.operation.presence import Presence
+from flexslew_plant.errors import BadInput
+from flexslew_plant.events import PlanRefused, fact_of
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.offers import subscription
+
+
+class _Pending(NamedTuple):
+    """A plan whose answers somebody waits for."""
+
+    digest: str
+    deadline: float  # [wall s]
+    future: Future
+
+
+class ControllerAnswers:
+    """Listens to the controllers' statuses and refusals.
+
+    Args:
+        node: of the planner.
+        loop: that serves it.
+        presence: signs of life of the controllers.
+        on_refusal: is called with the hash of a plan that one of them refuses.
+    """
+
+    def __init__(
+        self, node: Node, loop: Loop, presence: Presence, on_refusal: Callable[[str], None]
+    ) -> None:
+        self._node, self._loop, self._presence = node, loop, presence
+        self._on_refusal = on_refusal
+        self._answers, self._pending = PlanAnswers(), list[_Pending]()
+        subscription(node, topics.CONTROLLER_STATUS, self._answers.status)
+        subscription(node, topics.EVENTS, self._on_event)
+
+    @property
+    def followed(self) -> set[str]:
+        """The hashes of the plans that are followed."""
+        return self._answers.followed
+
+    def expect(self, digest: str) -> None:
+        """Forget what was said of an earlier plan with this hash: it is published again."""
+        self._answers.expect(digest)
+
+    def of(self, digest: str) -> Answered:
+        """Return what has come so far on a plan with this hash from those that are there."""
+        now, known = monotonic(), self._answers.known
+        return self._answers.of(digest, [n for n in known if self._presence.silent(n, now)])
+
+    def awaited(self, digest: str) -> Future:
+        """Return a future of what the controllers say of the plan with this hash."""
+        future = self._loop.future()
+        self._pending.append(_Pending(digest, monotonic() + PATIENCE, future))
+        self._loop.hurry()
+        return future
+
+    def poll(self, now: float) -> bool:
+        """Tell those who wait; return whether somebody still does."""
+        for pending in list(self._pending):
+            found = self.of(pending.digest)
+            answered = not found.silent and self._met
+            if answered or now >= pending.deadline:
+                self._pending.remove(pending)
+                pending.future.set_result(found)
+        return bool(self._pending)
+
+    @property
+    def _met(self) -> bool:
+        """Whether all controllers on the graph were heard: DDS may name them long before."""
+        there: int = self._node.count_publishers(topics.CONTROLLER_STATUS)
+        return there <= len(self._answers.known)
+
+    def _on_event(self, event: msg.Event) -> None:
+        what = None
+        with suppress(BadInput, ValueError):  # of somebody who writes events in another way
+            what = fact_of(event.kind, json.loads(event.data))
+        if isinstance(what, PlanRefused) and what.controller is not None:
+            self._answers.refusal(what.controller, what.hash, what.reason or "")
+            self._on_refusal(what.hash)

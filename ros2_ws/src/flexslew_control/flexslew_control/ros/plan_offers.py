@@ -1,0 +1,54 @@
+"""The topics of plans: what those hear who listen, and those who come later."""
+
+from flexslew_msgs import msg
+from rclpy.node import Node
+
+from flexslew_control.message_fields import plan_fields
+from flexslew_control.plan import Plan
+from flexslew_control.ros.trajectories import trajectory_message
+from flexslew_plant import topics
+from flexslew_plant.ros.messages import message_of, stamp
+from flexslew_plant.ros.offers import publisher
+from flexslew_plant.testbeds.attitude import AttitudeJoints
+
+
+class PlanOffers:
+    """Publishes plans, latched.
+
+    Args:
+        node: of the planner.
+
+    Attributes:
+        told: the plan that those hear last who come now; None: they hear none.
+        attitude: the joints of the testbed that read one; None: none do.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._offers = {n: publisher(node, n) for n in (topics.PLAN, topics.PLANNED_TRAJECTORY)}
+        self.told: Plan | None = None
+        self.attitude: AttitudeJoints | None = None
+
+    def message(self, plan: Plan, now: float) -> msg.Plan:
+        """Return a plan as a message.
+
+        Args:
+            plan: to be told.
+            now: its stamp [s]: a reset drops it, but not that of 0 s.
+        """
+        return message_of(msg.Plan, {"stamp": stamp(now), **plan_fields(plan, self.attitude)})
+
+    def offer(self, plan: Plan, message: msg.Plan) -> None:
+        """Let everybody hear a plan."""
+        self.told = plan
+        self._offers[topics.PLAN].publish(message)
+        self._offers[topics.PLANNED_TRAJECTORY].publish(trajectory_message(plan))
+
+    def forget(self) -> None:
+        """Let nobody who comes now hear what was published before."""
+        if self.told is None:
+            return
+        self.told = None
+        for name, offer in self._offers.items():
+            self._node.destroy_publisher(offer)
+            self._offers[name] = publisher(self._node, name)

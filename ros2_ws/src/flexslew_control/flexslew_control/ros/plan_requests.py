@@ -1,0 +1,130 @@
+"""What clients ask for, as requests for what stands on the bench."""
+
+from collections.abc import Callable, Sequence
+from math import ceil
+from typing import Any
+
+from flexslew_msgs import msg
+from rclpy.node import Node
+
+from flexslew_control.law import ActiveLaw
+from flexslew_control.planning import PlanRequest, plan_request
+from flexslew_control.ros.bench_clock import BenchClock
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
+from flexslew_plant.refusal import NO_TESTBED, Refusal
+from flexslew_plant.ros.parameters import serve_changes
+from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.yaml_data import load_yaml
+
+START_MARGIN = 1.0  # until a plan that is asked for now can begin [wall s]
+MODEL = "model"  # the parameter of the node that may be set at run time
+Gains = tuple[tuple[float, ...], tuple[float, ...]]  # kp and kd, of the one in charge
+
+
+class PlanRequests:
+    """Adds to a request what its client need not say.
+
+    Args:
+        clock: of the bench.
+        gains: of the controller in charge, if it has such gains.
+        trust: classes of the user's own that testbed and requests may name.
+        law: of the controller in charge, if it is known.
+        rest_at: where the joints' references are at a simulated time [s], by name.
+
+    Attributes:
+        testbed: what stands there; an empty message: nobody has said.
+    """
+
+    def __init__(
+        self,
+        clock: BenchClock,
+        gains: Gains,
+        trust: Trust,
+        law: ActiveLaw | None,
+        rest_at: Callable[[float], dict[str, float]],
+    ) -> None:
+        self._clock, self._gains, self._trust = clock, gains, trust
+        self._law, self._rest_at = law, rest_at
+        self._believed: dict[str, Any] | None = None  # a testbed's section; None: as each request
+        self.testbed = msg.Testbed()
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints of the testbed; none before it is known."""
+        return tuple(self.testbed.joint_names)
+
+    def serve_model(self, node: Node, text: str) -> None:
+        """Believe what the node was given at its start; from now on its parameter may be set.
+
+        Raises:
+            BadInput: this cannot be believed.
+        """
+        if why := self.believe(text):
+            raise BadInput(why)
+        serve_changes(node, lambda changes: self.believe(str(changes.get(MODEL, ""))))
+
+    def believe(self, text: str) -> str:
+        """Let requests that name no model believe what was identified; return why not, or "".
+
+        Args:
+            text: of an identified.yaml; empty: believe the bench again.
+        """
+        if self._clock.running:
+            return "the bench is running: pause it, then set the model that plans believe"
+        if not text:
+            self._believed = None
+            return ""
+        try:
+            values = load_yaml(text, "model")
+            section = values.get("model") if isinstance(values, dict) else None
+            if not isinstance(section, dict):
+                return "model: give the text of an identified.yaml that holds a model"
+            names = read_testbed(section, "model", self._trust).model().joint_names
+        except BadInput as error:
+            return str(error)
+        here = self.joint_names
+        if here and names != here:
+            return f"model: is of {', '.join(names)}; on the bench are {', '.join(here)}"
+        self._believed = section
+        return ""
+
+    def request(
+        self, section: str | dict[str, Any], period: float = 0.0, limit: Sequence[float] = ()
+    ) -> PlanRequest | Refusal:
+        """Return what a client asks for, in YAML or plain data.
+
+        Period and limits need not be said, once a testbed is known.
+        """
+        here = self.testbed
+        if not here.settings and not (period and limit):
+            return NO_TESTBED
+        found = plan_request(
+            section, here.settings, period or here.period, limit or here.effort_limit, self._gains,
+            self._rest_at, self._trust,
+        )  # fmt: skip
+        if isinstance(found, Refusal):
+            return found
+        values = found.values
+        if self._believed is not None and isinstance(values, dict) and not values.get("model"):
+            values = values | {"model": self._believed}
+        return found._replace(law=self._law, values=values)
+
+    def own_request(self, text: str) -> PlanRequest | Refusal:
+        """Return what the node's own parameters ask for; they may name any method."""
+        request = self.request(text)
+        if isinstance(request, Refusal) or not isinstance(request.values, dict):
+            return request
+        method = str(request.values.get("method", ""))
+        trust = Trust(self._trust.names | {method}, self._trust.everything)
+        return request._replace(trust=trust)
+
+    def soonest(self) -> float:
+        """Return from which tick on a plan can begin that is asked for now [s].
+
+        Where the bench is may be heard before what stands there: nothing can be planned then.
+        """
+        now, period = self._clock.now(), float(self.testbed.period)
+        if now <= 0.0 or period <= 0.0:
+            return 0.0
+        return period * ceil((now + self._clock.later(START_MARGIN)) / period)
