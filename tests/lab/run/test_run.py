@@ -7,7 +7,7 @@ import pytest
 from flexslew_lab.log.files.read_limits import MIB, read_at_most
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import Trial, parse_trial, trial_of_values, trial_text
-from flexslew_plant import settings
+from flexslew_plant import yaml_data
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE
 
@@ -73,7 +73,7 @@ def test_a_log_holds_a_trajectory_of_many_points(tmp_path: Path) -> None:
 
 
 def test_what_no_log_can_hold_is_not_flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(settings, "LONGEST", 1000)
+    monkeypatch.setattr(yaml_data, "LONGEST", 1000)
     with pytest.raises(BadInput, match=r"plan: has 4,\d{3} characters; a log holds at most 1,000"):
         run_trial(dense(20), "dense", tmp_path / "run", in_process=True, report=False)
     trial = parse_trial("name: " + 1000 * "x", "long")

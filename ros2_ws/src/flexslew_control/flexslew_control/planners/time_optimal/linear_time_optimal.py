@@ -279,7 +279,7 @@ def _least(
     return value, mu
 
 
-@np.errstate(over="raise")  # of a goal that is nothing: the planner says so
+@np.errstate(over="raise", invalid="raise")  # of a goal that is nothing: the planner says so
 def _smoothed(grid: _Grid, mu: Vector, duration: float, scale: Vector, effort: _Effort) -> Vector:
     """Return mu at the least integral of sqrt((mu . c)^2 + e^2) for an e that falls to little.
 
