@@ -1,8 +1,8 @@
 """The tables of keys in the pages, made from the fields of the sections.
 
 A line `<!-- keys: MODULE.CLASS -->` stands above each, `<!-- kinds: MODULE.TABLE -->` above one of
-entries with their keys. After a change of a section
-`. setup/environment.sh; python docs/key_tables.py` writes them anew;
+entries with their keys, `<!-- events: MODULE.TABLE -->` above one of events. After a change of a
+section `. setup/environment.sh; python docs/key_tables.py` writes them anew;
 tests/lab/trial/test_trial_reference.py holds that they are current.
 """
 
@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,13 @@ from flexslew_plant.settings_fields import FieldMeaning, own_meanings
 from flexslew_plant.yaml_data import yaml_text
 
 DOCS = Path(__file__).parent
-PAGES = tuple(DOCS / name for name in ("trial.md", "spacecraft.md", "studies.md", "faults.md"))
+NAMES = ("trial", "spacecraft", "studies", "faults", "ros2")
+PAGES = tuple(DOCS / f"{name}.md" for name in NAMES)
 MARK = re.compile(r"^<!-- keys: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
 KINDS = re.compile(r"^<!-- kinds: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
 KINDS_HEAD = "| kind | what happens | keys |\n|---|---|---|\n"
+EVENTS = re.compile(r"^<!-- events: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
+EVENTS_HEAD = "| kind | level | what happened | data |\n|---|---|---|---|\n"
 HEAD = "| key | default | meaning |\n|---|---|---|\n"
 _LONGEST = 60  # characters of a default
 
@@ -55,6 +59,23 @@ def kinds_table(entries: Mapping[str, Any]) -> str:
         words = " ".join((entry.settings.__doc__ or "").split())
         rows.append(f"| {name} | {words} | {keys} |\n")
     return KINDS_HEAD + "".join(rows)
+
+
+def events_table(kinds: Mapping[str, type[Any]]) -> str:
+    """Return the table of the kinds of events: what each says, and the keys of its data."""
+    rows = []
+    for kind, fact in sorted(kinds.items()):
+        words = " ".join((fact.__doc__ or "").split())
+        meant = {name: found.words for name, found in own_meanings(fact).items()}
+        keys = [f"`{f.name.rstrip('_')}`{in_brackets(meant[f.name])}" for f in fields(fact)]
+        level = fact.level if isinstance(fact.level, str) else "info or warning"
+        rows.append(f"| {kind} | {level} | {words} | {', '.join(keys)} |\n")
+    return EVENTS_HEAD + "".join(rows)
+
+
+def in_brackets(words: str) -> str:
+    """Return the meaning of a key behind its name; empty where the name says it."""
+    return f" ({words})".replace("None:", "left out:").replace("|", "\\|") if words else ""
 
 
 def told(item: Field[Any], meaning: FieldMeaning) -> str:
@@ -93,11 +114,12 @@ def current(text: str, made: Callable[[type[Any]], str] = table) -> str:
         mark = f"<!-- keys: {match[1]}.{match[2]} -->\n"
         return f"{mark}\n{made(section_of(match[1], match[2]))}"
 
-    def listed(match: re.Match[str]) -> str:
+    def listed(word: str, rows: Callable[[Any], str], match: re.Match[str]) -> str:
         entries = getattr(importlib.import_module(match[1]), match[2])
-        return f"<!-- kinds: {match[1]}.{match[2]} -->\n\n{kinds_table(entries)}"
+        return f"<!-- {word}: {match[1]}.{match[2]} -->\n\n{rows(entries)}"
 
-    return KINDS.sub(listed, MARK.sub(filled, text))
+    text = KINDS.sub(partial(listed, "kinds", kinds_table), MARK.sub(filled, text))
+    return EVENTS.sub(partial(listed, "events", events_table), text)
 
 
 def main() -> None:
