@@ -36,7 +36,9 @@ def test_one_that_came_later_is_the_younger_though_the_clock_was_set_back(later:
     assert alive(first)._dated(second)._replace(since=HOUR) == second
 
 
-@pytest.mark.parametrize("process", ["", "elsewhere/1", own_identity()])
+@pytest.mark.parametrize(
+    "process", ["", "elsewhere/1", own_identity()], ids=["unknown", "elsewhere", "this one"]
+)
 def test_where_the_machine_cannot_tell_the_wall_clock_does(process: str) -> None:
     first = Beat("plant", "plant", 1, 2 * HOUR, own_identity())
     second = Beat("plant", "plant", 2, HOUR, process)
