@@ -1,12 +1,15 @@
 """What ROS makes of a command line, before any node is there."""
 
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 import rclpy
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.network import LOOPBACK, NETWORK
 from flexslew_plant.ros.start import start_ros
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -16,6 +19,29 @@ COMMANDS = [
     for line in (DOCS / page).read_text().splitlines()
     if "--ros-args" in line and line.startswith(("ros2 run", "python -m"))
 ]
+
+
+THREADS = """
+import os, rclpy
+from flexslew_plant.network import LOOPBACK, NETWORK
+from flexslew_plant.ros.start import start_ros
+start_ros()
+node = rclpy.create_node("one")
+for thread in os.listdir("/proc/self/task"):
+    print(open(f"/proc/self/task/{thread}/comm").read().strip())
+node.destroy_node()
+rclpy.try_shutdown()
+"""
+
+
+def test_no_process_looks_up_types_over_the_graph() -> None:
+    command = [sys.executable, "-P", "-c", THREADS]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    threads = set(done.stdout.split())
+    assert any(name.startswith("dds.udp") for name in threads)
+    assert not [name for name in threads if name.startswith("dds.tls")]
+    for profile in (LOOPBACK, NETWORK):  # which opens the network, and is only read here
+        assert "<name>fastdds.type_propagation</name><value>disabled</value>" in profile.read_text()
 
 
 @pytest.mark.parametrize("command", COMMANDS)

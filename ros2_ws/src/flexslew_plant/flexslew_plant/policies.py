@@ -51,7 +51,7 @@ ROLES: dict[str, Rights] = {
     "recorder": Rights(
         publish=(t.EVENTS, t.RECORDER_STATUS, t.RECORDED, t.ALIVE), subscribe=(t.ALIVE,),
     ),
-    "listener": Rights(publish=(), subscribe=_RECORDED),  # hidden, of the recorder
+    "listener": Rights(publish=(), subscribe=(*_RECORDED, t.ALIVE)),  # hidden, of the recorder
     "operator": Rights(
         publish=(), subscribe=(t.EVENTS, t.BENCH_STATE, t.TRUTH, t.PLAN),
         request=(*_OPERATE, t.DECIDE_PLAN), call=_PLANS,
