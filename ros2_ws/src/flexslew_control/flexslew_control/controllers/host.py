@@ -16,6 +16,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.question_thread import QuestionThread
 from flexslew_plant import topics
+from flexslew_plant.bench.due_ticks import past, too_late
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
     UNNAMED,
@@ -250,12 +251,13 @@ class ControllerHost:
         if self._build is None or self.controller is None:
             why = Refusal(f"{self.name} cannot be tuned: {self.reason}", cause=Cause.NO_TESTBED)
             return Tuned(0, refused=why)
-        if (never := self._never(tick, self.controller)) is not None:
+        seen, period = self.controller.last_tick, self.controller.period
+        if never := past(tick, seen, period) or too_late(tick, self.run_ends or None):
             return Tuned(0, refused=never)
-        tick = max(tick, self.controller.last_tick + 1)
+        tick = max(tick, seen + 1)
         if (unfit := self._not_settings(changes)) is not None:
             return Tuned(tick, refused=unfit)
-        build, epoch, following = self._build, self.epoch, self.controller.last_tick + 1
+        build, epoch, following = self._build, self.epoch, seen + 1
         try:
             made = beside(partial(self._designed, build, tick, dict(changes), who))
         except BadInput as error:
@@ -289,18 +291,6 @@ class ControllerHost:
             return Refusal(words)
         if size > LONGEST:
             return Refusal(f"settings of {size:,} characters; a log holds at most {LONGEST:,}")
-        return None
-
-    def _never(self, tick: int, controller: Controller) -> Refusal | None:
-        """Return why nothing happens at a tick that is asked for any more; 0 is the next."""
-        period, seen = controller.period, controller.last_tick
-        if tick != 0 and tick < seen:
-            at = f"{tick * period:g} s" if tick > 0 else "that time"
-            words = f"{at} is past: the bench is at {seen * period:g} s"
-            return Refusal(words, cause=Cause.PAST)
-        if 0 < self.run_ends <= tick:
-            words = f"tick {tick} is too late: the run ends at tick {self.run_ends}"
-            return Refusal(words, cause=Cause.RUN_OVER)
         return None
 
     def _designed(

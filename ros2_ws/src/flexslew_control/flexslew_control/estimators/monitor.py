@@ -54,11 +54,11 @@ class Monitor:
         period: one tick [s].
 
     Attributes:
-        window: ticks of the slower test.
+        settings: as given.
     """
 
     def __init__(self, settings: MonitorSettings, period: float) -> None:
-        self._settings, self._period, self.window = settings, period, settings.window
+        self.settings, self._period = settings, period
         self._limits = np.inf, np.inf  # of one tick, of a window
         self.reset()
 
@@ -81,7 +81,7 @@ class Monitor:
         self._sum = self._sum + square
         self._count += 1
         over = self._worst(square, self._limits[0], 1)
-        if self._count == self.window:
+        if self._count == self.settings.window:
             over = over or self._worst(self._sum, self._limits[1], self._count)
             self._sum, self._count = np.zeros(innovation.size), 0
         return over
@@ -97,11 +97,11 @@ class Monitor:
         Args:
             channels: how many are tested.
         """
-        half = 0.5 * self._settings.false_alarms
+        window, half = self.settings.window, 0.5 * self.settings.false_alarms
         ticks = channels * _HOUR / self._period  # tests in an hour
         single = min(half / ticks, 0.5)
-        several = min(half * self.window / ticks, 0.5)
-        return float(chdtri(1, single)), float(chdtri(self.window, several))
+        several = min(half * window / ticks, 0.5)
+        return float(chdtri(1, single)), float(chdtri(window, several))
 
 
 def channel_name(number: int, joints: tuple[str, ...]) -> str:

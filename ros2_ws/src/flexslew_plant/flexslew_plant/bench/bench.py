@@ -11,6 +11,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector, keep_all, kept
 from flexslew_plant.bench.divergence import diagnosis, is_lost, too_fast
+from flexslew_plant.bench.due_ticks import past, too_late
 from flexslew_plant.bench.handover import RUN_OVER, Handover
 from flexslew_plant.bench.injections import Injections, injection_of
 from flexslew_plant.bench.records import ActiveFault
@@ -306,8 +307,8 @@ class Bench:
 
     def request_switch(self, request: SwitchRequest) -> Refusal | None:
         """Schedule a switch at a tick (0: the next); return why it is refused, or None."""
-        if self.over(request.tick):
-            return self._past(request.tick)
+        if gone := past(request.tick, self.tick, self.settings.period):
+            return gone
         if request.tick <= self.tick:
             request = request._replace(tick=self.tick + 1)
         return self.handover.request(request, self.tick, self.last_tick)
@@ -332,8 +333,8 @@ class Bench:
             controllers: all that there are, none of others falls silent; none: not known.
         """
         start = max(tick, self.tick + 1)
-        if self.over(tick):
-            return InjectResult(self.tick, refused=self._past(tick))
+        if gone := past(tick, self.tick, self.settings.period):
+            return InjectResult(self.tick, refused=gone)
         if not self.settings.allow_faults:
             words = "faults are off in this trial; set allow_faults: true"
             return InjectResult(self.tick, refused=Refusal(words, cause=Cause.FAULTS_OFF))
@@ -344,7 +345,7 @@ class Bench:
             injection = injection_of(entry, names, period, "fault")
         except BadInput as error:
             return InjectResult(self.tick, refused=error.refusal)
-        if (late := self._too_late(start)) is not None:
+        if late := too_late(start, self.last_tick):
             return InjectResult(self.tick, refused=late)
         word, number = self._injections.add(injection)
         self.tell(InjectionRequested(text, start, number, who, word))
@@ -360,14 +361,14 @@ class Bench:
             who: wants it.
         """
         start = max(tick, self.tick + 1)
-        if self.over(tick):
-            return InjectResult(self.tick, refused=self._past(tick))
+        if gone := past(tick, self.tick, self.settings.period):
+            return InjectResult(self.tick, refused=gone)
         try:
             at = start * self.settings.period
             turned = retargeted(self._turned, requested_turn(text), at, "target")
         except BadInput as error:
             return InjectResult(self.tick, refused=error.refusal)
-        if (late := self._too_late(start)) is not None:
+        if late := too_late(start, self.last_tick):
             return InjectResult(self.tick, refused=late)
         self._turned, self.model = turned, turned.model()
         what = TargetRequested(text, start, who)
@@ -399,18 +400,6 @@ class Bench:
     def over(self, tick: int) -> bool:
         """Return whether it is too late for what is asked for at a tick; 0 stands for the next."""
         return tick != 0 and tick < self.tick
-
-    def _too_late(self, start: int) -> Refusal | None:
-        """Return why nothing can begin at this tick, if the run is over by then."""
-        if self.last_tick is None or start < self.last_tick:
-            return None
-        words = f"tick {start} is too late: the run ends at tick {self.last_tick}"
-        return Refusal(words, cause=Cause.RUN_OVER)
-
-    def _past(self, tick: int) -> Refusal:
-        at = f"{tick * self.settings.period:g} s" if tick > 0 else "that time"
-        words = f"{at} is past: the bench is at {self.time:g} s"
-        return Refusal(words, cause=Cause.PAST)
 
     def _fail(self, after: Vector, disturbance: Vector) -> None:
         """End the run at this tick: the state a tick later is not finite."""

@@ -12,6 +12,7 @@ from math import isnan
 import numpy as np
 
 from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.due_ticks import too_late
 from flexslew_plant.bench.records import SwitchRequest, SwitchResult
 from flexslew_plant.events import (
     AnswerMissed,
@@ -97,9 +98,8 @@ class Handover:
             return Refusal("0 or more", "max_effort_step", request.max_effort_step)
         if self.latched:
             return _LATCHED
-        if last_tick is not None and request.tick >= last_tick:
-            words = f"tick {request.tick} is too late: the run ends at tick {last_tick}"
-            return Refusal(words, cause=Cause.RUN_OVER)
+        if late := too_late(request.tick, last_tick):
+            return late
         if any(other.tick == request.tick for other in self._queue):
             words = f"another switch is already due at tick {request.tick}"
             return Refusal(words, cause=Cause.ALREADY_DUE)

@@ -30,7 +30,7 @@ from flexslew_lab.studies.lanes.pushed import pushes_of
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.lanes.senses import filter_of, heard_by
 from flexslew_lab.studies.lanes.turned import turned_joints
-from flexslew_lab.studies.lanes.watch import Watch, innovations_of
+from flexslew_lab.studies.lanes.watch import Watch
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds import initial_state
 from flexslew_plant.testbeds.compiled.lanes import LANES, flat_zeros
@@ -193,7 +193,7 @@ class LaneFlight:
     def _sizes(self, k: int) -> Sizes:
         first, model = self._lanes[0], self._lanes[0].model
         form, m = self._legs[k].form, model.joints
-        innovations = self._legs[k].watch and innovations_of(form.observer)
+        watch = self._legs[k].watch
         return Sizes(
             m,
             model.modes,
@@ -208,7 +208,7 @@ class LaneFlight:
             bool(self._drives[:, 3 * m + 2].any()),
             bool(self._quanta.any()),
             self._judge is not None,
-            innovations[1] if innovations else 0,
+            watch.innovations if watch else 0,
             k > 0,
             self._troubles.faults is not None,
             self._troubles.disturbance.shape[2] > 1,

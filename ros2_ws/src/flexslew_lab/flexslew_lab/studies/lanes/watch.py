@@ -21,15 +21,16 @@ class Watch(NamedTuple):
     """What a monitor allows."""
 
     first: int  # innovation in the flat z of the observer
+    innovations: int
     window: int  # ticks
     single: float  # limit of the square of one over its variance
     several: float  # of the sum of a window
 
 
-def innovations_of(observer: Observer) -> tuple[int, int] | None:
+def _innovations_of(observer: Observer) -> tuple[int, int] | None:
     """Return in which row of z the innovation begins, and how many there are; None: not there."""
     if isinstance(observer, OnModelForm):
-        return innovations_of(observer.observer)
+        return _innovations_of(observer.observer)
     if isinstance(observer, KalmanForm):
         outputs, states = observer.matrices.c.shape
     elif isinstance(observer, GainedFilter | SteadyForm):
@@ -41,12 +42,12 @@ def innovations_of(observer: Observer) -> tuple[int, int] | None:
 
 def watch_of(monitor: Monitor | None, observer: Observer) -> Watch | None:
     """Return what a controller's monitor allows the innovations in z; None: there is none."""
-    found = innovations_of(observer)
+    found = _innovations_of(observer)
     if monitor is None or found is None:
         return None
     first, count = found
     limits = (_SAFE * limit for limit in monitor.limits(count))
-    return Watch(first * LANES, monitor.window, *limits)
+    return Watch(first * LANES, count, monitor.settings.window, *limits)
 
 
 def watching(rows: Rows, sizes: Sizes) -> Callable[..., None]:
