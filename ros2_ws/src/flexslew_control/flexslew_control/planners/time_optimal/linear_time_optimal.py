@@ -4,19 +4,22 @@ With the time tau before the end and c(tau) = C e^(A tau) B, an effort u ends at
     integral of c(tau) u(tau) = goal,
 and the largest |u| that is needed in a duration T is, at the least,
     max over mu of (mu . goal) / F(mu),    F = integral of |mu . c|.
-F is convex, so Newton's method finds its minimum on mu . goal = 1 from anywhere. T is least where
-that minimum equals 1/amplitude; the effort then is the sign of mu . c, and no slew of the linear
-model is faster. With the sensitivity s of a bench under the feedback,
+F is convex. A linear program over efforts that are constant on cells of time comes near to its
+minimum on mu . goal = 1, and Newton's method goes on from there. T is least where that minimum
+equals 1/amplitude; the effort then is the sign of mu . c, and no slew of the linear model is
+faster. With the sensitivity s of a bench under the feedback,
     x' = A x + B u,    s' = (A - B K) s + (dA/dk) x,
 the robust slew is that of the state (x, s).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag, expm
+from scipy.optimize import linprog
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_plant.arrays import Matrix, Vector
@@ -26,22 +29,13 @@ _CHANGE = 1e-4  # of the stiffness, for dA/dk
 _LONGEST = 12.0  # searched, times the rigid duration and one period
 _STEP = 0.0125  # of the grid, as an angle of the fastest mode [rad]
 _ORDER = 4  # derivatives of c that are kept
+_CELL = 0.1  # of the linear program, as _STEP
+_CELLS = 300, 3000  # of them, at least and at most
+_NOTHING_NEW = 1e-12  # of the conditions' largest singular value
+_WIDTHS = 0.01, 3e-3, 1e-3, 3e-4, 1e-4  # of the smoothing, relative to the mean of |mu . c|
 _ITERATIONS, _DURATIONS = 10, 20
 _TOUCHING = (1e-4, 1e-3)  # of the largest |mu . c|, where short arcs may be missed
 _ALIKE = 1e3, 1e11  # condition of c, from which to which its rows are combined
-_FIRST_WIDTHS = (1.0, 0.3)  # as _Effort.widths, on the way to the first minimum
-
-
-class _Effort(NamedTuple):
-    """How closely F is minimised."""
-
-    stride: int  # samples of the grid to go on by, while it is smoothed
-    widths: tuple[float, ...]  # of the smoothing, relative to the mean of |mu . c|
-    exact: int  # Newton's iterations without smoothing
-
-
-_ROUGH = _Effort(4, (0.1, 0.03, 0.01), 0)
-_FINE = _Effort(1, (0.01, 3e-3, 1e-3, 3e-4, 1e-4), 10)
 
 
 class Structure(NamedTuple):
@@ -148,33 +142,86 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
     apart = _told_apart(conditions, grid)
     if apart is not conditions:
         conditions, grid = apart, _sampled(a, b, apart, step, longest)
-    scale = np.abs(grid.values[:, 0]).max(axis=0)
-    mu = np.zeros(len(conditions))
-    mu[0] = 1.0 / goal
-    while True:
-        least, mu = _least(grid, mu, longest, scale, _ROUGH)
-        if least >= 1.0:
-            break
+    fastest = float(linear.frequencies[-1])
+    while _programmed(grid, longest, fastest, goal)[0] < 1.0:
         longest *= 1.5
         if longest > _LONGEST * (rigid + period):
             raise PlanFailed(
                 f"no slew by {slew.distance:g} at {slew.amplitude:g} takes under {longest:.4g} s"
             )
         grid = _sampled(a, b, conditions, step, longest)
-    duration = min(longest, rigid + 0.5 * period)
-    for effort, tolerance in ((_ROUGH, 1e-3), (_FINE, 1e-9)):
-        low, high = rigid, longest
-        for _ in range(_DURATIONS):
-            least, mu = _least(grid, mu, duration, scale, effort)
-            low, high = (duration, high) if least < 1.0 else (low, duration)
-            ahead = (1.0 - least) / abs(float(grid.at(np.array([duration]))[0] @ mu))
-            duration = duration + ahead if low < duration + ahead < high else 0.5 * (low + high)
-            if abs(ahead) < tolerance * duration:
-                break
+    duration, mu = _least_duration(
+        grid,
+        lambda duration, _: _programmed(grid, duration, fastest, goal),
+        (rigid, min(longest, rigid + 0.5 * period), longest),
+        np.zeros(len(conditions)),
+        1e-3,
+    )
+    scale = np.abs(grid.values[:, 0]).max(axis=0)
+    duration, mu = _least_duration(
+        grid,
+        lambda duration, mu: _least(grid, mu, duration, scale),
+        (rigid, duration, longest),
+        mu,
+        1e-9,
+    )
     if grid.at(np.array([duration]))[0] @ mu < 0.0:
         raise PlanFailed("the fastest slew of the linear model starts backwards")
     found = [_arcs(grid, mu, duration, touching) for touching in (0.0, *_TOUCHING)]
     return LinearOptimum(duration, [arcs for arcs in found if arcs is not None])
+
+
+def _least_duration(
+    grid: _Grid,
+    least_at: Callable[[float, Vector], tuple[float, Vector]],
+    within: tuple[float, float, float],
+    mu: Vector,
+    tolerance: float,
+) -> tuple[float, Vector]:
+    """Return the T at which the least F is 1, and its mu.
+
+    Args:
+        grid: of c.
+        least_at: returns the least F and its mu at a duration, given the mu before.
+        within: least duration, the one to start from, the longest [s].
+        mu: to start from, shape (conditions,).
+        tolerance: of T, relative.
+    """
+    low, duration, high = within
+    for _ in range(_DURATIONS):
+        least, mu = least_at(duration, mu)
+        low, high = (duration, high) if least < 1.0 else (low, duration)
+        ahead = (1.0 - least) / abs(float(grid.at(np.array([duration]))[0] @ mu))
+        if abs(ahead) < tolerance * duration:
+            return duration + ahead, mu
+        duration = duration + ahead if low < duration + ahead < high else 0.5 * (low + high)
+    return duration, mu
+
+
+def _programmed(grid: _Grid, duration: float, fastest: float, goal: float) -> tuple[float, Vector]:
+    """Return the least F and its mu where efforts change at the ends of cells of time alone.
+
+    The linear program is max over |u| <= 1 of the first row of sum c u, the others held at zero.
+
+    Args:
+        grid: of c.
+        duration: T [s].
+        fastest: frequency of a mode [rad/s].
+        goal: what the first row has to reach, by the amplitude.
+    """
+    cells = int(np.clip(duration * fastest / _CELL, *_CELLS))
+    reached = np.diff(grid.integrated(np.linspace(0.0, duration, cells + 1)), axis=0)
+    scale = np.abs(reached).max(axis=0)
+    first, others = (reached / scale)[:, 0], (reached / scale)[:, 1:]
+    # conditions that are nearly alike, made unlike; those that say nothing new are left out
+    unlike, size, back = np.linalg.svd(others, full_matrices=False)
+    new = size > _NOTHING_NEW * size[0]
+    rows = np.sqrt(cells) * unlike[:, new].T
+    found = linprog(-first, A_eq=rows, b_eq=np.zeros(len(rows)), bounds=(-1.0, 1.0))
+    if found.x is None:
+        raise PlanFailed(f"the linear program of a slew in {duration:.4g} s: {found.message}")
+    y = back[new].T @ (np.sqrt(cells) * found.eqlin.marginals / size[new]) / scale[1:]
+    return float(first @ found.x * scale[0] / goal), np.append(1.0, scale[0] * y) / goal
 
 
 def _arcs(grid: _Grid, mu: Vector, duration: float, touching: float) -> Structure | None:
@@ -246,21 +293,18 @@ def _sampled(a: Matrix, b: Vector, conditions: Matrix, step: float, longest: flo
     return _Grid(step, np.stack(orders, axis=1), states[:, size:] @ conditions.T)
 
 
-def _least(
-    grid: _Grid, mu: Vector, duration: float, scale: Vector, effort: _Effort
-) -> tuple[float, Vector]:
+def _least(grid: _Grid, mu: Vector, duration: float, scale: Vector) -> tuple[float, Vector]:
     """Return the least F at this duration and its mu, by Newton's method with its first entry held.
 
     Args:
         grid: of c.
-        mu: to start from; its first entry alone: from the least squares.
+        mu: to start from.
         duration: T [s].
         scale: of c, shape (conditions,).
-        effort: how closely.
     """
-    mu = _smoothed(grid, mu, duration, scale, effort)
+    mu = _smoothed(grid, mu, duration, scale)
     value, slope, curvature = _integral(grid, mu, duration, scale)
-    for _ in range(effort.exact):
+    for _ in range(_ITERATIONS):
         ridge = 1e-13 * np.trace(curvature) + 1e-300
         step = -np.linalg.lstsq(curvature + ridge * np.eye(slope.size), slope, rcond=None)[0]
         expected = float(-slope @ step)
@@ -280,19 +324,15 @@ def _least(
 
 
 @np.errstate(over="raise", invalid="raise")  # of a goal that is nothing: the planner says so
-def _smoothed(grid: _Grid, mu: Vector, duration: float, scale: Vector, effort: _Effort) -> Vector:
+def _smoothed(grid: _Grid, mu: Vector, duration: float, scale: Vector) -> Vector:
     """Return mu at the least integral of sqrt((mu . c)^2 + e^2) for an e that falls to little.
 
     F itself has a curvature at zeros of mu . c alone, too few of them far from its minimum.
     """
-    samples = grid.values[: int(duration / grid.step) + 1 : effort.stride, 0]
+    samples = grid.values[: int(duration / grid.step) + 1, 0]
     held, rest = mu[0] * samples[:, 0], samples[:, 1:] / scale[1:]
     y = mu[1:] * scale[1:]
-    widths = effort.widths
-    if not y.any():
-        y = np.linalg.lstsq(rest, -held, rcond=None)[0]
-        widths = (*_FIRST_WIDTHS, *widths)
-    for width in widths:
+    for width in _WIDTHS:
         e = width * float(np.abs(held + rest @ y).mean())
         f = held + rest @ y
         value = float(np.sqrt(f**2 + e**2).sum())
