@@ -12,7 +12,7 @@ from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.flight import Flown, flown
 from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneIntake, LaneTrial
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way

@@ -10,7 +10,7 @@ from tests.lab.studies.lanes.both_ways import require_equal
 
 from flexslew_lab.studies.cases import Cases, case_of
 from flexslew_lab.studies.flight import flown
-from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneIntake, LaneTrial
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 

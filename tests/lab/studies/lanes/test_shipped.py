@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from flexslew_control.law import Reference
-from flexslew_lab.studies.lanes.charge import charge_of
 from flexslew_lab.studies.lanes.fleet import form_of
-from flexslew_lab.studies.lanes.lane_trial import (
+from flexslew_lab.studies.lanes.groups.charge import charge_of
+from flexslew_lab.studies.lanes.groups.lane_trial import (
     controller_of,
     injections_of,
     way_of_settings,

@@ -9,8 +9,8 @@ import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.lanes.charge import Charge, charge_of
 from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.lanes.groups.charge import Charge, charge_of
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way

@@ -14,6 +14,14 @@ from flexslew_control.plan_file import plan_hash
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
+from flexslew_lab.studies.lanes.benches.judge import DISTRUSTED
+from flexslew_lab.studies.lanes.groups.lane_laws import is_large, kind_of, size_of
+from flexslew_lab.studies.lanes.groups.lane_trial import (
+    LaneIntake,
+    LaneTrial,
+    controller_of,
+    law_entry,
+)
 from flexslew_lab.studies.lanes.inputs import (
     LaneCourse,
     aim_of,
@@ -22,20 +30,12 @@ from flexslew_lab.studies.lanes.inputs import (
     resting_course,
     schedule_of,
 )
-from flexslew_lab.studies.lanes.judge import DISTRUSTED
-from flexslew_lab.studies.lanes.lane_laws import is_large, kind_of, size_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
-from flexslew_lab.studies.lanes.lane_trial import (
-    LaneIntake,
-    LaneTrial,
-    controller_of,
-    law_entry,
-)
+from flexslew_lab.studies.lanes.laws.watch import watch_of
 from flexslew_lab.studies.lanes.legs import LaneFlight, Leg
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.tolerance import TOLERANCE, apart
-from flexslew_lab.studies.lanes.watch import watch_of
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial

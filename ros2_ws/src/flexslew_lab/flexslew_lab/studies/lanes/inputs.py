@@ -13,10 +13,10 @@ from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import FlownManoeuvre
-from flexslew_lab.studies.lanes.efforts import LawNumbers, Troubles
-from flexslew_lab.studies.lanes.lane_faults import faults_of
-from flexslew_lab.studies.lanes.lane_laws import Beside, by_lane
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial, read_channels
+from flexslew_lab.studies.lanes.benches.lane_faults import faults_of
+from flexslew_lab.studies.lanes.groups.lane_laws import Beside, by_lane
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial, read_channels
+from flexslew_lab.studies.lanes.laws.efforts import LawNumbers, Troubles
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector, kept

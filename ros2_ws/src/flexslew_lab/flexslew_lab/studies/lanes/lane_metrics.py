@@ -14,9 +14,9 @@ from flexslew_lab.metrics.operator_changes import OperatorChanges
 from flexslew_lab.metrics.settling import commanded_moves, overshoots, settling_times
 from flexslew_lab.metrics.takeovers import Takeovers
 from flexslew_lab.studies.flight import columns_of
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.rows import Rows
 from flexslew_lab.studies.lanes.loop import Schedule
-from flexslew_lab.studies.lanes.rows import Rows
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Event
 from flexslew_plant.testbeds.compiled.lanes import LANES

@@ -10,8 +10,13 @@ import numpy as np
 
 from flexslew_control.linear_form import LawForm, LinearForm
 from flexslew_lab.metrics.settling import commanded_moves, settling_band
-from flexslew_lab.studies.lanes.beginning import Beginning, beginning
-from flexslew_lab.studies.lanes.efforts import LawTerms
+from flexslew_lab.studies.lanes.benches.judge import judge_of
+from flexslew_lab.studies.lanes.benches.lane_friction import movement_of
+from flexslew_lab.studies.lanes.benches.pushed import pushes_of
+from flexslew_lab.studies.lanes.benches.senses import filter_of, heard_by
+from flexslew_lab.studies.lanes.groups.lane_laws import beside, outputs_of
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.lanes.inputs import (
     drives_of,
     errors_of,
@@ -20,17 +25,12 @@ from flexslew_lab.studies.lanes.inputs import (
     quanta_of,
     troubles_of,
 )
-from flexslew_lab.studies.lanes.judge import judge_of
-from flexslew_lab.studies.lanes.lane_friction import movement_of
-from flexslew_lab.studies.lanes.lane_laws import beside, outputs_of
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.laws.beginning import Beginning, beginning
+from flexslew_lab.studies.lanes.laws.efforts import LawTerms
+from flexslew_lab.studies.lanes.laws.observers import one_after_another
+from flexslew_lab.studies.lanes.laws.turned import turned_joints
+from flexslew_lab.studies.lanes.laws.watch import Watch
 from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
-from flexslew_lab.studies.lanes.observers import one_after_another
-from flexslew_lab.studies.lanes.pushed import pushes_of
-from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
-from flexslew_lab.studies.lanes.senses import filter_of, heard_by
-from flexslew_lab.studies.lanes.turned import turned_joints
-from flexslew_lab.studies.lanes.watch import Watch
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds import initial_state
 from flexslew_plant.testbeds.compiled.lanes import LANES, flat_zeros

@@ -11,15 +11,15 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.efforts import LawNumbers, LawTerms, Troubles, efforts_of
-from flexslew_lab.studies.lanes.judge import judging
-from flexslew_lab.studies.lanes.lane_faults import setting_in
-from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
-from flexslew_lab.studies.lanes.quanta import quantising
-from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
-from flexslew_lab.studies.lanes.senses import Filter, sensing
-from flexslew_lab.studies.lanes.turned import about_reference
-from flexslew_lab.studies.lanes.watch import watching
+from flexslew_lab.studies.lanes.benches.judge import judging
+from flexslew_lab.studies.lanes.benches.lane_faults import setting_in
+from flexslew_lab.studies.lanes.benches.quanta import quantising
+from flexslew_lab.studies.lanes.benches.senses import Filter, sensing
+from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes, rows_of
+from flexslew_lab.studies.lanes.laws.efforts import LawNumbers, LawTerms, Troubles, efforts_of
+from flexslew_lab.studies.lanes.laws.observers import LaneSignals, Observe
+from flexslew_lab.studies.lanes.laws.turned import about_reference
+from flexslew_lab.studies.lanes.laws.watch import watching
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES, KernelRows, LaneKernel
 

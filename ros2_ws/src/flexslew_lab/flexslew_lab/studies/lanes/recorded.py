@@ -11,7 +11,7 @@ from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, RunSetup
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.metrics.trajectory import TrajectoryMetric
 from flexslew_lab.studies.flight import columns_of
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.bench.wire import stamp_of
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_control.estimators.small_motion_observer import MotionBelief, take_in
 from flexslew_control.linear_form import LinearObserver
-from flexslew_lab.studies.lanes.observers import LaneSignals, Observe, linear
+from flexslew_lab.studies.lanes.laws.observers import LaneSignals, Observe, linear
 from flexslew_plant.arrays import Vector, compiled, put
 from flexslew_plant.testbeds.compiled import interface
 from flexslew_plant.testbeds.compiled.bound import bound

@@ -6,7 +6,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.compiled.push import Push, push_of

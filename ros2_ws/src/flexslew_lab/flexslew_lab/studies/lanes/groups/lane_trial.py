@@ -12,8 +12,7 @@ from flexslew_control.controllers import CONTROLLERS, LawEntry, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
-from flexslew_lab.studies.lanes.charge import Charge, charge_of
-from flexslew_lab.studies.lanes.quanta import FINER
+from flexslew_lab.studies.lanes.groups.charge import Charge, charge_of
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
@@ -35,6 +34,9 @@ from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel, knows_frequency
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 from flexslew_plant.testbeds.model import Model
+
+# steps where a kernel's own differ by 5e-11: then they differ by 1e-13, too
+_FINER = 4
 
 
 class Happening(NamedTuple):
@@ -100,7 +102,7 @@ class LaneIntake:
         fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
         steps = max(1, ceil(fast / kernel.reach))
         if isfinite(kernel.reach) and _is_quantised(trial):
-            steps *= FINER
+            steps *= _FINER
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
         told = b""

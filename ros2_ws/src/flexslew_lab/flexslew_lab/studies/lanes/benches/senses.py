@@ -13,10 +13,10 @@ from flexslew_control.estimators.attitude_tick import (
     tell_joints,
 )
 from flexslew_control.estimators.flexible_attitude_tick import flexible_memory, flexible_tick
-from flexslew_lab.studies.lanes.lane_faults import nothing_spoilt, spoil
-from flexslew_lab.studies.lanes.lane_laws import Beside, craft_kernel
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial
-from flexslew_lab.studies.lanes.rows import Rows, Sizes
+from flexslew_lab.studies.lanes.benches.lane_faults import nothing_spoilt, spoil
+from flexslew_lab.studies.lanes.groups.lane_laws import Beside, craft_kernel
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, compiled
 from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel, flat_zeros
 from flexslew_plant.testbeds.instruments import MovingBody

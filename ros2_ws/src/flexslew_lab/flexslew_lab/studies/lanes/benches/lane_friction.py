@@ -6,7 +6,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
 from flexslew_plant.arrays import Indices, Matrix, Vector, compiled, put, vectorised
 from flexslew_plant.hardware.friction import CLOSE, ROUNDS, coefficients, next_friction
 from flexslew_plant.testbeds.compiled import interface, mass

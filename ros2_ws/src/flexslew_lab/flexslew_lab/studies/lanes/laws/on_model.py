@@ -6,7 +6,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
+from flexslew_lab.studies.lanes.laws.observers import LaneSignals, Observe
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled
 from flexslew_plant.testbeds.compiled.bound import bound
 from flexslew_plant.testbeds.compiled.lanes import LANES

@@ -15,16 +15,16 @@ from flexslew_control.linear_form import (
     SmallMotionForm,
     SteadyForm,
 )
-from flexslew_lab.studies.lanes.lane_laws import by_lane
-from flexslew_lab.studies.lanes.observers import Observe, gained, kalman, linear
-from flexslew_lab.studies.lanes.on_model import (
+from flexslew_lab.studies.lanes.groups.lane_laws import by_lane
+from flexslew_lab.studies.lanes.laws.observers import Observe, gained, kalman, linear
+from flexslew_lab.studies.lanes.laws.on_model import (
     LaneEfforts,
     LaneSteady,
     observed_and_acted,
     on_model,
     steady,
 )
-from flexslew_lab.studies.lanes.small_motions import LaneMotions, small_motions
+from flexslew_lab.studies.lanes.laws.small_motions import LaneMotions, small_motions
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels

@@ -8,8 +8,8 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial
-from flexslew_lab.studies.lanes.rows import Rows, Sizes
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_plant.arrays import Tensor, Vector, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from flexslew_control.allocation.sharing import share
-from flexslew_lab.studies.lanes.lane_faults import LaneFaults, broken_demand, broken_motors
-from flexslew_lab.studies.lanes.observers import add_products
-from flexslew_lab.studies.lanes.quanta import GUARD, in_steps, near_edge
-from flexslew_lab.studies.lanes.rows import Rows, Sizes
-from flexslew_lab.studies.lanes.turned import TurnedJoints
+from flexslew_lab.studies.lanes.benches.lane_faults import LaneFaults, broken_demand, broken_motors
+from flexslew_lab.studies.lanes.benches.quanta import GUARD, in_steps, near_edge
+from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
+from flexslew_lab.studies.lanes.laws.observers import add_products
+from flexslew_lab.studies.lanes.laws.turned import TurnedJoints
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.strikes import struck
+from flexslew_lab.studies.lanes.groups.strikes import struck
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.events import (

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.lane_trial import LaneTrial
-from flexslew_lab.studies.lanes.rows import Rows, Sizes
-from flexslew_lab.studies.lanes.strikes import struck
+from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
+from flexslew_lab.studies.lanes.groups.strikes import struck
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled
 from flexslew_plant.faults import Timed
 from flexslew_plant.faults.actuators import ActuatorGain, ActuatorStuck, CommandDelay

@@ -9,8 +9,8 @@ from typing import NamedTuple, cast
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.monitor import Monitor
 from flexslew_control.linear_form import KalmanForm, Observer, OnModelForm, SteadyForm
-from flexslew_lab.studies.lanes.judge import DISTRUSTED
-from flexslew_lab.studies.lanes.rows import Rows, Sizes
+from flexslew_lab.studies.lanes.benches.judge import DISTRUSTED
+from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_plant.arrays import Vector, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 

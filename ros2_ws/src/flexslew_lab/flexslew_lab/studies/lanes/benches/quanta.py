@@ -10,7 +10,7 @@ from typing import cast
 
 import numpy as np
 
-from flexslew_lab.studies.lanes.rows import Rows, Sizes
+from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_plant.arrays import Vector, called, vectorised
 from flexslew_plant.hardware.actuator import WHOLE
 from flexslew_plant.testbeds.compiled.lanes import LANES
@@ -18,7 +18,6 @@ from flexslew_plant.testbeds.compiled.lanes import LANES
 # of a reading, or of one where it is smaller, and of the limit of an effort; lanes differ from the
 # bench by 1e-13 of them at most
 GUARD = 2e-12
-FINER = 4  # steps where a kernel's own differ by 5e-11: then they differ by 1e-13, too
 
 
 def quantising(rows: Rows, sizes: Sizes) -> Callable[[Vector], None]:

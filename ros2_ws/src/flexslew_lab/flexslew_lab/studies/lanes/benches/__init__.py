@@ -1,0 +1,1 @@
+"""What benches do beside the law: sensors, drives, faults, pushes from outside."""
