@@ -9,7 +9,7 @@ from tests.control.planners.time_optimal.least_time import least_time
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan
-from flexslew_control.planners.time_optimal import time_optimal
+from flexslew_control.planners.time_optimal import structures
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.reachable import NOTHING, reachable_combinations
 from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal
@@ -109,14 +109,14 @@ def test_equal_modes_count_as_one(alike: str, count: int) -> None:
 def test_the_remedy_of_a_refusal_leads_to_a_slew(
     monkeypatch: pytest.MonkeyPatch, robust: bool
 ) -> None:
-    known = time_optimal.found_durations
+    known = structures.found_durations
 
     def narrow(slew: BangBang, structure: Any = "fewest") -> Any:
         if slew.robust or slew.amplitude > 0.4:
             raise PlanFailed("none was found")
         return known(slew, structure)
 
-    monkeypatch.setattr(time_optimal, "found_durations", narrow)
+    monkeypatch.setattr(structures, "found_durations", narrow)
     trial = shipped("own_spacecraft")
     asked = section(goal={"roll": 0.2}, robust=robust, amplitude=0.3 if robust else 0.5)
     with pytest.raises(PlanFailed) as refused:

@@ -13,22 +13,20 @@ the robust slew is that of the state (x, s).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag, expm
+from scipy.linalg import block_diag
 from scipy.optimize import linprog
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
+from flexslew_control.planners.time_optimal.impulse_responses import ImpulseResponses, sampled
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
 _CHANGE = 1e-4  # of the stiffness, for dA/dk
 _LONGEST = 12.0  # searched, times the rigid duration and one period
 _STEP = 0.0125  # of the grid, as an angle of the fastest mode [rad]
-_ORDER = 4  # derivatives of c that are kept
 _CELL = 0.1  # of the linear program, as _STEP
 _CELLS = 300, 3000  # of them, at least and at most
 _NOTHING_NEW = 1e-12  # of the conditions' largest singular value
@@ -52,80 +50,6 @@ class LinearOptimum(NamedTuple):
     structures: list[Structure]  # the likeliest first; others have short arcs that it may lack
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """c, its derivatives and its integral at tau = 0, h, 2 h, ..."""
-
-    step: float  # h [s]
-    values: Matrix  # c and its derivatives, shape (times, _ORDER, conditions)
-    integral: Matrix  # of c from 0, shape (times, conditions)
-
-    @cached_property
-    def end(self) -> float:
-        """Last tau [s]."""
-        return self.step * (len(self.values) - 1)
-
-    def integrated(self, tau: Vector) -> Matrix:
-        """Return the integral of c from 0 to every tau, shape (taus, conditions)."""
-        k = np.minimum((tau / self.step).astype(np.int64), len(self.values) - 1)
-        ahead, total = tau - self.step * k, self.integral[k]
-        share = np.ones(tau.size)
-        for order in range(_ORDER):
-            share = share * ahead / (order + 1.0)
-            total = total + share[:, None] * self.values[k, order]
-        return np.asarray(total)
-
-    def at(self, tau: Vector, order: int = 0) -> Matrix:
-        """Return c or a derivative of it at every tau, shape (taus, conditions)."""
-        k = np.minimum((tau / self.step).astype(np.int64), len(self.values) - 1)
-        ahead, total = tau - self.step * k, self.values[k, order]
-        share = np.ones(tau.size)
-        for more in range(order + 1, _ORDER):
-            share = share * ahead / float(more - order)
-            total = total + share[:, None] * self.values[k, more]
-        return np.asarray(total)
-
-    @np.errstate(divide="ignore", invalid="ignore")  # of a function that is nothing
-    def zeros(self, mu: Vector, duration: float, touching: float = 0.0) -> Vector:
-        """Return where mu . c changes its sign before tau = duration, rising [s].
-
-        That can be twice in one interval, on either side of an extremum.
-
-        Args:
-            mu: multipliers, shape (conditions,).
-            duration: T [s].
-            touching: extrema so near to zero, relative to the largest, count as beyond it.
-        """
-        samples = self.values[: int(duration / self.step) + 2] @ mu  # mu . c and its derivatives
-        f, h = samples[:-1], self.step
-        signs, slopes = np.signbit(samples[:, 0]), np.signbit(samples[:, 1])
-        once = np.flatnonzero(signs[1:] != signs[:-1])
-        bent = np.flatnonzero((signs[1:] == signs[:-1]) & (slopes[1:] != slopes[:-1]))
-        top = -h * f[bent, 1] / (samples[bent + 1, 1] - f[bent, 1])
-        for _ in range(2):
-            top = np.clip(top - _series(f[bent], top, 1) / _series(f[bent], top, 2), 0.0, h)
-        near = touching * float(np.abs(samples[:, 0]).max())
-        height = np.where(signs[bent], -1.0, 1.0) * _series(f[bent], top) - near
-        bent, top, height = bent[height < 0.0], top[height < 0.0], height[height < 0.0]
-        apart = np.sqrt(2.0 * np.abs(height / _series(f[bent], top, 2)))
-        k = np.concatenate((once, bent, bent))
-        straight = -h * f[once, 0] / (samples[once + 1, 0] - f[once, 0])
-        ahead = np.concatenate((straight, top - apart, top + apart))
-        for _ in range(4 if touching == 0.0 else 0):
-            ahead = np.clip(ahead - _series(f[k], ahead) / _series(f[k], ahead, 1), 0.0, h)
-        tau = np.sort(h * k + ahead)
-        return np.asarray(tau[tau < duration])
-
-
-def _series(f: Matrix, ahead: Vector, order: int = 0) -> Vector:
-    """Return Taylor's series from f and its derivatives, or from those of a higher order."""
-    total, share = f[:, order], np.ones(ahead.size)
-    for more in range(order + 1, _ORDER):
-        share = share * ahead / float(more - order)
-        total = total + share * f[:, more]
-    return np.asarray(total)
-
-
 def linear_optimum(slew: BangBang) -> LinearOptimum:
     """Return the time-optimal slew of the model linearised at the start.
 
@@ -138,10 +62,10 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
     rigid = slew.rigid_duration
     period = 2.0 * np.pi / float(linear.frequencies[0])
     step, longest = _STEP / float(linear.frequencies[-1]), rigid + 2.0 * period
-    grid = _sampled(a, b, conditions, step, longest)
+    grid = sampled(a, b, conditions, step, longest)
     apart = _told_apart(conditions, grid)
     if apart is not conditions:
-        conditions, grid = apart, _sampled(a, b, apart, step, longest)
+        conditions, grid = apart, sampled(a, b, apart, step, longest)
     fastest = float(linear.frequencies[-1])
     while _programmed(grid, longest, fastest, goal)[0] < 1.0:
         longest *= 1.5
@@ -149,7 +73,7 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
             raise PlanFailed(
                 f"no slew by {slew.distance:g} at {slew.amplitude:g} takes under {longest:.4g} s"
             )
-        grid = _sampled(a, b, conditions, step, longest)
+        grid = sampled(a, b, conditions, step, longest)
     duration, mu = _least_duration(
         grid,
         lambda duration, _: _programmed(grid, duration, fastest, goal),
@@ -172,7 +96,7 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
 
 
 def _least_duration(
-    grid: _Grid,
+    grid: ImpulseResponses,
     least_at: Callable[[float, Vector], tuple[float, Vector]],
     within: tuple[float, float, float],
     mu: Vector,
@@ -198,7 +122,9 @@ def _least_duration(
     return duration, mu
 
 
-def _programmed(grid: _Grid, duration: float, fastest: float, goal: float) -> tuple[float, Vector]:
+def _programmed(
+    grid: ImpulseResponses, duration: float, fastest: float, goal: float
+) -> tuple[float, Vector]:
     """Return the least F and its mu where efforts change at the ends of cells of time alone.
 
     The linear program is max over |u| <= 1 of the first row of sum c u, the others held at zero.
@@ -224,7 +150,7 @@ def _programmed(grid: _Grid, duration: float, fastest: float, goal: float) -> tu
     return float(first @ found.x * scale[0] / goal), np.append(1.0, scale[0] * y) / goal
 
 
-def _arcs(grid: _Grid, mu: Vector, duration: float, touching: float) -> Structure | None:
+def _arcs(grid: ImpulseResponses, mu: Vector, duration: float, touching: float) -> Structure | None:
     """Return the arcs of the effort sign(mu . c); None if they end with the wrong sign."""
     zeros = grid.zeros(mu, duration, touching)
     edges = np.concatenate(([0.0], zeros, [duration]))[::-1]
@@ -259,7 +185,7 @@ def extended(slew: BangBang) -> tuple[Matrix, Vector, Matrix]:
     return whole, np.concatenate((b, np.zeros(2 * n))), rows
 
 
-def _told_apart(conditions: Matrix, grid: _Grid) -> Matrix:
+def _told_apart(conditions: Matrix, grid: ImpulseResponses) -> Matrix:
     """Return the rows, all but the first combined where c is nearly the same for some of them.
 
     Two close modes and their sensitivities answer nearly alike. What has to vanish may be combined;
@@ -276,24 +202,9 @@ def _told_apart(conditions: Matrix, grid: _Grid) -> Matrix:
     return np.vstack((conditions[:1], combined))
 
 
-def _sampled(a: Matrix, b: Vector, conditions: Matrix, step: float, longest: float) -> _Grid:
-    """Return the grid up to the longest tau."""
-    size = b.size
-    whole = np.zeros((2 * size, 2 * size))  # of e^(A tau) B and its integral
-    whole[:size, :size], whole[size:, :size] = a, np.eye(size)
-    ahead = expm(whole * step)
-    states = np.concatenate((b, np.zeros(size)))[None]
-    while (len(states) - 3) * step < longest:
-        states = np.concatenate((states, states @ ahead.T))
-        ahead = ahead @ ahead
-    rows, orders = conditions, []
-    for _ in range(_ORDER):
-        orders.append(states[:, :size] @ rows.T)
-        rows = rows @ a
-    return _Grid(step, np.stack(orders, axis=1), states[:, size:] @ conditions.T)
-
-
-def _least(grid: _Grid, mu: Vector, duration: float, scale: Vector) -> tuple[float, Vector]:
+def _least(
+    grid: ImpulseResponses, mu: Vector, duration: float, scale: Vector
+) -> tuple[float, Vector]:
     """Return the least F at this duration and its mu, by Newton's method with its first entry held.
 
     Args:
@@ -324,7 +235,7 @@ def _least(grid: _Grid, mu: Vector, duration: float, scale: Vector) -> tuple[flo
 
 
 @np.errstate(over="raise", invalid="raise")  # of a goal that is nothing: the planner says so
-def _smoothed(grid: _Grid, mu: Vector, duration: float, scale: Vector) -> Vector:
+def _smoothed(grid: ImpulseResponses, mu: Vector, duration: float, scale: Vector) -> Vector:
     """Return mu at the least integral of sqrt((mu . c)^2 + e^2) for an e that falls to little.
 
     F itself has a curvature at zeros of mu . c alone, too few of them far from its minimum.
@@ -357,7 +268,7 @@ def _smoothed(grid: _Grid, mu: Vector, duration: float, scale: Vector) -> Vector
 
 
 def _integral(
-    grid: _Grid, mu: Vector, duration: float, scale: Vector
+    grid: ImpulseResponses, mu: Vector, duration: float, scale: Vector
 ) -> tuple[float, Vector, Matrix]:
     """Return F and its derivatives by all entries of mu but the first, times their scales."""
     zeros = grid.zeros(mu, duration)

@@ -1,6 +1,5 @@
 """The planner of Liu and Singh 1997: time-optimal and robust time-optimal slews."""
 
-from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
@@ -14,18 +13,15 @@ from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
 from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.time_optimal.all_drives import AllDrives, fastest_slew
-from flexslew_control.planners.time_optimal.bang_bang import STENCIL, BangBang, Insensitive
-from flexslew_control.planners.time_optimal.optimal_switching import (
-    Faster,
-    extremal_durations,
-    faster_slew,
+from flexslew_control.planners.time_optimal.bang_bang import BangBang, Insensitive
+from flexslew_control.planners.time_optimal.optimal_switching import faster_slew
+from flexslew_control.planners.time_optimal.optimality import (
+    joint_sensitivity,
+    more_may_help,
+    statement,
 )
-from flexslew_control.planners.time_optimal.pontryagin import (
-    ExtremalArcs,
-    Extremality,
-    switching_function,
-)
-from flexslew_control.planners.time_optimal.switching import continued_durations, fewest_durations
+from flexslew_control.planners.time_optimal.pontryagin import ExtremalArcs, switching_function
+from flexslew_control.planners.time_optimal.structures import Structure, durations_or_remedy
 from flexslew_control.planners.time_optimal.three_axes import plan_three_axes
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
@@ -35,10 +31,8 @@ from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.contract import ThreeAxes
 
-Structure: TypeAlias = Literal["fewest", "asymmetric", "optimal"]
 Share: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
 RESERVE = 0.2  # of the limit, left to a feedback [-]
-_SHARES = (0.9, 0.75, 0.6, 0.45, 0.3)  # of the amplitude, tried where the whole leads to no slew
 
 
 @section
@@ -100,7 +94,7 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
             f"allowed; rigid bound {slew.rigid_duration:.4f} s; about {needed:.4g} N m are needed"
         )
     check, faster = switching_function(slew, durations), None
-    if isinstance(slew, BangBang) and _more_may_help(slew, check, settings.structure):
+    if isinstance(slew, BangBang) and more_may_help(slew, check, settings.structure):
         faster = faster_slew(slew, duration)
     ticks = tick_times(settings.start, duration, asked.period)
     state, effort = on_ticks(slew, durations, ticks)
@@ -190,52 +184,7 @@ def found_slew(
         float(asked.kd[0]) if held else 0.0,
         settings.insensitive,
     )
-    try:
-        return slew, found_durations(slew, settings.structure)
-    except PlanFailed as error:
-        raise PlanFailed(f"{error}; {_remedy(slew, settings.structure)}") from None
-    except FloatingPointError:
-        if not _modes_alone_lead(slew, settings.structure):
-            raise
-        raise PlanFailed(f"no robust slew was found; {_MODES_LEAD}") from None
-
-
-_MODES_LEAD = "insensitive: modes leads to one"
-
-
-def _modes_alone_lead(slew: BangBang, structure: Structure) -> bool:
-    """Return whether there is a slew that leaves the joint free to be sensitive.
-
-    Without feedback the joint of a linear plant is as sensitive as the modes are, so conditions on
-    both cannot be told apart.
-    """
-    also_joint = slew.robust and slew.insensitive == "state"
-    return also_joint and _leads(replace(slew, insensitive="modes"), structure)
-
-
-def _remedy(slew: BangBang, structure: Structure) -> str:
-    """Return what does lead to a slew: each is tried before it is said."""
-    if _modes_alone_lead(slew, structure):
-        return _MODES_LEAD
-    if slew.robust:
-        if _leads(replace(slew, robust=False), structure):
-            return "robust: false leads to one"
-        return "robust: false leads to none either"
-    for share in _SHARES:
-        amplitude = float(f"{share * slew.amplitude:.3g}")
-        if _leads(replace(slew, amplitude=amplitude), structure):
-            return f"amplitude: {amplitude:g} leads to one"
-    least = _SHARES[-1] * slew.amplitude
-    return f"no amplitude tried down to {least:.3g} leads to one"
-
-
-def _leads(slew: BangBang, structure: Structure) -> bool:
-    """Return whether there is such a slew."""
-    try:
-        found_durations(slew, structure)
-    except PlanFailed:
-        return False
-    return True
+    return slew, durations_or_remedy(slew, settings.structure)
 
 
 def _alone(model: Model, start: Vector) -> bool:
@@ -264,93 +213,6 @@ def _amplitude(settings: TimeOptimal, effort_limit: Vector) -> Vector:
             f"{effort_limit.min():g}"
         )
     return np.full(effort_limit.size, settings.amplitude)
-
-
-def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
-    """Return the arcs of the slew.
-
-    Args:
-        slew: what is turned.
-        structure: of one mode in open loop: fewest, the shortest slew with three switches (robust:
-            five), antisymmetric about its middle where the mode has no damping, with five where
-            three fail; asymmetric, the shortest with as few, antisymmetric or not; optimal, as many
-            as an extremal has. All else is optimal anyway.
-
-    Raises:
-        PlanFailed: none were found.
-    """
-    if not len(slew.combinations):  # a rigid body
-        return np.full(2, 0.5 * slew.rigid_duration)
-    if not _closed_form(slew):
-        finders = [extremal_durations]
-    elif structure == "optimal":
-        finders = [extremal_durations, fewest_durations, _asymmetric]
-    elif structure == "asymmetric":
-        finders = [_asymmetric, fewest_durations, extremal_durations]
-    else:
-        finders = [fewest_durations, _asymmetric, extremal_durations]
-    for finder in finders:
-        try:
-            durations = finder(slew)
-        except PlanFailed:  # of this kind; another may be found
-            continue
-        if durations is not None:
-            return durations
-    raise PlanFailed(
-        f"no{' robust' if slew.robust else ''} slew by {slew.distance:g} at {slew.amplitude:g} "
-        f"was found (rigid bound {slew.rigid_duration:.4f} s)"
-    )
-
-
-def _closed_form(slew: BangBang) -> bool:
-    """Return whether slews with few switches are known of the linear model."""
-    under_feedback = slew.robust and not slew.open_loop
-    return len(slew.combinations) == 1 and slew.insensitive == "modes" and not under_feedback
-
-
-def _asymmetric(slew: BangBang) -> Vector | None:
-    return continued_durations(slew, antisymmetric=False)
-
-
-def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
-    """Return d(joint position at the end)/d(stiffness factor), under the feedback if any."""
-    return float(sum(w * slew.final(durations, f, True)[slew.joint] for f, w in STENCIL))
-
-
-def statement(
-    slew: BangBang | AllDrives,
-    durations: Vector,
-    check: Extremality,
-    structure: Structure = "fewest",
-    faster: Faster | None = None,
-) -> str:
-    """Return in one sentence what is known of the slew's optimality."""
-    switches, duration = durations.size - 1, float(durations.sum())
-    if check.holds:
-        return f"extremal with {switches} switches: Pontryagin's condition holds"
-    if isinstance(slew, AllDrives) and slew.transcribed:
-        return (
-            f"the optimum of a transcription on {switches + 1} intervals; its arcs do not settle, "
-            "as some effort hardly matters"
-        )
-    verdict = (
-        f"best of the {switches}-switch family, not time-optimal: the switching function has the "
-        f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value)"
-    )
-    if not _more_may_help(slew, check, structure):
-        return f"{verdict}; no extremal was found"
-    if faster is None:
-        return f"{verdict}; structure: optimal looks for more switches"
-    less = duration - faster.duration
-    if faster.switches is None:
-        return f"{verdict}; no slew is more than {less:.3g} s faster"
-    return f"{verdict}; structure: optimal takes {less:.3g} s less with {faster.switches} switches"
-
-
-def _more_may_help(slew: BangBang | AllDrives, check: Extremality, structure: Structure) -> bool:
-    """Return whether structure: optimal asks for something else."""
-    few = isinstance(slew, BangBang) and _closed_form(slew)
-    return few and not check.holds and structure != "optimal"
 
 
 def on_ticks(slew: ExtremalArcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:

@@ -1,0 +1,49 @@
+"""What a plan says of its slew's optimality."""
+
+from flexslew_control.planners.time_optimal.all_drives import AllDrives
+from flexslew_control.planners.time_optimal.bang_bang import STENCIL, BangBang
+from flexslew_control.planners.time_optimal.optimal_switching import Faster
+from flexslew_control.planners.time_optimal.pontryagin import Extremality
+from flexslew_control.planners.time_optimal.structures import Structure, closed_form
+from flexslew_plant.arrays import Vector
+
+
+def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
+    """Return d(joint position at the end)/d(stiffness factor), under the feedback if any."""
+    return float(sum(w * slew.final(durations, f, True)[slew.joint] for f, w in STENCIL))
+
+
+def statement(
+    slew: BangBang | AllDrives,
+    durations: Vector,
+    check: Extremality,
+    structure: Structure = "fewest",
+    faster: Faster | None = None,
+) -> str:
+    """Return in one sentence what is known of the slew's optimality."""
+    switches, duration = durations.size - 1, float(durations.sum())
+    if check.holds:
+        return f"extremal with {switches} switches: Pontryagin's condition holds"
+    if isinstance(slew, AllDrives) and slew.transcribed:
+        return (
+            f"the optimum of a transcription on {switches + 1} intervals; its arcs do not settle, "
+            "as some effort hardly matters"
+        )
+    verdict = (
+        f"best of the {switches}-switch family, not time-optimal: the switching function has the "
+        f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value)"
+    )
+    if not more_may_help(slew, check, structure):
+        return f"{verdict}; no extremal was found"
+    if faster is None:
+        return f"{verdict}; structure: optimal looks for more switches"
+    less = duration - faster.duration
+    if faster.switches is None:
+        return f"{verdict}; no slew is more than {less:.3g} s faster"
+    return f"{verdict}; structure: optimal takes {less:.3g} s less with {faster.switches} switches"
+
+
+def more_may_help(slew: BangBang | AllDrives, check: Extremality, structure: Structure) -> bool:
+    """Return whether structure: optimal asks for something else."""
+    few = isinstance(slew, BangBang) and closed_form(slew)
+    return few and not check.holds and structure != "optimal"
