@@ -32,7 +32,7 @@ _CELLS = 300, 3000  # of them, at least and at most
 _NOTHING_NEW = 1e-12  # of the conditions' largest singular value
 _WIDTHS = 0.01, 3e-3, 1e-3, 3e-4, 1e-4  # of the smoothing, relative to the mean of |mu . c|
 _ITERATIONS, _DURATIONS = 10, 20
-_TOUCHING = (1e-4, 1e-3)  # of the largest |mu . c|, where short arcs may be missed
+_TOUCHING = (1e-4, 1e-3, 3e-3, 1e-2)  # of the largest |mu . c|, where short arcs may be missed
 _ALIKE = 1e3, 1e11  # condition of c, from which to which its rows are combined
 
 
