@@ -8,7 +8,6 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from flexslew_control.analysis.linear_plant import PlantPath, motors
-from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.held_efforts import exact_on_ticks
@@ -24,8 +23,8 @@ from flexslew_control.planners.one_axis import (
 from flexslew_control.planners.one_way import shared_out
 from flexslew_control.planners.prediction import Prediction, predicted
 from flexslew_control.planners.progress import Progress, ignore
+from flexslew_control.planners.remedies import PlanFunction, enough_time, require_holding
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, known_motors, slew_of
-from flexslew_control.planners.trajectories import rigid_duration, rounded_up
 from flexslew_control.planners.whole_bench import (
     NOTHING,
     Better,
@@ -43,12 +42,9 @@ from flexslew_plant.settings import plain
 
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
 _EXACT_RIGID = 1e-9  # the same of a rigid body, away from its goal [rad or m]
-_MOST_FUNCTIONS = 200  # that a section may ask for
-_GROWS = 1e-6  # beyond 1, of the spectral radius of one tick: rounding of a rigid body's
 RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
 MOST_MODES = 4  # frequencies that are tried for one that is enough
 _SLOWER = 4  # turns tried with less torque about the eigenaxis
-_LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
 
 # of a flight of a plan on the bench
 _DIVERGES = (
@@ -76,7 +72,7 @@ class Slewing:
         with_feedback: whether a plan as a whole depends on kp and kd of the joints that fly it.
     """
 
-    plan: Callable[[Any, Slew, Progress], Plan]
+    plan: PlanFunction
     exact: Callable[[Any], bool] | None = None
     rings: Callable[[Any], str] | None = None
     one_axis: bool = True
@@ -115,9 +111,9 @@ class Slewing:
             plan = self.plan(settings, slew, progress)
         except (PlanFailed, LinAlgError) as error:
             if self._counts_with_feedback(settings):
-                _require_holding(slew)
+                require_holding(slew)
             if isinstance(error, TooMuchTorque):
-                raise PlanFailed(f"{error}; {self._enough_time(settings, slew)}") from None
+                raise PlanFailed(f"{error}; {enough_time(self.plan, settings, slew)}") from None
             raise PlanFailed(str(error)) from None
         if turns(plant):  # nothing is promised of a step, and the slew's model is not the bench's
             return replace(plan, request=self._complete(settings, slew))
@@ -218,7 +214,7 @@ class Slewing:
             plan = self.plan(settings, slew, progress)
         except PlanFailed:
             if self._counts_with_feedback(settings):
-                _require_holding(slew)
+                require_holding(slew)
             raise
         plan = replace(
             plan,
@@ -359,72 +355,3 @@ class Slewing:
         if asked.get("feedback") is None and self.open_loop:
             del resolved["feedback"]
         return asked | {key: value for key, value in resolved.items() if key in asked}
-
-    def _enough_time(self, settings: Any, slew: Slew) -> str:
-        """Return what would do: more functions, or a longer duration, or that none was found."""
-        now = settings.duration
-        rigid = rigid_duration(slew.model, slew.start, slew.goal, slew.effort_limit)
-        if now >= rigid and (finer := self._enough_functions(settings, slew)):
-            return finer
-        for longer in now * 1.05 ** np.arange(1, _LONGER + 1):
-            duration = rounded_up(longer)  # what is said is what was tried
-            if duration < rigid:
-                continue
-            try:
-                self.plan(replace(settings, duration=duration), slew, ignore)
-            except PlanFailed:
-                continue
-            return (
-                f"a duration of {duration:g} s (now {now:g} s) is enough; a rigid body takes "
-                f"{rigid:.4g} s"
-            )
-        return (
-            f"no duration up to {duration:g} s (now {now:g} s) is enough; use a higher effort_limit"
-        )
-
-    def _enough_functions(self, settings: Any, slew: Slew) -> str:
-        """Return how many functions of time would do, where there are any; else an empty text.
-
-        Functions that are long beside the period of a mode hardly move it: the weights that bring
-        it to rest grow with the square of their length, and without bound where a function spans
-        whole periods.
-        """
-        if not slew.model.modes:
-            return ""
-        fewer = getattr(settings, "functions", _MOST_FUNCTIONS)
-        lasts = settings.duration / (fewer + 1)
-        frequencies = slew.model.linearise(slew.model.rest({})).frequencies
-        fastest = 2.0 * np.pi / float(frequencies[-1]) if frequencies.size else np.inf
-        if lasts < 0.5 * fastest:
-            return ""
-        for factor in (2, 4, 8):
-            functions = fewer * factor
-            if functions > _MOST_FUNCTIONS:
-                break
-            try:
-                self.plan(replace(settings, functions=functions), slew, ignore)
-            except PlanFailed:
-                continue
-            return (
-                f"functions: {functions} (now {fewer}) is enough: with {fewer}, each lasts "
-                f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
-            )
-        return ""
-
-
-def _require_holding(slew: Slew) -> None:
-    """Check that the feedback with which a plan counts holds the testbed at the plan's start.
-
-    Raises:
-        PlanFailed: it does not, so no trajectory under it can be told.
-    """
-    rest = slew.model.rest(slew.named(slew.start))
-    loop = collocated_loop(LinearPlant(slew.model, rest), slew.kp, slew.kd, slew.period)
-    found = radius(loop)
-    if found > 1.0 + _GROWS:
-        raise PlanFailed(
-            f"the feedback that the plan counts with, kp {slew.kp.tolist()} and kd "
-            f"{slew.kd.tolist()}, is not stable on this testbed with a period of "
-            f"{slew.period:g} s (spectral radius of one tick {found:.4g}); give plan.feedback the "
-            "gains of a controller that flies it"
-        )

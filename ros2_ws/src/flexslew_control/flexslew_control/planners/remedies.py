@@ -1,0 +1,89 @@
+"""Why a slew fails, and what would do: each is tried before it is said."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
+from flexslew_control.plan import Plan
+from flexslew_control.planners.progress import Progress, ignore
+from flexslew_control.planners.slew import Slew
+from flexslew_control.planners.trajectories import rigid_duration, rounded_up
+from flexslew_plant.errors import PlanFailed
+
+PlanFunction: TypeAlias = Callable[[Any, Slew, Progress], Plan]
+
+_MOST_FUNCTIONS = 200  # that a section may ask for
+_GROWS = 1e-6  # beyond 1, of the spectral radius of one tick: rounding of a rigid body's
+_LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
+
+
+def enough_time(plan: PlanFunction, settings: Any, slew: Slew) -> str:
+    """Return what would do: more functions, or a longer duration, or that none was found."""
+    now = settings.duration
+    rigid = rigid_duration(slew.model, slew.start, slew.goal, slew.effort_limit)
+    if now >= rigid and (finer := _enough_functions(plan, settings, slew)):
+        return finer
+    for longer in now * 1.05 ** np.arange(1, _LONGER + 1):
+        duration = rounded_up(longer)  # what is said is what was tried
+        if duration < rigid:
+            continue
+        try:
+            plan(replace(settings, duration=duration), slew, ignore)
+        except PlanFailed:
+            continue
+        return (
+            f"a duration of {duration:g} s (now {now:g} s) is enough; a rigid body takes "
+            f"{rigid:.4g} s"
+        )
+    return f"no duration up to {duration:g} s (now {now:g} s) is enough; use a higher effort_limit"
+
+
+def _enough_functions(plan: PlanFunction, settings: Any, slew: Slew) -> str:
+    """Return how many functions of time would do, where there are any; else an empty text.
+
+    Functions that are long beside the period of a mode hardly move it: the weights that bring
+    it to rest grow with the square of their length, and without bound where a function spans
+    whole periods.
+    """
+    if not slew.model.modes:
+        return ""
+    fewer = getattr(settings, "functions", _MOST_FUNCTIONS)
+    lasts = settings.duration / (fewer + 1)
+    frequencies = slew.model.linearise(slew.model.rest({})).frequencies
+    fastest = 2.0 * np.pi / float(frequencies[-1]) if frequencies.size else np.inf
+    if lasts < 0.5 * fastest:
+        return ""
+    for factor in (2, 4, 8):
+        functions = fewer * factor
+        if functions > _MOST_FUNCTIONS:
+            break
+        try:
+            plan(replace(settings, functions=functions), slew, ignore)
+        except PlanFailed:
+            continue
+        return (
+            f"functions: {functions} (now {fewer}) is enough: with {fewer}, each lasts "
+            f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
+        )
+    return ""
+
+
+def require_holding(slew: Slew) -> None:
+    """Check that the feedback with which a plan counts holds the testbed at the plan's start.
+
+    Raises:
+        PlanFailed: it does not, so no trajectory under it can be told.
+    """
+    rest = slew.model.rest(slew.named(slew.start))
+    loop = collocated_loop(LinearPlant(slew.model, rest), slew.kp, slew.kd, slew.period)
+    found = radius(loop)
+    if found > 1.0 + _GROWS:
+        raise PlanFailed(
+            f"the feedback that the plan counts with, kp {slew.kp.tolist()} and kd "
+            f"{slew.kd.tolist()}, is not stable on this testbed with a period of "
+            f"{slew.period:g} s (spectral radius of one tick {found:.4g}); give plan.feedback the "
+            "gains of a controller that flies it"
+        )
