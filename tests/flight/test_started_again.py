@@ -168,3 +168,28 @@ def test_one_that_is_started_in_flight_follows_all_plans_of_it_and_after_a_reset
         np.testing.assert_array_equal(lqr.reference(40).position, first.reference(40).position)
         assert lqr.plan == first
     assert resim(tmp_path / "bag").identical
+
+
+@pytest.mark.parametrize("heard", ["at once", "later"])
+def test_one_that_hears_no_plan_since_the_planner_is_gone_flies_none(
+    tmp_path: Path, heard: str
+) -> None:
+    """A recorder hears what it says of itself before its first question, or after."""
+    bench, writer = recorded(tmp_path / "bag", parse_trial(TEXT, "test"))
+    with writer:
+        told = Told(bench, writer)
+        told.plan(plan(0.1, 0.05), *NAMES)
+        bench.session.switch(SwitchRequest("pd_feedforward", 20), bench.now)
+        bench.fly(30)
+        bench.start("lqr")
+        if heard == "at once":
+            told.status("lqr")
+        bench.fly(35)
+        told.status("lqr")
+        bench.session.switch(SwitchRequest("lqr", 40), bench.now)
+        bench.fly(80)
+    lqr = bench.hosts["lqr"].controller
+    assert lqr is not None
+    assert lqr.plan is None
+    assert resim(tmp_path / "bag").identical
+    assert check(tmp_path / "bag", "lqr").ok

@@ -152,11 +152,9 @@ class LoggedControllers:
         if what.fresh:
             its = [a for a in self._due if a.controller == name and a.first == key]
             self._due = [a for a in self._due if a not in its]
-            before = self.by_name[name].plan
-            told = its[-1].told if its else () if before is None else (Told(before, False),)
             self._laws[name] = self._first[name]
             self.by_name[name] = self._built(name)
-            for one in told:
+            for one in its[-1].told if its else ():
                 self.by_name[name].adopt(*one)
         self.by_name[name].begin_anew(key[0])
 
@@ -205,7 +203,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
 
     A recorder may hear a controller late, so every status says when its plan was taken. One that
     was started again does not know when: what it took before its first question counts from there
-    on, which is an event.
+    on, which is an event. Until it says what that was, it is what its predecessor followed.
 
     Raises:
         BadInput: a controller says that it follows a plan that is not in the log.
@@ -217,6 +215,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     begun: dict[str, Key] = {}
     seen: dict[str, Key] = {}  # newest question
     started_again: dict[str, tuple[Told, ...]] = {}
+    assumed: dict[str, Adoption] = {}  # of its predecessor's plan, until it says what it heard
     found = []
     for topic, kind, _, _, data in bag.messages(("/controller_status", "/events", "/plan")):
         status = decode(kind, data)
@@ -229,16 +228,18 @@ def adoptions(bag: BagReader) -> list[Adoption]:
             if isinstance(what, EstimateBegan) and what.fresh:
                 name = what.controller
                 begun[name] = key
-                told = started_again.pop(name, ()) or _course(
-                    heard, following.get(name, ("", 0))[0]
-                )
-                if told:
+                if told := started_again.pop(name, ()):
                     found.append(Adoption(name, key, told))
+                elif told := _course(heard, following.get(name, ("", 0))[0]):
+                    assumed[name] = Adoption(name, key, told)
+                    found.append(assumed[name])
             continue
         name, requested = status.controller, status.plan_hash
         at = int(status.epoch), int(status.last_tick)
         before = seen.get(name, at)
         seen[name] = max(before, at)
+        if name in assumed and at >= assumed[name].first:
+            _settle(status, assumed.pop(name), found)
         if not requested:
             following.pop(name, None)
             continue
@@ -263,6 +264,12 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         begun[name] = first = max(first, begun.get(name, first))
         found.append(Adoption(name, first, course))
     return sorted(found, key=lambda adoption: adoption.first)
+
+
+def _settle(status: Any, assumed: Adoption, found: list[Adoption]) -> None:
+    """Drop what was assumed of a newcomer that says itself that it has heard no plan."""
+    if not (status.plan_hash or status.plan_number):
+        found.remove(assumed)
 
 
 def _answered_twice(bag: BagReader, begun: list[tuple[Key, str]]) -> set[tuple[Key, str]]:
