@@ -8,10 +8,12 @@ import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, stage_times, substeps_for
+from flexslew_control.planners.prediction import watched
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.linearisation import Linearisation
 
 _DOUBLINGS = 14  # of the first interval of the Gramian
-_WATCHED = 75.0  # after the end, for the residual of the summary [s]
+_WATCHED = 75.0  # after the end, for the residual of the summary, at least [s]
 
 
 class FeedforwardFlight(NamedTuple):
@@ -53,12 +55,18 @@ class FeedforwardMember:
         return np.unique(np.sign(first) * tip + 0.0, axis=0)
 
     @property
+    def _about_goal(self) -> Linearisation:
+        """The small motions about the goal under the feedback."""
+        m = self.manoeuvre
+        rest = np.concatenate((m.goal, np.zeros(m.model.coordinates - m.model.joints)))
+        return m.model.linearise(rest).with_feedback(m.kp, m.kd)
+
+    @property
     def weight(self) -> Matrix:
         """W^(1/2), shape (2 n, 2 n): |W^(1/2) Y| is the later vibration [m]."""
         m = self.manoeuvre
         n, joints = m.model.coordinates, m.model.joints
-        rest = np.concatenate((m.goal, np.zeros(n - joints)))
-        a = m.model.linearise(rest).with_feedback(m.kp, m.kd).state_matrix
+        a = self._about_goal.state_matrix
         seen = np.zeros((joints + len(self.tips), 2 * n))
         seen[:joints, :joints] = self.lever * np.eye(joints)
         seen[joints:, joints:n] = self.tips
@@ -84,7 +92,8 @@ class FeedforwardMember:
         n, joints = m.model.coordinates, m.model.joints
         pieces = (len(basis.nodes) - 1) * substeps_for(m, basis)
         step = m.duration / pieces
-        edges = step * np.arange(pieces + int(np.ceil(_WATCHED / step)) + 1, dtype=np.float64)
+        after = max(_WATCHED, watched(self._about_goal.eigenvalues, step))
+        edges = step * np.arange(pieces + int(np.ceil(after / step)) + 1, dtype=np.float64)
         path = m.fly(edges, basis.values(stage_times(edges)) @ weights)
         effort = m.efforts(edges, basis.values(edges) @ weights, path)
         tip = np.abs(path[:, joints:n] @ self.tips.T)
