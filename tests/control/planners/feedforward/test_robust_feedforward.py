@@ -16,7 +16,10 @@ from flexslew_control.planners.slew import slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.floating_oscillator import (
+    FloatingOscillatorParameters,
+    FloatingOscillatorTestbed,
+)
 from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
 from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
 
@@ -320,3 +323,32 @@ def test_a_slew_that_leaves_much_on_a_model_says_so_in_words() -> None:
     assert words in short["warning"]
     assert "(stiffness -20 %)" in short["warning"]
     assert "warning" not in long
+
+
+@pytest.mark.parametrize("duration", [8.0, 10.0])
+@pytest.mark.parametrize("unit", [1e-6, 1e-3, 1e4, 1e6])
+def test_it_is_as_good_in_other_units_of_mass(duration: float, unit: float) -> None:
+    left, usual = (worst_in_units(duration, scale) for scale in (unit, 1.0))
+    # where a soft limit is exceeded by a part of the reserve depends on the unit
+    assert left == pytest.approx(usual, rel=0.02)
+
+
+@lru_cache
+def worst_in_units(duration: float, unit: float) -> Any:
+    """Return what the slew of an oscillator leaves on its worst model [m].
+
+    Args:
+        duration: of the slew [s].
+        unit: of mass, in which masses, stiffness, limit and gains are the same numbers [kg].
+    """
+    parameters = FloatingOscillatorParameters(driven_mass=unit, free_mass=unit, stiffness=unit)
+    section = {
+        "method": "robust_feedforward",
+        "goal": {"mass": 1.0},
+        "duration": duration,
+        "rho": 1e-8 / unit**2,
+        "feedback": {"kp": [0.5 * unit], "kd": [1.0 * unit]},
+    }
+    bench = FloatingOscillatorTestbed(parameters=parameters, effort_limit=(unit,))
+    found = make_plan(plan_settings(section, "t"), plant(0.01, (unit,), bench)).summary
+    return found["worst_residual"]

@@ -51,9 +51,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 
-# of effort beyond its limit, tried in turn where one is not kept [m/(N m)]: PRICE suits drives of
-# some 100 N m, and is little beside the vibration where a limit is small
-_PRICES = PRICE * 10.0 ** np.arange(1, 4)
+_DEAR = 10.0  # of effort beyond its limit by all of it [m]: dear beside any vibration
 _MISSED = 0.02  # of the way: what a dearer effort may leave of it at the end [-]
 
 _Error = Annotated[float, Field(gt=-0.9, le=5.0)]
@@ -181,6 +179,15 @@ def _arrives(nominal: Manoeuvre, basis: Basis, weights: Matrix) -> bool:
     return bool(np.abs(missed).max() <= _MISSED * way)
 
 
+def _prices(effort_limit: Vector) -> Vector:
+    """Return prices of effort beyond its limit, to be tried in turn where it is not kept [m/(N m)].
+
+    PRICE suits drives of some 100 N m, and is little beside the vibration where a limit is small.
+    """
+    tens = np.ceil(np.log10(_DEAR / (PRICE * effort_limit.min())))
+    return np.asarray(PRICE * 10.0 ** np.arange(1.0, np.clip(tens, 3.0, 20.0) + 1.0))
+
+
 def _dearer(
     problem: Problem,
     settings: RobustFeedforward,
@@ -197,7 +204,7 @@ def _dearer(
         requested: the range of each joint, (2, joints) [rad or m]; None: free.
         effort_limit: of the drives, (joints,) [N m].
     """
-    for price in _PRICES:
+    for price in _prices(effort_limit):
         try:
             found = _found(replace(problem, price=price), settings, ignore)
         except PlanFailed:
