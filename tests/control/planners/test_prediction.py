@@ -4,15 +4,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from tests.plants import plant
 
 from flexslew_control.controllers import build_controller
+from flexslew_control.law import ActiveLaw
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.run.in_process import fly
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed, CsaVariant
+from flexslew_plant.testbeds.floating_oscillator import (
+    FloatingOscillatorParameters,
+    FloatingOscillatorTestbed,
+)
 
 GAINS = Feedback(kp=(460.0,), kd=(920.0,))
 AT_REST: dict[
@@ -140,3 +146,48 @@ def test_a_law_without_the_planned_gains_can_follow_the_planned_trajectory() -> 
     residual = Residual(plan)
     fly(bench, {"lqr": law}, residual)
     assert residual.tip < 1e-4
+
+
+SLOW = FloatingOscillatorTestbed(
+    parameters=FloatingOscillatorParameters(stiffness=1e-4), effort_limit=(0.01,)
+)  # a period of 444 s, under feedback of up to 900 s
+
+
+def left_at_last(plan: Any, kp: float, kd: float, stiffness: float) -> tuple[float, float]:
+    """Return largest stretch and error of the joint in an hour after a plan, in SciPy."""
+    k, h, n = 1e-4 * stiffness, plan.period, plan.ticks
+    inner = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-k, k, 0, 0], [k, -k, 0, 0], [0] * 4])
+    whole = expm(h * np.hstack((inner, np.array([[0, 0, 1, 0, 0]]).T)))
+    x, tip, away = np.zeros(4), 0.0, 0.0
+    for tick in range(n + round(3600.0 / h)):
+        r = plan.reference(tick)
+        demand = r.effort[0] + kp * (r.position[0] - x[0]) + kd * (r.velocity[0] - x[2])
+        x = whole[:4, :4] @ x + whole[:4, 4] * np.clip(demand, -0.01, 0.01)
+        if tick + 1 >= n:
+            tip, away = max(tip, abs(x[1] - x[0])), max(away, abs(x[0] - plan.position[-1, 0]))
+    return tip, away
+
+
+@pytest.mark.parametrize(
+    ("section", "law"),
+    [
+        ({"method": "minimax_feedforward", "duration": 100.0}, None),
+        ({"method": "minimax_feedforward", "duration": 100.0, "feedback": "none"}, None),
+        ({"method": "reference_only", "duration": 100.0}, None),
+        ({"method": "reference_only", "duration": 100.0}, "collocated_pid"),
+    ],
+)
+def test_what_a_slow_plant_leaves_is_looked_for_until_it_has_shown(section: Any, law: Any) -> None:
+    kp, kd = (0.0, 0.0) if section.get("feedback") else (1e-4, 1e-2)
+    gains = {"kp": [kp], "kd": [kd]}
+    bench = plant(0.5, (0.01,), SLOW)
+    settings = plan_settings({**section, "goal": {"mass": 1.0}, "feedback": gains}, "t")
+    flies = ActiveLaw(law, {**gains, "ki": [0.0]}) if law else None
+    plan = make_plan(settings, bench, law=flies)
+    tip, away = left_at_last(plan, kp, kd, 1.0)
+    assert plan.summary["predicted_residual_tip_deflection"] == pytest.approx(tip, rel=1e-3)
+    told = plan.summary["predicted_residual_attitude_error"]["mass"]
+    assert told == pytest.approx(away, rel=1e-3)
+    if "worst_residual" in plan.summary:
+        worst = max(left_at_last(plan, kp, kd, 1.0 + error)[0] for error in (-0.2, 0.2))
+        assert plan.summary["worst_residual"] == pytest.approx(max(worst, tip), rel=2e-3)

@@ -94,6 +94,21 @@ def test_what_is_in_no_linear_model_is_named() -> None:
     )
 
 
+def test_friction_quanta_of_sensors_and_thrusters_are_named() -> None:
+    strain = {"kind": "displacement", "appendage": "left", "quantisation": 1e-6}
+    pusher = {"kind": "thruster", "direction": [1.0, 0.0, 0.0], "limit": 1.0}
+    what = trial("own_spacecraft", {"plan": None, "testbed.sensors": {"gauge": strain},
+                                    "testbed.actuators.pusher": pusher,
+                                    "actuator.coulomb_friction": 1e-3,
+                                    "sensors.joint_velocity.quantisation": 1e-6})  # fmt: skip
+    assert point_of(what).left_out == (
+        "actuator.coulomb_friction but for its slope at rest, of motors that stick",
+        "that thrusters push one way",
+        "quantisation of sensor joint_velocity",
+        "quantisation of sensor gauge",
+    )
+
+
 @pytest.mark.parametrize("attitude", [{}, {"modes": {}}])
 def test_a_law_that_finds_its_attitude_by_instruments_is_refused_in_words(
     attitude: dict[str, Any],

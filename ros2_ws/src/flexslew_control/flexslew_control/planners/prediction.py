@@ -14,7 +14,11 @@ from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
 
-WATCHED = 40.0  # after the end of the plan [s]
+WATCHED = 40.0  # after the end of the plan, at least [s]
+MOST_WATCHED = 20_000  # ticks, where they are longer than that
+_PERIODS = 1.25  # of the slowest swing, in which softer models show their largest deflection, too
+_SWINGS = 0.1  # sine of the least angle of a pole from the real axis that swings
+_RIGID = 1e-7  # of the fastest pole: slower ones are zero but for rounding
 
 
 class Prediction(NamedTuple):
@@ -23,6 +27,20 @@ class Prediction(NamedTuple):
     tip_deflection: float  # largest |tip deflection| after the plan's end [m]
     attitude_error: Vector  # largest |joint - goal| after the plan's end, (joints,) [rad or m]
     peak: float  # largest |tip deflection| of the whole flight [m]
+
+
+def watched(poles: "np.typing.NDArray[np.complex128]", period: float) -> float:
+    """Return how long after a plan's end what it leaves is looked for [s].
+
+    Args:
+        poles: of the continuous motion about the goal, under the feedback [1/s].
+        period: one tick [s].
+    """
+    rate = abs(poles)
+    slow = rate[rate > _RIGID * rate.max(initial=0.0)]
+    swings = abs(poles.imag[rate > _RIGID * rate.max(initial=0.0)]) > _SWINGS * slow
+    longest = np.where(swings, 2.0 * np.pi * _PERIODS, 1.0) / slow
+    return max(WATCHED, min(float(longest.max(initial=0.0)), MOST_WATCHED * period))
 
 
 def predicted(plan: Plan, slew: Slew) -> Prediction:
@@ -36,7 +54,8 @@ def predicted(plan: Plan, slew: Slew) -> Prediction:
         slew: what was asked for.
     """
     model = slew.model
-    after = int(np.ceil(WATCHED / plan.period))
+    about = model.linearise(model.rest(slew.named(slew.goal))).with_feedback(slew.kp, slew.kd)
+    after = int(np.ceil(watched(about.eigenvalues, plan.period) / plan.period))
     last = int(np.ceil(plan.duration / plan.period - 1e-9))
 
     def held(rows: Matrix, end: Vector) -> Matrix:

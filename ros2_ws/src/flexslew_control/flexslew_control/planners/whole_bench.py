@@ -14,7 +14,7 @@ from flexslew_control.controllers import PD_FEEDFORWARD, build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan
 from flexslew_control.planners.motors import Matrices, at_once, give
-from flexslew_control.planners.prediction import WATCHED, Prediction
+from flexslew_control.planners.prediction import MOST_WATCHED, WATCHED, Prediction
 from flexslew_control.planners.slew import Feedback, Slew
 from flexslew_plant.arrays import Vector, kept
 from flexslew_plant.errors import BadInput
@@ -24,6 +24,7 @@ from flexslew_plant.testbeds.model import Model
 
 _NAME = "in_charge"  # of the controller
 NOTHING = 1e-5  # residual of the tips that counts as none [m]
+_MORE, _SEEN = 1.001, 1e-6  # beyond which what is left has grown [-], [m, rad]
 _ALLOWED = 0.1  # more than on the planner's own model [-]
 
 
@@ -174,15 +175,19 @@ def flown_on_bench(
     motors = motors or at_once(limit.size)
     late = np.zeros(len(motors[0]))
     swing, peak, away = 0.0, 0.0, np.zeros(len(names))
-    for k in range(max(len(plan.effort), last) + int(np.ceil(WATCHED / plan.period)) + 1):
+    driven, after, grown, k = max(len(plan.effort), last), WATCHED / plan.period, 0, -1
+    while (k := k + 1) <= driven + np.ceil(after):
         now = plan.start + k * plan.period
         seen = sensors.read(exact_readings(model, x, effort, now), x)
         deflected = _largest(tip @ model.modal_state(x)[0])
         peak = max(peak, deflected)
         if k >= last:
-            swing = max(swing, deflected)
-            left = model.joint_error(seen.joint_position, plan.position[-1])
-            away = np.maximum(away, abs(left))
+            left = abs(model.joint_error(seen.joint_position, plan.position[-1]))
+            if deflected > _MORE * swing + _SEEN or (left > _MORE * away + _SEEN).any():
+                grown = k - driven
+            swing, away = max(swing, deflected), np.maximum(away, left)
+            if k == driven + np.ceil(after) and 2 * grown > after:  # it is still growing
+                after = max(after, min(2.0 * after, MOST_WATCHED))
         if not np.isfinite(peak):  # before the end, too
             swing, away = np.inf, np.full(len(names), np.inf)
             break

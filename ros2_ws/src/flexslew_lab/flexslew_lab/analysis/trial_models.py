@@ -79,6 +79,15 @@ def _not_in_models(trial: Trial, model: Model) -> list[str]:
     """Return, in words, what the bench has and no linear model of it."""
     motors = ("slew_rate", "quantisation", "shortest_pulse")
     words = [f"actuator.{key}" for key in motors if getattr(trial.actuator, key)]
+    if trial.actuator.coulomb_friction:
+        words.append("actuator.coulomb_friction but for its slope at rest, of motors that stick")
+    if model.one_way:
+        words.append("that thrusters push one way")
+    channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
+    quanta = [key for key in channels if getattr(trial.sensors, key).quantisation]
+    if (own := model.appendages.errors) is not None:
+        quanta += [n for n, step in zip(model.appendages.names, own[2], strict=True) if step]
+    words += [f"quantisation of sensor {name}" for name in quanta]
     if model.outside is not None:
         words.append("forces from outside")
     words += [f"delay and ticks of sensor {one.name}" for one in model.appendages.instruments]

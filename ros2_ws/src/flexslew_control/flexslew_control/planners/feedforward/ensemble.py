@@ -1,15 +1,28 @@
 """A member of an ensemble: one model under the feedback, and the vibration that it is left with."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, stage_times, substeps_for
+from flexslew_control.planners.prediction import watched
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.linearisation import Linearisation
 
 _DOUBLINGS = 14  # of the first interval of the Gramian
-_WATCHED = 75.0  # after the end, for the residual of the summary [s]
+_WATCHED = 75.0  # after the end, for the residual of the summary, at least [s]
+
+
+class FeedforwardFlight(NamedTuple):
+    """What one member does."""
+
+    residual: float  # largest |tip deflection| after the end [m]
+    deflection: float  # largest |tip deflection| of the whole flight [m]
+    peak: Vector  # efforts, shape (joints,) [N m or N]
+    swing: Matrix  # lowest and highest positions of the joints, (2, joints) [rad or m]
 
 
 @dataclass(frozen=True)
@@ -28,16 +41,35 @@ class FeedforwardMember:
     manoeuvre: Manoeuvre
     lever: float
 
+    @cached_property
+    def tips(self) -> Matrix:
+        """Return the tips by the modes, each motion once, shape (tips, modes).
+
+        Two tips that always deflect alike, or opposite to each other, count as one.
+        """
+        tip = self.manoeuvre.model.appendages.tip
+        tip = tip[tip.any(axis=1)]
+        if not len(tip):
+            return tip
+        first = np.take_along_axis(tip, (tip != 0.0).argmax(axis=1)[:, None], axis=1)
+        return np.unique(np.sign(first) * tip + 0.0, axis=0)
+
+    @property
+    def _about_goal(self) -> Linearisation:
+        """The small motions about the goal under the feedback."""
+        m = self.manoeuvre
+        rest = np.concatenate((m.goal, np.zeros(m.model.coordinates - m.model.joints)))
+        return m.model.linearise(rest).with_feedback(m.kp, m.kd)
+
     @property
     def weight(self) -> Matrix:
         """W^(1/2), shape (2 n, 2 n): |W^(1/2) Y| is the later vibration [m]."""
         m = self.manoeuvre
         n, joints = m.model.coordinates, m.model.joints
-        rest = np.concatenate((m.goal, np.zeros(n - joints)))
-        a = m.model.linearise(rest).with_feedback(m.kp, m.kd).state_matrix
-        seen = np.zeros((joints + 1, 2 * n))
+        a = self._about_goal.state_matrix
+        seen = np.zeros((joints + len(self.tips), 2 * n))
         seen[:joints, :joints] = self.lever * np.eye(joints)
-        seen[joints, joints:n] = 1.0  # the tip
+        seen[joints:, joints:n] = self.tips
         # integral of e^(A^T t) C^T C e^(A t), doubled again and again; it needs no damping
         h = m.duration / 2.0**_DOUBLINGS
         step, one = a * h, np.eye(2 * n)
@@ -49,10 +81,8 @@ class FeedforwardMember:
         values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
-    def flown(self, basis: Basis, weights: Matrix) -> tuple[float, Vector, Matrix]:
-        """Return the largest tip deflection after the end [m], the peak efforts, and the swing.
-
-        The swing is the lowest and the highest position of each joint, (2, joints) [rad or m].
+    def flown(self, basis: Basis, weights: Matrix) -> "FeedforwardFlight":
+        """Return what the member does under the feedforward and its feedback.
 
         Args:
             basis: of the feedforward.
@@ -62,9 +92,14 @@ class FeedforwardMember:
         n, joints = m.model.coordinates, m.model.joints
         pieces = (len(basis.nodes) - 1) * substeps_for(m, basis)
         step = m.duration / pieces
-        edges = step * np.arange(pieces + int(np.ceil(_WATCHED / step)) + 1, dtype=np.float64)
+        after = max(_WATCHED, watched(self._about_goal.eigenvalues, step))
+        edges = step * np.arange(pieces + int(np.ceil(after / step)) + 1, dtype=np.float64)
         path = m.fly(edges, basis.values(stage_times(edges)) @ weights)
         effort = m.efforts(edges, basis.values(edges) @ weights, path)
-        tip = path[pieces:, joints:n].sum(axis=1)
-        swing = np.array((path[:, :joints].min(axis=0), path[:, :joints].max(axis=0)))
-        return float(np.abs(tip).max()), np.abs(effort).max(axis=0), swing
+        tip = np.abs(path[:, joints:n] @ self.tips.T)
+        return FeedforwardFlight(
+            float(tip[pieces:].max(initial=0.0)),
+            float(tip.max(initial=0.0)),
+            np.abs(effort).max(axis=0),
+            np.array((path[:, :joints].min(axis=0), path[:, :joints].max(axis=0))),
+        )

@@ -7,7 +7,7 @@ every edge of the integration. All are linearised at every update; what is left 
 quadratic piece by piece, and is solved exactly, by Newton's method on what is beyond its bound.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ PRICE = 0.01  # of effort beyond its limit [m/(N m)]
 _STIFFNESS = 1e3  # of a joint beyond its range, that costs like a torque [N m/rad]
 _EDGES = 4  # of the integration in each piece of the basis, so that no peak is missed
 _HALVINGS = 12  # of a step that makes things worse
+_BISECTIONS = 50  # of a step of the convex problem
 _INNER = 50  # Newton steps on one linearisation
 _SETTLED = 1e-9  # relative gain at which a linearisation counts as solved
 
@@ -150,6 +151,19 @@ def limited_gauss_newton(
     )
 
 
+def _least_part(rises: Callable[[float], bool]) -> float:
+    """Return the part of a step at which a convex function of it is least, by bisection.
+
+    Args:
+        rises: whether the function rises at a part of the step; at 1 it does.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if rises(middle) else (middle, high)
+    return low
+
+
 def _best_step(
     problem: Problem,
     weights: Vector,
@@ -175,13 +189,16 @@ def _best_step(
         active = t[excess != 0.0]
         slope = linear + quadratic @ step + problem.price**2 * (active.T @ excess[excess != 0.0])
         towards = -np.linalg.solve(quadratic + problem.price**2 * (active.T @ active), slope)
-        for _ in range(_HALVINGS):
-            new = step + towards
-            value = problem.cost(weights + new, y + g @ new, bounded + t @ new)
-            if value <= cost:
-                break
-            towards = 0.5 * towards
-        else:
+
+        def rises(part: float, towards: Vector = towards, step: Vector = step) -> bool:
+            new = step + part * towards
+            excess = problem.beyond(bounded + t @ new)
+            there = linear + quadratic @ new + problem.price**2 * (t.T @ excess)
+            return bool(there @ towards > 0.0)
+
+        new = step + (_least_part(rises) if rises(1.0) else 1.0) * towards
+        value = problem.cost(weights + new, y + g @ new, bounded + t @ new)
+        if value > cost:
             break
         step, gain, cost = new, cost - value, value
         if gain <= _SETTLED * cost:

@@ -44,16 +44,14 @@ from flexslew_control.planners.feedforward.optimized_feedforward import (
 from flexslew_control.planners.progress import Progress, Update, ignore
 from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import FeedbackKey, Slew, TooMuchTorque
-from flexslew_control.planners.slewing import Slewing
+from flexslew_control.planners.slewing import RINGING, Slewing
 from flexslew_control.planners.trajectories import Profile
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 
-# of effort beyond its limit, tried in turn where one is not kept [m/(N m)]: PRICE suits drives of
-# some 100 N m, and is little beside the vibration where a limit is small
-_PRICES = PRICE * 10.0 ** np.arange(1, 4)
+_DEAR = 10.0  # of effort beyond its limit by all of it [m]: dear beside any vibration
 _MISSED = 0.02  # of the way: what a dearer effort may leave of it at the end [-]
 
 _Error = Annotated[float, Field(gt=-0.9, le=5.0)]
@@ -141,6 +139,7 @@ class _Found(NamedTuple):
     last: Update
     iterations: int
     residuals: list[float]  # [m]
+    deflection: float  # largest of any member on its way [m]
     peaks: Matrix  # (members, joints) [N m]
     swing: Matrix  # lowest and highest of all members, (2, joints) [rad or m]
 
@@ -151,13 +150,14 @@ def _found(problem: Problem, settings: RobustFeedforward, progress: Progress) ->
     joints = problem.members[0].manoeuvre.model.joints
     weights = history[-1][0].reshape(joints, -1).T
     flown = [member.flown(problem.basis, weights) for member in problem.members]
-    swings = np.array([swing for _, _, swing in flown])
+    swings = np.array([member.swing for member in flown])
     return _Found(
         weights,
         history[-1][1],
         len(history),
-        [residual for residual, _, _ in flown],
-        np.array([peak for _, peak, _ in flown]),
+        [member.residual for member in flown],
+        max(member.deflection for member in flown),
+        np.array([member.peak for member in flown]),
         np.array((swings[:, 0].min(axis=0), swings[:, 1].max(axis=0))),
     )
 
@@ -179,6 +179,15 @@ def _arrives(nominal: Manoeuvre, basis: Basis, weights: Matrix) -> bool:
     return bool(np.abs(missed).max() <= _MISSED * way)
 
 
+def _prices(effort_limit: Vector) -> Vector:
+    """Return prices of effort beyond its limit, to be tried in turn where it is not kept [m/(N m)].
+
+    PRICE suits drives of some 100 N m, and is little beside the vibration where a limit is small.
+    """
+    tens = np.ceil(np.log10(_DEAR / (PRICE * effort_limit.min())))
+    return np.asarray(PRICE * 10.0 ** np.arange(1.0, np.clip(tens, 3.0, 20.0) + 1.0))
+
+
 def _dearer(
     problem: Problem,
     settings: RobustFeedforward,
@@ -195,7 +204,7 @@ def _dearer(
         requested: the range of each joint, (2, joints) [rad or m]; None: free.
         effort_limit: of the drives, (joints,) [N m].
     """
-    for price in _PRICES:
+    for price in _prices(effort_limit):
         try:
             found = _found(replace(problem, price=price), settings, ignore)
         except PlanFailed:
@@ -203,6 +212,21 @@ def _dearer(
         if _within(found, effort_limit, requested):
             return found if _arrives(nominal, problem.basis, found.weights) else None
     return None
+
+
+def _ringing(found: _Found, members: tuple[FeedforwardMember, ...]) -> dict[str, str]:
+    """Return a warning of a member whose tips swing on."""
+    k = int(np.argmax(found.residuals))
+    left = found.residuals[k]
+    if left <= RINGING * found.deflection:
+        return {}
+    off = f"stiffness {100.0 * members[k].stiffness_error:+g} %"
+    if members[k].payload_error:
+        off += f", payload {100.0 * members[k].payload_error:+g} %"
+    return {
+        "warning": f"the tip vibrates by {left:.3g} m after the end on one of the models ({off}); "
+        "minimax_feedforward tells how little can be left in this time"
+    }
 
 
 def _require_range(requested: Matrix, swing: Matrix, names: tuple[str, ...]) -> None:
@@ -270,6 +294,7 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
         "worst_peak_effort": peaks.max(axis=0).tolist(),
         "swing": {n: swing[:, j].tolist() for j, n in enumerate(nominal.model.joint_names)},
         "weights": weights.T.tolist(),
+        **_ringing(found, members),
     }
     return replace(plan, summary=told | plan.summary)
 

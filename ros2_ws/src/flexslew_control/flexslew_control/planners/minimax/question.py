@@ -13,7 +13,7 @@ from flexslew_control.planners.minimax.motion import MemberMotion
 from flexslew_control.planners.minimax.program import ConeProgram, Limits
 from flexslew_control.planners.minimax.response import AtRest, Grid, Response, at_rest, grid_of
 from flexslew_control.planners.minimax.turn import AllDrivesTurn
-from flexslew_control.planners.prediction import WATCHED
+from flexslew_control.planners.prediction import watched
 from flexslew_control.planners.slew import Slew
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_plant.arrays import Matrix
@@ -125,11 +125,18 @@ class Question:
         """Whether the pieces are so short that shorter ones gain nothing."""
         return self.duration <= self.count * _FINE * self.fastest
 
+    @cached_property
+    def watched(self) -> float:
+        """How long after the end a residual is looked for [s]."""
+        rest = self.motion.at_rest(self.slew.model)
+        a = rest.linear.state_matrix - rest.linear.state_input_matrix @ self.gains @ rest.seen
+        return watched(np.linalg.eigvals(a).astype(np.complex128), self.slew.period)
+
     def grid(self, stride: int = 1) -> Grid:
         """Return pieces of all ticks, or of coarse ticks, so many ticks each, as far as they go."""
         period = stride * self.slew.period
         ticks = max(self.ticks // stride, 1)
-        return grid_of(ticks * period, self.count, self.slew.goal.size, period, WATCHED)
+        return grid_of(ticks * period, self.count, self.slew.goal.size, period, self.watched)
 
 
 def convex_program(question: Question, members: Sequence[Member]) -> ConeProgram:
