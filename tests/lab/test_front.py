@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 
@@ -134,6 +135,38 @@ def test_the_name_of_a_controller_of_the_trial_keeps_its_settings() -> None:
     assert list(other.controllers) == ["pd_feedforward", "lqr", "collocated_pid"]
 
 
+LEAD = control.ss(control.tf([920.0, 460.0], [0.1, 1.0]))
+
+
+def test_a_system_of_python_control_is_a_law() -> None:
+    """Its efforts are those of the same recursion in NumPy, of measured errors."""
+    flown = fs.fly(fs.trial(SLEW, law=control.append(LEAD, LEAD)))
+    tick = control.sample_system(LEAD, 0.01, "tustin")
+    error = flown["reference"][:-1] - flown["measured"][:-1]
+    x, efforts = np.zeros(2), []
+    for row in error:
+        efforts.append(tick.C[0, 0] * x + tick.D[0, 0] * row)
+        x = tick.A[0, 0] * x + tick.B[0, 0] * row
+    demand = flown["feedforward"][:-1] + efforts
+    assert np.abs(demand).max() > 0.1
+    assert flown["effort"][1:] == pytest.approx(demand, rel=0, abs=1e-12)
+
+
+def test_a_system_says_by_its_labels_what_it_listens_to_and_keeps_the_settings_of_linear() -> None:
+    labels = {"inputs": ["position:hub_pitch", "tip:beam_positive"], "outputs": "effort:hub_pitch"}
+    gain = control.ss([], [], [], [[-460.0, 0.5]], **labels)
+    before = {"linear": {"feedforward": False, "file": "old.npz"}, "pd_feedforward": {}}
+    given = fs.trial({**SLEW, "controllers": before, "active": "pd_feedforward"}, law=gain)
+    kept = given.controllers["linear"]
+    assert (given.active, kept["feedforward"], "file" in kept) == ("linear", False, False)
+    assert kept["system"]["inputs"] == ["position.hub_pitch", "tip.beam_positive"]
+    assert kept["system"]["d"] == [[-460.0, 0.5]]
+    other = fs.trial(SLEW, law=control.tf([1.0, 0.0], [0.1, 1.0], inputs="a:x", outputs="b:y"))
+    assert other.controllers["linear"]["system"]["outputs"] == ["b.y"]
+    mine = {"controllers": {"linear": {"law": "pd_feedforward", "kp": 1.0}}, "active": "linear"}
+    assert set(fs.trial({**SLEW, **mine}, law=gain).controllers["linear"]) == {"system"}
+
+
 def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None:
     keys = {"name": "craft", "duration": 2.0, "testbed": {"kind": "spacecraft"}}
     rows = cubic(100, 0.02, -0.01, 0.03)
@@ -155,6 +188,14 @@ def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None
         ({"plan": np.ma.masked_less(np.zeros((5, 2)), 1.0)}, "some of its numbers are masked"),
         ({"law": int}, r"int is not allowed: a class with update"),
         ({"law": 3.0}, "a float is not allowed"),
+        ({"law": np.eye(2)}, "a ndarray is not allowed: give a class, a function, a system"),
+        ({"law": lambda measurement: [0.0, 0.0]}, "is asked .*: too many"),
+        ({"law": lambda m, e, r: [0.0, 0.0]}, "is asked .*: missing a required argument: 'r'"),
+        ({"law": control.ss(-1, 1, 1, 0, True)}, "law: dt is unspecified"),
+        ({"law": control.ss(-1, 1, 1, 0, inputs="e", outputs="u")}, "law: e is no signal of the"),
+        ({"law": LEAD}, "outputs"),
+        ({"law": control.tf([1, 0, 0], [1, 1])}, "law: is no state space"),
+        ({"law": control.nlsys(None, lambda t, x, u, p: u)}, "it is a NonlinearIO"),
     ],
 )
 def test_an_object_that_does_not_fit_is_refused_in_one_line(given: Any, words: str) -> None:
@@ -300,6 +341,43 @@ def test_a_flight_becomes_a_dataset_with_units(
     data, coordinates = flight.xarray()
     assert data["effort.base_yaw"][2] == {"units": "N m"}
     assert coordinates["time"][1] is flight.time
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.parametrize("name", [LONG, f"{LONG}.py:Law", f"{LONG}/{LONG}"])
+def test_a_name_that_is_too_long_for_a_file_is_refused_in_one_line(
+    name: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "study.yaml"
+    one = "sampling: {n: 1}\nvary: {testbed.damping_ratio: {uniform: [0.0, 0.1]}}\n"
+    file.write_text(f"study: long\ntrial: {name}\n{one}")
+    linear = {**SHORT, "controllers": {"linear": {"file": f"{name}.npz"}}, "active": "linear"}
+    panel = {"hinge": {"place": [0.0, 1.0, 0.0]}, "shape": {"kind": "modal_data", "file": name}}
+    craft = {"testbed": {"kind": "spacecraft", "appendages": {"panel": panel}}}
+    for use in (
+        lambda: fs.read(name),
+        lambda: fs.study(name),
+        lambda: fs.study(file),
+        lambda: fs.trial(name),
+        lambda: fs.fly(linear),
+        lambda: fs.fly(craft),
+    ):
+        with pytest.raises(fs.BadInput):
+            use()
+
+
+@pytest.mark.parametrize("name", [LONG, f"study.yaml/{LONG}", "study.yaml"])
+def test_a_study_in_no_folder_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
+    (tmp_path / "trial.yaml").write_text("duration: 0.1\ntestbed: {modes: 1}\n")
+    file = tmp_path / "study.yaml"
+    file.write_text(
+        "study: small\ntrial: trial.yaml\nsampling: {n: 1}\n"
+        "vary: {testbed.damping_ratio: {uniform: [0.0, 0.1]}}\n"
+    )
+    with pytest.raises(fs.BadInput):
+        fs.study(file, tmp_path / name)
 
 
 def test_a_bench_is_stepped_by_hand() -> None:

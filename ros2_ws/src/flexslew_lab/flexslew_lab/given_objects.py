@@ -6,6 +6,7 @@ where the object is; a class of an importable module keeps its own name.
 """
 
 import importlib
+import inspect
 import sys
 from collections.abc import Callable
 from copy import deepcopy
@@ -15,14 +16,18 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from flexslew_control.analysis.save_law import law_of_system
+from flexslew_control.controllers import LINEAR
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, other_method, plan_settings
+from flexslew_lab.trial.trial import law_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import plain, section
 
 MODULE = "flexslew_given"
+# a name, a class, a function; a system of python-control can be called, too
 Given: TypeAlias = str | type[Any] | Callable[..., Any]
 
 
@@ -31,11 +36,12 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
 
     Args:
         values: keys of a trial.
-        law: a class with `update`, a function of (measurement, reference), or a name: of a
-            controller of the trial, which keeps its settings, or of a law with its defaults.
+        law: a class with `update`, a function of (measurement, reference), a system of
+            python-control, which controller `linear` flies, or a name: of a controller of the
+            trial, which keeps its settings, or of a law with its defaults.
 
     Raises:
-        BadInput: it is neither.
+        BadInput: it is none of them.
     """
     others = values.get("controllers") or {}
     if isinstance(law, str) and law in others:
@@ -47,13 +53,48 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
             words = "a class with update(measurement, estimate, reference) is needed"
             raise BadInput(f"law: {law.__name__} is not allowed: {words}")
         name, settings = law.__name__, {"law": _named(law)}
+    elif _is_system(law):
+        name, settings = LINEAR.name, _linear(others.get(LINEAR.name) or {}, law)
     elif callable(law):
+        _require_two_arguments(law)
         own = _class_of(law)
         name, settings = own.__name__, {"law": _named(own)}
     else:
-        raise BadInput(f"law: a {type(law).__name__} is not allowed: give a class or a function")
+        words = "give a class, a function, a system of python-control or a name"
+        raise BadInput(f"law: a {type(law).__name__} is not allowed: {words}")
     name = name if name.isidentifier() else "mine"
     return {**values, "controllers": {**others, name: settings}, "active": name}
+
+
+def _is_system(law: Any) -> bool:
+    """Return whether a law is an object of python-control; all of them can be called."""
+    return any(kind.__module__.partition(".")[0] == "control" for kind in type(law).__mro__)
+
+
+def _linear(before: dict[str, Any], system: Any) -> dict[str, Any]:
+    """Return the settings of controller `linear` that flies a system; its others stay."""
+    own = {} if law_of(LINEAR.name, before)[0] != LINEAR.name else before
+    kept = {key: value for key, value in own.items() if key not in ("file", "system")}
+    return {**kept, "system": law_of_system(system, "law")}
+
+
+def _require_two_arguments(function: Callable[..., Any]) -> None:
+    """Check that a law can be asked; a function that tells no signature is asked in flight.
+
+    Raises:
+        BadInput: it does not take measurement and reference.
+    """
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return
+    try:
+        signature.bind(None, None)
+    except TypeError as error:
+        name = getattr(function, "__name__", type(function).__name__)
+        raise BadInput(
+            f"law: {name}{signature}: is asked (measurement, reference): {error}"
+        ) from None
 
 
 def with_plan(

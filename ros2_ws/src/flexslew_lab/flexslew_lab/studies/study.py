@@ -1,6 +1,7 @@
 """A study file: which trial, what varies and how, what is compared, what has to hold."""
 
 import difflib
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from itertools import product
@@ -154,10 +155,10 @@ def study_path(name: str) -> Path:
         BadInput: there is neither.
     """
     path = Path(name)
-    if path.is_file():
+    if os.path.isfile(path):  # also of a name that is too long for one
         return path
     shipped = SHIPPED / f"{name}.yaml"
-    if shipped.is_file():
+    if os.path.isfile(shipped):
         return shipped
     known = ", ".join(shipped_names())
     raise BadInput(f"is neither a study file nor a shipped study; shipped: {known}", name)
@@ -241,7 +242,7 @@ def known_metric(name: str, known: list[str], place: str) -> str:
 
 def _trial_path(name: str, folder: Path, source: str) -> Path:
     """Return a trial's file as seen from the study's folder, else as the command line takes it."""
-    if (folder / name).is_file():
+    if os.path.isfile(folder / name):
         return folder / name
     try:
         return trial_path(name)
