@@ -343,6 +343,25 @@ def test_a_flight_becomes_a_dataset_with_units(
     assert coordinates["time"][1] is flight.time
 
 
+@pytest.mark.parametrize(
+    ("package", "use"),
+    [
+        ("pandas", lambda flight: flight.frame()),
+        ("xarray", lambda flight: flight.xarray()),
+        ("pandas", lambda flight: fs.Sweep({}, {}).frame()),
+        ("xarray", lambda flight: fs.Sweep({}, {}).xarray()),
+        ("pyarrow", lambda flight: fs.study("csa_robustness")),
+    ],
+)
+def test_what_needs_a_package_that_is_not_there_says_what_installs_it(
+    package: str, use: Any, flight: fs.Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    words = rf"{package} is not installed: (./flexslew extras|pip install .flexslew\[)"
+    with pytest.raises(ModuleNotFoundError, match=words):
+        use(flight)
+
+
 LONG = "x" * 300
 
 

@@ -10,6 +10,7 @@ from flexslew_lab.notebook import What, trial_from
 from flexslew_lab.trial.trial import bench_settings
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
+from flexslew_plant.extras import required
 
 if TYPE_CHECKING:
     from flexslew_lab.analysis.analysis import Analysis
@@ -58,6 +59,7 @@ def study(file: str | Path, folder: Path | str | None = None, workers: int = 1) 
         BadInput: no such study, or one of its values is not allowed.
         ModuleNotFoundError: pyarrow is not installed.
     """
+    required("pyarrow")
     from flexslew_lab.run.pool import Pool
     from flexslew_lab.studies.finish import finished, keep_worst
     from flexslew_lab.studies.lanes.check import bench_job, check_lanes
