@@ -15,7 +15,10 @@ import pytest
 
 import flexslew as fs
 from flexslew_lab.given_objects import with_law
+from flexslew_lab.studies.study import load_study
 from flexslew_lab.trial.trial import plan_of_trial
+from flexslew_plant.own_code import ANY_CODE
+from flexslew_plant.settings import plain
 
 SHORT: dict[str, Any] = {"name": "short", "duration": 2.0, "testbed": {"modes": 1}}
 SLEW = {**SHORT, "plan": {"method": "reference_only", "goal": {"base_yaw": 0.01}, "duration": 1.0}}
@@ -341,6 +344,38 @@ def test_a_flight_becomes_a_dataset_with_units(
     data, coordinates = flight.xarray()
     assert data["effort.base_yaw"][2] == {"units": "N m"}
     assert coordinates["time"][1] is flight.time
+
+
+def test_a_study_of_keys_flies_a_trial_with_an_object_that_is_numbers(tmp_path: Path) -> None:
+    flown = fs.trial({**SHORT, "duration": 0.2}, law=control.append(LEAD, LEAD))
+    keys = {
+        "study": "mine",
+        "trial": flown,
+        "sampling": {"n": np.int64(2)},
+        "vary": {"testbed.parameters.bending_stiffness": {"relative": {"uniform": [-0.1, 0.1]}}},
+        "keep": {"bags": "none"},
+    }
+    found = fs.study(keys, tmp_path / "mine")
+    assert (found["trials"], found["failed"], found["variants"]) == (2, 0, [""])
+    kept = tmp_path / "mine/study.yaml"  # with its trial it is the same study
+    assert load_study(kept, ANY_CODE).base == plain(flown)
+    for given in (fs.trial(SHORT, law=push), fs.trial(SHORT, plan=cubic(100, 0.2, 0.1))):
+        with pytest.raises(fs.BadInput, match="is an object of this process"):
+            fs.study({**keys, "trial": given}, tmp_path / "other")
+    with pytest.raises(fs.BadInput, match="trial: is missing"):
+        fs.study({"study": "mine"}, tmp_path / "other")
+
+
+def test_an_analysis_about_a_rest_is_short_to_look_at() -> None:
+    found = fs.analyse({**SHORT, "plan": None}, hub_pitch=0.5)
+    assert found.plain()["rest"] == {"base_yaw": 0.0, "hub_pitch": 0.5}
+    words = f"disk margin {found.disks['input'].alpha:.3g} and delay margin"
+    assert repr(found).startswith(
+        f"<Analysis of pd_feedforward: {len(found.poles)} poles, stable; "
+    )
+    assert words in repr(found)
+    with pytest.raises(fs.BadInput, match="hub is not a joint of the testbed"):
+        fs.analyse(SHORT, hub=0.5)
 
 
 @pytest.mark.parametrize(

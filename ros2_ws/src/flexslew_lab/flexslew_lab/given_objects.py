@@ -20,7 +20,7 @@ from flexslew_control.analysis.save_law import law_of_system
 from flexslew_control.controllers import LINEAR
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, other_method, plan_settings
-from flexslew_lab.trial.trial import law_of
+from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
@@ -125,6 +125,19 @@ def with_plan(
     else:
         own, start = _planner_of(_positions(plan)), {}
     return {**values, "plan": {"method": _named(own), **start}}
+
+
+def require_in_files(trial: Trial) -> None:
+    """Check that other processes can fly a trial, to which the objects of this one are unknown.
+
+    Raises:
+        BadInput: it names one.
+    """
+    laws = [str((own or {}).get("law", "")) for own in trial.controllers.values()]
+    for name in (*laws, str(getattr(trial.plan, "method", ""))):
+        if name.startswith(f"{MODULE}."):
+            words = f"{name.removeprefix(f'{MODULE}.')} is an object of this process"
+            raise BadInput(f"{words}: other processes need it in a file, as my_law.py:MyLaw")
 
 
 def _positions(plan: Any) -> Matrix:

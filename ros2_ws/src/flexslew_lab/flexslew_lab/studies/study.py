@@ -201,9 +201,35 @@ def parse_study(text: str, source: str, folder: Path, trust: Trust = NO_CODE) ->
     values = load_yaml(text, source)
     if not isinstance(values, dict):
         raise BadInput("holds no keys; it needs at least study, trial and vary", source)
+    return study_of_values(values, source, folder, trust)
+
+
+def study_of_values(
+    values: dict[str, Any],
+    source: str,
+    folder: Path,
+    trust: Trust = NO_CODE,
+    trial: Trial | None = None,
+) -> Study:
+    """Return the study that plain data describe.
+
+    Args:
+        values: keys of a study file.
+        source: its name, for messages.
+        folder: from which trial and list are seen.
+        trust: which classes of the user's own its trial may name.
+        trial: that it flies; None: the one that the key `trial` names.
+
+    Raises:
+        BadInput: see load_study.
+    """
     settings: StudySettings = validated(StudySettings, values, source)
-    trial_path = _trial_path(settings.trial, folder, source)
-    base = plain(load_trial(trial_path, trust))
+    if trial is None:
+        trial_path = _trial_path(settings.trial, folder, source)
+        trial, trial_source = load_trial(trial_path, trust), str(trial_path)
+    else:
+        trial_source = trial.name
+    base = plain(trial)
     varied, listed = _varied(settings, base, folder, source)
     check_sampling(settings.sampling, len(varied), f"{source}: sampling")
     _require_apart(varied, f"{source}: vary")
@@ -224,7 +250,7 @@ def parse_study(text: str, source: str, folder: Path, trust: Trust = NO_CODE) ->
             "give no bounds; use random, lhs or sobol",
             source,
         )
-    return Study(settings, source, str(trial_path), base, varied, variants, listed, {}, trust)
+    return Study(settings, source, trial_source, base, varied, variants, listed, {}, trust)
 
 
 def known_metric(name: str, known: list[str], place: str) -> str:
