@@ -1,5 +1,6 @@
 """`import flexslew`: objects in place of names, grids of trials, no module of Linux alone."""
 
+import pickle
 import re
 import subprocess
 import sys
@@ -395,6 +396,20 @@ def test_what_needs_a_package_that_is_not_there_says_what_installs_it(
     words = rf"{package} is not installed: (./flexslew extras|pip install .flexslew\[)"
     with pytest.raises(ModuleNotFoundError, match=words):
         use(flight)
+
+
+@pytest.mark.parametrize("name", ["m1", "three_axes", "docs/examples/three_joints.py:ThreeJoints"])
+def test_a_trial_travels_to_a_process_that_has_not_loaded_its_testbed(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = fs.trial({"testbed": {"kind": name}, "duration": 1.0} if ".py:" in name else name)
+    keys, sent = plain(given), pickle.dumps(given)
+    for loaded in [module for module in sys.modules if module.startswith("flexslew_user_")]:
+        monkeypatch.delitem(sys.modules, loaded)
+    there = pickle.loads(sent)
+    assert plain(there) == keys
+    assert there.trust == given.trust
+    assert there.testbed.model().joint_names == given.testbed.model().joint_names
 
 
 LONG = "x" * 300
