@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import threading
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -314,6 +315,19 @@ def test_laws_of_one_name_are_told_apart_whichever_thread_gives_them() -> None:
         sys.setswitchinterval(before)
     names = [found["controllers"]["law"]["law"] for found in keys.values()]
     assert len(set(names)) == len(keys) == 800
+
+
+def test_an_object_that_is_given_again_is_the_same_law_or_plan() -> None:
+    """So a loop over trials keeps one copy of it, and its trials have one text."""
+    made = plan_of_trial(fs.trial(SLEW))
+    for given in ({"law": push}, {"plan": cubic(100, 0.2, 0.1)}, {"plan": made}):
+        first, again = fs.trial(SHORT, **given), fs.trial(SHORT, **deepcopy(given))
+        assert plain(first) == plain(again)
+    other = fs.trial(SHORT, plan=cubic(100, 0.2, 0.11))
+    assert other.plan != fs.trial(SHORT, plan=cubic(100, 0.2, 0.1)).plan
+    assert fs.trial(SHORT, law=lambda m, r: push(m, r)) != fs.trial(
+        SHORT, law=lambda m, r: push(m, r)
+    )
 
 
 def test_efforts_that_are_complex_fail_the_law() -> None:

@@ -8,7 +8,7 @@ where the object is; a class of an importable module keeps its own name.
 import importlib
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from copy import deepcopy
 from dataclasses import replace
 from types import ModuleType
@@ -19,6 +19,7 @@ import numpy as np
 from flexslew_control.analysis.save_law import law_of_system
 from flexslew_control.controllers import LINEAR
 from flexslew_control.plan import Plan
+from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners import PLANNERS, other_method, plan_settings
 from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.arrays import Matrix, Vector
@@ -27,6 +28,7 @@ from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import plain, section
 
 MODULE = "flexslew_given"
+_CLASSES: dict[Hashable, type[Any]] = {}  # by function (each keeps its own alive), or content
 # a name, a class, a function; a system of python-control can be called, too
 Given: TypeAlias = str | type[Any] | Callable[..., Any]
 
@@ -57,13 +59,19 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
         name, settings = LINEAR.name, _linear(others.get(LINEAR.name) or {}, law)
     elif callable(law):
         _require_two_arguments(law)
-        own = _class_of(law)
+        own = _kept(id(law), lambda: _class_of(law))
         name, settings = own.__name__, {"law": _named(own)}
     else:
         words = "give a class, a function, a system of python-control or a name"
         raise BadInput(f"law: a {type(law).__name__} is not allowed: {words}")
     name = name if name.isidentifier() else "mine"
     return {**values, "controllers": {**others, name: settings}, "active": name}
+
+
+def _kept(key: Hashable, make: Callable[[], type[Any]]) -> type[Any]:
+    """Return the class of an object, the same one for the same object; it lives on in MODULE."""
+    found = _CLASSES.get(key)
+    return found if found is not None else _CLASSES.setdefault(key, make())
 
 
 def _is_system(law: Any) -> bool:
@@ -121,9 +129,11 @@ def with_plan(
     if isinstance(plan, type):
         return {**values, "plan": {**before, "method": _named(plan)}}
     if isinstance(plan, Plan):
-        own, start = _planner_of(deepcopy(plan)), {"start": plan.start}
+        copied = deepcopy(plan)
+        own, start = _kept(plan_hash(plan), lambda: _planner_of(copied)), {"start": plan.start}
     else:
-        own, start = _planner_of(_positions(plan)), {}
+        rows = _positions(plan)
+        own, start = _kept((rows.shape, rows.tobytes()), lambda: _planner_of(rows)), {}
     return {**values, "plan": {"method": _named(own), **start}}
 
 
