@@ -464,8 +464,19 @@ def test_a_study_in_no_folder_is_refused_in_one_line(name: str, tmp_path: Path) 
 
 
 def test_a_bench_is_stepped_by_hand() -> None:
-    bench = fs.bench(SHORT)
+    keys = {**SHORT, "duration": 0.5, "testbed": {"modes": 1, "initial": {"base_yaw": 0.1}}}
+    bench = fs.bench(keys)
     assert (bench.tick, bench.question.tick) == (0, 0)
+    while not bench.done:
+        seen = bench.question
+        effort = -600.0 * seen.joint_position - 900.0 * seen.joint_velocity
+        assert bench.offer(fs.EffortCommand(seen.tick, seen.epoch, seen.controller, effort))
+        bench.advance()
+    flown = fs.fly(
+        fs.trial(keys, law=lambda m, r: -600.0 * m.joint_position - 900.0 * m.joint_velocity)
+    )
+    assert np.array_equal(bench.truth().position, flown["position"][-1])
+    assert bench.truth().position[0] != 0.1
 
 
 ELSEWHERE = """

@@ -22,6 +22,7 @@ from flexslew_lab.trial.trial import Trial
 from flexslew_plant import testbeds
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.version import VERSION
 
 __version__ = VERSION
@@ -29,6 +30,7 @@ __version__ = VERSION
 __all__ = [
     "BadInput",
     "Bench",
+    "EffortCommand",
     "FlexslewError",
     "Flight",
     "Plan",
