@@ -14,6 +14,7 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import flexslew as fs
 from flexslew_lab.given_objects import with_law
@@ -179,6 +180,23 @@ def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None
                             plan=rows))  # fmt: skip
     assert np.array_equal(flown["reference"][:101], rows)
     assert flown.names("reference") == ("reference.roll", "reference.pitch", "reference.yaw")
+
+
+def test_rates_of_attitudes_given_at_every_tick_are_body_rates() -> None:
+    """Of a path about an axis that turns, by SciPy's rotations; joints of one axis stay as was."""
+    c = cubic(200, 1.0)
+    path = np.hstack((1.2 * c, 0.9 * c**2, -0.7 * np.sin(np.pi * c)))
+    made = plan_of_trial(fs.trial("three_axes", plan=path))
+    assert made is not None
+    turned = Rotation.from_rotvec(path)
+    rates = (turned[:-2].inv() * turned[2:]).as_rotvec() / (2.0 * made.period)
+    assert np.abs(rates - np.gradient(path, made.period, axis=0)[1:-1]).max() > 0.2
+    assert made.velocity[1:-1] == pytest.approx(rates, rel=0, abs=1e-12)
+    assert not made.velocity[[0, -1]].any()
+    about_one = plan_of_trial(fs.trial("three_axes", plan=c * [1.0, 0.0, 0.0]))
+    assert about_one is not None
+    plain_rates = np.gradient(c[:, 0], made.period)[1:-1]
+    assert about_one.velocity[1:-1, 0] == pytest.approx(plain_rates, rel=0, abs=1e-12)
 
 
 @pytest.mark.parametrize(

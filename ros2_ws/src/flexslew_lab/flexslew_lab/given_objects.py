@@ -26,6 +26,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import plain, section
+from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 MODULE = "flexslew_given"
 _CLASSES: dict[Hashable, type[Any]] = {}  # by function (each keeps its own alive), or content
@@ -208,8 +209,7 @@ def _planner_of(given: Plan | Matrix) -> type[Any]:
             if given.shape[1] != joints:
                 words = f"({ticks + 1}, {joints}): {', '.join(names)}"
                 raise BadInput(f"plan: an array of shape {given.shape} does not fit: {words}")
-            rates = np.gradient(given, period, axis=0)
-            rates[[0, -1]] = 0.0  # at rest before and after
+            rates = _rates(given, period, slew.model.attitude)
             efforts, none, lasts = (
                 np.zeros((ticks, joints)),
                 np.zeros((ticks + 1, 0)),
@@ -221,6 +221,24 @@ def _planner_of(given: Plan | Matrix) -> type[Any]:
             )
 
     return section(GivenPlan)
+
+
+def _rates(positions: Matrix, period: float, attitude: AttitudeJoints | None) -> Matrix:
+    """Return joint rates by central differences, at rest before and after, same shape.
+
+    Of joints that read an attitude these are body rates: the rotation from the tick before to the
+    one after, as the rate of a rotation vector is none where the axis turns.
+
+    Args:
+        positions: at every tick, shape (ticks + 1, joints) [rad or m].
+        period: one tick [s].
+        attitude: of the joints that read one; None: none does.
+    """
+    rates = np.gradient(positions, period, axis=0)
+    if attitude is not None:
+        rates[1:-1] = attitude.error(positions[:-2], positions[2:]) / (2.0 * period)
+    rates[[0, -1]] = 0.0
+    return rates
 
 
 def _require_fit(plan: Plan, names: tuple[str, ...], period: float) -> None:
