@@ -1,20 +1,27 @@
 """`import flexslew`: objects in place of names, grids of trials, no module of Linux alone."""
 
+import pickle
 import re
 import subprocess
 import sys
 import threading
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import control
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import flexslew as fs
 from flexslew_lab.given_objects import with_law
+from flexslew_lab.studies.study import load_study
 from flexslew_lab.trial.trial import plan_of_trial
+from flexslew_plant.own_code import ANY_CODE
+from flexslew_plant.settings import plain
 
 SHORT: dict[str, Any] = {"name": "short", "duration": 2.0, "testbed": {"modes": 1}}
 SLEW = {**SHORT, "plan": {"method": "reference_only", "goal": {"base_yaw": 0.01}, "duration": 1.0}}
@@ -134,6 +141,38 @@ def test_the_name_of_a_controller_of_the_trial_keeps_its_settings() -> None:
     assert list(other.controllers) == ["pd_feedforward", "lqr", "collocated_pid"]
 
 
+LEAD = control.ss(control.tf([920.0, 460.0], [0.1, 1.0]))
+
+
+def test_a_system_of_python_control_is_a_law() -> None:
+    """Its efforts are those of the same recursion in NumPy, of measured errors."""
+    flown = fs.fly(fs.trial(SLEW, law=control.append(LEAD, LEAD)))
+    tick = control.sample_system(LEAD, 0.01, "tustin")
+    error = flown["reference"][:-1] - flown["measured"][:-1]
+    x, efforts = np.zeros(2), []
+    for row in error:
+        efforts.append(tick.C[0, 0] * x + tick.D[0, 0] * row)
+        x = tick.A[0, 0] * x + tick.B[0, 0] * row
+    demand = flown["feedforward"][:-1] + efforts
+    assert np.abs(demand).max() > 0.1
+    assert flown["effort"][1:] == pytest.approx(demand, rel=0, abs=1e-12)
+
+
+def test_a_system_says_by_its_labels_what_it_listens_to_and_keeps_the_settings_of_linear() -> None:
+    labels = {"inputs": ["position:hub_pitch", "tip:beam_positive"], "outputs": "effort:hub_pitch"}
+    gain = control.ss([], [], [], [[-460.0, 0.5]], **labels)
+    before = {"linear": {"feedforward": False, "file": "old.npz"}, "pd_feedforward": {}}
+    given = fs.trial({**SLEW, "controllers": before, "active": "pd_feedforward"}, law=gain)
+    kept = given.controllers["linear"]
+    assert (given.active, kept["feedforward"], "file" in kept) == ("linear", False, False)
+    assert kept["system"]["inputs"] == ["position.hub_pitch", "tip.beam_positive"]
+    assert kept["system"]["d"] == [[-460.0, 0.5]]
+    other = fs.trial(SLEW, law=control.tf([1.0, 0.0], [0.1, 1.0], inputs="a:x", outputs="b:y"))
+    assert other.controllers["linear"]["system"]["outputs"] == ["b.y"]
+    mine = {"controllers": {"linear": {"law": "pd_feedforward", "kp": 1.0}}, "active": "linear"}
+    assert set(fs.trial({**SLEW, **mine}, law=gain).controllers["linear"]) == {"system"}
+
+
 def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None:
     keys = {"name": "craft", "duration": 2.0, "testbed": {"kind": "spacecraft"}}
     rows = cubic(100, 0.02, -0.01, 0.03)
@@ -141,6 +180,23 @@ def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None
                             plan=rows))  # fmt: skip
     assert np.array_equal(flown["reference"][:101], rows)
     assert flown.names("reference") == ("reference.roll", "reference.pitch", "reference.yaw")
+
+
+def test_rates_of_attitudes_given_at_every_tick_are_body_rates() -> None:
+    """Of a path about an axis that turns, by SciPy's rotations; joints of one axis stay as was."""
+    c = cubic(200, 1.0)
+    path = np.hstack((1.2 * c, 0.9 * c**2, -0.7 * np.sin(np.pi * c)))
+    made = plan_of_trial(fs.trial("three_axes", plan=path))
+    assert made is not None
+    turned = Rotation.from_rotvec(path)
+    rates = (turned[:-2].inv() * turned[2:]).as_rotvec() / (2.0 * made.period)
+    assert np.abs(rates - np.gradient(path, made.period, axis=0)[1:-1]).max() > 0.2
+    assert made.velocity[1:-1] == pytest.approx(rates, rel=0, abs=1e-12)
+    assert not made.velocity[[0, -1]].any()
+    about_one = plan_of_trial(fs.trial("three_axes", plan=c * [1.0, 0.0, 0.0]))
+    assert about_one is not None
+    plain_rates = np.gradient(c[:, 0], made.period)[1:-1]
+    assert about_one.velocity[1:-1, 0] == pytest.approx(plain_rates, rel=0, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -155,6 +211,14 @@ def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None
         ({"plan": np.ma.masked_less(np.zeros((5, 2)), 1.0)}, "some of its numbers are masked"),
         ({"law": int}, r"int is not allowed: a class with update"),
         ({"law": 3.0}, "a float is not allowed"),
+        ({"law": np.eye(2)}, "a ndarray is not allowed: give a class, a function, a system"),
+        ({"law": lambda measurement: [0.0, 0.0]}, "is asked .*: too many"),
+        ({"law": lambda m, e, r: [0.0, 0.0]}, "is asked .*: missing a required argument: 'r'"),
+        ({"law": control.ss(-1, 1, 1, 0, True)}, "law: dt is unspecified"),
+        ({"law": control.ss(-1, 1, 1, 0, inputs="e", outputs="u")}, "law: e is no signal of the"),
+        ({"law": LEAD}, "outputs"),
+        ({"law": control.tf([1, 0, 0], [1, 1])}, "law: is no state space"),
+        ({"law": control.nlsys(None, lambda t, x, u, p: u)}, "it is a NonlinearIO"),
     ],
 )
 def test_an_object_that_does_not_fit_is_refused_in_one_line(given: Any, words: str) -> None:
@@ -271,6 +335,19 @@ def test_laws_of_one_name_are_told_apart_whichever_thread_gives_them() -> None:
     assert len(set(names)) == len(keys) == 800
 
 
+def test_an_object_that_is_given_again_is_the_same_law_or_plan() -> None:
+    """So a loop over trials keeps one copy of it, and its trials have one text."""
+    made = plan_of_trial(fs.trial(SLEW))
+    for given in ({"law": push}, {"plan": cubic(100, 0.2, 0.1)}, {"plan": made}):
+        first, again = fs.trial(SHORT, **given), fs.trial(SHORT, **deepcopy(given))
+        assert plain(first) == plain(again)
+    other = fs.trial(SHORT, plan=cubic(100, 0.2, 0.11))
+    assert other.plan != fs.trial(SHORT, plan=cubic(100, 0.2, 0.1)).plan
+    assert fs.trial(SHORT, law=lambda m, r: push(m, r)) != fs.trial(
+        SHORT, law=lambda m, r: push(m, r)
+    )
+
+
 def test_efforts_that_are_complex_fail_the_law() -> None:
     flown = fs.fly(fs.trial({**SHORT, "duration": 0.2}, law=lambda *_: [1.0 + 2.0j, 0.0]))
     assert flown.metrics["peak_effort"]["base_yaw"] == 0.0
@@ -302,9 +379,122 @@ def test_a_flight_becomes_a_dataset_with_units(
     assert coordinates["time"][1] is flight.time
 
 
+def test_a_study_of_keys_flies_a_trial_with_an_object_that_is_numbers(tmp_path: Path) -> None:
+    flown = fs.trial({**SHORT, "duration": 0.2}, law=control.append(LEAD, LEAD))
+    keys = {
+        "study": "mine",
+        "trial": flown,
+        "sampling": {"n": np.int64(2)},
+        "vary": {"testbed.parameters.bending_stiffness": {"relative": {"uniform": [-0.1, 0.1]}}},
+        "keep": {"bags": "none"},
+    }
+    found = fs.study(keys, tmp_path / "mine")
+    assert (found["trials"], found["failed"], found["variants"]) == (2, 0, [""])
+    kept = tmp_path / "mine/study.yaml"  # with its trial it is the same study
+    assert load_study(kept, ANY_CODE).base == plain(flown)
+    for given in (fs.trial(SHORT, law=push), fs.trial(SHORT, plan=cubic(100, 0.2, 0.1))):
+        with pytest.raises(fs.BadInput, match="is an object of this process"):
+            fs.study({**keys, "trial": given}, tmp_path / "other")
+    with pytest.raises(fs.BadInput, match="trial: is missing"):
+        fs.study({"study": "mine"}, tmp_path / "other")
+
+
+def test_an_analysis_about_a_rest_is_short_to_look_at() -> None:
+    found = fs.analyse({**SHORT, "plan": None}, hub_pitch=0.5)
+    assert found.plain()["rest"] == {"base_yaw": 0.0, "hub_pitch": 0.5}
+    words = f"disk margin {found.disks['input'].alpha:.3g} and delay margin"
+    assert repr(found).startswith(
+        f"<Analysis of pd_feedforward: {len(found.poles)} poles, stable; "
+    )
+    assert words in repr(found)
+    with pytest.raises(fs.BadInput, match="hub is not a joint of the testbed"):
+        fs.analyse(SHORT, hub=0.5)
+
+
+@pytest.mark.parametrize(
+    ("package", "use"),
+    [
+        ("pandas", lambda flight: flight.frame()),
+        ("xarray", lambda flight: flight.xarray()),
+        ("pandas", lambda flight: fs.Sweep({}, {}).frame()),
+        ("xarray", lambda flight: fs.Sweep({}, {}).xarray()),
+        ("pyarrow", lambda flight: fs.study("csa_robustness")),
+    ],
+)
+def test_what_needs_a_package_that_is_not_there_says_what_installs_it(
+    package: str, use: Any, flight: fs.Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    words = rf"{package} is not installed: (./flexslew extras|pip install .flexslew\[)"
+    with pytest.raises(ModuleNotFoundError, match=words):
+        use(flight)
+
+
+@pytest.mark.parametrize("name", ["m1", "three_axes", "docs/examples/three_joints.py:ThreeJoints"])
+def test_a_trial_travels_to_a_process_that_has_not_loaded_its_testbed(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = fs.trial({"testbed": {"kind": name}, "duration": 1.0} if ".py:" in name else name)
+    keys, sent = plain(given), pickle.dumps(given)
+    for loaded in [module for module in sys.modules if module.startswith("flexslew_user_")]:
+        monkeypatch.delitem(sys.modules, loaded)
+    there = pickle.loads(sent)
+    assert plain(there) == keys
+    assert there.trust == given.trust
+    assert there.testbed.model().joint_names == given.testbed.model().joint_names
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.parametrize("name", [LONG, f"{LONG}.py:Law", f"{LONG}/{LONG}"])
+def test_a_name_that_is_too_long_for_a_file_is_refused_in_one_line(
+    name: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "study.yaml"
+    one = "sampling: {n: 1}\nvary: {testbed.damping_ratio: {uniform: [0.0, 0.1]}}\n"
+    file.write_text(f"study: long\ntrial: {name}\n{one}")
+    linear = {**SHORT, "controllers": {"linear": {"file": f"{name}.npz"}}, "active": "linear"}
+    panel = {"hinge": {"place": [0.0, 1.0, 0.0]}, "shape": {"kind": "modal_data", "file": name}}
+    craft = {"testbed": {"kind": "spacecraft", "appendages": {"panel": panel}}}
+    for use in (
+        lambda: fs.read(name),
+        lambda: fs.study(name),
+        lambda: fs.study(file),
+        lambda: fs.trial(name),
+        lambda: fs.fly(linear),
+        lambda: fs.fly(craft),
+    ):
+        with pytest.raises(fs.BadInput):
+            use()
+
+
+@pytest.mark.parametrize("name", [LONG, f"study.yaml/{LONG}", "study.yaml"])
+def test_a_study_in_no_folder_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
+    (tmp_path / "trial.yaml").write_text("duration: 0.1\ntestbed: {modes: 1}\n")
+    file = tmp_path / "study.yaml"
+    file.write_text(
+        "study: small\ntrial: trial.yaml\nsampling: {n: 1}\n"
+        "vary: {testbed.damping_ratio: {uniform: [0.0, 0.1]}}\n"
+    )
+    with pytest.raises(fs.BadInput):
+        fs.study(file, tmp_path / name)
+
+
 def test_a_bench_is_stepped_by_hand() -> None:
-    bench = fs.bench(SHORT)
+    keys = {**SHORT, "duration": 0.5, "testbed": {"modes": 1, "initial": {"base_yaw": 0.1}}}
+    bench = fs.bench(keys)
     assert (bench.tick, bench.question.tick) == (0, 0)
+    while not bench.done:
+        seen = bench.question
+        effort = -600.0 * seen.joint_position - 900.0 * seen.joint_velocity
+        assert bench.offer(fs.EffortCommand(seen.tick, seen.epoch, seen.controller, effort))
+        bench.advance()
+    flown = fs.fly(
+        fs.trial(keys, law=lambda m, r: -600.0 * m.joint_position - 900.0 * m.joint_velocity)
+    )
+    assert np.array_equal(bench.truth().position, flown["position"][-1])
+    assert bench.truth().position[0] != 0.1
 
 
 ELSEWHERE = """

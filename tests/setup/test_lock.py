@@ -4,12 +4,15 @@ import re
 import subprocess
 import tomllib
 from importlib.metadata import distribution
+from inspect import getdoc
 from itertools import chain
 from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from packaging.version import Version
+from scipy.stats import bootstrap, qmc
 from tests.present import present
 
 ROOT = Path(__file__).parents[2]
@@ -66,6 +69,19 @@ def test_the_lock_satisfies_the_project_and_its_extras() -> None:
             continue
         version = versions[canonicalize_name(requirement.name)]
         assert requirement.specifier.contains(version), line
+
+
+def test_the_oldest_scipy_that_is_allowed_takes_the_generators_that_it_is_given() -> None:
+    """Studies draw with `rng=`; its pages say since when each function takes it."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    allowed = next(
+        Requirement(line).specifier for line in project["dependencies"] if line.startswith("scipy")
+    )
+    for drawn in (qmc.Sobol, qmc.LatinHypercube, bootstrap):
+        changes = re.findall(r"versionchanged:: ([\d.]+)\s+As part of the", getdoc(drawn) or "")
+        assert len(changes) == 1
+        before = f"{Version(changes[0]).major}.{Version(changes[0]).minor - 1}.9"
+        assert not allowed.contains(before)
 
 
 def test_beside_an_installed_ros_the_rest_of_the_lock_fits_its_numpy() -> None:

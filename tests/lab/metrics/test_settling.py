@@ -65,6 +65,16 @@ def test_a_step_that_does_not_come_to_rest_has_not_settled() -> None:
     assert found["overshoot"]["yaw"] == pytest.approx(1.0, abs=1e-2)
 
 
+def test_nothing_settles_or_overshoots_before_the_manoeuvre_has_begun() -> None:
+    position = np.column_stack((0.5 + 2.0 * ringing(0.5), np.full(len(TIME), 0.2)))
+    last = float(TIME[-1])
+    for start in (last + 0.01, 30.0):
+        found = measured(position, np.array([1.0, 0.0]), start)
+        assert found["overshoot"] == {"yaw": None, "pitch": None}
+        assert found["settling_time"] == {"yaw": None, "pitch": None}
+    assert measured(position, np.array([1.0, 0.0]), last)["overshoot"]["yaw"] > 0.5
+
+
 def test_who_stays_has_no_overshoot_of_its_rounding() -> None:
     position = np.tile(GOAL, (len(TIME), 1)) + np.outer(ringing(0.5), [1e-15, -1e-15])
     assert measured(position, np.array([2e-16, 0.0]))["overshoot"] == {"yaw": None, "pitch": None}

@@ -7,11 +7,12 @@ flight["tip"], flight.metrics["residual_tip_deflection"]
 
 trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws, planners and
 testbeds are the families; bench puts a trial on a Bench that is stepped by hand; study and analyse
-are the commands of these names.
+are the commands of these names; save_law keeps a design of python-control for a trial file.
 """
 
 from flexslew_control import controllers as laws
 from flexslew_control import planners
+from flexslew_control.analysis.save_law import save_law
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight
 from flexslew_lab.front import analyse, bench, study
@@ -21,6 +22,7 @@ from flexslew_lab.trial.trial import Trial
 from flexslew_plant import testbeds
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.version import VERSION
 
 __version__ = VERSION
@@ -28,6 +30,7 @@ __version__ = VERSION
 __all__ = [
     "BadInput",
     "Bench",
+    "EffortCommand",
     "FlexslewError",
     "Flight",
     "Plan",
@@ -42,6 +45,7 @@ __all__ = [
     "nonlinear_model",
     "planners",
     "read",
+    "save_law",
     "study",
     "sweep",
     "testbeds",

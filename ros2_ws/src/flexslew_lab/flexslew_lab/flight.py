@@ -15,6 +15,7 @@ from flexslew_lab.report.verdict import verdict
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Event
+from flexslew_plant.extras import required
 
 if TYPE_CHECKING:
     import pandas
@@ -107,8 +108,7 @@ class Flight:
         Raises:
             ModuleNotFoundError: xarray is not installed.
         """
-        import xarray
-
+        xarray = required("xarray")
         data = {
             name: ("time", values, {"units": self.units[name]})
             for name, values in self.signals.items()
@@ -123,8 +123,7 @@ class Flight:
         Raises:
             ModuleNotFoundError: pandas is not installed.
         """
-        import pandas
-
+        pandas = required("pandas")
         frame = pandas.DataFrame(self.signals, index=pandas.Index(self.time, name="time"))
         frame.attrs["units"] = {"time": "s", **self.units}
         return frame

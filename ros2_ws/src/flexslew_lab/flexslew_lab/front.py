@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexslew_lab.notebook import What, trial_from
-from flexslew_lab.trial.trial import bench_settings
+from flexslew_lab.given_objects import require_in_files
+from flexslew_lab.notebook import What, plain_data, trial_from
+from flexslew_lab.trial.trial import Trial, bench_settings
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
+from flexslew_plant.extras import required
+from flexslew_plant.own_code import ANY_CODE
 
 if TYPE_CHECKING:
     from flexslew_lab.analysis.analysis import Analysis
+    from flexslew_lab.studies.study import Study
 
 
 def bench(what: What = "m1") -> Bench:
@@ -27,30 +32,38 @@ def bench(what: What = "m1") -> Bench:
     return Bench(bench_settings(trial_from(what)))
 
 
-def analyse(what: What = "m1", controller: str | None = None, at: float | None = None) -> Analysis:
+def analyse(
+    what: What = "m1", controller: str | None = None, at: float | None = None, **joints: float
+) -> Analysis:
     """Return modes, poles, margins and responses of a trial's loop about a rest.
 
     Args:
         what: as from `trial`, or what `trial` takes.
         controller: of the trial; None: the one that its schedule has put in charge then.
         at: simulated time [s]: the rest that the plan passes then; None: the start.
+        joints: where joints rest instead, by name [rad or m].
 
     Raises:
-        BadInput: no such trial or controller, or the law has no linear form.
+        BadInput: no such trial, controller or joint, or the law has no linear form.
     """
     from flexslew_lab.analysis.analysis import analysed
 
-    return analysed(trial_from(what), "trial", controller, at, {})
+    return analysed(trial_from(what), "trial", controller, at, joints)
 
 
-def study(file: str | Path, folder: Path | str | None = None, workers: int = 1) -> dict[str, Any]:
+def study(
+    what: str | Path | Mapping[str, Any],
+    folder: Path | str | None = None,
+    workers: int = 1,
+) -> dict[str, Any]:
     """Return what a study shows, after flying what is missing of it; what --json prints.
 
     As the command does, it flies some trials of the lanes again by the ordinary bench, and the
     worst ones again with their logs where the file says `keep`.
 
     Args:
-        file: a study file, or the name of a shipped one.
+        what: a study file, the name of a shipped one, or the keys of one, of which `trial` may be
+            a Trial, or its keys.
         folder: of the study; None: runs/study-NAME.
         workers: processes, at least 1.
 
@@ -58,16 +71,15 @@ def study(file: str | Path, folder: Path | str | None = None, workers: int = 1) 
         BadInput: no such study, or one of its values is not allowed.
         ModuleNotFoundError: pyarrow is not installed.
     """
+    required("pyarrow")
     from flexslew_lab.run.pool import Pool
     from flexslew_lab.studies.finish import finished, keep_worst
     from flexslew_lab.studies.lanes.check import bench_job, check_lanes
     from flexslew_lab.studies.run import default_folder, prepare, run_study
-    from flexslew_lab.studies.study import load_study, study_path
-    from flexslew_plant.own_code import ANY_CODE
 
     if workers < 1:
         raise BadInput("at least 1", key="workers", value=workers)
-    asked = load_study(study_path(str(file)), ANY_CODE)
+    asked = _study_from(what)
     ready = prepare(asked)
     with closing(Pool(ready.job, workers)) as executor:
         store = run_study(ready, Path(folder or default_folder(asked)), executor)
@@ -77,3 +89,21 @@ def study(file: str | Path, folder: Path | str | None = None, workers: int = 1) 
     found = finished(asked, store)
     keep_worst(asked, store, lambda words: None)  # why a trial has no log, its row says
     return found
+
+
+def _study_from(what: str | Path | Mapping[str, Any]) -> Study:
+    """Return a study, checked.
+
+    Raises:
+        BadInput: see study.
+    """
+    from flexslew_lab.studies.study import load_study, study_of_values, study_path
+
+    if not isinstance(what, Mapping):
+        return load_study(study_path(str(what)), ANY_CODE)
+    given, keys = what.get("trial"), dict(what)
+    flown = trial_from(given) if isinstance(given, Trial | Mapping) else None
+    if flown is not None:
+        require_in_files(flown)
+        keys["trial"] = flown.name
+    return study_of_values(plain_data(keys), "study", Path(), ANY_CODE, flown)

@@ -6,8 +6,9 @@ where the object is; a class of an importable module keeps its own name.
 """
 
 import importlib
+import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from copy import deepcopy
 from dataclasses import replace
 from types import ModuleType
@@ -15,14 +16,21 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from flexslew_control.analysis.save_law import law_of_system
+from flexslew_control.controllers import LINEAR
 from flexslew_control.plan import Plan
+from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners import PLANNERS, other_method, plan_settings
+from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import plain, section
+from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 MODULE = "flexslew_given"
+_CLASSES: dict[Hashable, type[Any]] = {}  # by function (each keeps its own alive), or content
+# a name, a class, a function; a system of python-control can be called, too
 Given: TypeAlias = str | type[Any] | Callable[..., Any]
 
 
@@ -31,11 +39,12 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
 
     Args:
         values: keys of a trial.
-        law: a class with `update`, a function of (measurement, reference), or a name: of a
-            controller of the trial, which keeps its settings, or of a law with its defaults.
+        law: a class with `update`, a function of (measurement, reference), a system of
+            python-control, which controller `linear` flies, or a name: of a controller of the
+            trial, which keeps its settings, or of a law with its defaults.
 
     Raises:
-        BadInput: it is neither.
+        BadInput: it is none of them.
     """
     others = values.get("controllers") or {}
     if isinstance(law, str) and law in others:
@@ -47,13 +56,54 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
             words = "a class with update(measurement, estimate, reference) is needed"
             raise BadInput(f"law: {law.__name__} is not allowed: {words}")
         name, settings = law.__name__, {"law": _named(law)}
+    elif _is_system(law):
+        name, settings = LINEAR.name, _linear(others.get(LINEAR.name) or {}, law)
     elif callable(law):
-        own = _class_of(law)
+        _require_two_arguments(law)
+        own = _kept(id(law), lambda: _class_of(law))
         name, settings = own.__name__, {"law": _named(own)}
     else:
-        raise BadInput(f"law: a {type(law).__name__} is not allowed: give a class or a function")
+        words = "give a class, a function, a system of python-control or a name"
+        raise BadInput(f"law: a {type(law).__name__} is not allowed: {words}")
     name = name if name.isidentifier() else "mine"
     return {**values, "controllers": {**others, name: settings}, "active": name}
+
+
+def _kept(key: Hashable, make: Callable[[], type[Any]]) -> type[Any]:
+    """Return the class of an object, the same one for the same object; it lives on in MODULE."""
+    found = _CLASSES.get(key)
+    return found if found is not None else _CLASSES.setdefault(key, make())
+
+
+def _is_system(law: Any) -> bool:
+    """Return whether a law is an object of python-control; all of them can be called."""
+    return any(kind.__module__.partition(".")[0] == "control" for kind in type(law).__mro__)
+
+
+def _linear(before: dict[str, Any], system: Any) -> dict[str, Any]:
+    """Return the settings of controller `linear` that flies a system; its others stay."""
+    own = {} if law_of(LINEAR.name, before)[0] != LINEAR.name else before
+    kept = {key: value for key, value in own.items() if key not in ("file", "system")}
+    return {**kept, "system": law_of_system(system, "law")}
+
+
+def _require_two_arguments(function: Callable[..., Any]) -> None:
+    """Check that a law can be asked; a function that tells no signature is asked in flight.
+
+    Raises:
+        BadInput: it does not take measurement and reference.
+    """
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return
+    try:
+        signature.bind(None, None)
+    except TypeError as error:
+        name = getattr(function, "__name__", type(function).__name__)
+        raise BadInput(
+            f"law: {name}{signature}: is asked (measurement, reference): {error}"
+        ) from None
 
 
 def with_plan(
@@ -80,10 +130,25 @@ def with_plan(
     if isinstance(plan, type):
         return {**values, "plan": {**before, "method": _named(plan)}}
     if isinstance(plan, Plan):
-        own, start = _planner_of(deepcopy(plan)), {"start": plan.start}
+        copied = deepcopy(plan)
+        own, start = _kept(plan_hash(plan), lambda: _planner_of(copied)), {"start": plan.start}
     else:
-        own, start = _planner_of(_positions(plan)), {}
+        rows = _positions(plan)
+        own, start = _kept((rows.shape, rows.tobytes()), lambda: _planner_of(rows)), {}
     return {**values, "plan": {"method": _named(own), **start}}
+
+
+def require_in_files(trial: Trial) -> None:
+    """Check that other processes can fly a trial, to which the objects of this one are unknown.
+
+    Raises:
+        BadInput: it names one.
+    """
+    laws = [str((own or {}).get("law", "")) for own in trial.controllers.values()]
+    for name in (*laws, str(getattr(trial.plan, "method", ""))):
+        if name.startswith(f"{MODULE}."):
+            words = f"{name.removeprefix(f'{MODULE}.')} is an object of this process"
+            raise BadInput(f"{words}: other processes need it in a file, as my_law.py:MyLaw")
 
 
 def _positions(plan: Any) -> Matrix:
@@ -144,8 +209,7 @@ def _planner_of(given: Plan | Matrix) -> type[Any]:
             if given.shape[1] != joints:
                 words = f"({ticks + 1}, {joints}): {', '.join(names)}"
                 raise BadInput(f"plan: an array of shape {given.shape} does not fit: {words}")
-            rates = np.gradient(given, period, axis=0)
-            rates[[0, -1]] = 0.0  # at rest before and after
+            rates = _rates(given, period, slew.model.attitude)
             efforts, none, lasts = (
                 np.zeros((ticks, joints)),
                 np.zeros((ticks + 1, 0)),
@@ -157,6 +221,24 @@ def _planner_of(given: Plan | Matrix) -> type[Any]:
             )
 
     return section(GivenPlan)
+
+
+def _rates(positions: Matrix, period: float, attitude: AttitudeJoints | None) -> Matrix:
+    """Return joint rates by central differences, at rest before and after, same shape.
+
+    Of joints that read an attitude these are body rates: the rotation from the tick before to the
+    one after, as the rate of a rotation vector is none where the axis turns.
+
+    Args:
+        positions: at every tick, shape (ticks + 1, joints) [rad or m].
+        period: one tick [s].
+        attitude: of the joints that read one; None: none does.
+    """
+    rates = np.gradient(positions, period, axis=0)
+    if attitude is not None:
+        rates[1:-1] = attitude.error(positions[:-2], positions[2:]) / (2.0 * period)
+    rates[[0, -1]] = 0.0
+    return rates
 
 
 def _require_fit(plan: Plan, names: tuple[str, ...], period: float) -> None:

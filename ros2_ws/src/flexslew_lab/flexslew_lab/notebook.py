@@ -53,8 +53,9 @@ def trial(
         changes: path to value, for example {"testbed.modes": 5, "plan.duration": 30.0}.
         trust: which classes it may name; for keys that come from somebody else's log: NO_CODE.
         law: that flies it in place of the trial's: a class as in own_controller.md, a function of
-            (measurement, reference) that returns the efforts, or a name: of one of its
-            controllers, or of a law, which has its defaults.
+            (measurement, reference) that returns the efforts, a state space or transfer function
+            of python-control, whose inputs and outputs are signals by name as for save_law, or a
+            name: of one of its controllers, or of a law, which has its defaults.
         plan: in place of the trial's: positions of the joints at every tick from 0 on, shape
             (ticks + 1, joints) [rad or m], a Plan, a planner class as in own_planner.md, or the
             name of a method, which takes over the goal, the start and what else it has of them.
@@ -106,7 +107,7 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
         BadInput: there is no bag, or it is damaged.
     """
     path = Path(run)
-    bag = BagReader(path / "bag" if (path / "bag").is_dir() else path, trust=trust)
+    bag = BagReader(path / "bag" if os.path.isdir(path / "bag") else path, trust=trust)
     signals = read_signals(bag)
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events

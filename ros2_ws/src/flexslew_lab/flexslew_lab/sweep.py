@@ -16,6 +16,7 @@ from flexslew_lab.notebook import plain_data, trial
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.errors import BadInput
+from flexslew_plant.extras import required
 
 if TYPE_CHECKING:
     import pandas
@@ -50,8 +51,7 @@ class Sweep:
         Raises:
             ModuleNotFoundError: pandas is not installed.
         """
-        import pandas
-
+        pandas = required("pandas")
         points = None  # of a single flight
         if self.axes:
             labels = list(map(_labels, self.axes.values()))
@@ -66,8 +66,7 @@ class Sweep:
         Raises:
             ModuleNotFoundError: xarray is not installed.
         """
-        import xarray
-
+        xarray = required("xarray")
         dims = list(self.axes)
         data = {name: (dims, v) for name, v in self.metrics.items() if name not in dims}
         return xarray.Dataset(data, {path: _labels(values) for path, values in self.axes.items()})

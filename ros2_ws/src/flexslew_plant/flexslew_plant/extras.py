@@ -1,6 +1,8 @@
 """Packages that come when asked for, and how to get one that is missing."""
 
+import importlib
 from pathlib import Path
+from types import ModuleType
 
 # the extra of `pip install` by package; empty: comes with the bench there, not with a checkout
 EXTRAS = {
@@ -28,3 +30,18 @@ def how_to_install(package: str) -> str:
             return "./flexslew extras"
     extra = EXTRAS[package]
     return f"pip install 'flexslew[{extra}]'" if extra else f"pip install {package}"
+
+
+def required(package: str) -> ModuleType:
+    """Return a package of EXTRAS, imported.
+
+    Raises:
+        ModuleNotFoundError: it is not installed; says what installs it.
+    """
+    try:
+        return importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        if error.name != package:
+            raise
+        words = f"{package} is not installed: {how_to_install(package)}"
+        raise ModuleNotFoundError(words, name=package) from None

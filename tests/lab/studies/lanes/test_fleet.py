@@ -158,6 +158,17 @@ def test_steps_from_places_of_their_own_are_measured_as_on_the_bench(
     assert first.metrics["overshoot.hub_pitch"] is None
 
 
+def test_a_manoeuvre_that_never_begins_has_no_overshoot_and_does_not_settle(
+    prepared: Callable[..., Preparation],
+) -> None:
+    ready = prepared(duration=0.5, plan=PLAN | {"start": 0.51})
+    require_equal(ready, [0, 1])
+    alone = flown(ready.study, case_of(ready.study, ready.samples, 0), ready.plans)
+    assert alone.metrics["overshoot.base_yaw"] is None
+    assert alone.metrics["settling_time.hub_pitch"] is None
+    require_equal(prepared(duration=0.51, plan=PLAN | {"start": 0.51}), [0])
+
+
 def test_a_result_does_not_depend_on_its_neighbours(prepared: Callable[..., Preparation]) -> None:
     ready = prepared()
     cases = [case_of(ready.study, ready.samples, k) for k in range(12)]

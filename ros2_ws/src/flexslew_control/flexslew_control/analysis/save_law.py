@@ -1,5 +1,6 @@
-"""A design of python-control as a file that controller `linear` flies."""
+"""A design of python-control as controller `linear` flies it: in a file, or as keys of a trial."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,10 +10,13 @@ import numpy as np
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.model_file import save_model
 from flexslew_control.analysis.signals import on_bench
+from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 
 if TYPE_CHECKING:
     import control
+
+_UNNAMED = re.compile(r"[uy]\[\d+\]")  # what python-control calls a signal without a name
 
 
 def save_law(
@@ -34,25 +38,75 @@ def save_law(
     Raises:
         BadInput: it is no such system, or the file cannot be written.
     """
-    system = _state_space(system, file)
-    if system.dt is None or system.dt is True:
-        raise BadInput(f"{file}: dt is unspecified; give 0 or a period in seconds")
+    system, period = _sampled(system, str(file))
     names = on_bench(_listed(inputs or system.input_labels))
     efforts = on_bench(_listed(outputs or system.output_labels))
-    if len(names) != system.ninputs or len(efforts) != system.noutputs:
+    _require_names(system, names, efforts, str(file))
+    states = tuple(f"x.{k + 1}" for k in range(system.nstates))
+    save_model(Lti(*_matrices(system), names, efforts, states, period), Path(file))
+
+
+def law_of_system(
+    system: "control.StateSpace | control.TransferFunction", place: str
+) -> dict[str, Any]:
+    """Return the key `system` of controller `linear` as plain data, its signals by their labels.
+
+    Args:
+        system: as for save_law. Where python-control has named its inputs and outputs (`u[0]`),
+            they are the errors of the joints, then their rates, and the efforts of the joints.
+        place: where it was given, for an error.
+
+    Raises:
+        BadInput: it is no such system, or a label is no signal's name.
+    """
+    system, period = _sampled(system, place)
+    inputs, outputs = _own_labels(system.input_labels), _own_labels(system.output_labels)
+    if inputs or outputs:
+        _require_names(system, inputs, outputs, place)
+    a, b, c, d = (part.tolist() for part in _matrices(system))
+    found = {"a": a, "b": b, "c": c, "d": d} if a else {"d": d}
+    return found | {"period": period, "inputs": list(inputs), "outputs": list(outputs)}
+
+
+def _own_labels(labels: list[str]) -> tuple[str, ...]:
+    """Return labels as the bench's names; none where they are those of python-control."""
+    return () if all(_UNNAMED.fullmatch(label) for label in labels) else on_bench(labels)
+
+
+def _sampled(system: Any, place: str) -> "tuple[control.StateSpace, float]":
+    """Return the state space and its period [s], 0 where it is continuous or has no state.
+
+    Raises:
+        BadInput: it is no state space, or its period is unspecified.
+    """
+    found = _state_space(system, place)
+    if not found.nstates and found.dt is None:
+        return found, 0.0
+    if found.dt is None or found.dt is True:
+        raise BadInput(f"{place}: dt is unspecified; give 0 or a period in seconds")
+    return found, float(found.dt)
+
+
+def _require_names(
+    system: "control.StateSpace", inputs: tuple[str, ...], outputs: tuple[str, ...], place: str
+) -> None:
+    if len(inputs) != system.ninputs or len(outputs) != system.noutputs:
         raise BadInput(
-            f"{file}: {len(names)} inputs and {len(efforts)} outputs are named, the system has "
+            f"{place}: {len(inputs)} inputs and {len(outputs)} outputs are named, the system has "
             f"{system.ninputs} and {system.noutputs}"
         )
-    if unnamed := [name for name in (*names, *efforts) if "." not in name]:
-        raise BadInput(f"{file}: {unnamed[0]} is no signal of the bench; give inputs and outputs")
-    a, b, c, d = (np.asarray(part, dtype=np.float64)
-                  for part in (system.A, system.B, system.C, system.D))  # fmt: skip
-    states = tuple(f"x.{k + 1}" for k in range(len(a)))
-    save_model(Lti(a, b, c, d, names, efforts, states, float(system.dt)), Path(file))
+    if unnamed := [name for name in (*inputs, *outputs) if "." not in name]:
+        raise BadInput(f"{place}: {unnamed[0]} is no signal of the bench; give inputs and outputs")
 
 
-def _state_space(system: Any, file: str | Path) -> "control.StateSpace":
+def _matrices(system: "control.StateSpace") -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    a, b, c, d = (
+        np.asarray(part, dtype=np.float64) for part in (system.A, system.B, system.C, system.D)
+    )
+    return a, b, c, d
+
+
+def _state_space(system: Any, place: str) -> "control.StateSpace":
     import control
 
     if isinstance(system, control.StateSpace):
@@ -65,7 +119,7 @@ def _state_space(system: Any, file: str | Path) -> "control.StateSpace":
         words = (
             f"is no state space ({error}); join proper parts: control.append(control.ss(part), ...)"
         )
-        raise BadInput(words, file) from None
+        raise BadInput(words, place) from None
 
 
 def _listed(names: Sequence[str] | str) -> list[str]:

@@ -1,5 +1,6 @@
 """A linear controller from a file that python-control, MATLAB, NumPy or a person wrote."""
 
+import os
 import zipfile
 import zlib
 from pathlib import Path
@@ -32,7 +33,7 @@ def law_from_file(path: str, source: str) -> dict[str, Any]:
     place = Path(path)
     if place.suffix not in _ENDINGS:
         raise BadInput(f"{source}: file: {path}: give a file that ends in {', '.join(_ENDINGS)}")
-    if place.exists() and not place.is_file():  # a pipe would be waited for
+    if os.path.exists(place) and not os.path.isfile(place):  # a pipe would be waited for
         raise BadInput(f"{source}: file: {path}: is no file")
     try:
         values = _read(place)

@@ -64,7 +64,7 @@ class OtherPlant:
     delay: float  # smallest delay margin of a channel [s]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Analysis:
     """A trial's loop about a rest: numbers, and what the page draws."""
 
@@ -83,6 +83,17 @@ class Analysis:
     peaks: dict[str, tuple[float, float]]
     others: tuple[OtherPlant, ...]
     plan: Plan | None
+
+    def __repr__(self) -> str:
+        """Return one line: who closes the loop, how many poles it has, what it keeps."""
+        what = f"<Analysis of {self.controller}: {len(self.poles)} poles, "
+        if not self.stable:
+            return f"{what}not stable>"
+        least = min((one.delay for one in self.efforts), default=np.inf)
+        disk = self.disks["input"].alpha
+        return (
+            f"{what}stable; disk margin {disk:.3g} and delay margin {least:.3g} s at the efforts>"
+        )
 
     @property
     def worst(self) -> OtherPlant | None:

@@ -1,6 +1,7 @@
 """Subcommand that identifies a bench from logs of its experiments."""
 
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -127,7 +128,7 @@ def _next(
 
     if experiment.flown is None or experiment.plan is not None:
         raise BadInput(f"{run}: --replan needs the log of a slew with its plan")
-    bag = run / "bag" if (run / "bag").is_dir() else run
+    bag = run / "bag" if os.path.isdir(run / "bag") else run
     with for_people.status("planning again"):
         return next_plan(BagReader(bag, trust=Trust.of(trust or ())), model, experiment.flown)
 
@@ -143,7 +144,7 @@ def _experiment(
     from flexslew_lab.identification.foreign import foreign_record
     from flexslew_lab.identification.identification import Experiment, experiment_of
 
-    if not run.exists():
+    if not os.path.exists(run):
         raise BadInput("no such run", run)
     if inputs is None and outputs is None:
         if run.suffix == ".csv":

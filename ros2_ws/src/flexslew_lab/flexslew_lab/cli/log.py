@@ -1,6 +1,7 @@
 """Subcommands for logs: info, check, recover, export."""
 
 import json
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -140,7 +141,7 @@ def reading_limits(
 
 def bag_of(path: Path) -> Path:
     """Return the bag of a run's folder, or the path itself."""
-    return path / "bag" if (path / "bag").is_dir() else path
+    return path / "bag" if os.path.isdir(path / "bag") else path
 
 
 def run_name(path: Path) -> str:

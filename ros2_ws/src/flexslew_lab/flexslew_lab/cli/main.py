@@ -224,7 +224,7 @@ def report(
     from flexslew_lab.report.report import write_report
 
     for path in bags:
-        if not path.exists():
+        if not os.path.exists(path):
             raise BadInput("no such run", path)
     beside = bags[0] if bags[0].is_dir() else bags[0].parent
     beside = beside.parent if beside.name == "bag" else beside

@@ -1,6 +1,7 @@
 """The subcommand that lists the runs of a folder and writes the page over them."""
 
 import json
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -28,7 +29,7 @@ def runs(
     """
     from flexslew_lab.report.runs_index import runs_in, write_index
 
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise BadInput("no such folder; a first run makes it", folder)
     found, unread = runs_in(folder, trial, law, testbed)
     page = write_index(folder)

@@ -175,7 +175,7 @@ def fly(
     from flexslew_lab.studies.study import load_study, study_path
 
     store: Store | None
-    if Path(file).is_dir():
+    if os.path.isdir(file):
         requested, store = _opened(file, None, trust)
     else:
         requested = load_study(study_path(file), ANY_CODE)
@@ -256,7 +256,7 @@ def _opened(place: str, out: Path | None, trust: list[str] | None) -> tuple["Stu
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import load_study, study_path
 
-    if Path(place).is_dir():
+    if os.path.isdir(place):
         store = Store(Path(place))
         if not store.exists:
             raise BadInput("holds no study", place)

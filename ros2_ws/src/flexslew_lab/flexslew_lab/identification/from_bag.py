@@ -1,5 +1,6 @@
 """The record of a run: what its sensors said and the efforts applied, never its truth."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ def bag_of(run: Path) -> BagReader:
     Raises:
         BadInput: there is none.
     """
-    return BagReader(run / "bag" if (run / "bag").is_dir() else run)
+    return BagReader(run / "bag" if os.path.isdir(run / "bag") else run)
 
 
 def record_of(bag: BagReader, sensors: Appendages | None = None) -> Record:

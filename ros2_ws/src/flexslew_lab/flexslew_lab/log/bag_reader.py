@@ -1,5 +1,6 @@
 """The log read back: streaming, checked, and as arrays where the messages allow it."""
 
+import os
 from collections.abc import Collection, Iterator
 from functools import cached_property
 from pathlib import Path
@@ -312,9 +313,9 @@ def find_mcap(path: Path) -> Path:
         BadInput: there is none, or more than one.
 
     """
-    if path.is_file():
+    if os.path.isfile(path):  # also of a name that is too long for one
         return path
-    if not path.is_dir():
+    if not os.path.isdir(path):
         raise BadInput("no such bag", path)
     files = sorted(path.glob("*.mcap")) or sorted(path.glob("*/*.mcap"))
     if len(files) != 1:

@@ -5,7 +5,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, by_joint
+from flexslew_lab.metrics.metric import (
+    Block,
+    Ending,
+    Key,
+    MetricEntry,
+    RunSetup,
+    by_joint,
+    summed,
+)
 from flexslew_plant.arrays import Vector
 
 
@@ -33,29 +41,28 @@ class Efforts:
         self._setup = setup
         joints = len(setup.joint_names)
         self.peak, self.square_sum = np.zeros(joints), np.zeros(joints)
-        self.integral, self.saturated = 0.0, 0.0
+        self.saturated = np.zeros(1)
         self.times: tuple[float, float] | None = None  # first and last [s]
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
         square = block.effort**2
         self.peak = np.maximum(self.peak, np.abs(block.effort).max(axis=0))
-        self.square_sum += square.T @ block.held
-        self.integral += float(square.sum(axis=1) @ block.held)
+        self.square_sum = summed(self.square_sum, square * block.held[:, None])
         first = float(block.time[0]) if self.times is None else self.times[0]
         self.times = first, float(block.time[-1])
         limit = self._setup.limit
         if limit.size == block.effort.shape[1]:
             full = (np.abs(block.effort) >= limit * (1.0 - 1e-12)).any(axis=1)
-            self.saturated += float(block.held[full].sum())
+            self.saturated = summed(self.saturated, block.held[full, None])
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values."""
         return {
             "peak_effort": by_joint(self._setup, self.peak),
             "rms_effort": by_joint(self._setup, root_mean_square(self.square_sum, self.times)),
-            "control_effort": self.integral,
-            "saturated_time": self.saturated,
+            "control_effort": float(self.square_sum.sum()),
+            "saturated_time": float(self.saturated[0]),
         }
 
 

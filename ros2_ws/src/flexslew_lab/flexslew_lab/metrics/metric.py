@@ -58,6 +58,14 @@ class Block(NamedTuple):
     over: NDArray[Any]  # whether it has ended, (ticks,)
 
 
+def summed(before: Vector, terms: Matrix) -> Vector:
+    """Return before and all rows of terms, added one after the other, shape (n,).
+
+    So a sum is the same to the last bit however the ticks of a run come in blocks.
+    """
+    return np.asarray(np.add.accumulate(np.vstack((before, terms)))[-1])
+
+
 class Ending(NamedTuple):
     """What the truth does not say of a run."""
 

@@ -6,7 +6,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexslew_lab.metrics.block_motions import block_motions
-from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
+from flexslew_lab.metrics.metric import (
+    Block,
+    Ending,
+    Key,
+    MetricEntry,
+    RunSetup,
+    goal_by_joint,
+    summed,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
@@ -72,7 +80,7 @@ class PerformanceErrors:
 
     def _take(self, error: Matrix) -> None:
         """Take ticks of the window that is open."""
-        self._sum = self._sum + error.sum(axis=0)
+        self._sum = summed(self._sum, error)
         self._count += len(error)
         self._low = np.minimum(self._low, error.min(axis=0))
         self._high = np.maximum(self._high, error.max(axis=0))

@@ -15,6 +15,7 @@ from flexslew_lab.metrics.metric import (
     goal_by_joint,
     larger,
     plain,
+    summed,
 )
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
@@ -46,7 +47,7 @@ class PlatformError:
         self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
         self._goal = goal_by_joint(setup)
         self._left: dict[str, Vector] = {}  # after the end, by kind
-        self._squares, self._time = np.zeros(2), 0.0  # integrals over the run
+        self._squares, self._time = np.zeros(2), np.zeros(1)  # integrals over the run
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
@@ -54,17 +55,20 @@ class PlatformError:
             return
         m = block_motions(self._testbed, block, self._goal)
         for k, (kind, error) in enumerate((("position", m.away), ("attitude", m.attitude))):
-            self._squares[k] += float((error**2).sum(axis=1) @ block.held)
+            terms = (error**2).sum(axis=1) * block.held
+            self._squares[k : k + 1] = summed(self._squares[k : k + 1], terms[:, None])
             if block.over.any():
                 self._left[kind] = larger(self._left.get(kind), error[block.over])
-        self._time += float(block.held.sum())
+        self._time = summed(self._time, block.held[:, None])
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values; what is left is None where the log ends too early."""
         if self._testbed is None:
             return {}
         left = plain(self._left)
-        position, attitude = np.sqrt(self._squares / self._time if self._time else self._squares)
+        position, attitude = np.sqrt(
+            self._squares / self._time if self._time.any() else self._squares
+        )
         return {
             "residual_platform_position": left.get("position"),
             "residual_platform_attitude": left.get("attitude"),

@@ -15,6 +15,7 @@ from flexslew_lab.metrics.metric import (
     goal_by_joint,
     larger,
     plain,
+    summed,
 )
 from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_plant.arrays import Vector
@@ -75,7 +76,7 @@ class PointingMetric:
         if self._testbed is None:
             return
         m = block_motions(self._testbed, block, self._goal)
-        self._effort += (block.effort**2).T @ block.held
+        self._effort = summed(self._effort, block.effort**2 * block.held[:, None])
         self._last_time = float(block.time[-1])
         self._attitude = np.maximum(self._attitude, abs(m.turned).max(axis=0))
         self._place = np.maximum(self._place, abs(m.place).max(axis=0))

@@ -18,6 +18,7 @@ from flexslew_plant.arrays import Vector
 
 BAND = 0.02  # settling band, of the joint's commanded move [-]
 _NOWHERE = 1e-9  # moves below this are rounding [rad or m]
+_SAME_TIME = 1e-9  # [s]
 
 
 def commanded_moves(displacement: Vector, first: Vector) -> Vector:
@@ -55,7 +56,8 @@ class Settling:
         "overshoot": Key(
             "-",
             True,
-            "overshoot as a fraction of the commanded move, after the start; null: no move",
+            "overshoot as a fraction of the commanded move, after the start; null: no move, or "
+            "the manoeuvre has not begun",
             some=True,
         ),
     }
@@ -65,7 +67,7 @@ class Settling:
         joints = len(setup.joint_names)
         self._moves: Vector | None = None  # known with the first tick, (joints,)
         self.outside = np.full(joints, -np.inf)  # last time outside of the band [s]
-        self.beyond = np.zeros(joints)  # the goal
+        self.beyond = np.full(joints, np.nan)  # the goal; NaN: it has not begun
         self.last_time = 0.0  # [s]
 
     def add(self, block: Block) -> None:
@@ -77,7 +79,7 @@ class Settling:
             self._moves = commanded_moves(self._setup.manoeuvre.displacement, block.error[0])
         if block.started.any():
             beyond = (block.error[block.started] * np.sign(self._moves)).max(axis=0)
-            self.beyond = np.maximum(self.beyond, beyond)
+            self.beyond = np.fmax(self.beyond, np.maximum(beyond, 0.0))
         for joint, band in enumerate(settling_band(self._moves)):
             outside = np.flatnonzero(np.abs(block.error[:, joint]) > band)
             if outside.size:
@@ -105,15 +107,16 @@ def settling_times(manoeuvre: FlownManoeuvre, outside: Vector, last_time: float)
         last_time: of the runs [s].
     """
     settled = np.maximum(outside - manoeuvre.start, 0.0)
-    return np.where(outside < last_time, settled, np.nan)
+    begun = last_time >= manoeuvre.start - _SAME_TIME
+    return np.where((outside < last_time) & begun, settled, np.nan)
 
 
 def overshoots(moves: Vector, beyond: Vector) -> Vector:
-    """Return how far the joints went beyond the goal as shares of their moves; NaN: no move.
+    """Return how far the joints went beyond the goal as shares of their moves; NaN: unknown.
 
     Args:
         moves: see commanded_moves, (..., joints).
-        beyond: the goal, (..., joints).
+        beyond: the goal, (..., joints); NaN: there was no time for it.
     """
     return np.asarray(beyond / np.where(moves == 0.0, np.nan, np.abs(moves)))
 

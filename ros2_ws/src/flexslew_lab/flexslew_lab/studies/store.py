@@ -50,13 +50,20 @@ class Store:
     @property
     def exists(self) -> bool:
         """Whether a study has been started here."""
-        return (self.folder / _IDENTITY).is_file()
+        return os.path.isfile(self.folder / _IDENTITY)
 
     @property
     def strangers(self) -> list[str]:
-        """What is in the folder and does not belong to a study."""
+        """What is in the folder and does not belong to a study.
+
+        Raises:
+            BadInput: it is no folder, or cannot be read.
+        """
         own = (_SAMPLES, _PARTS, _LOCK)
-        names = [path.name for path in self.folder.iterdir()] if self.folder.exists() else []
+        try:
+            names = os.listdir(self.folder) if os.path.lexists(self.folder) else []
+        except OSError as error:
+            raise BadInput(f"is no folder of a study: {error.strerror}", self.folder) from None
         return [name for name in names if name not in own and not name.endswith(HALF)]
 
     @property

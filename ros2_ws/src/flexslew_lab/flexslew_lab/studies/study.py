@@ -1,6 +1,7 @@
 """A study file: which trial, what varies and how, what is compared, what has to hold."""
 
 import difflib
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from itertools import product
@@ -154,10 +155,10 @@ def study_path(name: str) -> Path:
         BadInput: there is neither.
     """
     path = Path(name)
-    if path.is_file():
+    if os.path.isfile(path):  # also of a name that is too long for one
         return path
     shipped = SHIPPED / f"{name}.yaml"
-    if shipped.is_file():
+    if os.path.isfile(shipped):
         return shipped
     known = ", ".join(shipped_names())
     raise BadInput(f"is neither a study file nor a shipped study; shipped: {known}", name)
@@ -200,9 +201,35 @@ def parse_study(text: str, source: str, folder: Path, trust: Trust = NO_CODE) ->
     values = load_yaml(text, source)
     if not isinstance(values, dict):
         raise BadInput("holds no keys; it needs at least study, trial and vary", source)
+    return study_of_values(values, source, folder, trust)
+
+
+def study_of_values(
+    values: dict[str, Any],
+    source: str,
+    folder: Path,
+    trust: Trust = NO_CODE,
+    trial: Trial | None = None,
+) -> Study:
+    """Return the study that plain data describe.
+
+    Args:
+        values: keys of a study file.
+        source: its name, for messages.
+        folder: from which trial and list are seen.
+        trust: which classes of the user's own its trial may name.
+        trial: that it flies; None: the one that the key `trial` names.
+
+    Raises:
+        BadInput: see load_study.
+    """
     settings: StudySettings = validated(StudySettings, values, source)
-    trial_path = _trial_path(settings.trial, folder, source)
-    base = plain(load_trial(trial_path, trust))
+    if trial is None:
+        trial_path = _trial_path(settings.trial, folder, source)
+        trial, trial_source = load_trial(trial_path, trust), str(trial_path)
+    else:
+        trial_source = trial.name
+    base = plain(trial)
     varied, listed = _varied(settings, base, folder, source)
     check_sampling(settings.sampling, len(varied), f"{source}: sampling")
     _require_apart(varied, f"{source}: vary")
@@ -223,7 +250,7 @@ def parse_study(text: str, source: str, folder: Path, trust: Trust = NO_CODE) ->
             "give no bounds; use random, lhs or sobol",
             source,
         )
-    return Study(settings, source, str(trial_path), base, varied, variants, listed, {}, trust)
+    return Study(settings, source, trial_source, base, varied, variants, listed, {}, trust)
 
 
 def known_metric(name: str, known: list[str], place: str) -> str:
@@ -241,7 +268,7 @@ def known_metric(name: str, known: list[str], place: str) -> str:
 
 def _trial_path(name: str, folder: Path, source: str) -> Path:
     """Return a trial's file as seen from the study's folder, else as the command line takes it."""
-    if (folder / name).is_file():
+    if os.path.isfile(folder / name):
         return folder / name
     try:
         return trial_path(name)

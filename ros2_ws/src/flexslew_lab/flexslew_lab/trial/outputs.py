@@ -71,7 +71,7 @@ def new_folder(name: str, out: Path | None) -> Path:
     now = datetime.now().strftime("%Y%m%d-%H%M%S")
     out = RUNS / f"{name}-{now}"
     counter = 1
-    while out.exists():
+    while os.path.exists(out):
         counter += 1
         out = RUNS / f"{name}-{now}-{counter}"
     return writable_folder(out, "--out (default)", empty=True)
@@ -87,7 +87,7 @@ def new_file(name: str) -> Path:
     now = datetime.now().strftime("%Y%m%d-%H%M%S")
     path = RUNS / f"{stem}-{now}{dot}{suffix}"
     counter = 1
-    while path.exists():
+    while os.path.exists(path):
         counter += 1
         path = RUNS / f"{stem}-{now}-{counter}{dot}{suffix}"
     return path

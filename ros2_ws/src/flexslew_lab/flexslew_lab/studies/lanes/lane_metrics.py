@@ -46,7 +46,8 @@ class LaneMetrics:
         self._goal = np.full(joints, np.nan) if aim.goal is None else aim.goal
         self._rows, self._of_kernel, self._aim = rows, lane.kernel.rows, aim
         self._names, self._first = lane.model.joint_names, at_rest.T - self._goal
-        self._ended, time = bool(schedule.over.any()), schedule.time
+        self._begun, self._ended = bool(schedule.started.any()), bool(schedule.over.any())
+        time = schedule.time
         self._times = float(time[0]), float(time[-1])
         testbed = lane.trial.testbed
         setup = RunSetup(self._names, aim, np.array(testbed.effort_limit), testbed)
@@ -84,6 +85,7 @@ class LaneMetrics:
             return w[begin : begin + len(self._names) * LANES].reshape(-1, LANES).T
 
         after = 1.0 if self._ended else np.nan  # what counts after the end of the manoeuvre
+        begun = 1.0 if self._begun else np.nan
         aimed = np.nan if aim.goal is None else 1.0  # what counts where there is a goal
         final = joints(of_kernel.position) - self._goal
         errors = goal_errors(aim, None, self._first, final, joints(of_kernel.rate))
@@ -99,7 +101,7 @@ class LaneMetrics:
             **self._by_joint(
                 "settling_time", aimed * settling_times(aim, joints(rows.outside), self._times[1])
             ),
-            **self._by_joint("overshoot", overshoots(moves, joints(rows.beyond))),
+            **self._by_joint("overshoot", overshoots(moves, begun * joints(rows.beyond))),
             **self._by_joint("peak_effort", joints(rows.peak_effort)),
             **self._by_joint("rms_effort", root_mean_square(squares, self._times)),
             "control_effort": squares.sum(axis=1),

@@ -23,6 +23,7 @@ A CSV has the numbers above as `# key: numbers` lines, then a row per point:
 x,y,z,mass,mode_1_x,mode_1_y,mode_1_z,mode_2_x,...
 """
 
+import os
 import zipfile
 from dataclasses import replace
 from functools import lru_cache
@@ -77,7 +78,7 @@ def modal_shape(path: Path) -> FlexibleShape:
         BadInput: the file cannot be read, a number is missing, of the wrong shape or out of
             range, or its rigid sums contradict its points.
     """
-    if not path.exists() and (_SHIPPED / path).exists():
+    if not os.path.exists(path) and os.path.exists(_SHIPPED / path):
         path = _SHIPPED / path
     try:
         content = path.read_bytes()
