@@ -43,7 +43,7 @@ from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, new_file, writable_file
-from flexslew_plant.errors import BadInput, FlexslewError, RunFault
+from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed, RunFault
 from flexslew_plant.interrupted import keep_exit_code
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import Trust
@@ -185,9 +185,13 @@ def plan(
         say(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
 
     told = None if as_json else iteration
-    made = make_plan(
-        settings, plant_of(requested), feedback_of(requested), told, law_in_charge(requested)
-    )
+    law = law_in_charge(requested)
+    try:
+        made = make_plan(settings, plant_of(requested), feedback_of(requested), told, law)
+    except BadInput as error:  # says its key
+        raise BadInput(str(error), source) from None
+    except PlanFailed as error:
+        raise PlanFailed(f"{source}: plan: {error}") from None
     summary = {**made.summary, "duration": made.duration, "hash": plan_hash(made)}
     rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
     if out is not None:
