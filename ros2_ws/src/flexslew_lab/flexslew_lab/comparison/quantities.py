@@ -78,7 +78,9 @@ _JOINTS = (
     ComparedQuantity("vibration", "tip, peak", "m", _largest("peak_tip_deflection")),
 )
 _ANY = (
-    ComparedQuantity("effort", "effort", "(N m)² s", _largest("control_effort"), drawn=True),
+    ComparedQuantity(
+        "effort", "effort", "(N m)² s or N² s", _largest("control_effort"), drawn=True
+    ),
     ComparedQuantity("peak_effort", "largest effort", "N m or N", _largest("peak_effort")),
 )
 
