@@ -48,7 +48,7 @@ GOOD: dict[str, Any] = {
         (  # a bench without tips
             {"residual_tip_deflection": 0.0, "peak_tip_deflection": 0.0},
             0.0,
-            "largest error after the manoeuvre: roll 1; settled at 23.5 s",
+            "largest error after the manoeuvre: pitch 0.0002; settled at 23.5 s",
         ),
         ({"saturated_time": 1.5}, None, "settled at 23.5 s; efforts at their limit for 1.5 s"),
         ({"overshoot": {"yaw": None}}, None, "tip deflection after the manoeuvre: 0.0125 m; no"),

@@ -67,9 +67,9 @@ def _bends(metrics: Mapping[str, Any]) -> bool:
 
 
 def _held(metrics: Mapping[str, Any]) -> str:
-    """Return how far joints were from their goals at most; empty where that was not to be seen."""
+    """Return how far joints that were told to move, else all, were from their goals at most."""
     errors = metrics.get("residual_attitude_error") or {}
-    known = {name: abs(error) for name, error in errors.items() if error is not None}
+    known = {name: abs(errors[name]) for name in told_to_move(metrics) if errors.get(name)}
     if not known:
         return ""
     worst = max(known, key=lambda name: known[name])
