@@ -69,7 +69,11 @@ _PLATFORM = (
 # of joints that go to a goal
 _JOINTS = (
     ComparedQuantity(
-        "joint_error", "joints, after the end", "", _largest("residual_attitude_error"), drawn=True
+        "joint_error",
+        "joints, after the end",
+        "rad or m",
+        _largest("residual_attitude_error"),
+        drawn=True,
     ),
     ComparedQuantity("settled", "joints settled after", "s", _largest("settling_time")),
     ComparedQuantity(
