@@ -125,6 +125,8 @@ def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands
         ("kp", "[", "kp: line 2, column 1"),
         ("kp", "lots", "kp: &#x27;lots&#x27; is not allowed"),
         ("handover_time", "-1.0", "handover_time: -1.0 is not allowed"),
+        ("handover_time", ".inf", "handover_time: inf is not allowed"),
+        ("handover_time", "nan", "handover_time: nan is not allowed"),
         ("tuned from", "soon", "tuned from"),
     ],
 )
