@@ -41,6 +41,7 @@ from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say
+from flexslew_lab.reproduce import REPRODUCTIONS
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed, RunFault
@@ -245,7 +246,11 @@ def report(
 
 def reproduce(
     name: Annotated[
-        str, typer.Argument(help="csa, ofc, pi, time-optimal, scole or antennas; left out: all.")
+        str,
+        typer.Argument(
+            help="; ".join(f"{name}: {one.about}" for name, one in REPRODUCTIONS.items())
+            + "; left out: all."
+        ),
     ] = "",
     figures: Annotated[
         Path | None, typer.Option(help="Draw the figures of the paper as HTML.")
@@ -257,7 +262,7 @@ def reproduce(
     A row that is not reproduced says why and does not fail; one off its tolerance does.
     Example: `./flexslew reproduce csa --figures csa.html`
     """
-    from flexslew_lab.reproduce import REPRODUCTIONS, write_figures
+    from flexslew_lab.reproduce import write_figures
 
     if name and name not in REPRODUCTIONS:
         hint = did_you_mean(name, REPRODUCTIONS)
