@@ -9,6 +9,7 @@ import pytest
 import typer.main
 
 from flexslew_lab.cli.main import app
+from flexslew_lab.reproduce import REPRODUCTIONS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -64,6 +65,16 @@ def test_files_of_the_source_tree_that_a_page_names_exist() -> None:
             r"(?<![\w/])(?:ros2_ws/src|setup|docker|docs/examples)/[\w./-]+\w", page.read_text()
         ):
             assert (ROOT / path).exists(), f"{page.name}: {path}"
+
+
+def test_every_paper_that_is_computed_again_is_in_its_table_and_in_the_help() -> None:
+    page = (ROOT / "docs/reproduce.md").read_text()
+    command = typer.main.get_command(app).commands["reproduce"]  # type: ignore[attr-defined]
+    told = next(param.help for param in command.params if param.name == "name")
+    for name, entry in REPRODUCTIONS.items():
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{name}` |"))
+        assert ("| none |" in row) == (not entry.figures_name)
+        assert f"{name}: {entry.about}" in told
 
 
 def test_the_readme_stays_short() -> None:

@@ -43,6 +43,24 @@ def call(
             ("plan", "--set", "plan.duration=1e9"),
             "plan: duration: 1000000000.0 is not",
         ),
+        (
+            ("plan", "--json", "--set", "plan.duration=2"),
+            "m1 --set plan.duration=2: plan: the manoeuvre needs",
+        ),
+        (
+            ("plan", "--set", "plan.goal={base_yow: 1}"),
+            "m1 --set plan.goal={base_yow: 1}: plan: goal: base_yow is not a joint",
+        ),
+        (
+            ("trial", "--in-process", "--set", "plan.method=reference_only"),
+            "the file's plan is for another method: give all of it, "
+            "--set 'plan={method: reference_only, ...}'",
+        ),
+        (
+            ("trial", "--in-process", "--set", "testbed.kind=hub_with_appendages"),
+            "testbed.modes: 3 is not allowed: must be 1 (and 1 more); the file's testbed is for",
+        ),
+        (("trial", "--in-process", "--set", "controllers={}"), "controllers: give at least one"),
         (("trial", "--in-process", "--out", "/proc/x"), "--out: /proc/x cannot be written"),
         (("trial", "--in-process", "--out", "/dev/null"), "--out: /dev/null is a file"),
         (

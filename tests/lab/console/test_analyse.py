@@ -69,6 +69,10 @@ def test_the_page_shows_what_the_command_says_of_the_gains_that_fly(hands: Hands
 def test_what_cannot_be_analysed_is_refused_in_words(hands: Hands) -> None:
     hands.set("analysed at", "-1")
     assert "refused: analysed at: -1.0 is not allowed" in analyse(hands)
+    hands.set("analysed at", "57 deg")
+    assert "refused: analysed at: &#x27;57 deg&#x27; is not allowed: give a" in analyse(hands)
+    hands.set("analysed at", "-2 min")
+    assert "refused: analysed at: -120.0 is not allowed" in analyse(hands)
     hands.set("analysed at", "")
     hands.set("Analysed controller", "linear")
     assert "refused: the bench: linear listens to no sensor there" in analyse(hands)

@@ -39,3 +39,10 @@ def test_a_browser_that_comes_late_gets_looks_and_rows_and_neither_is_changed() 
     assert found["dataset"]["source"]["0"] == [1.0, 2.0]
     assert found["series"][0]["name"] == "a"
     assert json.dumps([axes, rows]) == before
+
+
+def test_a_chart_names_time_with_its_unit_and_says_in_words_what_it_shows() -> None:
+    axes = options([Curve("a [rad]", NOTHING, NOTHING), Curve("limit 150 N m", NOTHING, NOTHING)])
+    assert axes["title"]["text"] == "time [s]"
+    spoken = axes["aria"]["label"]["description"]
+    assert spoken == "chart of a [rad], limit 150 N m over time [s]"

@@ -138,9 +138,7 @@ def test_responses_grow_with_the_periods_and_the_model_that_is_accepted_plans(
         hands.refresh()
         worked(hands)
         seen += [title for title in hands.titles() if title.startswith("|position.mass|")]
-    assert seen == [
-        f"|position.mass| per effort, frequency [rad/s], {n} periods" for n in (2, 3, 4)
-    ]
+    assert seen == [f"|position.mass| [m per N], frequency [rad/s], {n} periods" for n in (2, 3, 4)]
     assert hands.click("Accept the model") == []
     assert "identify the bench first" in hands.texts()
     hands.click("Identify")

@@ -46,10 +46,13 @@ class Hands:
     def refresh(self) -> None:
         self.page.refresh()
 
+    def charts(self) -> list[Element]:
+        """Return the charts that stand on the page."""
+        return [e for e in self.gui.all() if e.kind == "chart" and _shown(e)]
+
     def titles(self) -> list[str]:
-        """Return the titles of the charts that stand on the page."""
-        charts = [e for e in self.gui.all() if e.kind == "chart" and _shown(e)]
-        return [e.data.options["title"]["text"] for e in charts]
+        """Return their titles."""
+        return [e.data.options["title"]["text"] for e in self.charts()]
 
     def texts(self) -> str:
         """Return everything that stands on the page as HTML."""
@@ -122,6 +125,8 @@ def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands
         ("kp", "[", "kp: line 2, column 1"),
         ("kp", "lots", "kp: &#x27;lots&#x27; is not allowed"),
         ("handover_time", "-1.0", "handover_time: -1.0 is not allowed"),
+        ("handover_time", ".inf", "handover_time: inf is not allowed"),
+        ("handover_time", "nan", "handover_time: nan is not allowed"),
         ("tuned from", "soon", "tuned from"),
     ],
 )
@@ -224,11 +229,14 @@ def test_a_draft_is_drawn_and_waits_for_a_decision(hands: Hands, button: str, wo
     assert hands.click("Plan")
     hands.refresh()
     assert hands.elements(button)[0].visible
-    assert "draft, not flown: reference_only, from 12 s on" in hands.titles()
+    title = "time [s]; draft, not flown: reference_only, from 12 s on"
+    assert title in hands.titles()
+    [draft] = [c for c in hands.charts() if c.data.options["title"]["text"] == title]
+    assert draft.data.options["legend"]["data"] == ["planned a [rad]", "planned b [m]"]
     [(service, values)] = hands.click(button)
     assert (service, values["action"]) == ("decide_plan", f"{word} {'d' * 64}")
     assert not hands.elements(button)[0].visible
-    assert "draft, not flown: reference_only, from 12 s on" not in hands.titles()
+    assert title not in hands.titles()
 
 
 def test_a_remark_must_say_something(hands: Hands) -> None:

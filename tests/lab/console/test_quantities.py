@@ -7,6 +7,7 @@ import pytest
 
 from flexslew_lab.console.quantities import ERROR, ESTIMATE, POSITION, TIPS, VELOCITY, curves_of
 from flexslew_lab.console.replay import Replay
+from flexslew_lab.console.view import BenchView, Joints
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import read_trial
@@ -42,3 +43,12 @@ def test_charts_of_errors_and_estimates_show_how_far_the_joints_are_off(bag: Pat
     for quantity, most in ((ERROR, 0.06), (ESTIMATE, 0.002)):  # m1 bends away from its plan
         worst = max(np.nanmax(np.abs(curve.value)) for curve in curves_of(log.view, quantity))
         assert worst < most, quantity  # the coordinates of an attitude are up to 1 away
+
+
+def test_limits_of_motors_have_the_units_of_their_efforts() -> None:
+    view = BenchView()
+    view.joints = Joints("two", ("a", "b"), ("rad", "m"), (), (150.0, 20.0), 0.01)
+    view.truth.add(np.array([0.0, 0.01]), {"applied_effort": np.ones((2, 2))})
+    labels = [curve.label for curve in curves_of(view, "effort")]
+    limits = ["limit 20 N", "limit -20 N", "limit 150 N m", "limit -150 N m"]
+    assert labels == ["a [N m]", "b [N]", *limits]

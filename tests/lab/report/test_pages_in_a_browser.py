@@ -8,7 +8,9 @@ from tests.browser import Browser, chromium, looked_at
 from tests.plants import plant
 
 from flexslew_control.planners import make_plan, plan_settings
+from flexslew_lab.report.page import wrapped
 from flexslew_lab.report.report import write_plan, write_report
+from flexslew_lab.report.tables import Table, tables_page
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 
@@ -35,6 +37,35 @@ PAGES = ("one", "compared", "several", "plan")
 def browser() -> Iterator[Browser]:
     with chromium() as found:
         yield found
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("0.000 -0.013 1e-05 5.948", "0.000 -0.013 1e-05 5.948"),
+        ("effort.base_yaw", "effort.<wbr>base_<wbr>yaw"),
+        ("runs/m1-a", "runs/<wbr>m1-<wbr>a"),
+    ],
+)
+def test_names_may_go_on_in_the_next_line_and_numbers_may_not(text: str, shown: str) -> None:
+    assert wrapped(text) == shown
+
+
+def test_a_table_of_many_columns_is_printed_whole(browser: Browser, tmp_path: Path) -> None:
+    names = [f"seen by tip.beam_{k}" for k in range(17)]
+    table = Table("Modes", "", names, [["-0.013"] * len(names)] * 3)
+    page = tmp_path / "page.html"
+    page.write_text(tables_page("analysis", "wide", "", [table]))
+    browser.open(page, 760)
+    browser.devtools("Emulation.setEmulatedMedia", {"media": "print"})
+    clipped = browser.run(
+        "return [...document.querySelectorAll('.scroll')].filter("
+        "e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).overflowX !== 'visible')"
+    )
+    right = browser.run("return document.querySelector('table').getBoundingClientRect().right")
+    browser.devtools("Emulation.setEmulatedMedia", {"media": ""})
+    assert clipped == []
+    assert right <= 1.3 * 760  # as far as a browser shrinks a page to the paper
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.metrics.rows import unit_of
 from flexslew_lab.report.report import write_report
 from flexslew_lab.report.verdict import told_to_move, verdict
 
@@ -41,6 +42,13 @@ GOOD: dict[str, Any] = {
             {"settling_time": {"yaw": None, "pitch": 1.0}},
             None,
             "not settled: yaw; no effort at its limit",
+        ),
+        ({"manoeuvre_start": 1230.0}, None, "settled at 1252 s; no effort"),
+        ({"saturated_time": 2345.6}, None, "efforts at their limit for 2346 s"),
+        (  # a bench without tips
+            {"residual_tip_deflection": 0.0, "peak_tip_deflection": 0.0},
+            0.0,
+            "largest error after the manoeuvre: pitch 0.0002; settled at 23.5 s",
         ),
         ({"saturated_time": 1.5}, None, "settled at 23.5 s; efforts at their limit for 1.5 s"),
         ({"overshoot": {"yaw": None}}, None, "tip deflection after the manoeuvre: 0.0125 m; no"),
@@ -102,3 +110,8 @@ def test_every_entry_of_the_contents_leads_somewhere(bag: Path, tmp_path: Path) 
     assert len(links) > 5
     for entry in links:
         assert f'id="{entry.split(chr(34))[0]}"' in page
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("m", "N^2 s"), ("rad", "(N m)^2 s")])
+def test_the_square_of_forces_is_told_in_newtons(kind: str, unit: str) -> None:
+    assert unit_of("control_effort", [kind]) == unit

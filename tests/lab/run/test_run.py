@@ -56,6 +56,36 @@ def test_a_plan_that_outlives_the_run_is_told(
     assert bool(warning) == warned
 
 
+_MODES = """
+frequencies_hz: [0.6]
+rigid: {mass: 2.0, first_moment: [3.0, 0.0, 0.0], inertia: [[0, 0, 0], [0, 5.0, 0], [0, 0, 5.0]]}
+"""
+_FACTORS = "translation: [[0], [0], [1.4]]\nrotation: [[0], [-2.4], [0]]\nmodal_mass: [[1.16]]\n"
+_SHAPES = """
+points: [[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
+masses: [1.0, 1.0]
+shapes: [[[0.0, 0.0, 0.4], [0.0, 0.0, 1.0]]]
+"""
+_PANEL = """
+duration: 0.02
+testbed:
+  kind: spacecraft
+  platform: {{mass: 100.0, inertia: {{xx: 30.0, yy: 40.0, zz: 50.0}}}}
+  appendages: {{panel: {{shape: {{kind: modal_data, file: {file}}}}}}}
+  actuators: {{pitch: {{kind: torque, direction: [0, 1, 0], limit: 2.0}}}}
+"""
+
+
+@pytest.mark.parametrize(("form", "blind"), [(_FACTORS, True), (_SHAPES, False)])
+def test_modes_that_no_tip_shows_are_told(tmp_path: Path, form: str, blind: bool) -> None:
+    file = tmp_path / "panel.yaml"
+    file.write_text(_MODES + form)
+    said: list[str] = []
+    trial = parse_trial(_PANEL.format(file=file), "t.yaml")
+    run_trial(trial, "t.yaml", tmp_path / "run", True, False, say=said.append)
+    assert any("no tip shows any of the 1 modes" in line for line in said) == blind
+
+
 def dense(points: int) -> Trial:
     times = np.linspace(0.0, 1.0, points + 1)[1:].tolist()
     place = {"base_yaw": 1.0 / 9.0, "hub_pitch": 1.0 / 7.0}

@@ -78,7 +78,7 @@ def _modes(analysis: Analysis) -> Table:
     shape, moved = (list(getattr(modes[0], key)) if modes else [] for key in ("shape", "moved"))
     seen = list(modes[0].seen) if modes else []
     rows = [
-        [_number(m.frequency), f"{m.damping:.3g}",
+        [_number(m.frequency), f"{m.damping if abs(m.damping) > 1e-12 else 0.0:.3g}",
          *(f"{m.shape[key]:+.3f}" for key in shape), *(f"{m.moved[key]:.3f}" for key in moved),
          *(f"{m.seen[key]:.3f}" for key in seen)]
         for m in modes

@@ -41,9 +41,10 @@ from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say
+from flexslew_lab.reproduce import REPRODUCTIONS
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, new_file, writable_file
-from flexslew_plant.errors import BadInput, FlexslewError, RunFault
+from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed, RunFault
 from flexslew_plant.interrupted import keep_exit_code
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import Trust
@@ -185,9 +186,13 @@ def plan(
         say(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
 
     told = None if as_json else iteration
-    made = make_plan(
-        settings, plant_of(requested), feedback_of(requested), told, law_in_charge(requested)
-    )
+    law = law_in_charge(requested)
+    try:
+        made = make_plan(settings, plant_of(requested), feedback_of(requested), told, law)
+    except BadInput as error:  # says its key
+        raise BadInput(str(error), source) from None
+    except PlanFailed as error:
+        raise PlanFailed(f"{source}: plan: {error}") from None
     summary = {**made.summary, "duration": made.duration, "hash": plan_hash(made)}
     rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
     if out is not None:
@@ -241,7 +246,11 @@ def report(
 
 def reproduce(
     name: Annotated[
-        str, typer.Argument(help="csa, ofc, pi, time-optimal, scole or antennas; left out: all.")
+        str,
+        typer.Argument(
+            help="; ".join(f"{name}: {one.about}" for name, one in REPRODUCTIONS.items())
+            + "; left out: all."
+        ),
     ] = "",
     figures: Annotated[
         Path | None, typer.Option(help="Draw the figures of the paper as HTML.")
@@ -253,7 +262,7 @@ def reproduce(
     A row that is not reproduced says why and does not fail; one off its tolerance does.
     Example: `./flexslew reproduce csa --figures csa.html`
     """
-    from flexslew_lab.reproduce import REPRODUCTIONS, write_figures
+    from flexslew_lab.reproduce import write_figures
 
     if name and name not in REPRODUCTIONS:
         hint = did_you_mean(name, REPRODUCTIONS)

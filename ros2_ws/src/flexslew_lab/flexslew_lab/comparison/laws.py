@@ -148,7 +148,7 @@ def _view(trial: Trial, entries: Entries) -> Comparison:
         DrawnQuantity(
             f"{q.title} against {name}",
             q.unit,
-            f"error of the {name} [%]{f', {q.title}' if q.unit else ''}",
+            f"error of the {name} [%]",
             kind,
             partial(_number, q),
         )

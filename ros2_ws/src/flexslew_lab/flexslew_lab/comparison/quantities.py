@@ -69,7 +69,11 @@ _PLATFORM = (
 # of joints that go to a goal
 _JOINTS = (
     ComparedQuantity(
-        "joint_error", "joints, after the end", "", _largest("residual_attitude_error"), drawn=True
+        "joint_error",
+        "joints, after the end",
+        "rad or m",
+        _largest("residual_attitude_error"),
+        drawn=True,
     ),
     ComparedQuantity("settled", "joints settled after", "s", _largest("settling_time")),
     ComparedQuantity(
@@ -78,7 +82,9 @@ _JOINTS = (
     ComparedQuantity("vibration", "tip, peak", "m", _largest("peak_tip_deflection")),
 )
 _ANY = (
-    ComparedQuantity("effort", "effort", "(N m)² s", _largest("control_effort"), drawn=True),
+    ComparedQuantity(
+        "effort", "effort", "(N m)² s or N² s", _largest("control_effort"), drawn=True
+    ),
     ComparedQuantity("peak_effort", "largest effort", "N m or N", _largest("peak_effort")),
 )
 

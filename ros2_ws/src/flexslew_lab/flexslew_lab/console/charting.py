@@ -9,6 +9,7 @@ from flexslew_lab.console.history import Curve
 from flexslew_plant.arrays import Vector
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555", "#8a2be2")
+TIME = "time [s]"
 # three digits; a power of ten below 0.01 and from 1e5 on
 _DIGITS = (
     "value => value === 0 ? '0' : Math.abs(value) < 1e-2 || Math.abs(value) >= 1e5"
@@ -23,8 +24,13 @@ class ChartData(NamedTuple):
     news: dict[str, Any]  # the window and the rows in it
 
 
-def options(curves: list[Curve], title: str = "") -> dict[str, Any]:
-    """Return the axes and the style of curves: a reference is dashed in the colour of its joint."""
+def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
+    """Return the axes and the style of curves: a reference is dashed in the colour of its joint.
+
+    Args:
+        curves: of the chart.
+        title: below its lower axis, whose quantity and unit it says.
+    """
     series: list[dict[str, Any]] = [
         {
             "type": "line", "name": curve.label, "showSymbol": False, "silent": True,
@@ -41,14 +47,16 @@ def options(curves: list[Curve], title: str = "") -> dict[str, Any]:
             "lineStyle": {"color": "#999", "type": "solid", "width": 1}, "data": [],
         },
     }  # fmt: skip
+    labels = [curve.label for curve in curves]
+    spoken = {"description": f"chart of {', '.join(labels) or 'nothing'} over {title}"}
     small = {"fontSize": 10}
     digits = {**small, ":formatter": _DIGITS}
     return {
-        "animation": False,
+        "animation": False, "aria": {"enabled": True, "label": spoken},
         "title": {"text": title, "textStyle": {"fontSize": 11}, "left": "center", "bottom": 0},
-        "grid": {"left": 58, "right": 14, "top": 34, "bottom": 36 if title else 22},
+        "grid": {"left": 58, "right": 14, "top": 34, "bottom": 36},
         "legend": {
-            "top": 0, "type": "scroll", "data": [curve.label for curve in curves],
+            "top": 0, "type": "scroll", "data": labels,
             "textStyle": {"fontSize": 10}, "itemWidth": 18, "itemHeight": 8, "right": 44, "left": 4,
         },
         "toolbox": {

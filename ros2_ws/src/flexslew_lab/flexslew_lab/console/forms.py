@@ -209,7 +209,7 @@ class Form:
             if text == known.get(key.name, ""):
                 continue
             try:
-                found[key.name] = _value(key, text)
+                found[key.name] = value_of(key, text)
             except BadInput as error:
                 wrong = True
                 self._tell(key.name, str(error))
@@ -248,7 +248,7 @@ def _slider(desk: Desk, field: Element, text: str) -> Element:
     return found
 
 
-def _value(key: FormKey, text: str) -> Any:
+def value_of(key: FormKey, text: str) -> Any:
     """Return what a field holds; `57 deg` and `2 min` as numbers in SI.
 
     Raises:

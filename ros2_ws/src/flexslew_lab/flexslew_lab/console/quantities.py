@@ -69,10 +69,10 @@ def _effort(view: BenchView, joints: Joints) -> list[Curve]:
     names = _named("", joints, joints.effort_units)
     curves = _columns(names, view.truth.time, view.truth.column("applied_effort"))
     time = view.truth.time
-    for limit in sorted(set(joints.limit)):
+    for limit, unit in sorted(set(zip(joints.limit, joints.effort_units, strict=True))):
         for sign in (1.0, -1.0):
             level = np.full(len(time), sign * limit)  # whatever window is cut out, it crosses it
-            curves.append(Curve(f"limit {sign * limit:g}", time, level, True, color=GREY))
+            curves.append(Curve(f"limit {sign * limit:g} {unit}", time, level, True, color=GREY))
     return curves
 
 

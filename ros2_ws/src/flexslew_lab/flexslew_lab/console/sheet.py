@@ -1,4 +1,4 @@
-"""How the page looks, and the key of its brake."""
+"""How the page looks, the key of its brake, and what it says once nothing answers."""
 
 PRIMARY = "#1565c0"  # of buttons; white on it has a contrast of 5.7
 SHEET = """
@@ -52,4 +52,23 @@ addEventListener("keyup", event => {
   const field = event.target.closest?.("input, textarea, select, [contenteditable]");
   if (event.code === "Space" && !field) { event.preventDefault(); event.stopPropagation(); }
 }, true);
+// a page whose server is gone says what to do, in place of "trying to reconnect" for ever
+const OTHER = "Another console answers here now, and this page is not its own: open the address " +
+  "that its terminal shows.";
+const NOBODY = "Nothing answers: the console has ended, or its machine is out of reach. The " +
+  "charts hold what came last, and no button does anything. Open the address that a new one shows.";
+let waited = 0, usual = "";
+setInterval(async () => {
+  const popup = document.getElementById("popup");
+  const line = popup?.lastElementChild;
+  if (!line) return;
+  usual ||= line.textContent;
+  if (popup.ariaHidden === "true") { waited = 0; line.textContent = usual; return; }
+  popup.setAttribute("role", "alert");
+  waited += 1;
+  const answer = await fetch("/run/", {cache: "no-store"}).catch(() => null);
+  if (answer?.status === 403) line.textContent = OTHER;
+  else if (answer) line.textContent = usual;
+  else if (waited > 3) line.textContent = NOBODY;
+}, 2000);
 """

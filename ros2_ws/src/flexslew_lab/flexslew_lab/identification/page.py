@@ -7,6 +7,7 @@ import numpy as np
 from flexslew_lab.identification.frequency_response import FrequencyResponse
 from flexslew_lab.identification.identification import Identification
 from flexslew_lab.identification.modes import Interval
+from flexslew_lab.identification.record import Output
 from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_plant.arrays import Vector
@@ -104,13 +105,22 @@ def verdict(found: Identification) -> str:
     return "; ".join(words) + "."
 
 
+def per_effort(response: FrequencyResponse, output: Output) -> str:
+    """Return the unit of the responses of an output."""
+    units = {o.name: o.unit for o in response.outputs}
+    kinds = {units.get(f"position.{name}", "") for name in response.inputs}
+    effort = {"rad": "N m", "m": "N"}.get(kinds.pop(), "") if len(kinds) == 1 else ""
+    return f"{output.unit} per {effort or 'N m or N'}"
+
+
 def responses(response: FrequencyResponse) -> Group:
     """Return magnitudes over frequency with the radius that holds the truth with 95 %."""
     panels = []
     w = response.frequency
     names: list[str] = []
     for o, output in enumerate(response.outputs):
-        panel = Panel(output.name, output.unit, log=True, height=200, x_title="frequency [rad/s]")
+        unit = per_effort(response, output)
+        panel = Panel(output.name, unit, log=True, height=200, x_title="frequency [rad/s]")
         for i, name in enumerate(response.inputs):
             look = style(i)
             size, radius = np.abs(response.response[:, o, i]), response.radius[:, o, i]

@@ -26,7 +26,7 @@ class Efforts:
             "N m or N", True, "root mean square of the applied effort, over all ticks"
         ),
         "control_effort": Key(
-            "(N m)^2 s", False, "integral of the sum of squared efforts over the run"
+            "(N m)^2 s or N^2 s", False, "integral of the sum of squared efforts over the run"
         ),
         "saturated_time": Key(
             "s",

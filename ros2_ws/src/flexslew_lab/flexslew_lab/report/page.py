@@ -15,7 +15,8 @@ from markupsafe import Markup, escape
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_plant.errors import BadInput
 
-_BREAKS = re.compile(r"(?<=[_./:-])(?=\w)")  # where a long name may go on in the next line
+# where a long name may go on in the next line, and no number
+_BREAKS = re.compile(r"(?<=[_/:])(?=\w)|(?<=[.-])(?=[^\W\d])")
 
 
 def render(template: str, figures: bool = True, **values: Any) -> str:

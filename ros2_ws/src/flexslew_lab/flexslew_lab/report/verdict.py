@@ -26,7 +26,7 @@ def verdict(
         missed_goal(metrics, tolerance),
         looked_inside(metrics),
         f"changed by an operator {_times(changes)}" if changes else "",
-        _vibration(metrics, {} if changes else bare),
+        _vibration(metrics, {} if changes else bare) if _bends(metrics) else _held(metrics),
         _settled(metrics),
         *_limits(metrics),
     ]
@@ -57,6 +57,23 @@ def _vibration(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
     if without is None or max(left, without) < _NOTHING:
         return f"tip deflection after the manoeuvre: {left:.3g} m"
     return f"{_compared(left, without)} without feedforward ({left:.3g} m, not {without:.3g} m)"
+
+
+def _bends(metrics: Mapping[str, Any]) -> bool:
+    """Return whether any tip has moved at all: not on a bench without tips, or a rigid one."""
+    return metrics.get("residual_tip_deflection") != 0.0 or bool(
+        _largest(metrics.get("peak_tip_deflection"))
+    )
+
+
+def _held(metrics: Mapping[str, Any]) -> str:
+    """Return how far joints that were told to move, else all, were from their goals at most."""
+    errors = metrics.get("residual_attitude_error") or {}
+    known = {name: abs(errors[name]) for name in told_to_move(metrics) if errors.get(name)}
+    if not known:
+        return ""
+    worst = max(known, key=lambda name: known[name])
+    return f"largest error after the manoeuvre: {worst} {known[worst]:.3g}"
 
 
 def _largest(deflection: float | Mapping[str, float] | None) -> float | None:
@@ -90,14 +107,14 @@ def _settled(metrics: Mapping[str, Any]) -> str:
     if late:
         return f"not settled: {_listed(late)}"
     begin = metrics.get("manoeuvre_start") or 0.0
-    return f"settled at {begin + max(times[name] for name in moved):.3g} s"
+    return f"settled at {_seconds(begin + max(times[name] for name in moved))}"
 
 
 def _limits(metrics: Mapping[str, Any]) -> Iterator[str]:
     """Yield what the drives and the bench had to object."""
     saturated = metrics.get("saturated_time")
     if saturated is not None:
-        yield f"efforts at their limit for {saturated:.3g} s" if saturated else _BELOW
+        yield f"efforts at their limit for {_seconds(saturated)}" if saturated else _BELOW
     for key, one, many in (
         ("missed_ticks", "tick without an answer", "ticks without an answer"),
         ("faults", "fault", "faults"),
@@ -105,6 +122,10 @@ def _limits(metrics: Mapping[str, Any]) -> Iterator[str]:
     ):
         if count := metrics.get(key):
             yield f"{count} {one if count == 1 else many}"
+
+
+def _seconds(time: float) -> str:
+    return f"{time:.3g} s" if time < 999.5 else f"{time:.0f} s"
 
 
 def _listed(names: Sequence[str]) -> str:

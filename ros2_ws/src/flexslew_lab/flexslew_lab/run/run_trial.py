@@ -99,6 +99,12 @@ def run_trial(
             f"warning: the plan ends at {prepared.plan.end:g} s, the run at {trial.duration:g} s: "
             "the residual after the manoeuvre cannot be measured"
         )
+    tips = trial.testbed.model().appendages.tip
+    if tips.shape[1] and not tips.any():
+        say(
+            f"warning: no tip shows any of the {tips.shape[1]} modes: all tip deflections are told "
+            "as 0, whatever rings; see the modes in the report"
+        )
     if prepared.plan is not None and "warning" in prepared.plan.summary:
         say(f"warning: plan: {prepared.plan.summary['warning']}")
     if prepared.plan is not None and prepared.plan.summary.get("believes"):

@@ -16,6 +16,7 @@ from flexslew_plant.yaml_data import load_yaml
 
 FOLDER = Path(str(resources.files("flexslew_lab"))) / "trials"
 DEFAULT = "m1"
+_CHOICES = ("method", "kind", "law")  # they say which other keys a section has
 
 
 class Shipped(NamedTuple):
@@ -108,12 +109,29 @@ def read_trial(name: str | Path | None, assignments: list[str] | None = None) ->
         return checked_trial(trial_of_values(values, label, ANY_CODE), label), source
     except BadInput as error:
         refusal = error.refusal
-        if not _is_set(refusal.key, changes):
+        if _is_set(refusal.key, changes):
+            raise BadInput(replace(refusal, source="--set")) from None
+        choice = _choice_of(refusal.key, changes)
+        if not choice:
             raise
-        raise BadInput(replace(refusal, source="--set")) from None
+        section, _, name = choice.rpartition(".")
+        whole = f"--set '{section}={{{name}: {changes[choice]}, ...}}'"
+        words = (
+            f"{refusal.why}; the file's {section} is for another {name}: give all of it, {whole}"
+        )
+        raise BadInput(replace(refusal, why=words)) from None
 
 
 def _is_set(key: str, changes: Mapping[str, Any]) -> bool:
     """Return whether a key was set on the command line, is part of what was, or holds it."""
     pairs = [(f"{key}.", f"{path}.") for path in changes if key]
     return any(one.startswith(other) or other.startswith(one) for one, other in pairs)
+
+
+def _choice_of(key: str, changes: Mapping[str, Any]) -> str:
+    """Return the path of a choice that was set in the section of a key: empty without one."""
+    for path in changes:
+        section, _, name = path.rpartition(".")
+        if name in _CHOICES and section and key.startswith(f"{section}."):
+            return path
+    return ""

@@ -151,6 +151,8 @@ def checked_trial(trial: Trial, source: str) -> Trial:
 
 
 def _require_controller(trial: Trial, name: str, source: str, key: str) -> None:
+    if not trial.controllers:
+        raise BadInput("give at least one, for example {pd_feedforward: {}}", source, "controllers")
     if name not in trial.controllers:
         known = ", ".join(trial.controllers)
         hint = did_you_mean(name, trial.controllers)

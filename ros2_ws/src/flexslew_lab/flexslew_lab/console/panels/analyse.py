@@ -10,14 +10,13 @@ from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
 from flexslew_lab.console.desk import Desk, DeskReply, line
 from flexslew_lab.console.flown_trial import flown_trial
-from flexslew_lab.console.forms import OpenedOn, moment
+from flexslew_lab.console.forms import FormKey, OpenedOn, moment, value_of
 from flexslew_lab.console.gate import FILES
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import one_line
-from flexslew_plant.yaml_data import load_yaml
 
 _PAGE = "analysis.html"
 _OPEN = f'<a href="{FILES}{_PAGE}" target="_blank" rel="noopener">Open the analysis</a>'
@@ -71,7 +70,7 @@ class AnalysePanel:
             return
         view, name = self._view, self._which.value
         try:
-            at = load_yaml(str(self._at.value), _AT)
+            at = value_of(FormKey(_AT, "[s]"), str(self._at.value))
             time = view.time if at is None else moment(_AT, at)
             trial = flown_trial(view, name)
             plan = plan_of(view.plan, "the bench") if view.plan is not None else None

@@ -21,7 +21,7 @@ from flexslew_lab.identification.frequency_response import FrequencyResponse
 from flexslew_lab.identification.modal_fit import modal_response
 from flexslew_lab.identification.model_file import file_text, testbed_of, write_model
 from flexslew_lab.identification.modes import ModalModel, identify_modes
-from flexslew_lab.identification.page import shown
+from flexslew_lab.identification.page import per_effort, shown
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.separable import groups_of
 from flexslew_plant import topics
@@ -224,7 +224,8 @@ class ExperimentPanel:
         self._drawn = state
         row = next(k for k, o in enumerate(found.outputs) if o.name == self._output.value)
         curves = _magnitudes(found, row) + _modelled(found, self._model, row)
-        title = f"|{self._output.value}| per effort, frequency [rad/s], {found.periods} periods"
+        output = f"|{self._output.value}| [{per_effort(found, found.outputs[row])}]"
+        title = f"{output}, frequency [rad/s], {found.periods} periods"
         self._size.data = ChartData(logarithmic(options(curves, title)), _rows(curves))
         coherence = [Curve(self._output.value, found.frequency, found.coherence[:, row])]
         layout = options(coherence, "coherence [-], frequency [rad/s]")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.planners import OPTIMIZED, PLANNERS, plan_settings
-from flexslew_lab.console.charting import ChartData, news, options
+from flexslew_lab.console.charting import TIME, ChartData, news, options
 from flexslew_lab.console.desk import Desk, DeskReply, line
 from flexslew_lab.console.forms import Form, FormKey, moment, number_of
 from flexslew_lab.console.history import Curve
@@ -49,7 +49,7 @@ class PlanPanel:
         self._progress = gui.html()
         self._course = gui.folder("Planned course", visible=False)  # below what is clicked
         with self._course:
-            self._curve = gui.add("chart", "planned course", data=_chart([], ""))
+            self._curve = gui.add("chart", "planned course", data=_chart([], TIME))
         self._iterations: list[str] = []
         self._draft: Any = None  # that waits for a decision
         self._drawn = ("", "")  # hash of the plan, and what it is
@@ -162,11 +162,14 @@ class PlanPanel:
         rows = np.asarray(plan.position, dtype=float).reshape(-1, max(joints, 1))
         every = max(1, len(rows) // 500)
         time = plan.start + plan.period * np.arange(len(rows))
+        known = self._view.joints
+        units = dict(zip(known.names, known.units, strict=True)) if known is not None else {}
         curves = [
-            Curve(f"planned {name}", time[::every], rows[::every, k])
+            Curve(f"planned {name} [{units.get(name, '-')}]", time[::every], rows[::every, k])
             for k, name in enumerate(plan.joint_names)
         ]
-        self._curve.data = _chart(curves, f"{kind}: {plan.method}, from {plan.start:g} s on")
+        title = f"{TIME}; {kind}: {plan.method}, from {plan.start:g} s on"
+        self._curve.data = _chart(curves, title)
 
 
 def _chart(curves: list[Curve], title: str) -> ChartData:

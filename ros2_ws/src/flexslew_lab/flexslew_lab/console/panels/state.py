@@ -47,8 +47,9 @@ def _table(view: BenchView) -> str:
         rows.append((controller.name, ready))
     body = "".join(
         f'<tr><th scope="row" style="text-align:left;font-weight:600;padding-right:0.8em;'
-        f'vertical-align:top;white-space:nowrap">{html.escape(name)}</th>'
-        f'<td style="overflow-wrap:anywhere">{html.escape(value)}</td></tr>'
+        f'vertical-align:top;min-width:7em;overflow-wrap:anywhere">{html.escape(name)}</th>'
+        f'<td style="min-width:9em;vertical-align:top;overflow-wrap:anywhere">'
+        f"{html.escape(value)}</td></tr>"
         for name, value in rows
     )
     return (

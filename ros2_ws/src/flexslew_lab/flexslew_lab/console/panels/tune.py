@@ -3,7 +3,7 @@
 from flexslew_control.controllers import CONTROLLERS, with_file
 from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.flown_trial import settings_of
-from flexslew_lab.console.forms import Form, FormKey, OpenedOn, moment, number_of, text_of
+from flexslew_lab.console.forms import Form, FormKey, OpenedOn, moment, not_negative, text_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.overrides import overridden
@@ -102,7 +102,5 @@ def _check(law: str, text: str, changes: dict[str, object]) -> None:
     if law not in CONTROLLERS:
         return
     values = overridden(settings_of(text), changes)
-    handover = values.pop(_HANDOVER, 1.0)
-    if number_of(_HANDOVER, handover) < 0.0:
-        raise BadInput("at least 0", key=_HANDOVER, value=handover)
+    not_negative(_HANDOVER, values.pop(_HANDOVER, 1.0))
     validated(CONTROLLERS[law].settings, values, "")
