@@ -10,7 +10,7 @@ import pytest
 
 from flexslew_control.controllers import CONTROLLERS, CommonSettings
 from flexslew_control.planners import PLANNERS
-from flexslew_lab.studies.study import StudySettings
+from flexslew_lab.studies.study_settings import StudySettings
 from flexslew_lab.trial.trial import Trial, parse_trial
 from flexslew_plant.settings_fields import own_meanings
 

@@ -27,7 +27,8 @@ from flexslew_lab.studies.findings.summary import passed, summary
 from flexslew_lab.studies.findings.tables import metric_tables, overall_rows
 from flexslew_lab.studies.flight import Flown, failed
 from flexslew_lab.studies.store import Store
-from flexslew_lab.studies.study import Criterion, Study
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study_settings import Criterion
 from flexslew_lab.studies.ways import Way
 from flexslew_plant.arrays import Vector
 

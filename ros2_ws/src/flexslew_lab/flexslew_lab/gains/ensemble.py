@@ -18,7 +18,10 @@ from flexslew_lab.analysis.trial_models import Point, point_of
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.execution.worker import Flyer, Job
 from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.study import Study, StudySettings, StudyVariant, Varied
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study_settings import StudySettings
+from flexslew_lab.studies.variants import StudyVariant
+from flexslew_lab.studies.varied import Varied
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain

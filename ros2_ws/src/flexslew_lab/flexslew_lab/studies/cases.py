@@ -12,7 +12,8 @@ from flexslew_control.planners import planned_about_one_axis
 from flexslew_control.planners.one_axis import counted
 from flexslew_lab.studies.experiment import found_by_flying
 from flexslew_lab.studies.sampling.methods import Samples, drawn
-from flexslew_lab.studies.study import EXPERIMENT, MANOEUVRE, Nominal, Study
+from flexslew_lab.studies.study import Nominal, Study
+from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
 from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.trial import (
     ALONE,

@@ -13,7 +13,8 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.studies.flight import Plans
-from flexslew_lab.studies.study import EXPERIMENT, MANOEUVRE, Study
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import file_of
 from flexslew_plant.settings import plain

@@ -13,7 +13,8 @@ from flexslew_lab.studies.findings.statistics import trials_needed
 from flexslew_lab.studies.findings.stopping import at_every_look
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
-from flexslew_lab.studies.study import Criterion, Study
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study_settings import Criterion
 
 
 class Verdict(StrEnum):

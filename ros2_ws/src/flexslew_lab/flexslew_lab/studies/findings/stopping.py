@@ -10,7 +10,8 @@ import pyarrow as pa
 from flexslew_lab.studies.findings.columns import column, population
 from flexslew_lab.studies.findings.population import Bounds, Population
 from flexslew_lab.studies.store import Store
-from flexslew_lab.studies.study import Stop, Study
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study_settings import Stop
 
 _FIRST = 64  # samples before the first look
 
