@@ -2,5 +2,5 @@
 
 Offers: cases, execution.cluster, execution.pace, execution.worker, findings.criteria,
 findings.page, findings.summary, findings.tables, finish, flight, lanes.check, lanes.fleet, merge,
-run, store, study, study_settings.
+run, store, study, study_settings, variants, varied.
 """
