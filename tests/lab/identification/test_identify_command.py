@@ -227,3 +227,22 @@ def test_the_shipped_experiment_on_scole_tells_the_mode_that_it_drives(tmp_path:
     turns = np.linalg.solve(linear.mass[:n, :n], linear.input_matrix[:n])[:, 0]
     roll = 1.0 / np.abs(turns[:6]).max()  # of the platform, which the wheel turns the other way
     assert found.inertia[0][0].value == pytest.approx(roll, rel=0.01)
+
+
+@pytest.mark.parametrize(("friction", "doubted"), [(0.0, False), (0.05, True)])
+def test_friction_of_the_motors_which_rigid_motion_has_none_of_is_said(
+    friction: float, doubted: bool, tmp_path: Path, call: Any
+) -> None:
+    changes = {
+        "duration": 205.0,
+        "period": 0.05,
+        "plan.duration": 200.0,
+        "plan.band": [0.1, 6.0],
+        "actuator.viscous_friction": friction,
+    }
+    asked = trial_of_values(overridden(load_yaml(TRIAL, "test"), changes), "test")
+    run_trial(asked, "test", tmp_path / "run", in_process=True, report=False)
+    code, out, _ = call("identify", tmp_path / "run", "--json")
+    warnings = json.loads(out)["warnings"]
+    assert code == 0
+    assert any("friction of the motors" in words for words in warnings) == doubted

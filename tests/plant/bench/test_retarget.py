@@ -7,7 +7,13 @@ import pytest
 
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.run.in_process import Observer, fly
-from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plant_of
+from flexslew_lab.trial.trial import (
+    Trial,
+    bench_settings,
+    build_controllers,
+    plant_of,
+    trial_of_values,
+)
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.contract import Retargetable
@@ -122,3 +128,49 @@ def test_a_line_of_sight_becomes_the_angle_that_points_there() -> None:
     beside = {"motion": {**MOTION, "to": None, "line_of_sight": [0.3, 1.0, 0.0]}}
     with pytest.raises(BadInput, match=r"line_of_sight: .* comes within 0.2915 rad of it at best"):
         antenna(testbed={"appendages": {"beam": {"hinge": beside}}})
+
+
+def free_arm(at: float, duration: float, profile: str = "bang_bang") -> Trial:
+    """Return a free craft of 90 kg m^2 with an arm of 10 kg m^2 that turns by 1.5 rad."""
+    motion = {"to": 1.5, "at": at, "duration": duration, "profile": profile}
+    arm = {"mass": 5.0, "inertia": {"xx": 10.0, "yy": 10.0, "zz": 10.0}}
+    values = {
+        "duration": 40.0,
+        "period": 0.02,
+        "testbed": {
+            "kind": "spacecraft",
+            "platform": {"inertia": {"xx": 90.0, "yy": 90.0, "zz": 90.0}},
+            "appendages": {"arm": {"hinge": {"axis": [0, 0, 1.0], "motion": motion}, "body": arm}},
+        },
+        "controllers": {"pd_feedforward": {"kp": [0.0], "kd": [0.0]}},
+    }
+    return trial_of_values(values, "arm")
+
+
+@pytest.mark.parametrize(
+    ("turn", "near"),
+    [
+        ((1.0, 3.0, "bang_bang"), 1e-9),
+        ((1.02, 12.04, "bang_bang"), 1e-9),
+        ((1.013, 11.987, "smooth"), 1e-6),  # its jerk jumps within ticks
+    ],
+)
+def test_a_free_craft_turns_against_its_arm_and_then_stands_still(turn: Any, near: float) -> None:
+    x, y, z, w = flown(free_arm(*turn))[-1][3:7]
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-12)
+    # momentum is none all the time: 90 w + 10 (w + 1.5 / s) = 0
+    assert 2.0 * np.arctan2(z, w) == pytest.approx(-0.15, abs=near)
+
+
+@pytest.mark.parametrize(("at", "duration"), [(1.013, 3.0), (1.0, 3.01), (1.0, 3.02)])
+def test_a_turn_whose_acceleration_jumps_within_a_tick_is_refused(at: Any, duration: Any) -> None:
+    with pytest.raises(BadInput, match=r"begin at 1(\.02)? s with a duration of 3") as refused:
+        Bench(bench_settings(free_arm(at, duration)))
+    assert "profile smooth" in str(refused.value)
+
+
+def test_a_wish_for_one_is_refused_too() -> None:
+    bench = Bench(bench_settings(free_arm(0.0, 1.0)))
+    wish = "{appendage: arm, to: 0.5, profile: bang_bang, duration: 2.02}"
+    assert "jumps between ticks of 0.02 s" in bench.retarget(wish, 100).message
+    assert bench.retarget(wish.replace("2.02", "2.04"), 100).ok

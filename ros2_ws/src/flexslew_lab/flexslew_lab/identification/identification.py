@@ -240,7 +240,7 @@ def summary(found: Identification) -> dict[str, Any]:
         "parameters": None
         if physical is None
         else {p.key: _plain(p.value) for p in physical.parameters},
-        "warnings": [] if physical is None else list(physical.warnings),
+        "warnings": [*model.doubts, *(() if physical is None else physical.warnings)],
         "validation": [
             {
                 "source": v.source,

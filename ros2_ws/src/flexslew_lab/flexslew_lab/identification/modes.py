@@ -22,6 +22,7 @@ _WHITE_LAGS = 25  # of the residual's autocorrelation
 _SEPARATE = 0.01  # relative distance of two modes, at least
 _SINGULAR = 1e4  # condition number from which inertias cannot be told apart
 _POWER = 0.99  # of the efforts that lies in the band, where nobody says what it is
+_FADING = 0.5  # damping ratio beyond which a mode may be none [-]
 _SHAKEN = 1e-3  # of the efforts' power that a band must hold
 
 
@@ -95,6 +96,17 @@ class ModalModel:
     fit: ModalFit
     starts: tuple[Poles, ...]
     whiteness: tuple[Whiteness, ...]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Modes that fade so fast that they may be none, in words."""
+        return tuple(
+            f"mode {k} has a damping ratio of {mode.damping_ratio.value:.2g}: it may be friction "
+            "of the motors, of which the rigid motion that is assumed has none, and inertias may "
+            "be further off than their intervals"
+            for k, mode in enumerate(self.modes, 1)
+            if mode.damping_ratio.value > _FADING
+        )
 
 
 def identify_modes(

@@ -98,6 +98,7 @@ def verdict(found: Identification) -> str:
         if coloured
         else "what is left is white noise"
     )
+    words += model.doubts
     words += [
         f"{100.0 * float(v.explained.min()):.2f} % or more of {v.source} explained"
         for v in found.validation
