@@ -47,9 +47,8 @@ plant.input_labels, plant.output_labels, abs(np.log(plant.poles())) / plant.dt
 # %%
 a, b, c = plant.A, plant.B, plant.C[[plant.output_labels.index("position:mass")]]
 regulator, _, _ = control.dlqr(a, b, np.diag([1.0, 1.0, 0.1, 1.0]), np.eye(1))
-corrected, _, _ = control.dlqe(a, b, c, np.eye(1), 0.1 * np.eye(1))
-predicted = a @ corrected
-law = control.ss(a - b @ regulator - predicted @ c, -predicted, -regulator, 0, plant.dt)
+observer, _, _ = control.dlqe(a, b, c, np.eye(1), 0.1 * np.eye(1))
+law = control.ss(a - b @ regulator - observer @ c, -observer, -regulator, 0, plant.dt)
 
 file = Path(tempfile.mkdtemp()) / "law.npz"
 save_law(law, file, inputs=["error.mass"], outputs=["effort.mass"])

@@ -19,9 +19,8 @@ a, b, c = plant.A, plant.B, plant.C[rows]
 
 # an error of 0.1 rad weighs as 100 N m
 regulator, _, _ = control.dlqr(a, b, c.T @ c / 0.1**2, np.eye(2) / 100.0**2)
-# disturbances of 1 N m at the motors, 1e-3 rad at the encoders, each tick
+# of a filter that predicts: disturbances of 1 N m at the motors, 1e-3 rad at the encoders
 filter_gain, _, _ = control.dlqe(a, b, c, np.eye(2), 1e-3**2 * np.eye(2))
-filter_gain = a @ filter_gain  # python-control corrects, this law predicts
 
 law = control.ss(a - b @ regulator - filter_gain @ c, -filter_gain, -regulator, 0, plant.dt)
 save_law(

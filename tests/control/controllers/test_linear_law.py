@@ -256,9 +256,7 @@ def told_the_efforts(share: float) -> dict[str, Any]:
     model = sampled_plant(rest, PlantPath(0.01))
     a, b, c = model.a, model.b, model.c[:2]
     k = np.asarray(control.dlqr(a, b, c.T @ c + 1e-5 * np.eye(len(a)), 1e-6 * np.eye(2))[0])
-    gain = (
-        share * a @ control.dlqe(a, np.eye(len(a)), c, 1e-6 * np.eye(len(a)), 1e-6 * np.eye(2))[0]
-    )
+    gain = share * control.dlqe(a, np.eye(len(a)), c, 1e-6 * np.eye(len(a)), 1e-6 * np.eye(2))[0]
     now = np.hstack((a - gain @ c, gain, np.zeros((len(a), 2)), b))  # of state and inputs
     after = np.vstack((now, np.hstack((np.zeros((2, len(a) + 2)), np.eye(2), np.zeros((2, 2))))))
     n = len(after)

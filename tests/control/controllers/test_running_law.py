@@ -219,6 +219,25 @@ def test_an_integral_that_cannot_be_read_is_refused_though_it_is_small_in_motion
         running_law(it, rest_of(HUB), np.array([10.0]))
 
 
+def test_a_memory_of_hours_that_still_moves_at_rest_is_no_hidden_one() -> None:
+    """A lag of 200 s away from its own zero, as of a design that hears positions, not errors."""
+    a, b, c, d = np.exp(-0.01 / 200.0), 0.01, -0.5, -46.0
+    system = {
+        "a": [[a]], "b": [[b, 0.0]], "c": [[c]], "d": [[d, -92.0]],
+        "period": 0.01, "inputs": ["position.hub", "rate.hub"],
+    }  # fmt: skip
+    it, rest = controller(HUB, "linear", {"system": system}), rest_of(HUB, {"hub": 0.02})
+    found = running_law(it, rest, described(HUB).effort_limit)
+    assert found.mismatch < 1e-9
+    w = np.zeros((40, len(found.form.inputs)))
+    w[:, 0] = np.random.default_rng(1).standard_normal(40)
+    x, expected = 0.0, []
+    for value in w[:, 0]:
+        expected.append([c * x + d * value])
+        x = a * x + b * value
+    np.testing.assert_allclose(answers(found.form, w), expected, atol=1e-7)
+
+
 def test_the_controller_itself_stays_as_it_is() -> None:
     it = controller(CSA, "proportional_integral", {"filter": {"modal_noise": 1e-4}})
     before = {place: np.copy(value) for place, value in numbers(vars(it)).items()}

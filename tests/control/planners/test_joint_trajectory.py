@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from tests.plants import plant
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import read_testbed
 
 PERIOD = 0.01
 
@@ -109,3 +111,27 @@ def test_points_that_cannot_be_followed_are_refused_by_their_key(
     with pytest.raises(BadInput, match=re.escape(words)) as caught:
         planned(points)
     assert "\n" not in str(caught.value)
+
+
+def test_the_rates_of_a_craft_in_three_axes_are_body_rates() -> None:
+    """By the rotations between ticks (SciPy); about one axis they are those of the polynomial."""
+    craft = read_testbed({"kind": "spacecraft", "appendages": {}}, "here")
+    bench = plant(0.01, (100.0, 100.0, 100.0), craft)
+    points: list[dict[str, Any]] = [
+        {"at": 10.0, "position": {"roll": 1.0, "pitch": -0.3, "yaw": 0.2}},
+        {"at": 25.0, "position": {"roll": 0.2, "pitch": 1.1, "yaw": -0.4}},
+    ]
+    still = dict.fromkeys(("roll", "pitch", "yaw"), 0.0)
+    for one in points:
+        one["velocity"] = still
+    plan = make_plan(plan_settings({"method": "joint_trajectory", "points": points}, "t"), bench)
+    turned = Rotation.from_rotvec(np.array(plan.position))
+    rates = (turned[:-2].inv() * turned[2:]).as_rotvec() / 0.02
+    slopes = np.gradient(plan.position, 0.01, axis=0)[1:-1]
+    assert np.abs(rates - slopes).max() > 0.02
+    smooth = np.arange(1, 2500) != 1000  # at the point in between accelerations jump
+    assert plan.velocity[1:-1][smooth] == pytest.approx(rates[smooth], rel=0, abs=2e-6)
+    points[1]["position"] = {"roll": 0.5, "pitch": -0.15, "yaw": 0.1}
+    plan = make_plan(plan_settings({"method": "joint_trajectory", "points": points}, "t"), bench)
+    slopes = np.gradient(plan.position, 0.01, axis=0)[1:-1]
+    assert plan.velocity[1:-1][smooth] == pytest.approx(slopes[smooth], rel=0, abs=2e-6)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_lyapunov
+from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from flexslew_control.controllers.law_file import law_from_file
 from flexslew_control.controllers.linear_law import LinearSettings, discretised
@@ -23,6 +23,7 @@ DESIGNS = {
     "robust": ("acc_benchmark", "acc_benchmark.py robust"),
     "plain": ("acc_benchmark", "acc_benchmark.py plain"),
 }
+LQG = trial("designs").controllers["lqg"]
 
 
 def response(system: dict[str, Any], w: float) -> Matrix:
@@ -48,6 +49,16 @@ def test_a_trial_flies_what_the_script_makes(
         one = response(made, w)
         # the trials hold ten digits; one part in 1e6 is what rounding makes of them near a pole
         np.testing.assert_allclose(response(flown, w), one, atol=1e-6 * abs(one).max())
+
+
+def test_the_filter_of_the_lqg_is_kalmans_that_predicts() -> None:
+    """Its gain is A P C^T (C P C^T + R)^-1, P by SciPy's Riccati equation, not A times that."""
+    plant, system = linear_model(trial("m1"), sampled=True, hub_pitch=0.5), LQG["system"]
+    rows = [plant.output_labels.index(f"position:{of}") for of in ("base_yaw", "hub_pitch")]
+    a, b, c, noise = plant.A, plant.B, plant.C[rows], 1e-6 * np.eye(2)
+    p = solve_discrete_are(a.T, c.T, b @ b.T, noise)
+    gain = a @ p @ c.T @ np.linalg.inv(c @ p @ c.T + noise)
+    np.testing.assert_allclose(-np.array(system["b"]), gain, rtol=0, atol=1e-6 * abs(gain).max())
 
 
 def poles(shipped: str, name: str, keys: dict[str, Any], **joints: float) -> Vector:

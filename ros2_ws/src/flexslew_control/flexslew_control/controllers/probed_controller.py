@@ -226,6 +226,8 @@ class ProbedController:
     def mismatch(self, form: Lti, smaller: float = 1.0) -> tuple[float, float]:
         """Return how far form and code are from each other, of the largest effort [-].
 
+        Efforts are those beside a copy that rests on: a memory of hours may still move there.
+
         Args:
             form: of the code.
             smaller: motions, of the usual ones.
@@ -234,17 +236,19 @@ class ProbedController:
             in small motions to one side, and at rest after them: an integral that the form lacks
             is small beside the efforts in motion, but stays.
         """
-        rng, one = np.random.default_rng(3), copied(self.controller)
+        rng, none = np.random.default_rng(3), np.zeros(self.inputs)
+        one, resting = copied(self.controller), copied(self.controller)
+        ticks = range(self.tick, self.tick + _CHECKED + _STILL)
+        rested = [self.ask(resting, tick, none) for tick in ticks]  # first: they may share a memory
         size = np.abs(form.d).max() + np.abs(form.c @ form.b).max(initial=0.0)
         share = 0.1 * _SHARE * float(self._limit.max()) / max(size, 1e-300)
         s, largest, worst = np.zeros(len(form.a)), 1e-300, [0.0, 0.0]
-        rest = self.ask(copied(self.controller), self.tick, np.zeros(self.inputs))
         for k in range(_CHECKED + _STILL):
             moves = k < _CHECKED
             w = moves * smaller * min(share, 1e-4) * (1.0 + rng.standard_normal(self.inputs))
             ours = form.c @ s + form.d @ w
             s = form.a @ s + form.b @ w
-            effort = self.ask(one, self.tick + k, w) - rest
+            effort = self.ask(one, self.tick + k, w) - rested[k]
             worst[not moves] = max(worst[not moves], float(np.abs(effort - ours).max()))
             largest = max(largest, float(np.abs(ours).max()))
         moving, still = (off / largest if off > 0.0 else 0.0 for off in worst)

@@ -77,7 +77,7 @@ def through(knots: Sequence[Knot], times: Vector) -> AttitudeMotion:
         given = [_derivatives(np.zeros(3), one), _derivatives(turn, other)]
         path = BPoly.from_derivatives([0.0, other.at - one.at], given)
         phi, slope = path(inside - one.at), path.derivative()(inside - one.at)
-        parts.append(AttitudeMotion(product(one.attitude, quaternion(phi)), _rates(phi, slope)))
+        parts.append(AttitudeMotion(product(one.attitude, quaternion(phi)), body_rates(phi, slope)))
     return AttitudeMotion(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
 
 
@@ -117,7 +117,7 @@ def _weighed(before: Vector, after: Vector, times: Vector) -> Vector:
     return slope
 
 
-def _rates(phi: Matrix, slope: Matrix) -> Matrix:
+def body_rates(phi: Matrix, slope: Matrix) -> Matrix:
     """Return body rates of rotation vectors and their slopes, shape (k, 3) [rad/s]."""
     c, d = (factor[:, None] for factor in _factors(np.linalg.norm(phi, axis=1)))
     across = np.cross(phi, slope)

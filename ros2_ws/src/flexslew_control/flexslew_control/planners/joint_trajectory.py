@@ -16,6 +16,7 @@ from scipy.interpolate import BPoly
 
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude_path import body_rates
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, slew_of, tick_times
@@ -65,7 +66,8 @@ def plan_joint_trajectory(
     """Return the plan through the points, held at the last one.
 
     Efforts are linear between the points and zero where none are given; the plan has their mean
-    over each tick.
+    over each tick. Joints that read an attitude follow polynomials of its rotation vector; their
+    rates are the body rates of that motion.
 
     Args:
         settings: the section.
@@ -93,6 +95,10 @@ def plan_joint_trajectory(
         position[:, k], velocity[:, k] = _through(points, times, inside, name)
         efforts = np.array([point.effort.get(name, 0.0) for point in points])
         mean[:, k] = _means(times, efforts, ticks)
+    attitude = slew.model.attitude
+    if attitude is not None:
+        phi, slope = attitude.turn_of(position), attitude.turn_of(velocity)
+        velocity += (body_rates(phi, slope) - slope) @ attitude.axes.T
     return Plan(
         method=settings.method,
         joint_names=slew.model.joint_names,
