@@ -5,6 +5,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 from numba import types
 
 from flexslew_control.plan import Plan
@@ -29,7 +30,7 @@ class Prediction(NamedTuple):
     peak: float  # largest |tip deflection| of the whole flight [m]
 
 
-def watched(poles: "np.typing.NDArray[np.complex128]", period: float) -> float:
+def watched(poles: NDArray[np.complex128], period: float) -> float:
     """Return how long after a plan's end what it leaves is looked for [s].
 
     Args:

@@ -81,7 +81,7 @@ class FeedforwardMember:
         values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
-    def flown(self, basis: Basis, weights: Matrix) -> "FeedforwardFlight":
+    def flown(self, basis: Basis, weights: Matrix) -> FeedforwardFlight:
         """Return what the member does under the feedforward and its feedback.
 
         Args:
