@@ -84,15 +84,31 @@ def test_a_program_in_c_is_built_as_the_page_says_and_joins_a_graph(tmp_path: Pa
     assert done.stdout == "serves effort_command\n", done.stderr
 
 
+# an integral: of what is asked again, too; or of each question once, but over a reset
+INTEGRAL = ("effort=effort,", "effort=[each + self.integral for each in effort],")
+
+
+def integrating(when: str) -> tuple[tuple[str, str], ...]:
+    """Return what makes the example integrate where the condition holds; empty: always."""
+    line = "        self.effort.publish("
+    added = (
+        f"        {when}self.integral += m.joint_position[0]\n        self.key = m.epoch, m.tick\n"
+    )
+    begin = "        self.limit: list[float] = []\n"
+    return (line, added + line), (begin, begin + "        self.integral, self.key = 0.0, None\n")
+
+
 def test_each_broken_rule_is_told(tmp_path: Path) -> None:
     dumb = ("self.create_timer(0.25, lambda: self.alive.publish(self.beat))", "pass")
     deaf_to_epochs = ("epoch=m.epoch,\n", "epoch=0,\n")
     answers_for_all = ("m.controller != self.get_name() or not self.limit", "not self.limit")
-    code, wrong = examined(*of_example(tmp_path, dumb, deaf_to_epochs, answers_for_all))
+    changes = dumb, deaf_to_epochs, answers_for_all, INTEGRAL, *integrating("")
+    code, wrong = examined(*of_example(tmp_path, *changes))
     assert code == 1
     assert {rule for rule, words in wrong.items() if words} == {
-        "heartbeat", "swap", "pause", "reset",
+        "heartbeat", "repeat", "swap", "pause", "reset",
     }  # fmt: skip
+    assert wrong["repeat"].endswith("asked again: another effort than the first time")
     assert "no heartbeat of any_language" in wrong["heartbeat"]
     assert "name somebody else" in wrong["swap"]
     assert "it says tick 0 of epoch 0" in wrong["reset"]
@@ -114,6 +130,16 @@ def test_who_would_hold_up_a_bench_or_answers_nobody_s_questions_is_told(tmp_pat
     assert wrong["heartbeat"].startswith("silent for 1.")
 
 
+def test_what_is_kept_over_a_reset_and_who_beats_as_another_are_told(tmp_path: Path) -> None:
+    once = integrating("if self.key != (m.epoch, m.tick): ")
+    other = ('role="controller"', 'role="law"')
+    code, wrong = examined(*of_example(tmp_path, INTEGRAL, *once, other))
+    assert code == 1
+    assert {rule for rule, words in wrong.items() if words} == {"heartbeat", "pause", "reset"}
+    assert wrong["heartbeat"] == "its role on alive is 'law'; it must be 'controller'"
+    assert wrong["reset"].startswith("tick 0 of the new epoch: another effort than at the start")
+
+
 READY = 'self.status.ready, self.status.reason = True, ""'
 LATER = "stamp=__import__('builtin_interfaces.msg').msg.Time(sec=7)"
 TOLD = "        self.effort.publish("
@@ -124,8 +150,10 @@ HEARD = "self.on_measurement, LOOP"
     ("effort=effort", "effort=[*effort, 0.0]", "first tick", "3 efforts; the bench has 2"),
     ("effort=effort", "effort=[float('nan')] * 2", "first tick", "an effort is not finite"),
     ("stamp=m.header.stamp", LATER, "first tick", "its stamp is 7 s"),
-    (TOLD, TOLD.replace("self", "for _ in '12': self"), "lock-step", "answer"),
+    (TOLD, TOLD.replace("self", "for _ in '12': self"), "lock-step", "is answered twice"),
     (READY, "pass", "status", "not ready: no testbed"),
+    ('reason="no testbed yet"', "ready=True", "status", "ready before there is a testbed"),
+    ('status", LATCHED', 'status", LOOP', "status", "offers controller_status as volatile"),
     (HEARD, HEARD.replace("LOOP", "BEST_EFFORT"), "status", "as best effort"),
 ])  # fmt: skip
 def test_an_answer_that_a_bench_would_reject_is_told(

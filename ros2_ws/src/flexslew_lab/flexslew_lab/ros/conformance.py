@@ -1,7 +1,7 @@
 """Whether an external controller keeps the lock-step: questions that a bench asks on a bad day.
 
-The rules are those of docs/any_language.md. The bench here is at rest and stays there: what is
-examined is who answers what and when, and not how well.
+The rules are those of docs/any_language.md. The bench here sways a little, whatever it is asked
+for: what is examined is who answers what and when, and not how well.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ import numpy as np
 import rclpy
 from flexslew_msgs import msg
 from rclpy.experimental import EventsExecutor
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from flexslew_plant import topics
@@ -33,9 +33,12 @@ _QUESTIONS = 200  # in lock-step
 _BURST = 5  # questions nobody waits for
 _FAR = 3000  # ticks by which a stray question is ahead
 _QUIET = 0.3  # in which an answer that must not come would have come [wall s]
+_SWAY = 1e-3  # of the joints, at 1 rad/s [rad or m]
+_AFRESH = 3  # ticks after a reset that are answered as at the start
 _SOMEBODY, _NOBODY = "somebody_else", ""  # the drive brakes
 _BEHIND = 900  # questions after which a bench would soon wait for who has told none of them
 _STAMP, _HEAD = Struct("<iI"), 4  # of an answer, behind the encapsulation of CDR
+_ENDED = "its process has ended"
 
 
 class RuleFinding(NamedTuple):
@@ -58,7 +61,7 @@ class Examiner:
     """A plant that asks one controller.
 
     Args:
-        bench: whose testbed is announced; it rests at its initial position.
+        bench: whose testbed is announced.
         patience: for anything that must come [wall s].
         running: whether the controller's process still is.
     """
@@ -76,13 +79,13 @@ class Examiner:
         self._state = publisher(node, topics.BENCH_STATE)
         self._answers: list[tuple[EffortCommand, float]] = []  # with the stamp [s]
         self._status: msg.ControllerStatus | None = None
-        self._beats: dict[str, list[float]] = {}
+        self._beats: dict[str, list[tuple[msg.Alive, float]]] = {}  # by node, with the wall time
+        self._before: list[np.ndarray] = []  # efforts of the first ticks
+        self._answered_last = -1  # tick of this epoch
         subscription(node, topics.EFFORT_COMMAND, self._on_command, raw=True)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.ALIVE, self._on_beat)
         self._testbed = publisher(node, topics.TESTBED)
-        fields = {"stamp": stamp(0.0), **testbed_fields(bench, {"bench": bench.settings})}
-        self._testbed.publish(message_of(msg.Testbed, fields))
         self._epoch, self._tick = 0, -1
         self._who = ""
 
@@ -116,12 +119,27 @@ class Examiner:
                 look()
             except Wrong as error:
                 wrong = str(error)
+            if not self._running():
+                wrong = _ENDED
             found.append(RuleFinding(rule, wrong))
-            if not self._running() or (wrong and len(found) == 1):
+            if wrong == _ENDED or (wrong and len(found) == 1):
                 break
+            if wrong:  # what still comes is not taken for an answer to the next rule
+                self._spin(_QUIET)
         return found
 
     def _becomes_ready(self) -> None:
+        self._until(
+            lambda: self._status is not None or self._testbed.get_subscription_count() > 0,
+            "nothing was heard on controller_status",
+        )
+        self._spin(_QUIET)
+        early = self._status is not None and self._status.ready
+        fields = {
+            "stamp": stamp(0.0),
+            **testbed_fields(self._bench, {"bench": self._bench.settings}),
+        }
+        self._testbed.publish(message_of(msg.Testbed, fields))
         self._until(lambda: self._status is not None, "nothing was heard on controller_status")
         self._until(
             lambda: self._status is not None and self._status.ready,
@@ -132,28 +150,40 @@ class Examiner:
         if not self._who:
             raise Wrong("controller is empty in its controller_status; it must be its name")
         self._until(lambda: self._ask.get_subscription_count() > 0, "nobody listens to measurement")
+        if early:
+            raise Wrong("it says that it is ready before there is a testbed; reason says why not")
         asked = self._node.get_subscriptions_info_by_topic(self._ask.topic_name)
         if any(one.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT for one in asked):
             raise Wrong("it hears measurement as best effort, so that questions get lost: reliable")
 
     def _beats_in_time(self) -> None:
+        self._beats_for(3.0 * SILENT_AFTER)
+
+    def _beats_for(self, seconds: float) -> None:
+        """Listen to its signs of life for so long [wall s]."""
         self._beats.clear()
         began = monotonic()
-        self._spin(3.0 * SILENT_AFTER)
+        self._spin(seconds)
         beats = self._beats.get(self._who, [])
         if not beats:
             others = ", ".join(self._beats) or "nobody"
             raise Wrong(f"no heartbeat of {self._who} on alive; heard: {others}")
-        longest = float(np.diff([began, *beats, monotonic()]).max())
+        if roles := {beat.role for beat, _ in beats} - {"controller"}:
+            raise Wrong(f"its role on alive is {min(roles)!r}; it must be 'controller'")
+        if len({beat.instance for beat, _ in beats}) > 1:
+            raise Wrong("its instance on alive changes; a process draws it once")
+        longest = float(np.diff([began, *(at for _, at in beats), monotonic()]).max())
         if longest > SILENT_AFTER:
             raise Wrong(f"silent for {longest:.2f} s; after {SILENT_AFTER:g} s it counts as gone")
 
     def _first(self) -> None:
-        self._answered(0)
+        self._before = [self._answered(0).effort]
 
     def _lock_step(self) -> None:
         for tick in range(1, _QUESTIONS):
-            self._answered(tick)
+            effort = self._answered(tick).effort
+            if tick < _AFRESH:
+                self._before.append(effort)
         self._nothing_more("after the last question")
         self._tells_what_it_has_seen(1)
 
@@ -203,13 +233,13 @@ class Examiner:
 
     def _pause(self) -> None:
         self._answers.clear()
-        self._beats.clear()
         self._tell_state("paused")
-        self._spin(2.0 * SILENT_AFTER)
+        try:
+            self._beats_for(2.0 * SILENT_AFTER)
+        except Wrong as error:
+            raise Wrong(f"while the bench is paused: {error}") from None
         if self._answers:
             raise Wrong(f"{len(self._answers)} answers without a question")
-        if not self._beats.get(self._who):
-            raise Wrong("no heartbeat while the bench is paused")
         if self._status is not None and not self._status.ready:
             raise Wrong(f"not ready while the bench is paused: {self._status.reason}")
         self._tell_state("running")
@@ -217,10 +247,15 @@ class Examiner:
 
     def _reset(self) -> None:
         self._epoch += 1
-        self._tick = -1
+        self._tick = self._answered_last = -1
         self._tell_state("running")
-        for tick in range(3):
-            self._answered(tick)
+        for tick in range(_AFRESH):
+            effort = self._answered(tick).effort
+            if len(self._before) == _AFRESH and not np.array_equal(effort, self._before[tick]):
+                raise Wrong(
+                    f"tick {tick} of the new epoch: another effort than at the start, where the "
+                    "question was the same; a controller begins anew"
+                )
         self._tells_what_it_has_seen(0)
 
     def _tells_what_it_has_seen(self, least: int) -> None:
@@ -250,12 +285,15 @@ class Examiner:
         self._until(lambda: bool(self._answers), f"no answer to tick {tick}")
         command, at = self._answers.pop(0)
         self._check(command, at, tick)
+        self._answered_last = tick
         return command
 
     def _check(self, command: EffortCommand, at: float, tick: int) -> None:
         """Refuse an answer that a bench would reject."""
         where = f"answer to tick {tick} of epoch {self._epoch}"
         if (command.tick, command.epoch) != (tick, self._epoch):
+            if command.epoch == self._epoch and command.tick == self._answered_last:
+                raise Wrong(f"tick {command.tick} of epoch {command.epoch} is answered twice")
             raise Wrong(f"{where}: it says tick {command.tick} of epoch {command.epoch}")
         if command.controller != self._who:
             raise Wrong(f"{where}: controller is {command.controller!r}, not {self._who!r}")
@@ -276,16 +314,16 @@ class Examiner:
     def _say(self, tick: int, who: str | None = None) -> None:
         """Ask a question; None: the controller itself."""
         model, appendages = self._bench.model, len(self._bench.appendages.names)
-        joints, tips = np.zeros(model.joints), np.zeros(appendages)
-        at = tick * self._bench.settings.period
+        at, tips = tick * self._bench.settings.period, np.zeros(appendages)
+        phase = at + np.arange(model.joints)
         self._tick, held = tick, np.zeros(model.efforts)
         question = Measurement(
             tick,
             self._epoch,
             at,
             self._who if who is None else who,
-            joints,
-            joints,
+            _SWAY * np.sin(phase),
+            _SWAY * np.cos(phase),
             tips,
             tips,
             held,
@@ -308,10 +346,10 @@ class Examiner:
         end = monotonic() + self._patience
         while not done():
             if not self._running():
-                raise Wrong("its process has ended")
+                raise Wrong(_ENDED)
             if monotonic() > end:
                 words = otherwise if isinstance(otherwise, str) else otherwise()
-                raise Wrong(f"{words} within {self._patience:g} s")
+                raise Wrong(f"{words} within {self._patience:g} s{self._deaf()}")
             self._serve(0.05)
 
     def _spin(self, seconds: float) -> None:
@@ -332,5 +370,20 @@ class Examiner:
         self._status = message
 
     def _on_beat(self, message: msg.Alive) -> None:
-        if message.role == "controller":
-            self._beats.setdefault(message.node, []).append(monotonic())
+        if message.role != "plant":  # its own
+            self._beats.setdefault(message.node, []).append((message, monotonic()))
+
+    def _deaf(self) -> str:
+        """Return which QoS keeps it and a bench from hearing each other, in words."""
+        node, found = self._node, list[str]()
+        for topic in (topics.CONTROLLER_STATUS, topics.EFFORT_COMMAND):
+            for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic)):
+                offered, table = info.qos_profile, topics.TOPICS[topic]
+                if offered.reliability is ReliabilityPolicy.BEST_EFFORT:
+                    found.append(f"it offers {topic} as best effort, a bench asks for reliable")
+                elif table.latched and offered.durability is DurabilityPolicy.VOLATILE:
+                    found.append(f"it offers {topic} as volatile, a bench asks for transient local")
+        for info in node.get_subscriptions_info_by_topic(self._ask.topic_name):
+            if info.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
+                found.append("it asks for measurement as transient local, which is volatile")
+        return "".join(f"; {words}" for words in found)
