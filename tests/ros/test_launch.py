@@ -153,6 +153,7 @@ def test_it_can_be_included_with_arguments_of_another_launch_file(
         ({"rate": "fast"}, "rate: fast is not allowed"),
         ({"record": "perhaps"}, "record: 'perhaps' is not allowed"),
         ({"trial": "no_such_trial"}, "no_such_trial"),
+        ({"controllers": "lqr,pdf"}, "controllers.pdf: pdf is not a law"),
     ],
 )
 def test_what_is_not_allowed_is_refused_before_anything_is_made(

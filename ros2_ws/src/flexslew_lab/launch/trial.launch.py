@@ -20,7 +20,7 @@ from flexslew_lab.run.processes import node_processes, parameter_file
 from flexslew_lab.run.run_trial import finished
 from flexslew_lab.trial.outputs import new_folder
 from flexslew_lab.trial.sources import read_trial
-from flexslew_lab.trial.trial import trial_text
+from flexslew_lab.trial.trial import build_controllers, trial_text
 from launch import LaunchContext, LaunchDescription
 
 GRACE = 5.0  # for the others to leave by themselves when the plant is gone [s]
@@ -36,6 +36,7 @@ def _nodes(context: LaunchContext) -> list[Any]:
         chosen = {name: trial.controllers.get(name, {}) for name in values.controllers}
         active = trial.active if trial.active in chosen else values.controllers[0]
         trial = replace(trial, controllers=chosen, active=active)
+    build_controllers(trial, source)  # else their nodes end, and the plant waits for them
     folder = new_folder(trial.name, values.out)
     folder.mkdir(parents=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
