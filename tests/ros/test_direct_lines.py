@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from flexslew_msgs.srv import SetRate
 
+from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_plant.direct.names import SETTING
 
@@ -110,6 +111,10 @@ def test_a_fallback_on_either_transport_takes_over_from_the_killed(
     assert "brake" not in flight.events
     assert flight.metrics["ticks"] == 12000
     assert resim(flight.bag).identical
+    events = BagReader(flight.bag).overview.events
+    (taken,) = (event.tick for event in events if event.kind == "fallback")
+    told = [event for event in events if event.kind == "transport" and event.tick > taken]
+    assert "pd_feedforward" not in {event.data["controller"] for event in told}  # who is dead
     assert transport == "auto" or not any("socket" in w for w in asked(flight.bag).values())
 
 

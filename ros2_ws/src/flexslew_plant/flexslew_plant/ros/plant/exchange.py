@@ -195,7 +195,8 @@ class Exchange:
     def _tell(self, now: float) -> None:
         """Say once how each controller is asked, which it needs a moment to decide."""
         session = self._session
-        for name, reason in session.reasons.items():
+        for name in session.reasons:
+            reason = session.reason(name, now)  # who is silent is not asked otherwise
             how = SOCKET if name in self._direct else DDS
             if how == SOCKET:
                 self._since[name] = now
