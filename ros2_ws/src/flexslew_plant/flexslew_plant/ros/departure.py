@@ -25,9 +25,11 @@ def wait_until_acknowledged(
 ) -> None:
     """Return as soon as a node was heard, or patience is at an end.
 
-    A writer that leaves takes with it what its listeners have not acknowledged, reliable or not. A
-    listener that sends no heartbeat is waited for only a few seconds. Nobody tells a node
-    whether an answer of its services was heard: it stays for a moment while clients do.
+    A writer that leaves takes with it what its listeners have not acknowledged, reliable or not.
+    Listeners that send no heartbeat are waited for only a few seconds; where nodes of the bench
+    listen, too, nobody can tell who is behind, until DDS gives up one that is silent, after 20 s.
+    Nobody tells a node whether an answer of its services was heard: it stays for a moment while
+    clients do.
 
     Args:
         node: that wants to leave.
@@ -51,12 +53,18 @@ def wait_until_acknowledged(
         names = ", ".join(publisher.topic_name for publisher in unheard)
         if not unheard or waited <= 1.0:
             continue
-        if not told:
-            node.get_logger().warning(f"awaiting acknowledgement: {names}")
-            told = True
         listeners = {name for p in unheard for name in listeners_of(node, p)}
-        if alive is not None and alive.presence.lost(listeners, INTERRUPTED_TIMEOUT, monotonic()):
+        if not told:
+            who = ", ".join(sorted(listeners))
+            node.get_logger().warning(f"awaiting acknowledgement: {names}; heard by {who}")
+            told = True
+        if alive is None:
+            continue
+        now = monotonic()
+        if alive.presence.lost(listeners, INTERRUPTED_TIMEOUT, now):
             break  # was alive once and has been silent for long
+        if waited > INTERRUPTED_TIMEOUT and not listeners & alive.presence.alive(now).keys():
+            break  # no node of the bench
     if unheard:
         node.get_logger().warning(f"exiting, unacknowledged: {names}")
     until = monotonic() + min(_ANSWERS, patience)
