@@ -108,7 +108,9 @@ def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Flight, list[JointTr
             bystander.until(lambda: bool(heard) and ours.get_subscription_count() == 1)
             wrong = trajectory(["elbow"], 8.0, {"at": 1.0, "positions": [0.1]})
             odd = trajectory(["hub_pitch"], 8.0, {"at": 1.0, "positions": [0.1, 0.2]})
-            for count, message in enumerate((wrong, odd), 1):
+            twice = trajectory(["hub_pitch"] * 2, 8.0, {"at": 1.0, "positions": [0.1, 0.2]})
+            nobody = trajectory([], 8.0, {"at": 1.0})
+            for count, message in enumerate((wrong, odd, twice, nobody), 1):
                 ours.publish(message)
                 bystander.until(partial(told, count))
             rest = {"velocities": [0.0, 0.0], "effort": [0.0, 0.0]}
@@ -172,6 +174,8 @@ def test_a_trajectory_that_cannot_be_flown_is_refused_in_words(
     flight, _ = sent
     events = BagReader(flight.bag).overview.events
     refused = [event.message for event in events if event.kind == "plan_refused"]
-    assert len(refused) == 2
+    assert len(refused) == 4
+    for names in ("['hub_pitch', 'hub_pitch']", "[]"):
+        assert any(f"joint_names: {names} is not allowed: one joint" in line for line in refused)
     assert any("'elbow' is not allowed: no joint of the testbed" in line for line in refused)
     assert any("points.0.positions: [0.1, 0.2] is not allowed: one" in line for line in refused)

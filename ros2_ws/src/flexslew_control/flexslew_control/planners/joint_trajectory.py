@@ -176,11 +176,13 @@ def _from_rest(
     """Return the points from time 0 on, where without one of them the joints are at rest.
 
     Raises:
-        BadInput: their times do not rise.
+        BadInput: their times do not rise, or end where they begin.
     """
     for k, (one, other) in enumerate(pairwise(points)):
         if not other.at > one.at:
             raise _wrong(k + 1, "at", other.at, f"later than the point before, {one.at:g} s")
+    if points[-1].at == 0.0:
+        raise _wrong(0, "at", 0.0, "above 0 s at the last point: joints do not jump")
     if points[0].at == 0.0:
         return tuple(points)
     here = slew.named(slew.start)

@@ -51,9 +51,11 @@ def trajectory_section(message: JointTrajectory, start: float) -> dict[str, Any]
         start: of one whose stamp is zero: as soon as it can be [s].
 
     Raises:
-        BadInput: a point has numbers for other joints than those that are named.
+        BadInput: no joint is named, or one twice, or a point has numbers for others.
     """
     names = list(message.joint_names)
+    if not names or len({*names}) < len(names):
+        raise BadInput("one joint or more, each once", METHOD, "joint_names", names)
     stamped = seconds_of(message.header.stamp)
     points = []
     for k, point in enumerate(message.points):
