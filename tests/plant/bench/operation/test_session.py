@@ -431,3 +431,29 @@ def test_a_controller_that_is_started_again_on_a_paused_bench_goes_on_with_it(ra
     it.backlog.heard("a", 200, 0)  # one that is slow, and has questions to work off
     assert it.pause(lab.now).ok
     assert it.reason("a", lab.now).cause is Cause.BEHIND
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0])
+@pytest.mark.parametrize("way", ["switch", "brake", "neither"])
+def test_whoever_died_in_a_pause_is_not_waited_for_where_it_is_relieved_at_once(
+    way: str, rate: float
+) -> None:
+    lab = Lab(rate=rate, duration=1.0).until(10)
+    assert lab.it.pause(lab.now).ok
+    lab.dead.add("a")
+    for _ in range(60):  # three seconds
+        lab.poll()
+    if way == "switch":
+        assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 1), lab.now) is None
+    elif way == "brake":
+        assert lab.it.brake(True).ok
+    assert lab.it.start().ok
+    for _ in range(100):
+        lab.poll()
+    if way == "neither":
+        assert lab.it.waiting_for == ["a (its heartbeat is lost)"]
+        return
+    lab.until(60)
+    assert lab.it.bench.drive.active == ("b" if way == "switch" else "")
+    assert len(lab.kinds("missed")) <= 1
+    assert lab.kinds("fallback", "brake") == []

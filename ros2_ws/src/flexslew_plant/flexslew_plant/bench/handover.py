@@ -131,6 +131,10 @@ class Handover:
         """Return who takes over at this tick, if all goes well."""
         return [request.controller for request in self._queue if request.tick <= tick]
 
+    def relieves(self, tick: int) -> bool:
+        """Return whether the brake or a switch takes the bench from its controller by this tick."""
+        return bool(self.due(tick)) or any(on for due, on in self._brake_requests if due <= tick)
+
     def heirs(self) -> list[str]:
         """Return who takes over if the one in charge misses one answer too many, best first.
 

@@ -242,14 +242,19 @@ class Session:
         """Return which controllers the bench waits for before a tick passes.
 
         At the first start all of the trial; later nobody but the one in charge is needed, and after
-        a reset those who are still alive.
+        a reset those who are still alive. Nor is the one in charge if it has gone and an operator
+        has asked for the brake or somebody else from the next tick on.
         """
-        bench = self.bench
+        bench, active = self.bench, self.bench.drive.active
         others: set[str] = set()
         if bench.tick == 0:
             again = bench.epoch > 0
             others = {n for n in self._requested if not (again and self.presence.silent(n, now))}
-        return {*others, bench.drive.active} - {""}
+        elif bench.handover.relieves(bench.tick + 1) and self.presence.lost(
+            [active], self.backlog.patience, now
+        ):
+            active = ""
+        return {*others, active} - {""}
 
     def _advance(self, now: float) -> None:
         self.bench.advance()
