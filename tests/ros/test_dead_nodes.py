@@ -45,6 +45,24 @@ def test_the_killed_leave_the_graph_at_once_and_the_stopped_stay(tmp_path: Path)
     assert passed[0] < LEASE / 2, flight.log
 
 
+def test_a_recorder_does_not_wait_for_those_that_have_ended_with_the_plant(tmp_path: Path) -> None:
+    passed: list[float] = []  # until it has left [wall s]
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        others = "plant", "pd_feedforward", "planner"
+        with beside(domain) as bench:
+            bench.until(lambda: {*others, "recorder"} <= nodes(bench))
+            start = monotonic()
+            for victim in others:
+                os.kill(pids[victim], signal.SIGKILL)
+            bench.until(lambda: not nodes(bench) & {*others, "recorder"})
+            passed.append(monotonic() - start)
+
+    flight = Flight(slew(10_000.0, 1.0), tmp_path, 1, act)
+    assert flight.outcome.exit_code == 3
+    assert passed[0] < LEASE / 2, flight.log
+
+
 @pytest.mark.alone
 def test_nobody_is_held_up_by_the_killed(tmp_path: Path) -> None:
     killed: list[int] = []  # tick

@@ -8,6 +8,7 @@ import pytest
 
 from flexslew_plant.bench.operation.presence import Beat, Presence
 from flexslew_plant.ros import departure
+from flexslew_plant.ros.graph import UNNAMED
 
 TOPIC = "/truth"
 
@@ -17,6 +18,7 @@ TOPIC = "/truth"
     [
         (["echo"], [], departure.INTERRUPTED_TIMEOUT),  # somebody's tool, that was stopped
         (["echo", "recorder"], ["recorder"], departure.DEPARTURE_TIMEOUT),  # who may be behind
+        ([UNNAMED, "recorder"], ["recorder"], departure.INTERRUPTED_TIMEOUT),  # that has left
         (["recorder"], ["recorder"], departure.DEPARTURE_TIMEOUT),
     ],
 )

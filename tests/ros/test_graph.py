@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 from threading import Event
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import rclpy
@@ -9,7 +11,7 @@ from flexslew_msgs.msg import Measurement
 
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant import topics
-from flexslew_plant.ros.graph import unmatched
+from flexslew_plant.ros.graph import UNNAMED, is_published, unmatched
 from flexslew_plant.ros.offers import publisher, qos
 
 LOOKS = 2000  # until DDS has told, 10 ms each
@@ -53,3 +55,14 @@ def test_who_does_not_hear_is_named_with_its_topic_and_what_to_change(
             break
         Event().wait(0.01)
     assert unmatched(plant, [questions], ["recorder"]) == missing
+
+
+@pytest.mark.parametrize(
+    ("names", "there"), [([], False), ([UNNAMED], False), ([UNNAMED, "lqr"], True)]
+)
+def test_a_publisher_that_has_no_name_any_more_is_not_there(names: list[str], there: bool) -> None:
+    """As Fast DDS leaves them where many leave at once: a recorder waited 10 s for them."""
+    infos = [SimpleNamespace(node_name=name) for name in names]
+    node: Any = SimpleNamespace(get_publishers_info_by_topic=lambda topic: infos)
+    heard: Any = SimpleNamespace(topic_name="/effort_command")
+    assert is_published(node, heard) is there

@@ -11,6 +11,7 @@ from flexslew_lab.ros.plant_only import SIGN_OF_LIFE, PlantOnly
 from flexslew_plant import topics
 from flexslew_plant.direct.inbox import Inbox
 from flexslew_plant.direct.names import RECORDER, address, direct
+from flexslew_plant.ros.graph import is_published
 from flexslew_plant.ros.loop import Loop
 
 QUESTIONS = "/measurement"
@@ -66,5 +67,6 @@ class Intake:
 
     def expects_more(self, now: float) -> bool:
         """Return whether those who leave after the plant may still have something to say."""
-        there = (self.subscriptions[topic].get_publisher_count() for topic in _AFTER_PLANT)
+        node = self._listener.node
+        there = (is_published(node, self.subscriptions[topic]) for topic in _AFTER_PLANT)
         return now < self._heard + _SILENCE and any(there)

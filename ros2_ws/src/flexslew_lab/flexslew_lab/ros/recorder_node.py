@@ -15,6 +15,7 @@ from flexslew_lab.ros.intake import QUESTIONS, Intake
 from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_plant import topics
 from flexslew_plant.events import Fact, RecordingEnded, RecordingStarted, StrayMessage, event_of
+from flexslew_plant.ros.dead_nodes import DeadNodes
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -46,7 +47,7 @@ class Recorder:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("recorder")
-        loop.live(node, "recorder")
+        self._dead = DeadNodes(node, loop.live(node, "recorder").presence)
         self._settings: RecorderSettings = settings_of(node, RecorderSettings)
         writer = BagWriter(Path(self._settings.folder), json.loads(self._settings.metadata))
         self._recording = Recording(writer, self._failed)
@@ -67,6 +68,7 @@ class Recorder:
         """Take what has come and look for the plant; return when to do so again [wall s]."""
         now = monotonic()
         if now >= self._next_look:
+            self._dead.poll(now)  # else it waits for them, where there is no plant to see it
             stay = self._intake.expects_more(now)
             self._watch.look(3 if self._recording.stopped else 0, stay)
             self._next_look = now + 0.2

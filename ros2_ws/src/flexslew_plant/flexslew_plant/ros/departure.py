@@ -7,7 +7,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 
 from flexslew_plant.ros.alive import Alive
-from flexslew_plant.ros.graph import listeners_of, unmatched
+from flexslew_plant.ros.graph import UNNAMED, listeners_of, unmatched
 
 # How long a node stays at most until all have heard it [wall s]. For a listener that was held up,
 # DDS repairs 256 messages of a topic with every heartbeat: 3 s, or 0.02 s by profiles/loopback.xml.
@@ -26,8 +26,9 @@ def wait_until_acknowledged(
     """Return as soon as a node was heard, or patience is at an end.
 
     A writer that leaves takes with it what its listeners have not acknowledged, reliable or not.
-    Listeners that send no heartbeat are waited for only a few seconds; where nodes of the bench
-    listen, too, nobody can tell who is behind, until DDS gives up one that is silent, after 20 s.
+    Listeners that send no heartbeat are waited for only a few seconds, and so is one that DDS names
+    no more: it has left, and acknowledges nothing. Where nodes of the bench listen as well, nobody
+    can tell who is behind, until DDS gives up one that is silent, after 20 s.
     Nobody tells a node whether an answer of its services was heard: it stays for a moment while
     clients do.
 
@@ -63,8 +64,10 @@ def wait_until_acknowledged(
         now = monotonic()
         if alive.presence.lost(listeners, INTERRUPTED_TIMEOUT, now):
             break  # was alive once and has been silent for long
-        if waited > INTERRUPTED_TIMEOUT and not listeners & alive.presence.alive(now).keys():
-            break  # no node of the bench
+        gone = any(name.endswith(UNNAMED) for name in listeners)  # for good: see is_published
+        nodes = listeners & alive.presence.alive(now).keys()
+        if waited > INTERRUPTED_TIMEOUT and (gone or not nodes):
+            break
     if unheard:
         node.get_logger().warning(f"exiting, unacknowledged: {names}")
     until = monotonic() + min(_ANSWERS, patience)

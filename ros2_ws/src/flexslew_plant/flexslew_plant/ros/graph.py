@@ -74,7 +74,8 @@ def _listeners_here(node: Node, topic: str) -> set[str]:
     }
 
 
-UNNAMED = "_NODE_NAME_UNKNOWN_"  # a node whose subscription was heard of before its name
+# a node whose subscription was heard of before its name, or whose publisher after its leave
+UNNAMED = "_NODE_NAME_UNKNOWN_"
 
 
 def incompatible(node: Node, publishers: Sequence["Publisher[Any]"]) -> set[tuple[str, str]]:
@@ -94,6 +95,16 @@ def publishers_of(node: Node, subscription: "Subscription[Any]") -> set[str]:
         for info in node.get_publishers_info_by_topic(subscription.topic_name)
         if info.node_namespace == node.get_namespace()
     }
+
+
+def is_published(node: Node, subscription: "Subscription[Any]") -> bool:
+    """Return whether a node that is on the graph publishes what is heard here.
+
+    Where many leave at once Fast DDS 3.2 tells now and then of publishers of a process that it has
+    told to be gone: they have no name, and stay for good.
+    """
+    infos = node.get_publishers_info_by_topic(subscription.topic_name)
+    return any(info.node_name != UNNAMED for info in infos)
 
 
 def _fits(publisher: "Publisher[Any]", info: Any) -> bool:
