@@ -52,6 +52,7 @@ def test_a_recorder_does_not_wait_for_those_that_have_ended_with_the_plant(tmp_p
         others = "plant", "pd_feedforward", "planner"
         with beside(domain) as bench:
             bench.until(lambda: {*others, "recorder"} <= nodes(bench))
+            bench.pass_by(100)  # each has given signs of life
             start = monotonic()
             for victim in others:
                 os.kill(pids[victim], signal.SIGKILL)
