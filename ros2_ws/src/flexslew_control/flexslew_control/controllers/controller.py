@@ -136,6 +136,11 @@ class Controller:
         """The plan of tick 0; None: there is none."""
         return self._course.first
 
+    @property
+    def begun(self) -> tuple[Plan, ...]:
+        """The plans that it follows, or has followed, in this flight."""
+        return tuple(p for p, _ in self._course.plans if p.first_tick <= self.last_tick)
+
     def steer(self, course: Course) -> None:
         """Follow a course in place of the plans that were adopted."""
         self._course = course
