@@ -271,3 +271,33 @@ def test_a_plan_that_is_published_again_is_not_refused_by_what_was_said_before()
     answers.status(SimpleNamespace(controller="a", plan_hash="new"))
     assert answers.of("new").taken == ("a",)
     assert answers.followed == {"new"}
+
+
+def test_one_that_refused_a_plan_is_told_again_what_it_follows_and_nothing_changes() -> None:
+    """As a planner does whose newest plan all controllers have refused."""
+    bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
+    course, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    host = bench.hosts["lqr"]
+    first = planned(bench, course, 0.0, {names[0]: FARTHEST})
+    adopted(bench, course, first)
+    bench.fly(450)
+    flown = [(first, False)]
+    for start, goal in ((5.0, 0.0), (12.0, FARTHEST)):
+        later = planned(bench, course, start, {names[0]: goal})
+        assert host.adopt(later, True) is None
+        course.add(later, bench.bench.time)
+        flown.append((later, True))
+    bench.fly(1300)  # the last one has begun
+    late = replace(flown[-1][0], start=12.5)
+    course.add(late, 12.4)
+    assert host.adopt(late, True) is not None
+    why, taken = host.reason, host.plans_taken
+    course.withdraw(late)
+    assert [(p, flight) for p, flight in course.plans] == flown
+    assert host.controller is not None
+    before = [host.controller.reference(tick).position.tolist() for tick in (400, 800, 1500)]
+    for plan, of_flight in course.plans:
+        assert host.adopt(plan, of_flight) is None
+    assert (host.reason, host.plans_taken) == (why, taken)
+    assert [host.controller.reference(t).position.tolist() for t in (400, 800, 1500)] == before
+    assert host.controller.plan is flown[-1][0]

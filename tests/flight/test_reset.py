@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from tests.wire_bench import WireBench
 
-from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_control.controllers.host import ControllerHost
 from flexslew_lab.trial.sources import read_trial
-from flexslew_lab.trial.trial import Trial, parse_trial
+from flexslew_lab.trial.trial import Trial, bench_settings, parse_trial, plant_of
+from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import SwitchRequest
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import Trust
 from flexslew_plant.yaml_data import yaml_text
 
@@ -118,3 +121,27 @@ def test_a_reset_takes_back_who_could_not_go_on(why: str, told: bool) -> None:
     assert bench.bench.drive.active == "one"
     assert bench.hosts["one"].reason is None
     assert bench.bench.drive.missed == 0
+
+
+# for a craft that turns in three axes; others need to know more of it
+OF_THREE_AXES = ["collocated_pid", "pd_feedforward", "lqr", "output_feedback",
+                 "proportional_integral", "model_predictive"]  # fmt: skip
+
+
+@pytest.mark.parametrize("law", OF_THREE_AXES)
+def test_a_craft_that_rests_anywhere_is_held_there_without_effort_from_the_first_tick_on(
+    law: str,
+) -> None:
+    """Without a plan what is held is where it was measured first: nothing moves, nothing pushes."""
+    trial, _ = read_trial("three_axes")
+    plant, appendages = plant_of(trial), len(Bench(bench_settings(trial)).appendages.names)
+    host = ControllerHost(law, {})
+    host.announce(lambda own: build_controller(law, law, own, plant, "test"), appendages)
+    place, still, none = np.array([0.3, -0.2, 0.1]), np.zeros(3), np.zeros(appendages)
+    for epoch in range(2):
+        for tick in range(5):
+            at = tick * trial.period
+            question = Measurement(tick, epoch, at, law, place, still, none, none, still)
+            answer = host.observe(question)
+            assert answer is not None
+            assert np.abs(answer.command.effort).max() < 1e-9, (epoch, tick)

@@ -38,6 +38,11 @@ class Course:
         """The plan of tick 0; None: there is none."""
         return next((leg.plan for leg in self._legs if leg.first < 0), None)
 
+    @property
+    def plans(self) -> tuple[tuple[Plan, bool], ...]:
+        """All plans in the order of their starts, and whether each was adopted in flight."""
+        return tuple((leg.plan, leg.first >= 0) for leg in self._legs)
+
     def reference(self, tick: int, hold: Reference) -> Reference:
         """Return the reference of a tick.
 

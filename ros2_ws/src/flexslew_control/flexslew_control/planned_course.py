@@ -47,6 +47,11 @@ class PlannedCourse:
         """The plan of tick 0, which is flown again after a reset; None: there is none."""
         return self._course.first
 
+    @property
+    def plans(self) -> tuple[tuple[Plan, bool], ...]:
+        """All plans that are flown, in order, and whether each was published in flight."""
+        return self._course.plans
+
     def flight(self, now: float) -> int | None:
         """Return the epoch that is flown at a simulated time [s]; None: it is at tick 0."""
         return self._epoch if now > 0.0 else None

@@ -136,6 +136,11 @@ class Controller:
         """The plan of tick 0; None: there is none."""
         return self._course.first
 
+    @property
+    def begun(self) -> tuple[Plan, ...]:
+        """The plans that it follows, or has followed, in this flight."""
+        return tuple(p for p, _ in self._course.plans if p.first_tick <= self.last_tick)
+
     def steer(self, course: Course) -> None:
         """Follow a course in place of the plans that were adopted."""
         self._course = course
@@ -242,12 +247,12 @@ class Controller:
             self.begin_epoch(measurement.epoch)
             self._key = key
             self._answer = None
-            if self._expect is not None:
-                self._expect(self.reference(tick))
             if not follows:
                 self._hold = self._at_rest(measurement.joint_position)
                 if tick > 0 or (self._fresh and measurement.epoch > 0):  # started again
                     self._tell(EstimateBegan(self.name, self._fresh), measurement)
+            if self._expect is not None:
+                self._expect(self.reference(tick))
             first, self._fresh = self._fresh, False
             self._joined |= first and tick > 0
             seen = self._about_reference(measurement)

@@ -159,8 +159,8 @@ class ControllerHost:
     def adopt(self, plan: Plan, of_flight: bool = False) -> Refusal | None:
         """Follow a plan as soon as there is a testbed; return why not, or None.
 
-        One that it follows already, or did from tick 0 on, changes nothing: planners tell a plan
-        again after a reset, and when they are started again.
+        One that it follows already, or did in this flight, changes nothing: planners tell a plan
+        again after a reset, when they are started again, and when a later one was refused.
 
         Args:
             plan: to be followed.
@@ -171,6 +171,8 @@ class ControllerHost:
             return None
         first = self.controller.first if self.controller and self.controller.last_tick > 0 else None
         if first is not None and digest == plan_hash(first):
+            return None
+        if self.controller and any(digest == plan_hash(known) for known in self.controller.begun):
             return None
         self.plan = plan
         if not of_flight:

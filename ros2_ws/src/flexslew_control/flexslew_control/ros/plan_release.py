@@ -183,13 +183,20 @@ class PlanRelease:
         self._offers.offer(plan, self._offers.message(plan, 0.0))
 
     def _withdraw_if_refused(self, digest: str) -> None:
-        """Fly on with the plan before the newest one if all controllers have refused that."""
+        """Fly on with the plan before the newest one if all controllers have refused that.
+
+        Who comes now hears the plans that are flown, and not the one that nobody took.
+        """
         plan = self._here.plan if self._course is not None else None
         if plan is None or plan_hash(plan) != digest:
             return
         answered = self.answers.of(digest)
         if answered.refused and not (answered.taken or answered.silent):
             self._here.withdraw(plan)
+            self._offers.forget()
+            for flown, of_flight in self._here.plans:
+                now = self.clock.now() if of_flight else 0.0
+                self._offers.offer(flown, self._offers.message(flown, now))
 
     def _tell(self, kind: _Kind, plan: Plan, message: msg.Plan, who: str) -> None:
         what = kind(message.hash, plan.method, plan.duration, who or UNNAMED)
