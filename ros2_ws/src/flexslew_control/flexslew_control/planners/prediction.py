@@ -5,8 +5,8 @@ from functools import lru_cache
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from numba import types
+from numpy.typing import NDArray
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.motors import Matrices, at_once, give, matrices
