@@ -65,6 +65,10 @@ class Browser:
         self.run(drawn)
         self.until("return document.documentElement.dataset.figures !== 'waiting'")
 
+    def show(self, page: Path) -> None:
+        """Show a page and wait for nothing: where its scripts may not run."""
+        _call("POST", f"{self._address}/url", {"url": page.resolve().as_uri()})
+
     def run(self, script: str, *arguments: Any) -> Any:
         """Return what the body of a JavaScript function returns, promises awaited."""
         return _call(

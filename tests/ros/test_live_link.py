@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from flexslew_msgs import msg
 from rclpy.node import Node
 
 from flexslew_lab.log.bag_reader import BagReader
@@ -21,7 +22,8 @@ from flexslew_lab.run.processes import NodeProcess, parameter_file
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.topics import RECORDED, TRUTH
+from flexslew_plant.ros.offers import publisher
+from flexslew_plant.topics import CONTROLLER_STATUS, RECORDED, TESTBED, TRUTH
 
 from .flight import Flight, fork_server, slew
 
@@ -143,3 +145,41 @@ def test_a_bag_that_is_played_is_watched_without_a_recorder(tmp_path: Path) -> N
     assert watcher.listened == [TRUTH]
     assert len(seen[0]) > 1000
     assert_flown(seen, flown(tmp_path / "run" / "bag"))
+
+
+def test_the_controllers_of_a_bench_that_is_gone_are_not_those_of_the_next() -> None:
+    with own_domain() as domain:
+        rclpy.init(domain_id=domain)
+        watcher = Node("console")
+        link = LiveLink(watcher, "", "")
+
+        def until(done: Callable[[], bool], later: float = 0.0) -> None:
+            end = monotonic() + PATIENCE
+            while not done():
+                assert monotonic() < end
+                link.poll(monotonic() + later)
+                sleep(0.01)
+
+        def bench(*controllers: str) -> list[Node]:
+            nodes = [Node("plant"), *map(Node, controllers)]
+            fields = {"kind": "csa", "joint_names": ["a"], "joint_units": ["rad"], "period": 0.01}
+            publisher(nodes[0], TESTBED).publish(msg.Testbed(effort_limit=[1.0], **fields))
+            for node in nodes[1:]:
+                status = msg.ControllerStatus(controller=node.get_name(), law="lqr", ready=True)
+                publisher(node, CONTROLLER_STATUS).publish(status)
+            return nodes
+
+        try:
+            first = bench("early", "both")
+            until(lambda: {*link.view.controllers} == {"early", "both"})
+            for node in first:
+                node.destroy_node()
+            second = bench("both", "late")
+            until(lambda: "late" in link.view.controllers)
+            until(lambda: {*link.view.controllers} == {"both", "late"}, later=30.0)
+            for node in second:
+                node.destroy_node()
+        finally:
+            link.close()
+            watcher.destroy_node()
+            rclpy.shutdown()

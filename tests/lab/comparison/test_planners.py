@@ -148,6 +148,7 @@ def test_the_swing_of_every_joint_is_told(yaw: Any) -> None:
     assert [name for name, _ in yaw.table(yaw.short)] == [entry.name for entry in yaw.flown]
     titles = [column.title for column in yaw.short]
     assert titles[-2:] == ["base_yaw over [%]", "hub_pitch over [%]"]
+    assert [column.title for column in yaw.filled(yaw.short)] == titles[:-1]  # none for hub_pitch
 
 
 OSCILLATOR = """

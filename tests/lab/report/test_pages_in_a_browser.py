@@ -51,6 +51,20 @@ def test_names_may_go_on_in_the_next_line_and_numbers_may_not(text: str, shown: 
     assert wrapped(text) == shown
 
 
+def test_a_browser_without_javascript_says_why_there_are_no_figures(
+    browser: Browser, pages: dict[str, Path]
+) -> None:
+    browser.devtools("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        browser.show(pages["one"])
+        tree = browser.devtools("Accessibility.getFullAXTree", {})["nodes"]
+    finally:
+        browser.devtools("Emulation.setScriptExecutionDisabled", {"value": False})
+    said = [node["name"]["value"] for node in tree if "name" in node]
+    assert any("JavaScript is off here" in words for words in said)
+    assert "Metrics" in said
+
+
 def test_a_table_of_many_columns_is_printed_whole(browser: Browser, tmp_path: Path) -> None:
     names = [f"seen by tip.beam_{k}" for k in range(17)]
     table = Table("Modes", "", names, [["-0.013"] * len(names)] * 3)

@@ -55,8 +55,9 @@ def compare(
     if as_json:
         print(json.dumps(found.rows(), indent=2))
     else:
-        heads = (found.word, *(column.title for column in found.short))
-        print_table(heads, [(name, *cells) for name, cells in found.table(found.short)])
+        short = found.filled(found.short)
+        heads = (found.word, *(column.title for column in short))
+        print_table(heads, [(name, *cells) for name, cells in found.table(short)])
         if found.note:
             say(found.note)
         for entry in found.entries:

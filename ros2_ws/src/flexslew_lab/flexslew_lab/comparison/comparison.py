@@ -101,6 +101,9 @@ class ComparedEntry:
 Entries = tuple[ComparedEntry, ...]
 
 
+NO_VALUE = "-"  # of a cell
+
+
 class TableColumn(NamedTuple):
     """A column of a table."""
 
@@ -139,6 +142,10 @@ class Comparison:
     def table(self, columns: Sequence[TableColumn]) -> list[tuple[str, list[str]]]:
         """Return name and cells of each candidate that flew."""
         return [(e.name, [column.cell(e) for column in columns]) for e in self.flown]
+
+    def filled(self, columns: Sequence[TableColumn]) -> tuple[TableColumn, ...]:
+        """Return the columns in which any candidate has a value."""
+        return tuple(c for c in columns if any(c.cell(entry) != NO_VALUE for entry in self.flown))
 
 
 @dataclass(frozen=True)

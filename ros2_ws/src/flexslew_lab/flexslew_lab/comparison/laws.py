@@ -11,6 +11,7 @@ from flexslew_control.controllers import CONTROLLERS, PD_FEEDFORWARD, PlanVarian
 from flexslew_control.planners import planner_of
 from flexslew_lab.comparison.comparison import (
     CARRIED,
+    NO_VALUE,
     STIFFNESS,
     Candidate,
     ComparedEntry,
@@ -212,4 +213,4 @@ def _number(quantity: ComparedQuantity, flight: ComparedFlight) -> float:
 
 
 def _cell(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
+    return NO_VALUE if value is None else f"{value:.3g}"

@@ -25,11 +25,12 @@ class DrawnQuantity(NamedTuple):
 
 def comparison_page(comparison: Comparison) -> str:
     """Return the comparison as HTML that needs nothing else."""
+    columns = comparison.filled(comparison.columns)
     numbers = Table(
         "Numbers",
         comparison.words,
-        [comparison.word, *(column.title for column in comparison.columns)],
-        [(name, *cells) for name, cells in comparison.table(comparison.columns)],
+        [comparison.word, *(column.title for column in columns)],
+        [(name, *cells) for name, cells in comparison.table(columns)],
         comparison.note,
         [style(k)["color"] for k in range(len(comparison.flown))],
     )

@@ -9,6 +9,7 @@ import numpy as np
 from flexslew_control.planners import PLANNERS, Variant, planner_of
 from flexslew_lab.comparison.comparison import (
     CARRIED,
+    NO_VALUE,
     STIFFNESS,
     Candidate,
     ComparedEntry,
@@ -234,7 +235,7 @@ def _columns(found: SlewComparison) -> list[TableColumn]:
 
     def over(entry: ComparedEntry) -> str:
         duration = duration_of(entry)
-        return f"{duration / bound:.2f}" if bound > 0.0 and duration > 0.0 else "-"
+        return f"{duration / bound:.2f}" if bound > 0.0 and duration > 0.0 else NO_VALUE
 
     def tip(kind: str, k: int) -> Callable[[ComparedEntry], str]:
         return lambda entry: f"{tip_of(entry.by(kind)[k]):.4f}"
@@ -284,6 +285,6 @@ def _cell(form: str, *path: str | int) -> Callable[[ComparedEntry], str]:
         value: Any = entry.nominal.metrics
         for key in path:
             value = value[key]
-        return "-" if value is None else format(value, form).rstrip("%")
+        return NO_VALUE if value is None else format(value, form).rstrip("%")
 
     return cell

@@ -26,6 +26,9 @@ _HEARD = (
     topics.RECORDED,
 )  # fmt: skip
 _UNRECORDED = 4.0  # until a bench is heard without its recorder; DDS needs up to 3 [wall s]
+# after another plant has announced itself, until who is not on the graph is of the bench before: a
+# node leaves it at once, one that was killed after 20 s [wall s]
+_SORTED_OUT = (3.0, 25.0)
 _SILENT = 5.0  # after which the plant is taken for gone; it shows its state twice a second [wall s]
 
 
@@ -47,6 +50,7 @@ class LiveLink:
         self._heard = 0.0  # of the plant, last [wall s]
         self._recorded = monotonic()  # when the recorder was heard, or could not be [wall s]
         self._listener = HiddenListener(node, {name: TOPICS[name] for name in _HEARD})
+        self._sort_out: tuple[float, ...] = ()  # when to look who is still there [wall s]
         self._truths = partial(node.count_publishers, node.resolve_topic_name(topics.TRUTH))
 
     def poll(self, now: float) -> None:
@@ -59,6 +63,10 @@ class LiveLink:
             with suppress(BadInput):
                 topic, messages = _unpacked(data)
                 batches.setdefault(topic, []).extend(messages)
+        if topics.TESTBED in batches and self.view.joints is not None:  # of another plant
+            self.view.truth.clear()
+            self.view.controller_state.clear()
+            self._sort_out = tuple(now + later for later in _SORTED_OUT)
         for name, batch in batches.items():
             with suppress(BadInput):  # no message ends a page
                 self.view.take(name, TOPICS[name].type, batch)
@@ -68,6 +76,11 @@ class LiveLink:
             self._heard = now
         elif now - self._heard > _SILENT and self.view.now.state in ("running", "paused"):
             self.view.now = self.view.now._replace(state="silent: no sign of life of the plant")
+        if self._sort_out and now >= self._sort_out[0]:
+            self._sort_out = self._sort_out[1:]
+            there = {*self._listener.node.get_node_names()}
+            for name in self.view.controllers.keys() - there:
+                del self.view.controllers[name]
         self._client.poll(now)
 
     def _miss_recorder(self, now: float, passed_on: bool) -> None:

@@ -107,10 +107,19 @@ def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
                 row=1 + j // wide,
                 col=1 + j % wide,
             )
-            figure.update_xaxes(title_text=varied, row=1 + j // wide, col=1 + j % wide)
+            title = axis_title(study, varied)
+            figure.update_xaxes(title_text=title, row=1 + j // wide, col=1 + j % wide)
     figure.update_yaxes(title_text=f"{name} [{unit}]", col=1)
     tall = 330 * -(-len(names) // wide)
     return _finished(figure, max(tall, 20 * len(study.variants)))
+
+
+def axis_title(study: Study, name: str) -> str:
+    """Return a varied value with what its numbers are: drawn as a share, as an offset, or whole."""
+    reference = next(v.reference for v in study.varied if v.name == name)
+    return {"relative": f"{name}, relative error [-]", "offset": f"{name}, offset"}.get(
+        reference, name
+    )
 
 
 def maps(study: Study, store: Store, name: str, unit: str) -> list[go.Figure]:
@@ -134,7 +143,7 @@ def maps(study: Study, store: Store, name: str, unit: str) -> list[go.Figure]:
         _map_of_all(
             [(label, _cells(x, y, values, rule)) for label, x, y, values in found],
             f"{name}, {title}",
-            names,
+            [axis_title(study, n) for n in names],
             unit,
         )
         for title, rule in rules.items()
