@@ -206,7 +206,9 @@ def test_any_testbed_whose_joints_come_first_flies_in_lanes(
 TURNING = {"motion": {"at": 0.5, "duration": 2.0, "to": 0.3, "axis": [1.0, 0.0, 0.0]}}
 
 
-@pytest.mark.parametrize("what", ["speed limit", "driven hinge", "prescribed turn", "new target"])
+@pytest.mark.parametrize(
+    "what", ["speed limit", "driven hinge", "prescribed turn", "jumps", "new target"]
+)
 def test_a_spacecraft_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], what: str
 ) -> None:
@@ -220,6 +222,9 @@ def test_a_spacecraft_flies_in_lanes_as_on_the_bench(
         gains = {"kp": [30.0, 0.0], "kd": [60.0, 1.0]}
     else:
         boom["hinge"] |= TURNING
+    if what == "jumps":
+        boom["hinge"]["motion"] = TURNING["motion"] | {"profile": "bang_bang"}
+        vary["testbed.appendages.boom.hinge.motion.at"] = {"uniform": [0.4, 0.6]}
     schedule = [{"at": 1.0, "until": 1.5, "disturbance": {joint: 0.1}}]
     if what == "new target":
         turn = {"appendage": "boom", "to": -0.2, "duration": 1.5}

@@ -20,12 +20,7 @@ from flexslew_plant.bench.records import InjectResult as InjectResult
 from flexslew_plant.bench.records import SwitchRequest as SwitchRequest
 from flexslew_plant.bench.records import SwitchResult as SwitchResult
 from flexslew_plant.bench.records import Truth as Truth
-from flexslew_plant.bench.retarget import (
-    requested_turn,
-    require_on_ticks,
-    retargeted,
-    with_schedule,
-)
+from flexslew_plant.bench.retarget import requested_turn, retargeted, with_schedule
 from flexslew_plant.bench.schedule import injected_entry, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
@@ -84,8 +79,8 @@ class Bench:
 
     Raises:
         BadInput: a schedule entry names what the testbed does not have, or breaks something
-            although faults are off; the acceleration of a turn jumps between ticks; what has no
-            motors shall have friction; or the testbed's numbers are out of range.
+            although faults are off; what has no motors shall have friction; or the testbed's
+            numbers are out of range.
     """
 
     question: Measurement  # of this tick
@@ -93,7 +88,6 @@ class Bench:
     def __init__(self, settings: BenchSettings) -> None:
         self.settings = settings
         self._testbed = with_schedule(settings.testbed, settings.schedule)
-        require_on_ticks(self._testbed, settings.period)
         self._start, self.model, slowest = _begun(settings.testbed, self._testbed)
         self.appendages = self.model.appendages
         self.limit: Vector = np.array(settings.testbed.effort_limit, dtype=float)
@@ -372,7 +366,6 @@ class Bench:
         try:
             at = start * self.settings.period
             turned = retargeted(self._turned, requested_turn(text), at, "target")
-            require_on_ticks(turned, self.settings.period)
         except BadInput as error:
             return InjectResult(self.tick, refused=error.refusal)
         if late := too_late(start, self.last_tick):

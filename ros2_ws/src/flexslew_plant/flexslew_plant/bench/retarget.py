@@ -9,8 +9,6 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed, varied
 from flexslew_plant.testbeds.contract import Retargetable
 
-_ON_TICKS = 1e-6  # of a tick: rounding of times
-
 
 def retargeted(testbed: Testbed, requested: Any, at: float, place: str) -> Testbed:
     """Return a testbed with one more turn of a hinge.
@@ -48,26 +46,6 @@ def with_schedule(testbed: Testbed, schedule: Schedule) -> Testbed:
         if entry.retarget is not None:
             testbed = retargeted(testbed, entry.retarget, entry.at, f"schedule.{i}.retarget")
     return testbed
-
-
-def require_on_ticks(testbed: Testbed, period: float) -> None:
-    """Check that accelerations of prescribed turns jump at ticks alone.
-
-    Within a tick the integration does not see when they do, and what momentum the craft is then
-    off by stays.
-
-    Raises:
-        BadInput: one does not.
-    """
-    for turn in testbed.hinge_turns() if isinstance(testbed, Retargetable) else ():
-        if all(abs(t / period - round(t / period)) < _ON_TICKS for t in turn.jumps):
-            continue
-        at, half = round(turn.begin / period), max(1, round(0.5 * (turn.end - turn.begin) / period))
-        raise BadInput(
-            f"testbed: appendages.{turn.appendage}.hinge.motion: a turn of profile bang_bang from "
-            f"{turn.begin:g} to {turn.end:g} s jumps between ticks of {period:g} s; begin at "
-            f"{at * period:g} s with a duration of {2 * half * period:g} s, or take profile smooth"
-        )
 
 
 def with_requests(testbed: Testbed, requests: Iterable[tuple[str, float]]) -> Testbed:

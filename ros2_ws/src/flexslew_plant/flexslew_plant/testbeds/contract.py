@@ -118,7 +118,6 @@ class HingeTurn(NamedTuple):
     begin: float  # [s]
     end: float  # [s]
     to: float  # angle from the hinge's rest [rad]
-    jumps: tuple[float, ...] = ()  # when its acceleration does, begin and end included [s]
 
 
 @runtime_checkable

@@ -28,6 +28,7 @@ _READ = {
     "kinematics": 3,
     "reading": 2,
     "acceleration": 4,
+    "next_jump": 2,
 }
 _KNOWN: dict[str, "Kernels"] = {}  # by token, for Numba's compiler and for its files
 
@@ -52,9 +53,12 @@ class Kernels:
         out, the first entries of q and v.
     acceleration(p, t, x, effort, a): writes M^-1 (B u - h), shape (n,), in fewer operations than
         from the terms: the same but for rounding, and for lanes alone.
+    next_jump(p, t): returns the first time after t at which an acceleration that is a function of
+        time jumps, infinity where none does [s]; no step goes across. Left out, none does.
 
     Args:
-        terms, residual_jacobian, potential, actuation, kinematics, reading, acceleration: as above.
+        terms, residual_jacobian, potential, actuation, kinematics, reading, acceleration,
+            next_jump: as above.
         full_mass: whether terms writes the whole mass matrix.
         extra_positions: how many entries q has more than v (a quaternion: 1); needs kinematics.
         any_size: whether they are compiled once for all sizes of a state rather than for each: for
@@ -70,6 +74,7 @@ class Kernels:
     kinematics: Callable[..., None] | None = None
     reading: Callable[..., None] | None = None
     acceleration: Callable[..., None] | None = None
+    next_jump: Callable[..., float] | None = None
     full_mass: bool = False
     extra_positions: int = 0
     any_size: bool = False

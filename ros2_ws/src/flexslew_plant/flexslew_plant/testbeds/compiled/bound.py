@@ -20,6 +20,7 @@ ADVANCE = types.FunctionType(
 )
 
 
+_BESIDE = 1e-9  # of what is integrated, from a jump
 _MATRIX = types.Array(types.float64, 2, "C")
 # the same of Rates
 RATES = types.FunctionType(types.void(_READ, types.float64, _READ, _READ, _VECTOR))
@@ -77,7 +78,7 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
     ) -> None:
         dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
 
-    return _of_joints(kernels, m)._replace(advance=advance)
+    return _of_joints(kernels, m)._replace(advance=_in_parts(kernels, advance))
 
 
 @cache
@@ -187,7 +188,33 @@ def _advance(kernels: Kernels) -> Callable[..., None]:
             np.empty(n - s),
         )
 
-    return advance
+    return _in_parts(kernels, advance)
+
+
+def _in_parts(kernels: Kernels, advance: Callable[..., None]) -> Callable[..., None]:
+    """Return an integration that takes apart what an acceleration jumps in; see next_jump.
+
+    A jump at an edge of a part is next to it: no stage of a step sees its other side.
+    """
+    next_jump = kernels.compiled.get("next_jump")
+    if next_jump is None:
+        return advance
+
+    @compiled_once("x")
+    def advance_in_parts(
+        p: Vector, t: float, effort: Vector, dt: float, steps: int, m: int, x: Vector
+    ) -> None:
+        near, begin, last = _BESIDE * dt, t, t + dt
+        if next_jump(p, t - near) >= last + near:
+            advance(p, t, effort, dt, steps, m, x)
+            return
+        while begin < last:
+            end = next_jump(p, begin + near)
+            end = end if end < last - near else last
+            advance(p, begin + near, effort, end - begin - 2.0 * near, steps, m, x)
+            begin = end
+
+    return advance_in_parts
 
 
 @cache

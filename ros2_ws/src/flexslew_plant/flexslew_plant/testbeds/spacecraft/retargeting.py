@@ -21,9 +21,7 @@ def hinge_turns(craft: Spacecraft) -> tuple[HingeTurn, ...]:
         angle = 0.0
         for m in a.manoeuvres:
             angle += m.angle
-            end, middle = m.begin + m.duration, m.begin + 0.5 * m.duration
-            jumps = (m.begin, middle, end) if m.profile == at.BANG_BANG else ()
-            turns.append(HingeTurn(a.name, m.begin, end, angle, jumps))
+            turns.append(HingeTurn(a.name, m.begin, m.begin + m.duration, angle))
     return tuple(sorted(turns, key=lambda turn: (turn.begin, turn.appendage)))
 
 

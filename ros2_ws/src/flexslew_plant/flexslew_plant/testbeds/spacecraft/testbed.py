@@ -34,6 +34,7 @@ from flexslew_plant.testbeds.spacecraft.coordinates import coordinates
 from flexslew_plant.testbeds.spacecraft.drawing import scene_of
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.actuation import actuation
+from flexslew_plant.testbeds.spacecraft.equations.hinge_motion import next_jump
 from flexslew_plant.testbeds.spacecraft.equations.jacobian import residual_jacobian
 from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, potential
 from flexslew_plant.testbeds.spacecraft.equations.readings import read
@@ -77,13 +78,23 @@ FLOATING = Kernels(
     actuation,
     kinematics,
     read,
+    next_jump=next_jump,
     extra_positions=1,
     any_size=True,
 )
 _LIGHT = 1e-6  # inertia of a wheel in place of a gyro, of the platform's least [-]
 
 # a platform that is held or pivots: its q has as many entries as v
-GROUNDED = Kernels(terms, residual_jacobian, potential, actuation, kinematics, read, any_size=True)
+GROUNDED = Kernels(
+    terms,
+    residual_jacobian,
+    potential,
+    actuation,
+    kinematics,
+    read,
+    next_jump=next_jump,
+    any_size=True,
+)
 
 
 def _torques(limit: float) -> dict[str, ActuatorPlace]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector, called
+from flexslew_plant.arrays import Vector, called, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     Nine,
@@ -54,6 +54,31 @@ def share(p: Vector, m: int, s: float) -> tuple[float, float, float]:
     slope = d0 + u * (c0 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5)))
     curve = c0 + u * (6.0 * a3 + u * (12.0 * a4 + u * 20.0 * a5))
     return value, slope / h, curve / (h * h)
+
+
+@compiled_once()
+def next_jump(p: Vector, t: float) -> float:
+    """Return the first time after t at which the acceleration of a hinge jumps, or may [s].
+
+    A turn in bang-bang does at its begin, middle and end, one from a table at begin and end.
+
+    Args:
+        p: packed spacecraft.
+        t: time [s].
+    """
+    soonest, table = np.inf, int(p[at.APPENDAGE_TABLE])
+    for k in range(int(p[at.APPENDAGES])):
+        b = int(p[table + k])
+        for i in range(int(p[b + at.MANOEUVRES])):
+            m = int(p[b + at.MOTION_AT]) + i * at.MANOEUVRE_SIZE
+            if p[m + at.PROFILE] == at.SMOOTH:
+                continue
+            halves = 2 if p[m + at.PROFILE] == at.BANG_BANG else 1
+            for half in range(halves + 1):
+                jump = p[m + at.BEGIN] + p[m + at.LENGTH] * half / halves
+                if t < jump < soonest:
+                    soonest = jump
+    return float(soonest)
 
 
 @called
