@@ -29,8 +29,11 @@ def flown(monkeypatch: pytest.MonkeyPatch, rows: list[Any], *options: str) -> tu
     """Return exit code and words of the command for a paper of these rows."""
     module = type("Module", (), {"rows": staticmethod(lambda: rows)})
     monkeypatch.setattr(reproduce, "import_module", lambda name: module)
-    papers = {name: reproduce.Reproduction(name, name, "rows") for name in ("one", "two")}
-    monkeypatch.setattr(reproduce, "REPRODUCTIONS", papers)
+    for name in [*reproduce.REPRODUCTIONS]:
+        monkeypatch.delitem(reproduce.REPRODUCTIONS, name)
+    for name in ("one", "two"):
+        paper = reproduce.Reproduction(name, name, "rows")
+        monkeypatch.setitem(reproduce.REPRODUCTIONS, name, paper)
     done = CliRunner().invoke(app, ["reproduce", *options], env={"COLUMNS": "200"})
     return done.exit_code, done.output
 
