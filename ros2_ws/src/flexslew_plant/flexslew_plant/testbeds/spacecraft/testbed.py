@@ -71,19 +71,6 @@ from flexslew_plant.testbeds.spacecraft.turning import (
 )
 from flexslew_plant.testbeds.spacecraft.units import UNITS, UnitSystem
 
-FLOATING = Kernels(
-    terms,
-    residual_jacobian,
-    potential,
-    actuation,
-    kinematics,
-    read,
-    next_jump=next_jump,
-    extra_positions=1,
-    any_size=True,
-)
-_LIGHT = 1e-6  # inertia of a wheel in place of a gyro, of the platform's least [-]
-
 # a platform that is held or pivots: its q has as many entries as v
 GROUNDED = Kernels(
     terms,
@@ -95,6 +82,8 @@ GROUNDED = Kernels(
     next_jump=next_jump,
     any_size=True,
 )
+FLOATING = replace(GROUNDED, extra_positions=1)
+_LIGHT = 1e-6  # inertia of a wheel in place of a gyro, of the platform's least [-]
 
 
 def _torques(limit: float) -> dict[str, ActuatorPlace]:
