@@ -1,5 +1,6 @@
 """Kernels written from equations: steps are those of the model, whatever stands on the bench."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -139,6 +140,19 @@ def pendulum(t: float, q: float, v: float) -> float:
 
 def test_equations_that_branch_on_time_step_lane_by_lane() -> None:
     model = read_trial("antenna_1")[0].testbed.model()
+    assert traced_kernel(model, False) is None
+    require_steps_of_the_model(model, lane_by_lane(model))
+
+
+def halfway(p: Vector, t: float) -> float:
+    """Return when an acceleration jumps."""
+    return 0.005 if t < 0.005 else np.inf
+
+
+def test_steps_that_do_not_go_across_jumps_go_lane_by_lane() -> None:
+    smooth = read_testbed(SECTIONS["varying oscillator"], "test").model()
+    assert traced_kernel(smooth, False) is not None
+    model = replace(smooth, kernels=replace(smooth.kernels, next_jump=halfway))
     assert traced_kernel(model, False) is None
     require_steps_of_the_model(model, lane_by_lane(model))
 

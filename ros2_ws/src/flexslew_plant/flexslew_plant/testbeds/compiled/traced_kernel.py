@@ -57,10 +57,14 @@ _KNOWN: dict[Any, tuple[list[int], dict[bytes, LaneKernel | None]]] = {}
 def traced_kernel(model: Model, brisk: bool) -> LaneKernel | None:
     """Return how a testbed flies in lanes; None where its equations branch from lane to lane.
 
+    So do steps that may not go across jumps of accelerations: see next_jump of Kernels.
+
     Args:
         model: of a testbed; others with the same sizes, kinds and zeros share the kernel.
         brisk: whether it bounds its frequencies.
     """
+    if model.time_varying and model.kernels.next_jump is not None:
+        return None
     packed = model.packed
     plain = np.where((packed == 0.0) | (abs(packed) == 1.0), packed, np.inf)
     sizes = model.coordinates, model.before_modes, model.efforts, model.joints, model.modes
