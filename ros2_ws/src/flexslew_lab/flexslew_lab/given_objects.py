@@ -130,8 +130,8 @@ def with_plan(
     if isinstance(plan, type):
         return {**values, "plan": {**before, "method": _named(plan)}}
     if isinstance(plan, Plan):
-        copied = deepcopy(plan)
-        own, start = _kept(plan_hash(plan), lambda: _planner_of(copied)), {"start": plan.start}
+        own = _kept(plan_hash(plan), lambda: _planner_of(deepcopy(plan)))
+        start = {"start": plan.start}
     else:
         rows = _positions(plan)
         own, start = _kept((rows.shape, rows.tobytes()), lambda: _planner_of(rows)), {}

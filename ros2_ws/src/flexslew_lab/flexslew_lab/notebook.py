@@ -25,6 +25,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.trial.outputs import bag_folder
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.sources import label_of, trial_path
 from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of, text_of
@@ -107,7 +108,7 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
         BadInput: there is no bag, or it is damaged.
     """
     path = Path(run)
-    bag = BagReader(path / "bag" if os.path.isdir(path / "bag") else path, trust=trust)
+    bag = BagReader(bag_folder(path), trust=trust)
     signals = read_signals(bag)
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events

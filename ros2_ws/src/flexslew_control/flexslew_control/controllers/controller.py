@@ -132,14 +132,14 @@ class Controller:
         return self._course.plan
 
     @property
-    def first(self) -> Plan | None:
-        """The plan of tick 0; None: there is none."""
-        return self._course.first
-
-    @property
     def begun(self) -> tuple[Plan, ...]:
-        """The plans that it follows, or has followed, in this flight."""
-        return tuple(p for p, _ in self._course.plans if p.first_tick <= self.last_tick)
+        """The plans that it has followed in this flight: that of tick 0 once a tick has passed."""
+        now = self.last_tick
+        return tuple(
+            plan
+            for plan, of_flight in self._course.plans
+            if plan.first_tick <= now or (now > 0 and not of_flight)
+        )
 
     def steer(self, course: Course) -> None:
         """Follow a course in place of the plans that were adopted."""

@@ -169,9 +169,6 @@ class ControllerHost:
         digest, following = plan_hash(plan), self.controller and self.controller.plan
         if following and digest == self.plan_hash and self._plan_refused is None:
             return None
-        first = self.controller.first if self.controller and self.controller.last_tick > 0 else None
-        if first is not None and digest == plan_hash(first):
-            return None
         if self.controller and any(digest == plan_hash(known) for known in self.controller.begun):
             return None
         self.plan = plan

@@ -30,14 +30,11 @@ def enough_time(plan: PlanFunction, settings: Any, slew: Slew) -> str:
         duration = rounded_up(longer)  # what is said is what was tried
         if duration < rigid:
             continue
-        try:
-            plan(replace(settings, duration=duration), slew, ignore)
-        except PlanFailed:
-            continue
-        return (
-            f"a duration of {duration:g} s (now {now:g} s) is enough; a rigid body takes "
-            f"{rigid:.4g} s"
-        )
+        if _leads(plan, replace(settings, duration=duration), slew):
+            return (
+                f"a duration of {duration:g} s (now {now:g} s) is enough; a rigid body takes "
+                f"{rigid:.4g} s"
+            )
     return f"no duration up to {duration:g} s (now {now:g} s) is enough; use a higher effort_limit"
 
 
@@ -60,15 +57,21 @@ def _enough_functions(plan: PlanFunction, settings: Any, slew: Slew) -> str:
         functions = fewer * factor
         if functions > _MOST_FUNCTIONS:
             break
-        try:
-            plan(replace(settings, functions=functions), slew, ignore)
-        except PlanFailed:
-            continue
-        return (
-            f"functions: {functions} (now {fewer}) is enough: with {fewer}, each lasts "
-            f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
-        )
+        if _leads(plan, replace(settings, functions=functions), slew):
+            return (
+                f"functions: {functions} (now {fewer}) is enough: with {fewer}, each lasts "
+                f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
+            )
     return ""
+
+
+def _leads(plan: PlanFunction, settings: Any, slew: Slew) -> bool:
+    """Return whether a section leads to a plan."""
+    try:
+        plan(settings, slew, ignore)
+    except PlanFailed:
+        return False
+    return True
 
 
 def require_holding(slew: Slew) -> None:

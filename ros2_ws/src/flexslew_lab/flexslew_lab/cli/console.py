@@ -15,12 +15,12 @@ from typing import IO, Annotated
 import typer
 
 from flexslew_lab.cli.interrupt import INTERRUPTED, NODES_EXIT_TIMEOUT, patient
-from flexslew_lab.cli.log import bag_of
 from flexslew_lab.cli.missing import require_ros
 from flexslew_lab.cli.operate import Namespace
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.terminal import link, progress, say
 from flexslew_lab.run.domain import bench_domain
+from flexslew_lab.trial.outputs import bag_folder
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -74,7 +74,7 @@ def console(
     if replay is not None:
         from flexslew_lab.console.replay_page import serve
 
-        serve(bag_of(replay), host, port, say, Trust.of(trust or ()), not no_browser)
+        serve(bag_folder(replay), host, port, say, Trust.of(trust or ()), not no_browser)
         return
     require_ros()
     if attach:

@@ -10,7 +10,7 @@ import typer
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.terminal import for_people, link, print_table, say
-from flexslew_lab.trial.outputs import new_folder, writable_file
+from flexslew_lab.trial.outputs import bag_folder, new_folder, writable_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -128,9 +128,10 @@ def _next(
 
     if experiment.flown is None or experiment.plan is not None:
         raise BadInput(f"{run}: --replan needs the log of a slew with its plan")
-    bag = run / "bag" if os.path.isdir(run / "bag") else run
     with for_people.status("planning again"):
-        return next_plan(BagReader(bag, trust=Trust.of(trust or ())), model, experiment.flown)
+        return next_plan(
+            BagReader(bag_folder(run), trust=Trust.of(trust or ())), model, experiment.flown
+        )
 
 
 def _experiment(

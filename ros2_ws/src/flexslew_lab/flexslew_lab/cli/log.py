@@ -1,14 +1,13 @@
 """Subcommands for logs: info, check, recover, export."""
 
 import json
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from flexslew_lab.cli.terminal import print_line, print_table, say
-from flexslew_lab.trial.outputs import writable_folder
+from flexslew_lab.trial.outputs import bag_folder, writable_folder
 from flexslew_plant.version import VERSION
 
 log = typer.Typer(no_args_is_help=True, help="Inspect, check, recover and export bags.")
@@ -26,7 +25,7 @@ def info(bag: Bag, as_json: Json = False) -> None:
     """
     from flexslew_lab.log.info import log_info
 
-    found = log_info(bag_of(bag))
+    found = log_info(bag_folder(bag))
     if as_json:
         print(json.dumps(found, indent=2))
         return
@@ -55,7 +54,7 @@ def check_bag(bag: Bag, as_json: Json = False) -> None:
     """
     from flexslew_lab.log.checks.check import check_log
 
-    findings = check_log(bag_of(bag))
+    findings = check_log(bag_folder(bag))
     if as_json:
         print(json.dumps([finding._asdict() for finding in findings], indent=2))
     else:
@@ -85,7 +84,7 @@ def export(
     from flexslew_lab.log.export import export_log
 
     target = writable_folder(out or Path("export") / run_name(bag), "--out")
-    done = export_log(bag_of(bag), target, kind, topic)  # type: ignore[arg-type]  # it says what is allowed
+    done = export_log(bag_folder(bag), target, kind, topic)  # type: ignore[arg-type]  # it says what is allowed
     if as_json:
         files = {t: str(path) for t, path in done.files.items()}
         print(json.dumps({"files": files, "rows": done.rows, "skipped": done.skipped}, indent=2))
@@ -108,7 +107,7 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
 
     if out is not None:
         writable_folder(out, "--out")
-    done = mend(bag_of(bag), out)
+    done = mend(bag_folder(bag), out)
     if as_json:
         values = {**done._asdict(), "statement": done.statement}
         print(json.dumps(values | {k: str(values[k]) for k in ("source", "out")}, indent=2))
@@ -137,11 +136,6 @@ def reading_limits(
     from flexslew_lab.log.files.read_limits import MIB, read_at_most
 
     read_at_most(largest_chunk * MIB)
-
-
-def bag_of(path: Path) -> Path:
-    """Return the bag of a run's folder, or the path itself."""
-    return path / "bag" if os.path.isdir(path / "bag") else path
 
 
 def run_name(path: Path) -> str:

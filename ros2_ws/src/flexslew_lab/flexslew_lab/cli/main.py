@@ -29,7 +29,7 @@ from flexslew_lab.cli.interrupt import (
     patient,
     while_running,
 )
-from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
+from flexslew_lab.cli.log import Json, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.model import model
 from flexslew_lab.cli.open_page import Open, open_page
@@ -43,7 +43,7 @@ from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say
 from flexslew_lab.reproduce import REPRODUCTIONS
 from flexslew_lab.short_values import short
-from flexslew_lab.trial.outputs import RUNS, WITHOUT, new_file, writable_file
+from flexslew_lab.trial.outputs import RUNS, WITHOUT, bag_folder, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed, RunFault
 from flexslew_plant.interrupted import keep_exit_code
 from flexslew_plant.near_names import did_you_mean
@@ -237,7 +237,7 @@ def report(
     writable_file(target, "--out")
     bare = beside / WITHOUT
     comparison = bare if len(bags) == 1 and bare.is_dir() else None
-    logs = [BagReader(bag_of(path), trust=Trust.of(trust or ())) for path in bags]
+    logs = [BagReader(bag_folder(path), trust=Trust.of(trust or ())) for path in bags]
     write_report(logs, target, comparison)
     say(f"written {link(target)}")
     if open_it:

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TextColumn
 
-from flexslew_lab.cli.log import Bag, Json, bag_of, demand
+from flexslew_lab.cli.log import Bag, Json, demand
 from flexslew_lab.cli.terminal import for_people, link, print_line, print_table, progress, say
 from flexslew_lab.run.domain import chosen_domain
-from flexslew_lab.trial.outputs import writable_file
+from flexslew_lab.trial.outputs import bag_folder, writable_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -54,7 +54,7 @@ def resim(
     from flexslew_lab.trial.sources import changes_of
 
     with progress("resim") as advance:
-        again = fly_again(bag_of(bag), advance, changes_of(sets), Trust.of(trust or ()))
+        again = fly_again(bag_folder(bag), advance, changes_of(sets), Trust.of(trust or ()))
     first = again.first_difference
     if as_json:
         values = {**again._asdict(), "first_difference": first and first._asdict()}
@@ -115,7 +115,7 @@ def check(
 
     if figure is not None:
         writable_file(figure, "--figure")
-    place = bag_of(bag)
+    place = bag_folder(bag)
     trusted = Trust.of(trust or ())
     with reading(reader := BagReader(place, trust=trusted)):
         name = controller or next(iter(logged_laws(reader)))
@@ -194,7 +194,8 @@ def play(
     from flexslew_plant.settings import validated
 
     values = {
-        "bag": str(bag_of(bag)), "rate": rate, "start": start, "duration": duration, "loop": loop,
+        "bag": str(bag_folder(bag)), "rate": rate, "start": start, "duration": duration,
+        "loop": loop,
         "topics": topics or (), "remap": remap or (), "clock": clock, "paused": pause,
         "wait_for": wait_for or (),
     }  # fmt: skip

@@ -1,6 +1,5 @@
 """The record of a run: what its sensors said and the efforts applied, never its truth."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 from flexslew_lab.identification.measurements import FIELDS, Channels, ticks_record
 from flexslew_lab.identification.record import Record
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.trial.outputs import bag_folder
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Appendages
 
@@ -21,7 +21,7 @@ def bag_of(run: Path) -> BagReader:
     Raises:
         BadInput: there is none.
     """
-    return BagReader(run / "bag" if os.path.isdir(run / "bag") else run)
+    return BagReader(bag_folder(run))
 
 
 def record_of(bag: BagReader, sensors: Appendages | None = None) -> Record:

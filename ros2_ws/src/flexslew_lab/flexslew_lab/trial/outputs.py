@@ -56,6 +56,12 @@ def writable_folder(path: Path, option: str, empty: bool = False) -> Path:
     return path
 
 
+def bag_folder(run: Path) -> Path:
+    """Return the bag in a run's folder, or the path itself."""
+    bag = run / "bag"
+    return bag if os.path.isdir(bag) else run  # also of a name that is too long for one
+
+
 def new_folder(name: str, out: Path | None) -> Path:
     """Return the folder of a run, checked, not yet made.
 

@@ -11,6 +11,7 @@ from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.charts import ChartsPanel
 from flexslew_lab.console.replay import Replay
+from flexslew_lab.trial.outputs import bag_folder
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import one_line
 
@@ -81,7 +82,7 @@ def _read(place: Path) -> Curves:
     """
     if not place.exists():
         raise BadInput(f"Earlier run: {place}: no such run")
-    log = Replay(place / "bag" if (place / "bag").is_dir() else place)
+    log = Replay(bag_folder(place))
     log.seek(log.last)
     return {name: curves for name in _COMPARED if (curves := quantities.curves_of(log.view, name))}
 
