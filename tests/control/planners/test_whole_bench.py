@@ -192,6 +192,23 @@ def test_a_plan_of_a_spacecraft_that_nobody_is_known_to_fly_says_so() -> None:
     assert "not flown on the whole bench" in plan.summary["warning"]
 
 
+@pytest.mark.parametrize("of", ["joints", "spacecraft"])
+@pytest.mark.parametrize("method", ["input_shaping", "reference_only"])
+def test_a_plan_without_a_prediction_is_the_same_and_is_not_flown(
+    method: str, of: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = Asked(plant(), Feedback(), {"base_yaw": 0.5}) if of == "joints" else wish(2)
+    section = plan_settings({"method": method, "goal": asked.goal, "duration": 20.0}, "test")
+    law = ActiveLaw("lqr", {})
+    told = make_plan(section, asked.plant, law=law)
+    monkeypatch.delattr("flexslew_control.planners.slewing.flown_on_bench")
+    with pytest.raises(NameError):
+        make_plan(section, asked.plant, law=law)
+    bare = make_plan(section, asked.plant, law=law, predict=False)
+    np.testing.assert_array_equal(bare.effort, told.effort)
+    np.testing.assert_array_equal(bare.position, told.position)
+
+
 @pytest.mark.parametrize("modes", [-1, 1.5, "many"])
 def test_a_number_of_modes_that_is_none_is_refused(modes: Any) -> None:
     asked = wish(0)

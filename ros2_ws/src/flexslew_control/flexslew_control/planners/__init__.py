@@ -195,6 +195,7 @@ def make_plan(
     feedback: Feedback | None = None,
     progress: Progress | None = None,
     law: ActiveLaw | None = None,
+    predict: bool = True,
 ) -> Plan:
     """Return the plan that a `plan` section asks for.
 
@@ -209,6 +210,8 @@ def make_plan(
         feedback: gains of the controller in charge, where it has such gains.
         progress: called with every update of an iteration, if the method has one.
         law: of the controller in charge; None: a PD with its gains, or not known.
+        predict: whether the plan is flown once more for what the law leaves, which may take longer
+            than planning; the summary lacks it otherwise.
 
     Raises:
         PlanFailed: no such manoeuvre, one whose numbers are beyond those of a computer, or one that
@@ -229,8 +232,11 @@ def make_plan(
             f"more than {_MOST_TICKS:,} ticks of {period:g} s", "plan", "duration", lasts
         )
     settings = _by_joint(settings, plant)
+    make = planner_of(settings).make
+    if isinstance(make, Slewing):
+        make = replace(make, predicts=predict)
     try:
-        plan = planner_of(settings).make(settings, plant, feedback, progress or ignore, law)
+        plan = make(settings, plant, feedback, progress or ignore, law)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         words = f"{settings.method}: its numbers are out of range ({error}); take another goal"
         raise PlanFailed(words) from error

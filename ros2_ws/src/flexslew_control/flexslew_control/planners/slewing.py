@@ -70,6 +70,7 @@ class Slewing:
             instead of about the eigenaxis; None: of none.
         late_motors: whether lag and delay of the motors are counted with.
         with_feedback: whether a plan as a whole depends on kp and kd of the joints that fly it.
+        predicts: whether a plan says what it leaves where the law in charge flies it.
     """
 
     plan: PlanFunction
@@ -80,6 +81,7 @@ class Slewing:
     whole: Callable[[Any], bool] | None = None
     late_motors: bool = False
     with_feedback: bool = False
+    predicts: bool = True
 
     def __call__(
         self,
@@ -133,7 +135,9 @@ class Slewing:
         plan = replace(
             plan, request=self._complete(settings, slew), summary={**plan.summary, **figures}
         )
-        return plan if law is None else self._flown_by(law, plan, settings, slew, plant)
+        if law is None or not self.predicts:
+            return plan
+        return self._flown_by(law, plan, settings, slew, plant)
 
     def _motors(self, plant: PlantDescription) -> Matrices | None:
         """Return what lies between commands and efforts of a bench, where that counts."""
@@ -226,6 +230,8 @@ class Slewing:
         if self.with_feedback and flies is not None:
             words = ", ".join(filter(None, (slew.beliefs, not_counted(flies))))
             plan = replace(plan, summary={**plan.summary, "believes": words})
+        if not self.predicts:
+            return plan
         prediction = (
             None
             if flies is None
@@ -257,6 +263,8 @@ class Slewing:
             assert found is not None
             return told(found[0], plant, found[1].prediction)
         plan = self._embedded(settings, plant, feedback, progress, law)
+        if not self.predicts:
+            return plan
         prediction = (
             None
             if flies is None

@@ -152,7 +152,7 @@ def analysed(
     if name not in trial.controllers:
         known = ", ".join(trial.controllers)
         raise BadInput(f"{source}: --controller: {name} is not in controllers; allowed: {known}")
-    plan = plan or plan_of_trial(trial)
+    plan = plan or plan_of_trial(trial, predict=False)
     point = point_of(trial, at, joints, plan)
     law, values = law_of(name, trial.controllers[name] or {})
     plant = plant_of(trial)

@@ -57,7 +57,7 @@ def point_of(
         raise BadInput("simulated seconds, 0 or more", key="--at", value=time)
     plant = plant_of(trial)
     if at is not None and not joints:
-        plan = plan or plan_of_trial(trial)
+        plan = plan or plan_of_trial(trial, predict=False)
         if plan is not None:
             there = plan.reference(round(time / trial.period)).position
             joints = dict(zip(plant.joint_names, there.tolist(), strict=True))

@@ -125,7 +125,7 @@ class _Flyer(NamedTuple):
         asked = self.trial.plan
         assert not isinstance(asked, SavedPlan | None)
         section = other_method(asked, case.method, f"{self.job.source}: plan", **case.keys)
-        return plan_of_trial(replace(self.trial, plan=section))
+        return plan_of_trial(replace(self.trial, plan=section), predict=False)
 
     def _flown(self, case: FlightCase) -> FlightOutcome:
         """Return the flight of a candidate on another bench than it believes in.

@@ -57,7 +57,7 @@ def next_plan(bag: BagReader, found: ModalModel, flown: Plan) -> NextPlan:
         raise BadInput(f"{bag.path}: its trial asks for no plan that believes a model")
     believes = plain(replace(bench, initial={}))
     on = _on(trial, bench, {"plan": plan | {"model": believes}}, str(bag.path))
-    again = plan_of_trial(on)
+    again = plan_of_trial(on, predict=False)
     assert again is not None  # a section with a model is a planner's
     return NextPlan(flown.method, _residual(on, flown), _residual(on, again))
 

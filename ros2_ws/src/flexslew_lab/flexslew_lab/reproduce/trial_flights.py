@@ -50,7 +50,7 @@ _TRIALS: tuple[tuple[str, dict[str, Any], float, dict[str, float]], ...] = (
 def states(trial: Trial) -> tuple[Matrix, Matrix]:
     """Return q and v of a trial's flight at all ticks, its controller in charge alone."""
     bench, controllers = set_up(trial, trial.name)
-    controller, plan = controllers[trial.active], plan_of_trial(trial)
+    controller, plan = controllers[trial.active], plan_of_trial(trial, predict=False)
     seen = FlightLog(bench, plan)
     refused = controller.adopt(plan) if plan is not None else None
     assert refused is None, refused

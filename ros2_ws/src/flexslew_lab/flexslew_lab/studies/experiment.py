@@ -52,7 +52,7 @@ def heard_in(experiment: Trial, shakes: bool = True) -> tuple[Record, tuple[floa
     """
     place = f"{experiment.name}: plan"
     bench, controllers = set_up(experiment, experiment.name)
-    plan = plan_of_trial(experiment)
+    plan = plan_of_trial(experiment, predict=False)
     band = band_of(plan, experiment.name)
     if shakes and (plan is None or plan.method != EXCITATION.name):
         raise BadInput("it shakes nothing; give a plan of method excitation", place)

@@ -76,7 +76,7 @@ class Plans:
 
 def _made(trial: Trial) -> Plan | FlexslewError:
     try:
-        plan = plan_of_trial(trial)
+        plan = plan_of_trial(trial, predict=False)  # the study flies it
     except BadInput as error:  # says its key
         return error
     except PlanFailed as error:

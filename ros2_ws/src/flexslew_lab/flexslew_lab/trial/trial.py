@@ -313,8 +313,12 @@ def follow(controllers: dict[str, Controller], active: str, plan: Plan | None) -
     return refused[active] or controllers[active].reason
 
 
-def plan_of_trial(trial: Trial) -> Plan | None:
+def plan_of_trial(trial: Trial, predict: bool = True) -> Plan | None:
     """Return the trial's plan, or None where it asks for none.
+
+    Args:
+        trial: that flies it.
+        predict: see make_plan.
 
     Raises:
         BadInput, PlanFailed: see make_plan.
@@ -324,7 +328,7 @@ def plan_of_trial(trial: Trial) -> Plan | None:
     if isinstance(trial.plan, SavedPlan):
         return load_plan(trial.plan.file)
     law = law_in_charge(trial)
-    return make_plan(trial.plan, plant_of(trial), feedback_of(trial), law=law)
+    return make_plan(trial.plan, plant_of(trial), feedback_of(trial), law=law, predict=predict)
 
 
 def plan_section_of(trial: Trial, source: str) -> PlanSettings | None:
