@@ -17,7 +17,7 @@ from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import FINISHED, PAUSED, Reply
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.offers import service
+from flexslew_plant.ros.plant.requests import offer
 
 INSTALLED = find_spec("simulation_interfaces") is not None
 _FEATURES = (
@@ -61,11 +61,14 @@ class SimulationServices:
         self._session, self._loop, self._start = session, loop, start
         self._steps: list[_Steps] = []
         self._next_feedback = 0.0
-        service(node, srv.GetSimulatorFeatures, topics.GET_SIMULATOR_FEATURES, self._on_features)
-        service(node, srv.GetSimulationState, topics.GET_SIMULATION_STATE, self._on_get_state)
-        service(node, srv.SetSimulationState, topics.SET_SIMULATION_STATE, self._on_set_state)
-        service(node, srv.ResetSimulation, topics.RESET_SIMULATION, self._on_reset)
-        service(node, srv.StepSimulation, topics.STEP_SIMULATION, self._on_step)
+        for kind, name, answer in (
+            (srv.GetSimulatorFeatures, topics.GET_SIMULATOR_FEATURES, self._on_features),
+            (srv.GetSimulationState, topics.GET_SIMULATION_STATE, self._on_get_state),
+            (srv.SetSimulationState, topics.SET_SIMULATION_STATE, self._on_set_state),
+            (srv.ResetSimulation, topics.RESET_SIMULATION, self._on_reset),
+            (srv.StepSimulation, topics.STEP_SIMULATION, self._on_step),
+        ):
+            offer(node, loop, kind, name, answer)
         self._server = ActionServer(
             node,
             action.SimulateSteps,
