@@ -47,6 +47,16 @@ def test_each_is_flown_to_the_start_of_the_next() -> None:
     assert [place(course, k) for k in (55, 85, 110)] == [1.5, 5.5, 9.0]
 
 
+def test_it_is_known_when_another_plan_is_flown_in_place_of_one() -> None:
+    course, first, second, late = Course(), plan(0.0, 0.0, 1.0), plan(0.5, 1.0, 2.0), plan(1, 2, 3)
+    course.begin_with(first)
+    course.add(late)
+    course.add(second)  # late is dropped
+    assert [course.replaced(first, k) for k in (0, 50, 51, 99)] == [False, False, True, True]
+    assert not course.replaced(second, 200)
+    assert course.replaced(late, 0)
+
+
 def test_a_reset_leaves_the_plan_of_the_start() -> None:
     course = Course()
     course.begin_with(plan(0.0, 0.0, 1.0))

@@ -26,6 +26,7 @@ def ended(
     rate: float = 0.0,
     path: dict[str, Tolerance] | None = None,
     goal: dict[str, Tolerance] | None = None,
+    replaced: bool = False,
 ) -> TrackingCode | None:
     """Return the code with joints so far off what the plan says."""
     tracking = Tracking(PLAN, BOTH, path or {}, goal or {}, 0.5)
@@ -33,7 +34,7 @@ def ended(
     names = PLAN.joint_names
     at = {n: x + off.get(n, 0.0) for n, x in zip(names, reference.position, strict=True)}
     rates = {n: x + rate for n, x in zip(names, reference.velocity, strict=True)}
-    end = tracking.end(time, tracking.at(time, at, rates))
+    end = tracking.end(time, tracking.at(time, at, rates), replaced)
     return None if end is None else end.code
 
 
@@ -73,3 +74,15 @@ def test_the_goal_may_be_reached_a_little_later() -> None:
     assert ended(2.4, {"base_yaw": 0.2}, goal=limits) is None
     assert ended(2.4, {"base_yaw": 0.05}, goal=limits) is TrackingCode.SUCCESSFUL
     assert ended(2.5, {"base_yaw": 0.2}, goal=limits) is TrackingCode.GOAL_TOLERANCE_VIOLATED
+
+
+@pytest.mark.parametrize("time", [0.5, 1.5])
+def test_a_plan_that_another_one_replaces_is_not_successful(time: float) -> None:
+    assert ended(time, {}, replaced=True) is TrackingCode.INVALID_GOAL
+
+
+def test_a_plan_that_another_one_follows_has_reached_its_goal_or_never_will() -> None:
+    limits = {"base_yaw": Tolerance(0.1, 0.0)}
+    assert ended(2.0, {"base_yaw": 0.05}, goal=limits, replaced=True) is TrackingCode.SUCCESSFUL
+    late = ended(2.0, {"base_yaw": 0.2}, goal=limits, replaced=True)
+    assert late is TrackingCode.GOAL_TOLERANCE_VIOLATED

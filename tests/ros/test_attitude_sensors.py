@@ -86,6 +86,11 @@ def test_gyro_and_star_tracker_are_heard_in_standard_messages(tmp_path: Path) ->
     paced = trial_with(rate_factor=1.0, duration=10.0, max_missed=1000, schedule=[])
     flight = Flight(paced, tmp_path, 5, listen)
     assert flight.outcome.exit_code == 0, flight.log
+    ((_, _, fixed),) = BagReader(flight.bag).decoded(("/tf_static",))
+    mounted = {frame.child_frame_id: frame for frame in fixed.transforms}
+    for name in ("gyro", "tracker"):  # in body axes
+        assert mounted[name].header.frame_id == "platform"
+        assert mounted[name].transform.rotation.w == 1.0
     rows = BagReader(flight.bag).columns("/measurement", {"tick", "tip_deflection"})
     read = dict(zip(rows["tick"].tolist(), rows["tip_deflection"][:, -7:], strict=True))
     for message in heard[Imu] + heard[QuaternionStamped]:

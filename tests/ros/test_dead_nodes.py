@@ -9,7 +9,7 @@ from time import monotonic
 import pytest
 
 from .bystander import Bystander, beside
-from .flight import Flight, slew
+from .flight import Flight, kill, slew
 from .test_pace import watched
 
 LEASE = 20.0  # until DDS itself lets go of one that is silent [wall s]
@@ -43,6 +43,16 @@ def test_the_killed_leave_the_graph_at_once_and_the_stopped_stay(tmp_path: Path)
     assert flight.outcome.exit_code == 130
     assert stayed == [True]
     assert passed[0] < LEASE / 2, flight.log
+
+
+def test_who_is_stopped_at_the_end_leaves_as_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexslew_lab.run.supervisor._LEAVING", 20.0)
+    more = ", stopped: {law: lqr}"
+    flight = Flight(slew(more=more), tmp_path, 1, kill("stopped", signal.SIGSTOP))
+    assert flight.outcome == (0, ""), flight.log
+    assert "does not leave" not in flight.log
 
 
 def test_a_recorder_does_not_wait_for_those_that_have_ended_with_the_plant(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def part(name: str) -> Any:
 
     def make(*given: Any, **named: Any) -> SimpleNamespace:
         return SimpleNamespace(
-            kind=name, given=given, **named,
+            kind=name, given=given, return_code=0, **named,
             perform=lambda context: context.launch_configurations[given[0]],
         )  # fmt: skip
 
@@ -71,6 +71,26 @@ def description(monkeypatch: pytest.MonkeyPatch) -> Any:
     spec.loader.exec_module(module)
     (actions,) = module.generate_launch_description().given
     return actions
+
+
+def ended(end: Any, recorder: Any = None) -> Any:
+    """Return what the last of plant and recorder to leave leads to.
+
+    Args:
+        end: the handler of the plant's exit.
+        recorder: that writes until after the plant has left; None: it has left before.
+    """
+    (handler,) = end.given
+    if recorder is None:
+        (timer,) = handler.on_exit(None, None)
+    else:
+        recorder.return_code = None
+        (later,) = handler.on_exit(None, None)
+        (handler,) = later.given
+        assert (handler.kind, handler.target_action) == ("OnProcessExit", recorder)
+        (timer,) = handler.on_exit
+    (finish,) = timer.actions
+    return finish.function(None)
 
 
 def performed(actions: Any, **given: str) -> list[Any]:
@@ -121,14 +141,11 @@ def test_after_the_plant_the_metrics_and_the_report_are_written(
     description: Any, tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
-    *_, end = performed(description, trial=str(trial_file(tmp_path)), out=str(out))
+    recorder, *_, end = performed(description, trial=str(trial_file(tmp_path)), out=str(out))
     flown = tmp_path / "flown"
     run_trial(slew(1.0), "test", flown, in_process=True, report=False)
     (flown / "bag").rename(out / "bag")
-    (handler,) = end.given
-    (timer,) = handler.on_exit
-    (finish,) = timer.actions
-    (leave,) = finish.function(None)
+    (leave,) = ended(end, recorder)
     assert (leave.kind, leave.event.kind) == ("EmitEvent", "Shutdown")
     assert json.loads((out / "metrics.json").read_text())["ticks"] == 100
     assert (out / "report.html").is_file()
@@ -140,11 +157,9 @@ def test_it_can_be_included_with_arguments_of_another_launch_file(
     given = {"trial": str(trial_file(tmp_path)), "out": str(tmp_path / "run")}
     *nodes, end = performed(description, **given, shutdown="false", arm="left", ratte="1")
     assert nodes[-1].name == "plant"
-    ((timer,),) = (end.given[0].on_exit,)
-    (finish,) = timer.actions
     run_trial(slew(0.1), "test", tmp_path / "flown", in_process=True, report=False)
     (tmp_path / "flown" / "bag").rename(tmp_path / "run" / "bag")
-    assert finish.function(None) == []  # what else was launched goes on
+    assert ended(end) == []  # what else was launched goes on
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ or with their packages built into a workspace of one's own, these fly.
 """
 
 from collections.abc import Callable
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from trajectory_msgs.msg import JointTrajectory
 from flexslew_control.ros import follow_trajectory
 from flexslew_control.tracking import TrackingCode
 from flexslew_lab.replay.resim import resim
+from flexslew_plant.ros.messages import seconds_of
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.ros.plant import simulation_services
 from flexslew_plant.topics import FOLLOW_JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
@@ -106,6 +108,8 @@ def test_a_robot_is_moved_along_a_trajectory(tmp_path: Path) -> None:
         asked("odd", odd)
         unmeasured = [JointTolerance(name="hub_pitch", acceleration=1.0)]
         asked("unmeasured", path_tolerance=unmeasured)
+        for name, limit in ("negative", -2.0), ("no_number", nan):
+            asked(name, path_tolerance=[JointTolerance(name="hub_pitch", position=limit)])
         dropped = client.goal(trajectory=path)  # planning takes seconds at first
         bystander.until(dropped.cancel_goal_async().done)
         found["dropped"] = client.result(dropped)
@@ -120,7 +124,7 @@ def test_a_robot_is_moved_along_a_trajectory(tmp_path: Path) -> None:
         bystander.until(canceled.done)
         found["canceling"] = len(canceled.result().goals_canceling)
         found["flown"] = client.result(goal)
-        found["feedback"] = client.heard[-1]
+        found["feedback"] = list(client.heard)
         tight = [JointTolerance(name="base_yaw", position=1e-9)]
         later = trajectory(
             ["hub_pitch", "base_yaw"], 13.0, {"at": 1.0, "positions": [0.1, 0.25], **rest}
@@ -140,6 +144,8 @@ def test_a_robot_is_moved_along_a_trajectory(tmp_path: Path) -> None:
         "strange": "INVALID_JOINTS",
         "odd": "INVALID_GOAL",
         "unmeasured": "INVALID_GOAL",
+        "negative": "INVALID_GOAL",
+        "no_number": "INVALID_GOAL",
         "dropped": "INVALID_GOAL",
         "flown": "SUCCESSFUL",
         "late": "OLD_HEADER_TIMESTAMP",
@@ -147,13 +153,47 @@ def test_a_robot_is_moved_along_a_trajectory(tmp_path: Path) -> None:
     }, found
     assert found["dropped"].error_string == "canceled by the client"
     assert found["canceling"] == 0  # a published plan is flown
-    feedback = found["feedback"]
+    feedback = found["feedback"][-1]
     assert list(feedback.joint_names) == ["hub_pitch", "base_yaw"]
+    for told in found["feedback"]:
+        after = max(seconds_of(told.header.stamp) - 8.0, 0.0)
+        assert seconds_of(told.actual.time_from_start) == pytest.approx(after)
+        assert getattr(told, "index", int(after >= 4.0)) == int(after >= 4.0)
     for k in range(2):
         point = {field: getattr(feedback, field) for field in ("desired", "actual", "error")}
         off = point["desired"].positions[k] - point["actual"].positions[k]
         assert point["error"].positions[k] == off
     assert resim(flight.bag).identical
+
+
+@robots
+def test_a_trajectory_that_another_one_replaces_ends(tmp_path: Path) -> None:
+    from control_msgs.action import FollowJointTrajectory
+    from control_msgs.msg import JointTolerance
+
+    told: list[Any] = []
+    heard: list[Any] = []
+
+    def act(bystander: Bystander) -> None:
+        client = Client(bystander, FollowJointTrajectory, FOLLOW_JOINT_TRAJECTORY)
+        there = {"positions": [0.2], "velocities": [0.0]}
+        path = trajectory(["base_yaw"], 6.0, {"at": 1.0, **there}, {"at": 6.0, **there})
+        first = client.planned(trajectory=path)
+        back = trajectory(["base_yaw"], 8.5, {"at": 4.0, "positions": [0.1], "velocities": [0.0]})
+        stays = JointTolerance(name="hub_pitch", position=1e-9)
+        second = client.planned(trajectory=back, path_tolerance=[stays])
+        assert bystander.ask(Trigger, "start").success
+        told.extend(client.result(goal) for goal in (first, second))
+        heard.append(client.heard[-1])
+        client.close()
+
+    flight = flown(tmp_path, act, 10.0)
+    assert flight.outcome.exit_code in (0, 1), flight.log
+    codes = [TrackingCode(result.error_code).name for result in told]
+    assert codes == ["INVALID_GOAL", "PATH_TOLERANCE_VIOLATED"], told
+    assert told[0].error_string == "another plan has replaced this one"
+    assert "hub_pitch" in told[1].error_string  # which the trajectory does not name
+    assert list(heard[0].joint_names) == ["base_yaw", "hub_pitch"]
 
 
 @robots
@@ -212,6 +252,7 @@ def test_a_simulator_is_stepped_paused_and_reset(tmp_path: Path) -> None:
         goal = client.goal(steps=50)
         assert client.result(goal).result.result == msg.Result.RESULT_OK
         bystander.until(lambda: bystander.tick >= tick + 57)
+        bystander.until(lambda: client.heard[-1].remaining_steps == 0)
         said["feedback"] = [(t.completed_steps, t.remaining_steps) for t in client.heard]
         goal = client.goal(steps=100_000)
         bystander.until(lambda: bystander.tick > tick + 60)
@@ -219,6 +260,12 @@ def test_a_simulator_is_stepped_paused_and_reset(tmp_path: Path) -> None:
         bystander.until(canceled.done)
         said["canceled"] = client.result(goal).result.error_message
         said["rests"] = state()
+        tick, goal = bystander.tick, client.goal(steps=100_000)
+        bystander.until(lambda: bystander.tick > tick + 10)
+        assert bystander.ask(Trigger, "start").success  # what is left of the steps is forgotten
+        said["forgotten"] = client.result(goal).result.error_message
+        said["flies_on"] = state()
+        assert bystander.ask(Trigger, "pause").success
         assert to(states.STATE_PLAYING).result == msg.Result.RESULT_OK
         said["playing"] = state()
         refused = bystander.ask(srv.StepSimulation, "step_simulation", steps=1)
@@ -235,7 +282,8 @@ def test_a_simulator_is_stepped_paused_and_reset(tmp_path: Path) -> None:
     flight = flown(tmp_path, act, 6.0)
     assert flight.outcome.exit_code in (0, 1), flight.log
     unsupported = msg.Result.RESULT_FEATURE_UNSUPPORTED
-    assert said.pop("canceled").endswith("of 100000 ticks were flown")
+    for name in "canceled", "forgotten":
+        assert said.pop(name).endswith("of 100000 ticks were flown")
     assert all(done + left == 50 for done, left in said.pop("feedback"))
     assert "not paused but running" in said.pop("refused")
     assert said == {
@@ -243,6 +291,7 @@ def test_a_simulator_is_stepped_paused_and_reset(tmp_path: Path) -> None:
         "paused": states.STATE_PAUSED,
         "again": srv.SetSimulationState.Response.ALREADY_IN_TARGET_STATE,
         "rests": states.STATE_PAUSED,
+        "flies_on": states.STATE_PLAYING,
         "playing": states.STATE_PLAYING,
         "part": unsupported,
         "quitting": unsupported,

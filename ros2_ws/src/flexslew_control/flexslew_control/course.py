@@ -55,6 +55,16 @@ class Course:
                 return leg.plan.reference(tick)
         return hold
 
+    def replaced(self, plan: Plan, tick: int) -> bool:
+        """Return whether another plan is followed at a tick where this one would be, or is to be.
+
+        Args:
+            plan: that was added.
+            tick: of the bench.
+        """
+        after = next((k for k, leg in enumerate(self._legs, 1) if leg.plan is plan), None)
+        return after is None or any(leg.first < tick for leg in self._legs[after:])
+
     def begin_with(self, plan: Plan) -> None:
         """Follow a plan from tick 0 on, and no other one."""
         self._legs = (_Leg(-1, plan),)

@@ -52,6 +52,10 @@ class PlannedCourse:
         """All plans that are flown, in order, and whether each was published in flight."""
         return self._course.plans
 
+    def replaced(self, plan: Plan, time: float) -> bool:
+        """Return whether another plan is flown in place of one at a simulated time [s]."""
+        return self._course.replaced(plan, round(time / self._period))
+
     def flight(self, now: float) -> int | None:
         """Return the epoch that is flown at a simulated time [s]; None: it is at tick 0."""
         return self._epoch if now > 0.0 else None

@@ -54,7 +54,7 @@ class Tracking:
 
     Args:
         plan: that is flown.
-        joints: that are looked at, all of the plan.
+        joints: that are looked at, of those of the plan.
         path: tolerances while it is flown, by joint.
         goal: tolerances at its end, by joint.
         goal_time: how long after its end the joints may still come within them [s].
@@ -83,8 +83,16 @@ class Tracking:
             (reference.position[columns], reference.velocity[columns]), (actual[0], actual[1])
         )
 
-    def end(self, time: float, tracked: Tracked) -> TrackingEnd | None:
-        """Return what has come of it at a simulated time [s]; None: it goes on."""
+    def end(self, time: float, tracked: Tracked, replaced: bool = False) -> TrackingEnd | None:
+        """Return what has come of it at a simulated time; None: it goes on.
+
+        Args:
+            time: simulated [s].
+            tracked: the joints then.
+            replaced: another plan is flown by then.
+        """
+        if replaced and time < self.plan.end:
+            return TrackingEnd(TrackingCode.INVALID_GOAL, "another plan has replaced this one")
         if time < self.plan.start:
             return None
         if time < self.plan.end:
@@ -96,7 +104,7 @@ class Tracking:
         beyond = self._beyond(self.goal, tracked)
         if beyond is None:
             return TrackingEnd(TrackingCode.SUCCESSFUL, f"within tolerance at {time:g} s")
-        if time < self.plan.end + self.goal_time:
+        if time < self.plan.end + self.goal_time and not replaced:
             return None
         return TrackingEnd(TrackingCode.GOAL_TOLERANCE_VIOLATED, f"at {time:g} s {beyond}")
 

@@ -23,7 +23,7 @@ from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import build_controllers, trial_text
 from launch import LaunchContext, LaunchDescription
 
-GRACE = 5.0  # for the others to leave by themselves when the plant is gone [s]
+GRACE = 5.0  # for the others to leave by themselves when plant and recorder are gone [s]
 
 
 def _nodes(context: LaunchContext) -> list[Any]:
@@ -65,9 +65,15 @@ def _nodes(context: LaunchContext) -> list[Any]:
             return []
         return [EmitEvent(event=Shutdown(reason=f"the run is over: {folder}"))]
 
+    recorder, plant = nodes[0], nodes[-1]
     end = TimerAction(period=GRACE, actions=[OpaqueFunction(function=finish)])
-    plant = nodes[-1]
-    return [*nodes, RegisterEventHandler(OnProcessExit(target_action=plant, on_exit=[end]))]
+
+    def over(*_: Any) -> list[Any]:
+        if values.record and recorder.return_code is None:  # it still writes
+            return [RegisterEventHandler(OnProcessExit(target_action=recorder, on_exit=[end]))]
+        return [end]
+
+    return [*nodes, RegisterEventHandler(OnProcessExit(target_action=plant, on_exit=over))]
 
 
 def generate_launch_description() -> LaunchDescription:

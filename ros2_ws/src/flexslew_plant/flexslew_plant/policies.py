@@ -1,6 +1,7 @@
 """Who may say and hear what on the graph, as SROS 2 policies: no more than each node needs."""
 
 from collections.abc import Iterable
+from importlib.util import find_spec
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -21,6 +22,11 @@ class Rights(NamedTuple):
     tunes: bool = False  # whether it may tune every controller
 
 
+def _with(package: str, *names: str) -> tuple[str, ...]:
+    """Return names that are on the graph where this package is installed."""
+    return names if find_spec(package) is not None else ()
+
+
 _OPERATE = (
     t.START, t.PAUSE, t.RESET, t.BRAKE, t.RELEASE_BRAKE, t.OPERATE, t.STEP, t.SET_RATE, t.NOTE,
     t.SWITCH_CONTROLLER, t.LIST_CONTROLLERS, t.INJECT_FAULT, t.END_FAULT, t.RETARGET,
@@ -34,7 +40,10 @@ ROLES: dict[str, Rights] = {
                  t.DIAGNOSTICS, *t.DISPLAYED, t.TF_STATIC, t.ROBOT_DESCRIPTION,
                  t.SENSORS_IMU, t.SENSORS_ATTITUDE),
         subscribe=(t.EFFORT_COMMAND, t.CONTROLLER_STATUS, t.RECORDER_STATUS, t.ALIVE),
-        reply=(*_OPERATE, *(f"~/{name}" for name in t.OFFERED_PRIVATELY)),
+        reply=(*_OPERATE, *(f"~/{name}" for name in t.OFFERED_PRIVATELY),
+               *_with("simulation_interfaces", t.GET_SIMULATOR_FEATURES, t.GET_SIMULATION_STATE,
+                      t.SET_SIMULATION_STATE, t.RESET_SIMULATION, t.STEP_SIMULATION)),
+        execute=_with("simulation_interfaces", t.SIMULATE_STEPS),
     ),
     "controller": Rights(
         publish=(t.EFFORT_COMMAND, t.CONTROLLER_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.ALIVE),
@@ -44,8 +53,8 @@ ROLES: dict[str, Rights] = {
     "planner": Rights(
         publish=(t.PLAN, t.PLANNED_TRAJECTORY, t.EVENTS, t.ALIVE),
         subscribe=(t.JOINT_TRAJECTORY, t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS,
-                   t.ALIVE),
-        execute=_PLANS,
+                   t.ALIVE, *_with("control_msgs", t.JOINT_STATES)),  # while a goal is flown
+        execute=(*_PLANS, *_with("control_msgs", t.FOLLOW_JOINT_TRAJECTORY)),
         reply=(t.DECIDE_PLAN,),
     ),
     "recorder": Rights(

@@ -105,3 +105,7 @@ TUNE = "~/tune"  # of each controller
 PLAN_SLEW, DRAFT_PLAN = "plan_slew", "draft_plan"  # actions: published, kept as a draft
 DECIDE_PLAN = "decide_plan"
 FOLLOW_JOINT_TRAJECTORY = "follow_joint_trajectory"  # an action, where control_msgs is installed
+GET_SIMULATOR_FEATURES, RESET_SIMULATION = "get_simulator_features", "reset_simulation"
+GET_SIMULATION_STATE, SET_SIMULATION_STATE = "get_simulation_state", "set_simulation_state"
+STEP_SIMULATION = "step_simulation"
+SIMULATE_STEPS = "simulate_steps"  # an action; where simulation_interfaces is installed, as these

@@ -22,6 +22,7 @@ def test_what_is_refused_says_the_state_and_changes_nothing() -> None:
     assert str(run.step(3).refused) == "not paused but running; call pause first"
     run.finish(12.0)
     assert str(run.start().refused) == "the run is over; call reset first"
+    assert str(run.step(1).refused) == "the run is over; call reset first"
     assert str(run.pause(13.0).refused) == "not running but finished"
     assert run.state == FINISHED
 
@@ -41,7 +42,9 @@ def test_what_is_left_of_a_step_is_forgotten(act: str) -> None:
     run.step(100)
     run.begin(0.0)
     run.ticked(0.1)
+    assert run.stepping
     {"pause": lambda: run.pause(0.2), "start": run.start, "reset": run.reset}[act]()
+    assert not run.stepping
     if act != "start":
         assert run.start().ok
         run.begin(0.3)

@@ -54,11 +54,16 @@ class Announcer:
         self._settings = ""
         self._tick = 0  # of the last status
 
+    @property
+    def mute(self) -> bool:
+        """Whether it says nothing: there is an older node of its name, or there may be."""
+        return self._alive.listens or self.older is not None
+
     def look(self) -> None:
         """Look at the graph and announce what has changed.
 
-        While an older node of the same name is alive this one says nothing: the bench could not
-        tell whom it hears.
+        While an older node of the same name is alive this one says nothing, and not before it would
+        have heard one: the bench could not tell whom it hears.
         """
         before, self.older = self.older, self._alive.older
         if self.older and not before:
@@ -81,7 +86,7 @@ class Announcer:
     def announce(self, always: bool = False) -> None:
         """Publish the status if it is another one than the last, or always."""
         reason = self._reason()
-        if (self.announced and reason == self.reason and not always) or self.older:
+        if (self.announced and reason == self.reason and not always) or self.mute:
             return
         host = self._host
         self.announced, self.reason, self._tick = True, reason, host.last_tick

@@ -19,6 +19,7 @@ from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import RUNNING
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
+from flexslew_plant.ros.alive import LISTENING
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -50,7 +51,7 @@ class ControllerNode:
         outlets = loop.outlets(node)
         self._events = EventLog(node, outlets)
         self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
-        self._alive = loop.live(node, "controller")
+        self._alive = loop.live(node, "controller", LISTENING)
         self._announcer = Announcer(
             node,
             self._host,
@@ -71,10 +72,12 @@ class ControllerNode:
         now = monotonic()
         if now >= self._next_look:
             self._announcer.look()
-            self.answering.silent = self._announcer.older is not None
+            self.answering.silent = self._announcer.mute
             self._watch.look()
             self.answering.look(now)
-            self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
+            self._tell()
+            waits = self._announcer.reason is not None or self._alive.listens
+            self._next_look = now + (_POLL_PERIOD if waits else 0.2)
         return min(self._next_look - now, self.answering.fly())
 
     def _on_testbed(self, message: msg.Testbed) -> None:
@@ -108,7 +111,8 @@ class ControllerNode:
             self.node.get_logger().warning(str(error))
             return
         if refused is not None:
-            self._events.tell(self._host.plan_refused(message.hash))
+            self._host.events.append(self._host.plan_refused(message.hash))
+            self._tell()
         self._announcer.announce(always=True)
 
     def _on_bench_state(self, message: msg.BenchState) -> None:
@@ -127,9 +131,11 @@ class ControllerNode:
         return self.answering.serve()
 
     def _tell(self) -> None:
-        """Pass on what the host has to say."""
-        while self._host.events:
-            self._events.tell(self._host.events.popleft())
+        """Pass on what the host has to say, unless there is an older one of its name."""
+        while self._host.events and not self._alive.listens:
+            event = self._host.events.popleft()
+            if not self._announcer.mute:
+                self._events.tell(event)
 
     def _observed(self, tick: int) -> None:
         if self._host.events:

@@ -3,6 +3,7 @@
 Only where that package is installed: it is not among the wheels.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
@@ -26,10 +27,12 @@ from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.messages import seconds_of
+from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import subscription
 
 INSTALLED = find_spec("control_msgs") is not None
+_ERASED = -1.0  # a tolerance: any error is allowed (control_msgs/JointTolerance)
+_OF_PLATFORMS = ("multi_dof_trajectory", "component_path_tolerance", "component_goal_tolerance")
 
 
 class FollowTrajectory:
@@ -92,19 +95,25 @@ class FollowTrajectory:
             return TrackingEnd(code, str(outcome))
         if goal.is_cancel_requested:
             return TrackingEnd(TrackingCode.INVALID_GOAL, str(CANCELED))
-        after = request.goal_time_tolerance
+        path, at_end = request.path_tolerance, request.goal_tolerance
+        held = (tolerance.name for tolerance in (*path, *at_end))  # joints that stay, too
         tracking = Tracking(
             outcome,
-            tuple(request.trajectory.joint_names),
-            {t.name: Tolerance(t.position, t.velocity) for t in request.path_tolerance},
-            {t.name: Tolerance(t.position, t.velocity) for t in request.goal_tolerance},
-            after.sec + 1e-9 * after.nanosec,
+            tuple(dict.fromkeys((*request.trajectory.joint_names, *held))),
+            {t.name: Tolerance(t.position, t.velocity) for t in path},
+            {t.name: Tolerance(t.position, t.velocity) for t in at_end},
+            seconds_of(request.goal_time_tolerance),
         )
-        flight = _Flight(tracking, self._release.clock.epoch, self._loop.future())
+        flight = _Flight(
+            tracking,
+            self._release.clock.epoch,
+            self._loop.future(),
+            partial(self._release.replaced, outcome),
+        )
         states = subscription(
             self._node,
             topics.JOINT_STATES,
-            partial(flight.see, lambda time, seen: self._tell(goal, tracking, time, seen)),
+            partial(flight.see, partial(self._tell, goal, tracking)),
         )
         self._flown[_number(goal)] = flight
         try:
@@ -130,9 +139,14 @@ class FollowTrajectory:
         if any(t.acceleration > 0.0 for t in tolerances):
             words = "acceleration: is not measured; leave its tolerances at zero"
             return TrackingEnd(TrackingCode.INVALID_GOAL, words)
-        if getattr(getattr(request, "multi_dof_trajectory", None), "points", ()):
-            words = "multi_dof_trajectory: the bench moves joints; give a trajectory"
+        limits = [x for t in tolerances for x in (t.position, t.velocity, t.acceleration)]
+        if any(not (x >= 0.0 or x == _ERASED) for x in limits):
+            words = "tolerances: 0 or more, or -1 (any error is allowed)"
             return TrackingEnd(TrackingCode.INVALID_GOAL, words)
+        for field in _OF_PLATFORMS:
+            if _given(getattr(request, field, ())):
+                words = f"{field}: the bench moves joints; give a trajectory of joints"
+                return TrackingEnd(TrackingCode.INVALID_GOAL, words)
         return None
 
     async def _planned(self, goal: ServerGoalHandle) -> Outcome:
@@ -149,7 +163,11 @@ class FollowTrajectory:
 
     def _tell(self, goal: ServerGoalHandle, tracking: Tracking, time: float, seen: Tracked) -> None:
         told = self._kind.Feedback(joint_names=list(tracking.joints))
+        told.header.stamp = stamp(time)
         after = Duration(nanoseconds=round(1e9 * max(time - tracking.plan.start, 0.0))).to_msg()
+        if hasattr(told, "index"):  # of the last point that was passed; control_msgs 6.3 or later
+            passed = [seconds_of(point.time_from_start) for point in goal.request.trajectory.points]
+            told.index = max(bisect_right(passed, seconds_of(after)) - 1, 0)
         for field in ("desired", "actual", "error"):
             position, velocity = getattr(seen, field)
             point = JointTrajectoryPoint(
@@ -163,6 +181,11 @@ def _number(goal: ServerGoalHandle) -> bytes:
     return bytes(goal.goal_id.uuid)
 
 
+def _given(field: Any) -> bool:
+    """Return whether a client has filled in a list, or the points of a trajectory."""
+    return bool(getattr(field, "points", field))
+
+
 class _Flight:
     """A trajectory that is flown.
 
@@ -170,10 +193,14 @@ class _Flight:
         tracking: of its plan.
         epoch: in which it is flown.
         ended: gets what comes of it.
+        replaced: returns whether another plan is flown in its place at a simulated time [s].
     """
 
-    def __init__(self, tracking: Tracking, epoch: int, ended: Future) -> None:
+    def __init__(
+        self, tracking: Tracking, epoch: int, ended: Future, replaced: Callable[[float], bool]
+    ) -> None:
         self._tracking, self._epoch, self.ended = tracking, epoch, ended
+        self._replaced = replaced
 
     def see(self, tell: Callable[[float, Tracked], None], states: JointState) -> None:
         """Hold the joints against the plan."""
@@ -182,7 +209,7 @@ class _Flight:
         rates = dict(zip(names, states.velocity, strict=True))
         seen = self._tracking.at(time, positions, rates)
         tell(time, seen)
-        if (end := self._tracking.end(time, seen)) is not None:
+        if (end := self._tracking.end(time, seen, self._replaced(time))) is not None:
             self.over(end)
 
     def lost(self, clock: BenchClock) -> TrackingEnd | None:

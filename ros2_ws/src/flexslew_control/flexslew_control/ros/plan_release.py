@@ -100,6 +100,10 @@ class PlanRelease:
         """The epoch that is flown, of which a request is that comes now; None: it is at tick 0."""
         return self._here.flight(self.clock.now()) if self._course is not None else None
 
+    def replaced(self, plan: Plan, time: float) -> bool:
+        """Return whether another plan is flown in place of one at a simulated time [s]."""
+        return self._course is not None and self._here.replaced(plan, time)
+
     def checked(self, outcome: Plan | Refusal, flight: int | None) -> Plan | Refusal:
         """Return what came of a request, or why the bench cannot fly the plan from now on.
 

@@ -59,8 +59,7 @@ def trajectory_section(message: JointTrajectory, start: float) -> dict[str, Any]
     stamped = seconds_of(message.header.stamp)
     points = []
     for k, point in enumerate(message.points):
-        after = point.time_from_start
-        values: dict[str, Any] = {"at": after.sec + 1e-9 * after.nanosec}
+        values: dict[str, Any] = {"at": seconds_of(point.time_from_start)}
         for key, field in _KEYS.items():
             given = getattr(point, field).tolist()
             if given and len(given) != len(names):

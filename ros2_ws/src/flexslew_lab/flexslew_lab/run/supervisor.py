@@ -189,9 +189,12 @@ class Supervisor:
     def _wait_for_rest(self) -> None:
         """The others leave by themselves once the plant is gone and they were heard.
 
-        Whom DDS holds up is ended. The run is over, so that mars it only where it is the recorder.
+        Who was stopped goes on, to leave as the others do. Whom DDS holds up is ended. The run is
+        over, so that mars it only where it is the recorder.
         """
         self._again.clear()
+        for name in self._running:
+            self._signal(name, signal.SIGCONT)
         left, end = {*self._running} - self._stuck, monotonic() + _LEAVING
         while self._running and monotonic() < end:
             self._serve(0.05)
@@ -209,12 +212,16 @@ class Supervisor:
             for strength in _SIGNALS:
                 if name not in self._running:
                     break
-                with suppress(ProcessLookupError):  # it has just ended
-                    os.kill(self._running[name], strength)
+                self._signal(name, strength)
+                self._signal(name, signal.SIGCONT)  # one that is stopped takes no other signal
                 end = monotonic() + _GRACE
                 while name in self._running and monotonic() < end:
                     self._serve(0.05)
         self._serve(0.0)
+
+    def _signal(self, name: str, number: int) -> None:
+        with suppress(ProcessLookupError):  # it has just ended
+            os.kill(self._running[name], number)
 
     def _verdict(self) -> Outcome:
         if self._codes[self._plant] not in (0, 3):

@@ -32,6 +32,7 @@ class Loop:
         self._code: int | None = None
         self._due = 0.0  # when to poll [wall s]
         self._nodes: list[Node] = []
+        self._closing = False
 
     def hurry(self) -> None:
         """Poll before the next event: something changed that it has to know."""
@@ -47,9 +48,9 @@ class Loop:
         self._executor.add_node(node)
         self._nodes.append(node)
 
-    def live(self, node: Node, role: str) -> Alive:
-        """Serve this node and beat for it."""
-        self._alive[node] = Alive(node, role)
+    def live(self, node: Node, role: str, listening: float = 0.0) -> Alive:
+        """Serve this node and beat for it; see Alive."""
+        self._alive[node] = Alive(node, role, listening)
         self.add(node)
         return self._alive[node]
 
@@ -68,6 +69,7 @@ class Loop:
 
     def close(self, patience: float) -> None:
         """Let go of the nodes as soon as they were heard, or patience is at an end [wall s]."""
+        self._closing = True
         for node in self._executor.get_nodes():
             alive = self._alive.get(node)
             wait_until_acknowledged(node, alive, lambda: self._serve(0.0), patience)
@@ -102,6 +104,11 @@ class Loop:
     def stopped(self) -> bool:
         """Somebody has ended it."""
         return self._code is not None
+
+    @property
+    def leaving(self) -> bool:
+        """Its nodes only stay to be heard: nothing is polled any more."""
+        return self.stopped or self._closing
 
     def stop(self, code: int) -> None:
         """End the loop; the process exits with this code."""

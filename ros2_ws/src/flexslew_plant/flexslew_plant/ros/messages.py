@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from flexslew_msgs import msg
 
 from flexslew_plant.arrays import Vector
@@ -35,8 +35,8 @@ def stamp(seconds: float) -> Time:
     return Time(**stamp_of(seconds)._asdict())
 
 
-def seconds_of(at: Time) -> float:
-    """Return a stamp as simulated seconds."""
+def seconds_of(at: Time | Duration) -> float:
+    """Return a stamp or a duration as seconds."""
     return float(at.sec + at.nanosec * 1e-9)
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from flexslew_plant.refusal import Cause, Refusal
 
 WAITING, RUNNING, PAUSED, FINISHED = "waiting", "running", "paused", "finished"
+_OVER = "the run is over; call reset first"
 
 
 class Reply(NamedTuple):
@@ -46,6 +47,11 @@ class RunState:
         """Ticks pass."""
         return self.state == RUNNING
 
+    @property
+    def stepping(self) -> bool:
+        """A paused bench flies some ticks, or waits for somebody before it does."""
+        return self._steps_left > 0
+
     def wall_time(self, now: float) -> float:
         """Return for how long ticks have passed in this epoch, pauses left out [wall s]."""
         return self._wall + (now - self._since if self._since is not None else 0.0)
@@ -56,7 +62,7 @@ class RunState:
 
     def start(self) -> Reply:
         """Run on without an end, as soon as all are there."""
-        refused = {FINISHED: "the run is over; call reset first", RUNNING: "already running"}
+        refused = {FINISHED: _OVER, RUNNING: "already running"}
         if self.state in refused and not self._steps_left:
             return _not_now(refused[self.state])
         self._steps_left = 0
@@ -74,7 +80,8 @@ class RunState:
     def step(self, ticks: int) -> Reply:
         """Run for some ticks, then rest again."""
         if self.state != PAUSED:
-            return _not_now(f"not paused but {self.state}; call pause first")
+            over = self.state == FINISHED
+            return _not_now(_OVER if over else f"not paused but {self.state}; call pause first")
         self._steps_left = max(1, ticks)
         self.state = WAITING
         return Reply(f"flying {self._steps_left} ticks")

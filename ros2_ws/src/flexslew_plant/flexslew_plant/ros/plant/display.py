@@ -25,7 +25,7 @@ from flexslew_plant.ros.plant.instrument_display import InstrumentDisplay
 from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.robot_model import Frame
+from flexslew_plant.testbeds.robot_model import STILL, Frame
 
 # in the order in which their numbers are written
 _SHOWN = (
@@ -55,11 +55,13 @@ class Display:
         self.set_rate(rate)
         self._offers = [outlets.publisher(name) for name in _SHOWN]
         self._platform = PlatformDisplay(outlets, self._prefix)
-        self._instruments = InstrumentDisplay(node, bench.appendages.instruments)
+        self._instruments = InstrumentDisplay(node, bench.appendages.instruments, self._prefix)
         self._draw(bench.testbed)
         static = publisher(node, topics.TF_STATIC)
-        if self._scene.fixed:
-            static.publish(TFMessage(transforms=[self._transform(f) for f in self._scene.fixed]))
+        here = self._scene.body
+        sensors = [Frame(here, name, (0.0, 0.0, 0.0), STILL) for name in self._instruments.names]
+        if fixed := [*self._scene.fixed, *sensors]:
+            static.publish(TFMessage(transforms=[self._transform(frame) for frame in fixed]))
         description = publisher(node, topics.ROBOT_DESCRIPTION)
         description.publish(String(data=self._scene.robot_description))
         self._kept = (static, description)

@@ -25,27 +25,35 @@ class InstrumentDisplay:
     """Publishes each gyro on `sensors/imu` and each star tracker on `sensors/attitude`.
 
     They are the readings of the measurement, faults included, at each of its ticks; of a star
-    tracker those that there are. The frame is the name of the sensor; all numbers are along body
-    axes, stamps are those of the measurement.
+    tracker those that there are. The frame is named as the sensor and lies in the platform's: all
+    numbers are along body axes. Stamps are those of the measurement.
 
     Args:
         node: the plant.
         instruments: of what stands on the bench.
+        prefix: of the names of frames.
+
+    Attributes:
+        names: of the sensors that are published, without the prefix.
     """
 
-    def __init__(self, node: Node, instruments: tuple[Instrument, ...]) -> None:
+    def __init__(self, node: Node, instruments: tuple[Instrument, ...], prefix: str) -> None:
         imu, attitude = (
             publisher(node, topics.SENSORS_IMU),
             publisher(node, topics.SENSORS_ATTITUDE),
         )
+        self.names: list[str] = []
         self._shown: list[tuple[slice, Callable[[Stamp, Vector], None]]] = []
         for one in instruments:
+            frame = prefix + one.name
             if isinstance(one, Gyro):
-                shown = Template((partial(_imu, one.name), 3))
-                self._shown.append((channels(one), _sender(imu.publish, shown)))
+                send = _sender(imu.publish, Template((partial(_imu, frame), 3)))
             elif isinstance(one, StarTracker):
-                shown = Template((partial(_attitude, one.name), 4))
-                self._shown.append((channels(one), _sender(attitude.publish, shown)))
+                send = _sender(attitude.publish, Template((partial(_attitude, frame), 4)))
+            else:
+                continue
+            self.names.append(one.name)
+            self._shown.append((channels(one), send))
 
     def show(self, measurement: Measurement) -> None:
         """Publish what the instruments read at this tick."""
@@ -60,17 +68,17 @@ def _sender(publish: Callable[[bytes], None], shown: Template) -> Callable[[Stam
     return lambda at, reading: publish(*shown.filled(at, reading))
 
 
-def _imu(name: str, at: Time, numbers: list[float]) -> Imu:
+def _imu(frame: str, at: Time, numbers: list[float]) -> Imu:
     x, y, z = numbers
     return Imu(
-        header=Header(stamp=at, frame_id=name),
+        header=Header(stamp=at, frame_id=frame),
         orientation_covariance=_NOT_GIVEN,
         angular_velocity=Vector3(x=x, y=y, z=z),
         linear_acceleration_covariance=_NOT_GIVEN,
     )
 
 
-def _attitude(name: str, at: Time, numbers: list[float]) -> QuaternionStamped:
+def _attitude(frame: str, at: Time, numbers: list[float]) -> QuaternionStamped:
     x, y, z, w = numbers
     turned = Quaternion(x=x, y=y, z=z, w=w)
-    return QuaternionStamped(header=Header(stamp=at, frame_id=name), quaternion=turned)
+    return QuaternionStamped(header=Header(stamp=at, frame_id=frame), quaternion=turned)

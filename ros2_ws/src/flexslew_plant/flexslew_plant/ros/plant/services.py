@@ -18,8 +18,9 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import requested_tick, stamp
-from flexslew_plant.ros.offers import publisher, service
+from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import requested_text
+from flexslew_plant.ros.plant.requests import offer
 from flexslew_plant.ros.plant.simulation_services import simulation_services
 from flexslew_plant.ros.plant.switch_service import SwitchService
 
@@ -76,7 +77,7 @@ class Services:
 
     def _offer(self, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
         for at in [name, f"~/{name}"][: 1 + (name in topics.OFFERED_PRIVATELY)]:
-            service(self._node, kind, at, answer)
+            offer(self._node, self._loop, kind, at, answer)
 
     def poll(self, now: float) -> float:
         """Answer those who wait for a switch, show the state; return when to do so again [s]."""

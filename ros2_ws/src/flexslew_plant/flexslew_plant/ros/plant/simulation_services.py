@@ -13,10 +13,11 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.task import Future
 
+from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import FINISHED, PAUSED, Reply
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.offers import service
+from flexslew_plant.ros.plant.requests import offer
 
 INSTALLED = find_spec("simulation_interfaces") is not None
 _FEATURES = (
@@ -58,44 +59,49 @@ class SimulationServices:
 
         self._msg, self._action, self._srv = msg, action, srv
         self._session, self._loop, self._start = session, loop, start
-        self._steps: _Steps | None = None
+        self._steps: list[_Steps] = []
         self._next_feedback = 0.0
-        service(node, srv.GetSimulatorFeatures, "get_simulator_features", self._on_features)
-        service(node, srv.GetSimulationState, "get_simulation_state", self._on_get_state)
-        service(node, srv.SetSimulationState, "set_simulation_state", self._on_set_state)
-        service(node, srv.ResetSimulation, "reset_simulation", self._on_reset)
-        service(node, srv.StepSimulation, "step_simulation", self._on_step)
+        for kind, name, answer in (
+            (srv.GetSimulatorFeatures, topics.GET_SIMULATOR_FEATURES, self._on_features),
+            (srv.GetSimulationState, topics.GET_SIMULATION_STATE, self._on_get_state),
+            (srv.SetSimulationState, topics.SET_SIMULATION_STATE, self._on_set_state),
+            (srv.ResetSimulation, topics.RESET_SIMULATION, self._on_reset),
+            (srv.StepSimulation, topics.STEP_SIMULATION, self._on_step),
+        ):
+            offer(node, loop, kind, name, answer)
         self._server = ActionServer(
             node,
             action.SimulateSteps,
-            "simulate_steps",
+            topics.SIMULATE_STEPS,
             self._simulate,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
 
     def poll(self, now: float) -> None:
         """Tell those who wait for ticks, and answer them when these have passed."""
-        steps = self._steps
-        if steps is None:
+        if not self._steps:
             return
-        canceled = steps.goal is not None and steps.goal.is_cancel_requested
-        if canceled and self._session.run.state != PAUSED:
+        if any(s.goal is not None and s.goal.is_cancel_requested for s in self._steps):
             self._session.pause(now)
-        if steps.goal is not None and now >= self._next_feedback:
+        told = now >= self._next_feedback
+        if told:
             self._next_feedback = now + _FEEDBACK
-            flown = self._flown(steps)
-            told = self._action.SimulateSteps.Feedback(
-                completed_steps=flown, remaining_steps=steps.ticks - flown
-            )
-            steps.goal.publish_feedback(told)
-        lost = steps.epoch != self._session.bench.epoch
-        if lost or self._session.run.state in (PAUSED, FINISHED):
-            self._steps = None
-            steps.done.set_result(None)
+        for steps in list(self._steps):
+            flown, lost = self._flown(steps), steps.epoch != self._session.bench.epoch
+            over = lost or flown == steps.ticks or not self._session.run.stepping
+            if steps.goal is not None and (told or over):
+                told_of = self._action.SimulateSteps.Feedback(
+                    completed_steps=flown, remaining_steps=steps.ticks - flown
+                )
+                steps.goal.publish_feedback(told_of)
+            if over:
+                self._steps.remove(steps)
+                steps.done.set_result(None)
 
     def _flown(self, steps: _Steps) -> int:
+        """Return how many of them have passed; after a `start` others follow them."""
         bench = self._session.bench
-        return bench.tick - steps.first if bench.epoch == steps.epoch else 0
+        return min(bench.tick - steps.first, steps.ticks) if bench.epoch == steps.epoch else 0
 
     def _result(self, code: int, words: str = "") -> Any:
         return self._msg.Result(result=code, error_message=words)
@@ -108,9 +114,7 @@ class SimulationServices:
     @property
     def _state(self) -> int:
         kinds, session = self._msg.SimulationState, self._session
-        if session.run.state == FINISHED:
-            return int(kinds.STATE_STOPPED)
-        if session.run.state != PAUSED:
+        if session.run.state not in (PAUSED, FINISHED):
             return int(kinds.STATE_PLAYING)
         return int(kinds.STATE_PAUSED if session.bench.tick else kinds.STATE_STOPPED)
 
@@ -184,7 +188,7 @@ class SimulationServices:
         if not outcome.ok:
             return self._result(failed, outcome.message)
         steps = _Steps(bench.tick, count, bench.epoch, goal, self._loop.future())
-        self._steps = steps
+        self._steps.append(steps)
         await steps.done
         flown = self._flown(steps)
         if flown == count:

@@ -14,7 +14,7 @@ from flexslew_plant.bench.records import SwitchRequest, SwitchResult
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import doubles, requested_tick
-from flexslew_plant.ros.offers import service
+from flexslew_plant.ros.plant.requests import offer
 
 
 class _Pending(NamedTuple):
@@ -37,7 +37,7 @@ class SwitchService:
     def __init__(self, node: Node, session: Session, loop: Loop) -> None:
         self._session, self._loop = session, loop
         self._pending: list[_Pending] = []
-        service(node, srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
+        offer(node, loop, srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
 
     def poll(self, now: float) -> float:
         """Answer those who need wait no longer; return when to look again [wall s]."""

@@ -1,0 +1,46 @@
+"""Services of the plant: granted while it flies, rests or waits, refused when it leaves."""
+
+from collections.abc import Callable
+from inspect import iscoroutinefunction
+from typing import Any
+
+from rclpy.node import Node
+
+from flexslew_plant.bench.handover import RUN_OVER
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.offers import service
+
+
+def offer(node: Node, loop: Loop, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
+    """Offer a service that refuses what comes when the plant leaves.
+
+    It still listens then, until all have heard it; but what it granted would neither happen nor
+    stand in the log.
+
+    Args:
+        node: of the plant.
+        loop: that serves it.
+        kind: of the service.
+        name: of the service.
+        answer: takes request and reply, returns the reply, at once or as a coroutine.
+    """
+
+    async def later(request: Any, reply: Any) -> Any:
+        return _refused(reply) if loop.leaving else await answer(request, reply)
+
+    def at_once(request: Any, reply: Any) -> Any:
+        return _refused(reply) if loop.leaving else answer(request, reply)
+
+    service(node, kind, name, later if iscoroutinefunction(answer) else at_once)
+
+
+def _refused(reply: Any) -> Any:
+    """Say why nothing comes of a request; what replies say of success is false unless set."""
+    if hasattr(reply, "result"):  # of simulation_interfaces
+        reply.result.result = reply.result.RESULT_OPERATION_FAILED
+        reply.result.error_message = str(RUN_OVER)
+    elif hasattr(reply, "message"):
+        reply.message = str(RUN_OVER)
+    if hasattr(reply, "number"):  # of a fault
+        reply.number = -1
+    return reply
