@@ -5,7 +5,7 @@ from typing import Annotated, Protocol
 
 import numpy as np
 from pydantic import AliasChoices, Field
-from scipy.linalg import eig, matrix_balance
+from scipy.linalg import eig
 
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
@@ -13,9 +13,9 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Appendages
 
-_RANK_TOLERANCE = 1e-9  # of the balanced pair
+_RANK_TOLERANCE = 1e-9  # of the pair in its own units
 _RIGID = 1e-6  # of its norm: an eigenvalue below is a rigid motion's, zero
-_DUST = 1e-14  # of the largest entry: rounding, such as cos(pi / 2)
+_DUST = 1e-14  # of what the state or the effort moves most: rounding, such as cos(pi / 2)
 
 
 class Designed(Protocol):
@@ -130,16 +130,14 @@ def require_controllable(a: Matrix, b: Matrix, names: tuple[str, ...]) -> None:
     Raises:
         BadInput: names the eigenvalue and the state that moves most in its mode.
     """
-    _require(
-        a, b, names, "not controllable", "move it to another operating point or add an actuator"
-    )
+    remedy = "move it to another operating point or add an actuator"
+    _require(_clean(a), _clean(b), names, "not controllable", remedy)
 
 
 def require_observable(a: Matrix, c: Matrix, names: tuple[str, ...]) -> None:
     """Check that the outputs y = C x show every mode of x' = A x; see require_controllable."""
-    _require(
-        a.T, c.T, names, "not observable", "move it to another operating point or add a sensor"
-    )
+    remedy = "move it to another operating point or add a sensor"
+    _require(_clean(a).T, _clean(c.T), names, "not observable", remedy)
 
 
 def require_stable(a: Matrix, names: tuple[str, ...], what: str) -> None:
@@ -150,7 +148,7 @@ def require_stable(a: Matrix, names: tuple[str, ...], what: str) -> None:
     """
     values, vectors = eig(a)
     worst = int(np.argmax(values.real))
-    if values[worst].real >= -1e-12 * max(1.0, float(abs(values).max())):
+    if values[worst].real >= -1e-12 * float(abs(values).max()):
         state = names[int(np.argmax(abs(vectors[:, worst])))]
         raise BadInput(
             f"{what} is not stable: eigenvalue {_number(values[worst])} 1/s, mostly in {state}; "
@@ -160,11 +158,7 @@ def require_stable(a: Matrix, names: tuple[str, ...], what: str) -> None:
 
 def _require(a: Matrix, b: Matrix, names: tuple[str, ...], fault: str, remedy: str) -> None:
     """Refuse if [lambda I - A, B] loses rank at an eigenvalue lambda of A."""
-    a = np.where(abs(a) < _DUST * abs(a).max(), 0.0, a)
-    balanced, (scale, _) = matrix_balance(a, permute=False, separate=True)
-    inputs = b / scale[:, None]
-    inputs = np.where(abs(inputs) < _DUST * abs(inputs).max(axis=0), 0.0, inputs)
-    inputs = inputs / np.maximum(np.linalg.norm(inputs, axis=0), np.finfo(float).tiny)
+    balanced, inputs, rate = _own_units(a, b)
     size = max(1.0, float(np.linalg.norm(balanced, 2)))
     for value in np.linalg.eigvals(balanced):
         # rigid motions are double and come out of the solver as plus and minus 1e-8
@@ -174,8 +168,40 @@ def _require(a: Matrix, b: Matrix, names: tuple[str, ...], fault: str, remedy: s
         if singular[-1] < _RANK_TOLERANCE * size:
             state = names[int(np.argmax(abs(left[:, -1])))]
             raise BadInput(
-                f"the model is {fault}: eigenvalue {_number(at)} 1/s, mostly in {state}; {remedy}"
+                f"the model is {fault}: eigenvalue {_number(rate * at)} 1/s, mostly in {state}; "
+                f"{remedy}"
             )
+
+
+def _clean(matrix: Matrix) -> Matrix:
+    """Return it without entries that are rounding beside others of their column."""
+    return np.where(abs(matrix) < _DUST * abs(matrix).max(axis=0), 0.0, matrix)
+
+
+def _own_units(a: Matrix, b: Matrix) -> tuple[Matrix, Matrix, float]:
+    """Return A and B with states, inputs and time in units in which their entries are nearest one.
+
+    Least squares of the logarithms of what is not zero: the same whatever the units of a and b.
+
+    Args:
+        a: shape (k, k).
+        b: shape (k, m).
+
+    Returns:
+        A, B and what a rate of one is [1/s].
+    """
+    k, m = b.shape
+    pair = np.hstack((a, b))
+    rows, columns = np.nonzero(pair)
+    entries = np.arange(len(rows))
+    terms = np.zeros((len(rows), k + m + 1))  # of the units of states and inputs, and of time
+    np.add.at(terms, (entries, columns), 1.0)
+    np.add.at(terms, (entries, rows), -1.0)
+    terms[columns < k, -1] = 1.0
+    logarithms = -np.log(abs(pair[rows, columns]))
+    *units, time = np.exp(np.linalg.lstsq(terms, logarithms, rcond=None)[0])
+    scaled = pair * units / np.array(units)[:k, None]
+    return time * scaled[:, :k], scaled[:, k:], float(1.0 / time)
 
 
 def _number(value: complex) -> str:

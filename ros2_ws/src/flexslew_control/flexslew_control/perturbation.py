@@ -10,8 +10,9 @@ from functools import cached_property
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.linalg import LinAlgError, eigh, expm, solve_continuous_are, solve_continuous_lyapunov
+from scipy.linalg import LinAlgError, eigh, expm, solve_continuous_lyapunov
 
+from flexslew_control.riccati import continuous_riccati
 from flexslew_control.small_motion import Frozen
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -75,12 +76,11 @@ class Regulator:
     def riccati(self) -> Matrix:
         """P_0, shape (3 n, 3 n)."""
         try:
-            p = solve_continuous_are(
+            return continuous_riccati(
                 self.state_matrix, self.input_matrix, self.state_weight, self.effort_weight
             )
-        except (LinAlgError, ValueError) as error:
+        except LinAlgError as error:
             raise BadInput(f"no regulator of zero order: {error}; give other weights") from None
-        return np.asarray(p, dtype=np.float64)
 
     @cached_property
     def closed_loop(self) -> Matrix:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve_continuous_are
+from scipy.linalg import LinAlgError
 
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
@@ -21,6 +21,7 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_control.linear_form import LinearForm, OnDeviation, no_integral, nominal_form
+from flexslew_control.riccati import continuous_riccati
 from flexslew_control.shared_keys import BelievedModel
 from flexslew_control.turning_platform import TurningPlatform, turning_platform
 from flexslew_plant.arrays import Matrix, Vector
@@ -97,7 +98,7 @@ def scaled_problem(linear: Linearisation, weights: ScaledWeights) -> ScaledProbl
 def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:
     """Return K = R^-1 B^T P and P of the stationary Riccati equation (3-8), (3-9a).
 
-    0 = P A + A^T P + Q - P B R^-1 B^T P, by the routine of SciPy that control.lqr calls, too.
+    0 = P A + A^T P + Q - P B R^-1 B^T P.
 
     Args:
         a: state matrix, shape (k, k).
@@ -109,11 +110,11 @@ def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> tuple[Matrix, Matri
         BadInput: there is no stabilising solution.
     """
     try:
-        p = solve_continuous_are(a, b, q, r)
-    except (LinAlgError, ValueError) as error:
+        p = continuous_riccati(a, b, q, r)
+    except LinAlgError as error:
         raise BadInput(f"no optimal regulator: {error}; weigh every mode") from None
     gain = np.linalg.solve(r, b.T @ p)
-    return np.asarray(gain, dtype=np.float64), np.asarray(p, dtype=np.float64)
+    return np.asarray(gain, dtype=np.float64), p
 
 
 def disturbance_gain(input_matrix: Matrix) -> Matrix:

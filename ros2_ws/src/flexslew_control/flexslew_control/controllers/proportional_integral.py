@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, solve_continuous_are
+from scipy.linalg import LinAlgError
 
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
@@ -25,6 +25,7 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_control.linear_form import LinearForm, OnDeviation, nominal_form
+from flexslew_control.riccati import continuous_riccati
 from flexslew_control.shared_keys import BelievedModel, TrackingTime
 from flexslew_control.turning_platform import turning_platform
 from flexslew_plant.arrays import Matrix
@@ -96,12 +97,12 @@ def design(linear: Linearisation, weights: ScaledWeights) -> PiGains:
     size[size == 0.0] = 1.0
     scale = np.diag(1.0 / size)  # z = scale times its scaled value
     input_scale = np.diag(p.effort_scale / p.time)
-    a = np.linalg.solve(scale, augmented @ scale) * p.time
-    b = np.linalg.solve(scale, inputs @ input_scale) * p.time
+    a = p.time * np.asarray(np.linalg.solve(scale, augmented @ scale), dtype=np.float64)
+    b = p.time * np.asarray(np.linalg.solve(scale, inputs @ input_scale), dtype=np.float64)
     r = weights.effort * np.eye(m)
     try:
-        riccati = solve_continuous_are(a, b, scale @ state_weight @ scale, r)
-    except (LinAlgError, ValueError) as error:
+        riccati = continuous_riccati(a, b, scale @ state_weight @ scale, r)
+    except LinAlgError as error:
         raise BadInput(f"no optimal PI law: {error}; weigh every mode") from None
     gain = -input_scale @ np.linalg.solve(r, b.T @ riccati) @ np.linalg.inv(scale)
     g1, g2 = gain[:, : 2 * n], gain[:, 2 * n :]

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, block_diag, null_space, solve_continuous_are
+from scipy.linalg import LinAlgError, block_diag, null_space
 
 from flexslew_control.estimators.kalman import continuous_gain
 from flexslew_control.linear_design import require_controllable, require_observable
+from flexslew_control.riccati import continuous_riccati
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 
@@ -97,8 +98,8 @@ def design(system: LinearSystem, weight: Matrix, reaching_rate: float) -> Slidin
             "give every state that the efforts drive (the joint rates) a positive weight"
         )
     try:
-        p2 = solve_continuous_are(a11, a12, q11, r22, s=n12)
-    except (LinAlgError, ValueError) as error:
+        p2 = continuous_riccati(a11, a12, q11, r22, s=n12)
+    except LinAlgError as error:
         raise BadInput(f"no optimal sliding surface: {error}; weigh every mode in Q_s") from None
     gain = np.linalg.solve(r22, a12.T @ p2 + n12.T)
     return SlidingDesign(

@@ -4,12 +4,13 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.linalg import LinAlgError, expm, solve_continuous_are, solve_discrete_are
+from scipy.linalg import LinAlgError, expm
 
 from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.held_step import held_step
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import Designed, output_matrix, require_observable, state_names
+from flexslew_control.riccati import continuous_riccati, discrete_riccati
 from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.errors import BadInput
@@ -48,7 +49,7 @@ _SLOW = 1.0 / 16.0  # what modes turn in a tick at most, for a series of second 
 def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:
     """Return K_f = P C^T R^-1 and P of the stationary Kalman-Bucy filter (Sung and Joo, (6), (7)).
 
-    0 = A P + P A^T + L Q L^T - P C^T R^-1 C P, by the routine of SciPy that control.lqe calls, too.
+    0 = A P + P A^T + L Q L^T - P C^T R^-1 C P.
 
     Args:
         a: shape (k, k).
@@ -60,13 +61,13 @@ def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Mat
         BadInput: the equation has no stabilising solution.
     """
     try:
-        p = solve_continuous_are(a.T, c.T, noise, r)
-    except (LinAlgError, ValueError) as error:
+        p = continuous_riccati(a.T, c.T, noise, r)
+    except LinAlgError as error:
         raise BadInput(
             f"no stationary Kalman filter: {error}; give every mode some process noise"
         ) from None
     gain = np.linalg.solve(r, c @ p).T
-    return np.asarray(gain, dtype=np.float64), np.asarray(p, dtype=np.float64)
+    return np.asarray(gain, dtype=np.float64), p
 
 
 def discretised(a: Matrix, b: Matrix, noise: Matrix, dt: float) -> tuple[Matrix, Matrix, Matrix]:
@@ -309,8 +310,8 @@ class KalmanFilter:
         """
         c, r = self._c, np.diag(self._r)
         try:
-            p = solve_discrete_are(self._f.T, c.T, self._q, r)
-        except (LinAlgError, ValueError) as error:
+            p = discrete_riccati(self._f.T, c.T, self._q, r)
+        except LinAlgError as error:
             raise BadInput(f"no stationary Kalman filter: {error}") from None
         return np.asarray(np.linalg.solve(c @ p @ c.T + r, c @ p).T)
 

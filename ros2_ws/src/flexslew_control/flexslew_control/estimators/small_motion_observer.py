@@ -5,11 +5,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve_discrete_are
+from scipy.linalg import LinAlgError
 
 from flexslew_control.estimators.kalman import discretised
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import require_observable
+from flexslew_control.riccati import discrete_riccati
 from flexslew_control.small_motion import SmallMotion
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.errors import BadInput
@@ -194,8 +195,8 @@ def observer(
     f, _, q = discretised(a, np.zeros((2 * k, 1)), noise, period)
     r = np.diag(np.square([settings.position_sigma] * m + [settings.rate_sigma] * m))
     try:
-        p = solve_discrete_are(f.T, shows.T, q, r)
-    except (LinAlgError, ValueError) as error:
+        p = discrete_riccati(f.T, shows.T, q, r)
+    except LinAlgError as error:
         raise BadInput(f"observer: no stationary gain: {error}; give other noises") from None
     gain = np.zeros((2 * n, 2 * m))
     gain[np.concatenate((kept, n + kept))] = np.linalg.solve(shows @ p @ shows.T + r, shows @ p).T

@@ -8,8 +8,9 @@ and |v(k) - v*(k)|^2_R under lower <= V <= upper and rows of C X, which are soft
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve_discrete_are
+from scipy.linalg import LinAlgError
 
+from flexslew_control.riccati import discrete_riccati
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
@@ -68,10 +69,10 @@ def costs(f: Matrix, g: Matrix, state: Matrix, effort: Matrix) -> Costs:
         BadInput: there is no regulator with these weights.
     """
     try:
-        last = solve_discrete_are(f, g, state, effort)
-    except (LinAlgError, ValueError) as error:
+        last = discrete_riccati(f, g, state, effort)
+    except LinAlgError as error:
         raise BadInput(f"weights: no optimal regulator: {error}; weigh every mode") from None
-    return Costs(state, effort, np.asarray(0.5 * (last + last.T), dtype=np.float64))
+    return Costs(state, effort, 0.5 * (last + last.T))
 
 
 class Solved(NamedTuple):

@@ -3,9 +3,10 @@
 from typing import Literal, TypeAlias
 
 import numpy as np
-from scipy.linalg import LinAlgError, expm, solve_discrete_are
+from scipy.linalg import LinAlgError, expm
 
 from flexslew_control.controllers.lqr import regulator
+from flexslew_control.riccati import discrete_riccati
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 
@@ -59,8 +60,8 @@ def held_regulator(
     k = len(a)
     if design == "sampled":
         try:
-            p = solve_discrete_are(f, g, cost[:k, :k], cost[k:, k:], s=cost[:k, k:])
-        except (LinAlgError, ValueError) as error:
+            p = discrete_riccati(f, g, cost[:k, :k], cost[k:, k:], s=cost[:k, k:])
+        except LinAlgError as error:
             raise BadInput(f"no optimal regulator: {error}; weigh every mode") from None
         gain = np.linalg.solve(cost[k:, k:] + g.T @ p @ g, g.T @ p @ f + cost[k:, :k])
         return np.asarray(gain)
