@@ -11,6 +11,7 @@ import numpy as np
 
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.rows import flat, unit_of
+from flexslew_lab.report.told_takeovers import told_takeovers
 from flexslew_lab.report.verdict import verdict
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
@@ -98,9 +99,10 @@ class Flight:
 
     @property
     def verdict(self) -> str:
-        """What a person wants to know first."""
+        """What a person wants to know first; of a law that fell silent, why."""
         tolerance = self.trial.get("goal_tolerance", Trial.goal_tolerance)
-        return verdict(self.metrics, {}, tolerance, len(changes_of(self.events)))
+        words = verdict(self.metrics, {}, tolerance, len(changes_of(self.events)))
+        return "; ".join((words, *told_takeovers(self.events)))
 
     def xarray(self) -> xarray.Dataset:
         """Return all signals as an xarray Dataset over the time [s], with their units.
