@@ -377,6 +377,8 @@ def test_a_flight_is_short_to_look_at_and_shows_no_markup_of_others(flight: fs.F
     assert len(repr(flight)) < 400
     page = replace(flight, trial={"name": "<b>"})._repr_html_()
     assert page.startswith(f"<b>&lt;b&gt;</b>: {flight.verdict}<br>")
+    assert "<td>N m</td>" in page
+    assert "N m or N" not in page  # both joints turn
 
 
 def test_a_flight_becomes_a_dataset_with_units(

@@ -306,6 +306,14 @@ def test_bounds_of_paired_differences_hold_for_all_variants_at_once(
         assert (low, high) == pytest.approx(quantile_bounds(difference, 0.5, alone))
 
 
+def test_units_are_those_of_the_joints_of_the_bench(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    rows: list[dict[str, float | None] | None] = [{"peak_effort": 1.0, "goal_error": 0.5}] * 2
+    turning = summary(*told(rows), {})["metrics"]
+    assert (turning["peak_effort"]["unit"], turning["goal_error"]["unit"]) == ("N m", "-")
+
+
 NEVER = (
     "settling_time",
     "pointing_settled_at",
