@@ -354,6 +354,16 @@ def test_efforts_that_are_complex_fail_the_law() -> None:
     assert any("is complex" in event.message for event in flown.events)
 
 
+def test_a_flight_says_why_a_law_fell_silent() -> None:
+    def breaks(measurement: Any, reference: Any) -> Any:
+        raise ZeroDivisionError("of mine")
+
+    flown = fs.fly(fs.trial({**SHORT, "duration": 0.2}, law=breaks))
+    assert "breaks is silent: the brake takes over" in repr(flown)
+    assert "raised ZeroDivisionError: of mine (" in repr(flown)
+    assert "test_front.py, line" in repr(flown)
+
+
 def test_a_flight_tells_the_names_of_its_signals(flight: fs.Flight) -> None:
     assert list(flight) == list(flight.signals)
     assert "tip" in flight
@@ -367,6 +377,8 @@ def test_a_flight_is_short_to_look_at_and_shows_no_markup_of_others(flight: fs.F
     assert len(repr(flight)) < 400
     page = replace(flight, trial={"name": "<b>"})._repr_html_()
     assert page.startswith(f"<b>&lt;b&gt;</b>: {flight.verdict}<br>")
+    assert "<td>N m</td>" in page
+    assert "N m or N" not in page  # both joints turn
 
 
 def test_a_flight_becomes_a_dataset_with_units(

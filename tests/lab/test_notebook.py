@@ -1,6 +1,8 @@
 """The facade for notebooks: trials by name, file and keys; arrays with names and units."""
 
 import sys
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +47,10 @@ def test_numbers_of_numpy_are_numbers() -> None:
     built = trial(keys, {"testbed.modes": np.int64(2)})
     assert (built.duration, built.testbed.modes) == (4.0, 2)
     assert tuple(built.testbed.effort_limit) == (80.0, 90.0)
+
+
+def test_fractions_and_decimals_are_numbers() -> None:
+    assert trial({"duration": Fraction(9, 2), "period": Decimal("0.01")}).duration == 4.5
 
 
 class Column:

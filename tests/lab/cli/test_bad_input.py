@@ -86,6 +86,11 @@ def call(
         (("switch", "pd_feedforward", "--max-effort-step", "-1"), "--max-effort-step: -1.0"),
         (("live", "--port", "99999"), "--port: 99999"),
         (("bench", "magic"), "magic is not a benchmark; allowed: "),
+        (("trial", "l\udcf6.yaml"), "l\\udcf6.yaml: is no name in utf-8; rename it"),
+        (
+            ("study", "run", "csa_robustness", "--out", "/proc/x"),
+            "--out: /proc/x cannot be written",
+        ),
         (("trial", "[/nothing]"), "[/nothing]: is neither a file nor a shipped trial"),
         (("step", "0"), "ticks: 0"),
         (("inject", "{kind: x}", "--at", "inf"), "--at: inf"),

@@ -132,6 +132,11 @@ def test_a_run_without_a_tick_is_refused(tmp_path: Path) -> None:
             "plan: {method: time_optimal, goal: {base_yaw: 1}, amplitude: 90 N}",
             "plan.amplitude",
         ),
+        ("schedule: [{at: 0, disturbance: {hub_pitch: 3 N}}]", "schedule.0.disturbance.hub_pitch"),
+        (
+            "{testbed: {kind: floating_oscillator}, actuator: {coulomb_friction: 1 N m}}",
+            "actuator.coulomb_friction",
+        ),
     ],
 )
 def test_a_joint_that_turns_is_given_in_no_unit_of_one_that_slides(text: str, key: str) -> None:
@@ -145,11 +150,17 @@ def test_every_joint_takes_the_units_of_its_own_kind() -> None:
     text = """
     testbed: {kind: floating_oscillator}
     plan: {method: none, goal: {mass: 30 cm}}
-    schedule: [{at: 0.0, disturbance: {mass: {sine: {amplitude: 20 mN, frequency: 1.0}}}}]
+    actuator: {coulomb_friction: 5 mN, coulomb_speed: 1 mm/s, quantisation: 1 mN}
+    schedule:
+    - {at: 0.0, disturbance: {mass: {sine: {amplitude: 20 mN, frequency: 1.0}}}}
+    - {at: 0.0, disturbance: {mass: 30 mN}}
     """
     slides: Any = parse_trial(text, "t.yaml")
     assert slides.plan.goal == {"mass": 0.3}
     assert slides.schedule[0].disturbance["mass"].sine.amplitude == 0.02
+    assert slides.schedule[1].disturbance["mass"] == 0.03
+    motor = slides.actuator
+    assert (motor.coulomb_friction, motor.coulomb_speed, motor.quantisation) == (5e-3, 1e-3, 1e-3)
 
 
 def test_a_fault_that_silences_nobody_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexslew_lab.metrics.operator_changes import changes_of
-from flexslew_lab.metrics.rows import flat, unit_of
+from flexslew_lab.metrics.rows import flat, unit_among
+from flexslew_lab.report.told_takeovers import told_takeovers
 from flexslew_lab.report.verdict import verdict
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
@@ -75,8 +76,9 @@ class Flight:
 
     def _repr_html_(self) -> str:
         """Return the verdict and the table of the metrics, for notebooks."""
+        joints = {n.partition(".")[2]: self.units[n] for n in self.signals if n[:9] == "measured."}
         rows = [
-            (name, shown(value), unit_of(name, set(self.units.values()) & {"rad", "m"}))
+            (name, shown(value), unit_among(name, joints))
             for name, value in flat(self.metrics).items()
             if value is not None
         ]
@@ -98,9 +100,10 @@ class Flight:
 
     @property
     def verdict(self) -> str:
-        """What a person wants to know first."""
+        """What a person wants to know first; of a law that fell silent, why."""
         tolerance = self.trial.get("goal_tolerance", Trial.goal_tolerance)
-        return verdict(self.metrics, {}, tolerance, len(changes_of(self.events)))
+        words = verdict(self.metrics, {}, tolerance, len(changes_of(self.events)))
+        return "; ".join((words, *told_takeovers(self.events)))
 
     def xarray(self) -> xarray.Dataset:
         """Return all signals as an xarray Dataset over the time [s], with their units.

@@ -76,13 +76,15 @@ def study(
     from flexslew_lab.studies.finish import finished, keep_worst
     from flexslew_lab.studies.lanes.check import bench_job, check_lanes
     from flexslew_lab.studies.run import default_folder, prepare, run_study
+    from flexslew_lab.trial.outputs import writable_folder
 
     if workers < 1:
         raise BadInput("at least 1", key="workers", value=workers)
     asked = _study_from(what)
+    place = writable_folder(Path(folder or default_folder(asked)), "folder")
     ready = prepare(asked)
     with closing(Pool(ready.job, workers)) as executor:
-        store = run_study(ready, Path(folder or default_folder(asked)), executor)
+        store = run_study(ready, place, executor)
     if asked.settings.lanes:
         with closing(Pool(bench_job(ready), workers)) as executor:
             check_lanes(ready, store, executor)

@@ -12,6 +12,8 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Mapping
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -151,7 +153,7 @@ def trial_from(what: What) -> Trial:
 
 
 def plain_data(value: Any) -> Any:
-    """Return a value with arrays and numbers of NumPy, pandas and xarray as those of Python."""
+    """Return a value with arrays and numbers of NumPy, pandas and xarray as lists and floats."""
     if isinstance(value, Mapping):
         return {str(key): plain_data(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | range):
@@ -160,6 +162,8 @@ def plain_data(value: Any) -> Any:
         return os.fspath(value)
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if isinstance(value, Fraction | Decimal):
+        return float(value)
     return np.asarray(value).tolist() if hasattr(value, "__array__") else value
 
 

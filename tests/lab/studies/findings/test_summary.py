@@ -17,6 +17,7 @@ from flexslew_lab.studies.findings.figures import distribution
 from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.findings.statistics import (
     dkw_half_width,
+    mean_bounds,
     quantile_bounds,
     sign_test,
     success_bounds,
@@ -243,7 +244,7 @@ def told(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., tuple[
     """Return a function that gives a study with the metrics of its trials; None: it failed."""
 
     def make(rows: list[dict[str, float | None] | None], **keys: Any) -> tuple[Study, Store]:
-        study = study_of(sampling={"method": "random", "n": len(rows)}, **keys)
+        study = study_of(**{"sampling": {"method": "random", "n": len(rows)}, **keys})
         identity = {
             "study": {"study": study.settings.study},
             "columns": list(next(row for row in rows if row is not None)),
@@ -283,6 +284,34 @@ def test_what_never_happens_is_worse_than_any_number(
         assert found[name]["mean"] is None
         assert found[name]["quantiles"]["0.9"][1] is None
         assert found[name]["worst"][0] == {"index": 20, "value": None, "failed": False}
+
+
+def test_bounds_of_paired_differences_hold_for_all_variants_at_once(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    rng = np.random.default_rng(6)
+    values = rng.normal(size=(60, 5))
+    limits = [100.0, 110.0, 120.0, 130.0, 140.0]
+    study, store = told(
+        [{NAME: value} for value in values.ravel().tolist()],
+        compare={"testbed.effort_limit": [[one, one] for one in limits]},
+        sampling={"method": "random", "n": 60},
+    )
+    rows = summary(study, store, {})["paired"]
+    alone = 1.0 - 0.1 / 4  # confidence of each, so that all four hold at once in 90 %
+    for k, row in enumerate(rows, start=1):
+        difference = values[:, k] - values[:, 0]
+        assert (row["mean"][0], row["mean"][2]) == pytest.approx(mean_bounds(difference, alone))
+        low, _, high = row["median"]
+        assert (low, high) == pytest.approx(quantile_bounds(difference, 0.5, alone))
+
+
+def test_units_are_those_of_the_joints_of_the_bench(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    rows: list[dict[str, float | None] | None] = [{"peak_effort": 1.0, "goal_error": 0.5}] * 2
+    turning = summary(*told(rows), {})["metrics"]
+    assert (turning["peak_effort"]["unit"], turning["goal_error"]["unit"]) == ("N m", "-")
 
 
 NEVER = (

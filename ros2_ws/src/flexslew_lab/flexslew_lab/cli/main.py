@@ -323,11 +323,27 @@ def main() -> None:
         keep_exit_code()
 
 
+def _require_text(words: list[str]) -> None:
+    """Refuse a name that is no text: no log, page or message could hold it.
+
+    Raises:
+        BadInput: it has bytes that the encoding of this process does not know.
+    """
+    for word in words:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            known = sys.getfilesystemencoding()
+            remedy = "rename it" if known == "utf-8" else "set PYTHONUTF8=1, or rename it"
+            raise BadInput(f"{word}: is no name in {known}; {remedy}") from None
+
+
 def _exit_code() -> int:
     code = 0
     if "--json" not in sys.argv:  # whose reader may take both outputs for one
         say_when_compiling()
     try:
+        _require_text(sys.argv[1:])
         command = without_types(get_command(app))
         code = command(prog_name=_called(), standalone_mode=False) or 0
         if code == INTERRUPTED:  # how typer passes a KeyboardInterrupt on

@@ -56,6 +56,7 @@ def run(
     from flexslew_lab.studies.run import default_folder, prepare, run_study
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import load_study, study_path
+    from flexslew_lab.trial.outputs import writable_folder
 
     if retry not in (None, "failed"):
         raise BadInput("failed", key="--retry", value=retry)
@@ -63,11 +64,12 @@ def run(
         raise BadInput("--workers and --dask: choose one of them")
     part = _shard(shard)
     requested = load_study(study_path(file), ANY_CODE)
+    folder = out or default_folder(requested, part)
+    writable_folder(folder, "--out" if out else "--out (default)")
     with for_people.status("preparing"):
         ready = prepare(requested)
     for line in needed(requested, ready.samples):
         say(line)
-    folder = out or default_folder(requested, part)
     executor = _executor(ready, workers, dask)
     if Store(folder).exists:
         _tell_damaged(Store(folder))

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from flexslew_lab.metrics.rows import flat, unit_of
+from flexslew_lab.metrics.rows import flat, unit_among
 from flexslew_lab.short_values import short
 
 
@@ -14,13 +14,4 @@ def metric_rows(metrics: Mapping[str, Any], units: Mapping[str, str]) -> list[tu
         metrics: content of metrics.json.
         units: of the joints by name, rad or m.
     """
-    return [
-        (name, short(value), unit_of(name, _about(name, units)))
-        for name, value in flat(metrics).items()
-    ]
-
-
-def _about(name: str, units: Mapping[str, str]) -> set[str]:
-    """Return the units of the joints that a row is about."""
-    joint = name.partition(".")[2]
-    return {units[joint]} if joint in units else set(units.values())
+    return [(name, short(value), unit_among(name, units)) for name, value in flat(metrics).items()]

@@ -36,6 +36,17 @@ def unit_of(name: str, kinds: Collection[str]) -> str:
     return "" if unit in ("-", "hex") else unit
 
 
+def unit_among(name: str, joints: Mapping[str, str]) -> str:
+    """Return the unit of a row of a bench, see unit_of.
+
+    Args:
+        name: of the row; behind a dot may stand the joint that it is about.
+        joints: units of the bench's joints by name.
+    """
+    joint = name.partition(".")[2]
+    return unit_of(name, {joints[joint]} if joint in joints else set(joints.values()))
+
+
 def _rows(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     if value is None or isinstance(value, float):  # most of them
         yield name, value

@@ -1,4 +1,4 @@
 """Metrics, figures, reports and comparisons of runs.
 
-Offers: page, panels, report, runs_index, signals, sky_map, tables, verdict.
+Offers: page, panels, report, runs_index, signals, sky_map, tables, told_takeovers, verdict.
 """

@@ -14,7 +14,7 @@ from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.goal import missed_goal
 from flexslew_lab.metrics.operator_changes import changes_of
-from flexslew_lab.metrics.rows import flat, key_of, unit_of
+from flexslew_lab.metrics.rows import flat, key_of, unit_among, unit_of
 from flexslew_lab.report import figures
 from flexslew_lab.report.page import embedded, render
 from flexslew_lab.report.panels import COLOURS, PALE, Group
@@ -23,6 +23,7 @@ from flexslew_lab.report.scene_data import scene_of
 from flexslew_lab.report.sky_map import drawn_sky
 from flexslew_lab.report.story import Line, story_of
 from flexslew_lab.report.verdict import told_to_move, verdict
+from flexslew_lab.short_values import counted
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.events import IN_CHARGE, BentFar, Switched, TurnsFar, step_words
@@ -250,11 +251,12 @@ def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
     missed = ("goal_error", "final_error") if missed_goal(run.metrics, tolerance) else ()
     moved = told_to_move(run.metrics)
+    units = dict(zip(run.joint_names, run.joint_units, strict=True))
     for key in (*missed, *HEADLINES):
-        value, unit = run.metrics[key], unit_of(key, run.joint_units)
-        named = {"": value}
+        value, named = run.metrics[key], {"": run.metrics[key]}
         if isinstance(value, dict):
             named = {name: value[name] for name in moved if name in value} or value
+        unit = unit_of(key, {units[name] for name in named if name in units} or units.values())
         cards.append(
             (
                 key.replace("_", " "),
@@ -271,10 +273,11 @@ def _metric_rows(runs: Sequence[RunData]) -> tuple[list[_Row], list[_Row]]:
     names = sorted({name: None for rows in each for name in rows}, key=_place)
     moved = {name for run in runs for name in told_to_move(run.metrics)}
     still = {name for run in runs for name in run.joint_names} - moved
+    units = dict(zip(runs[0].joint_names, runs[0].joint_units, strict=True))
     found: tuple[list[_Row], list[_Row]] = ([], [])
     for name in names:
         values = [number(rows.get(name)) for rows in each]
-        unit = unit_of(name, runs[0].joint_units)
+        unit = unit_among(name, units)
         found[name.partition(".")[2] in still].append((name, unit, key_of(name).meaning, values))
     return found
 
@@ -289,7 +292,7 @@ def _subtitle(run: RunData) -> str:
     testbed = run.overview.testbed
     m = run.metrics
     parts = [
-        f"{testbed.kind} testbed, {testbed.modes} modes" if testbed else "",
+        f"{testbed.kind} testbed, {counted(testbed.modes, 'mode')}" if testbed else "",
         f"{m['duration']:g} s simulated in {m['ticks']} ticks",
         f"{m['wall_time']:.3g} s on the wall clock" if m["wall_time"] else "",
         *_beliefs(run),

@@ -1,7 +1,7 @@
 """One trial from its file to its folder: bag, metrics.json and report.html."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +22,7 @@ from flexslew_lab.metrics.keep_out import looked_inside
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.report.report import write_report
+from flexslew_lab.report.told_takeovers import told_takeovers
 from flexslew_lab.run.domain import own_domain
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.run.outcome import Outcome
@@ -31,7 +32,6 @@ from flexslew_lab.trial.own_code import HASHES, own_code_of
 from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up, trial_text
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackTookOver
 from flexslew_plant.own_code import Trust
 
 Progress = Callable[[int, int], None]  # tick, last tick
@@ -261,7 +261,7 @@ def _finished(
         changes = len(changes_of(reader.overview.events))
         result = result._replace(metrics=metrics_from(reader), changes=changes)
         if outcome.exit_code == 3:
-            words = _takeovers(reader.overview.events)
+            words = told_takeovers(reader.overview.events)
             if not words or not result.metrics["log_complete"]:
                 words.append(outcome.message)
             result = result._replace(message="; ".join(words))
@@ -276,16 +276,3 @@ def _unwritten(result: Result, error: Exception) -> Result:
     """Return a result that says what is not on the disk, with exit code 3."""
     words = "; ".join(part for part in (result.message, str(error)) if part)
     return result._replace(exit_code=3, message=words)
-
-
-def _takeovers(events: Sequence[Event]) -> list[str]:
-    """Return who fell silent when, who took over, and why where the bench knows."""
-    words, reasons = [], {}
-    for event in events:
-        match event.what:
-            case BecameUnready(controller=name, reason=reason):
-                reasons[name] = reason
-            case FallbackTookOver(from_=name) | BrakeTookOver(from_=name):
-                why = f" ({reasons[name]})" if reasons.get(name) else ""
-                words.append(f"{event.time:.2f} s: {event.message}{why}")
-    return words

@@ -24,7 +24,8 @@ class ScheduleEntry:
     at: _Time  # simulated time, before the end of the run [s]
     until: _Time | None = None  # end of a disturbance or fault [s]; null: end of the run
     switch: str | None = None  # controller that takes charge
-    disturbance: Disturbance | None = None  # efforts on joints by name: constant, sine or pulse
+    # efforts on joints by name: constant [N m or N], sine or pulse
+    disturbance: Disturbance | None = None
     fault: FaultSettings | None = None  # fault that begins; needs allow_faults: true
     # an appendage gets a new target: `appendage` and the keys of a motion of its hinge but for `at`
     retarget: dict[str, Any] | None = None

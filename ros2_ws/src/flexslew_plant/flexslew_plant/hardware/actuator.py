@@ -23,19 +23,20 @@ class ActuatorSettings:
     """The `actuator` section, the same for every joint; all off by default."""
 
     lag: NonNegative = 0.0  # time constant of the torque [s]; each tick applies its exact mean
-    # largest change of the torque [N m/s]; 0: no limit; each tick applies the exact mean of its
-    # ramp
+    # largest change of the torque [N m/s or N/s]; 0: no limit; each tick applies the exact
+    # mean of its ramp
     slew_rate: NonNegative = 0.0
-    # the torques that slew rate and lag start from are multiples of it [N m]; 0: none
+    # the torques that slew rate and lag start from are multiples of it [N m or N]; 0: none
     quantisation: NonNegative = 0.0
     # shortest pulse of thrusters, which are on or off: of every actuator, or by name of actuators
     # [s]; at most one tick; 0: it pushes continuously
     shortest_pulse: PerMotor = 0.0
-    # coefficient of viscous friction of every motor, or by name of motors [N m s/rad]
+    # coefficient of viscous friction of every motor, or by name of motors [N m s/rad or N s/m]
     viscous_friction: PerMotor = 0.0
-    coulomb_friction: PerMotor = 0.0  # dry friction of every motor, or by name of motors [N m]
-    # friction grows as tanh(v / coulomb_speed) [rad/s]; a joint that sticks creeps more slowly than
-    # this
+    # dry friction of every motor, or by name of motors [N m or N]
+    coulomb_friction: PerMotor = 0.0
+    # friction grows as tanh(v / coulomb_speed) [rad/s or m/s]; a joint that sticks creeps more
+    # slowly than this
     coulomb_speed: Positive = 1e-4
 
 

@@ -27,10 +27,11 @@ def paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]
 
     A trial that failed counts as the worse of its pair, and two that failed as alike; a pair is
     left out where a trial has no such number. The test is that of Population.differs, and the
-    variants share its error (Bonferroni).
+    variants share its error, and that of the bounds of each number (Bonferroni).
     """
     lines = []
-    confidence = at_every_look(study, store.samples, CONFIDENCE)
+    error = 1.0 - at_every_look(study, store.samples, CONFIDENCE)
+    alone = error / max(len(study.variants) - 1, 1)  # of each variant
     for name in names if len(study.variants) > 1 else []:
         first, rows = column(study, store, name, 0)
         replicate = rows["replicate"].to_numpy()
@@ -56,9 +57,9 @@ def paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]
                     "without_number": len(difference) - len(found.values),
                     "smaller": _share(found.values < 0.0),
                     "larger": _share(found.values > 0.0),
-                    "mean": list(found.mean(confidence)),
-                    "median": list(found.quantile(0.5, confidence)),
-                    **_tested(found, (1.0 - confidence) / (len(study.variants) - 1)),
+                    "mean": list(found.mean(1.0 - alone)),
+                    "median": list(found.quantile(0.5, 1.0 - alone)),
+                    **_tested(found, alone),
                 }
             )
     return lines

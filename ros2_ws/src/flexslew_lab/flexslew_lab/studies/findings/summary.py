@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from flexslew_lab.metrics.rows import key_of
+from flexslew_lab.metrics.rows import unit_among
 from flexslew_lab.studies.findings.columns import CONFIDENCE, Column, column, population, worst_of
 from flexslew_lab.studies.findings.criteria import judged
 from flexslew_lab.studies.findings.pairs import paired
@@ -16,6 +16,8 @@ from flexslew_lab.studies.findings.stopping import at_every_look, interim_confid
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
+from flexslew_lab.trial.overrides import overridden
+from flexslew_plant.testbeds import read_testbed
 
 QUANTILES = (0.5, 0.9, 0.99)
 _WORST = 5
@@ -34,7 +36,11 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
     rows = store.table(["status", "reason", "way"])
     failed = pc.not_equal(rows["status"], "ok")
     chosen = [name for name in columns if _worth_telling(name)]
-    metrics = {name: _metric(study, store, name) for name in chosen}
+    joints = _joint_units(study)
+    metrics = {
+        name: _metric(study, store, name) | {"unit": unit_among(name, joints) or "-"}
+        for name in chosen
+    }
     criteria = [
         row for name, c in study.settings.criteria.items() for row in judged(study, store, name, c)
     ]
@@ -86,8 +92,7 @@ def _metric(study: Study, store: Store, name: str) -> dict[str, Any]:
         }
     whole, rows = column(study, store, name, None)
     if len(each) == 1:
-        numbers = next(iter(each.values()))
-        return numbers | {"unit": key_of(name).unit}
+        return next(iter(each.values()))
     pooled = _numbers(Population(whole.values[~np.isnan(whole.values)], None, False), CONFIDENCE)
     for q, bounds in pooled["quantiles"].items():  # of a mixture: between those of its parts
         parts = [one["quantiles"][q] for one in each.values()]
@@ -98,9 +103,16 @@ def _metric(study: Study, store: Store, name: str) -> dict[str, Any]:
         "failed": whole.failed,
         "missing": whole.missing,
         "worst": _worst(whole),
-        "unit": key_of(name).unit,
         "variants": each,
     }
+
+
+def _joint_units(study: Study) -> dict[str, str]:
+    """Return the units of the joints by name, of all benches that are compared."""
+    changes = [v.changes for v in study.variants if any(k[:7] == "testbed" for k in v.changes)]
+    sections = [overridden(study.base, change)["testbed"] for change in ({}, *changes)]
+    models = [read_testbed(one, study.source, study.trust).model() for one in sections]
+    return {k: v for m in models for k, v in zip(m.joint_names, m.joint_units, strict=True)}
 
 
 def _confidence(study: Study, store: Store, name: str) -> float:

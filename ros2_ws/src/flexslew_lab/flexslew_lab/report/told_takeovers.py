@@ -1,0 +1,18 @@
+"""Who fell silent in a run, and who took over, in words."""
+
+from collections.abc import Sequence
+
+from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackTookOver
+
+
+def told_takeovers(events: Sequence[Event]) -> list[str]:
+    """Return who fell silent when, who took over, and why where the bench knows."""
+    words, reasons = [], {}
+    for event in events:
+        match event.what:
+            case BecameUnready(controller=name, reason=reason):
+                reasons[name] = reason
+            case FallbackTookOver(from_=name) | BrakeTookOver(from_=name):
+                why = f" ({reasons[name]})" if reasons.get(name) else ""
+                words.append(f"{event.time:.2f} s: {event.message}{why}")
+    return words
