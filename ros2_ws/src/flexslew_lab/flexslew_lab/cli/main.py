@@ -84,7 +84,7 @@ def trial(
 ) -> None:
     """Fly a trial and leave a folder with the bag, metrics.json and report.html.
 
-    Example: `./flexslew trial my_trial.yaml --rate 1`
+    Example: `./flexslew trial swap_demo --rate 1`
     """
     from dataclasses import replace
 
@@ -260,6 +260,7 @@ def reproduce(
     """Compute a paper's numbers again: the printed value, an independent reference, and ours.
 
     A row that is not reproduced says why and does not fail; one off its tolerance does.
+
     Example: `./flexslew reproduce csa --figures csa.html`
     """
     from flexslew_lab.reproduce import write_figures

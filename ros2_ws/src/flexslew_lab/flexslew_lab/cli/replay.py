@@ -105,7 +105,7 @@ def check(
 
     The exit code is 1 if any number differs.
 
-    Example: `./flexslew check runs/m1-20260101-120000 pd_feedforward --set "kp=[461.0, 460.0]"`
+    Example: `./flexslew check runs/m1-20260101-120000 pd_feedforward`
     """
     from flexslew_lab.log.bag_reader import BagReader
     from flexslew_lab.replay.check import check as compare
@@ -187,7 +187,7 @@ def play(
     Services: /play/pause, /play/resume (Trigger), /play/step (flexslew_msgs/Step) and /play/seek
     (flexslew_msgs/Seek).
 
-    Example: `./flexslew play runs/m1-20260101-120000 --rate 10 --topics /truth --topics /events`
+    Example: `./flexslew play runs/m1-20260101-120000 --rate 10`
     """
     from flexslew_lab.replay.player import PlaySettings
     from flexslew_lab.ros.play_node import play as run
@@ -225,7 +225,9 @@ def live(
 ) -> None:
     """Show a running bench in the Foxglove app, over a WebSocket server on this machine only.
 
-    Example: `./flexslew live`, then open the address that it prints in Foxglove
+    The address that it prints is opened in Foxglove.
+
+    Example: `./flexslew live`
     """
     from flexslew_lab.ros.live_node import LiveSettings
     from flexslew_lab.ros.live_node import live as run
