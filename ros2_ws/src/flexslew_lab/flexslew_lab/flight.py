@@ -100,7 +100,8 @@ class Flight:
     def verdict(self) -> str:
         """What a person wants to know first."""
         tolerance = self.trial.get("goal_tolerance", Trial.goal_tolerance)
-        return verdict(self.metrics, {}, tolerance, len(changes_of(self.events)))
+        units = {n.partition(".")[2]: u for n, u in self.units.items() if n[:9] == "position."}
+        return verdict(self.metrics, {}, tolerance, len(changes_of(self.events)), units)
 
     def xarray(self) -> xarray.Dataset:
         """Return all signals as an xarray Dataset over the time [s], with their units.

@@ -203,7 +203,9 @@ def _verdict(run: RunData, other: RunData | None) -> str:
     """Return the sentence on top of a report."""
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
     bare = other.metrics if other is not None else {}
-    return verdict(run.metrics, bare, tolerance, len(changes_of(run.overview.events)))
+    changes = len(changes_of(run.overview.events))
+    units = dict(zip(run.joint_names, run.joint_units, strict=True))
+    return verdict(run.metrics, bare, tolerance, changes, units)
 
 
 def _repeat(run: RunData) -> tuple[str, str, str]:
@@ -248,7 +250,7 @@ def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
     """Return (name, unit, [(value, joint)]) for the numbers on top, of the joints that move."""
     cards = []
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
-    missed = ("goal_error", "final_error") if missed_goal(run.metrics, tolerance) else ()
+    missed = ("goal_error", "final_error") if missed_goal(run.metrics, tolerance, {}) else ()
     moved = told_to_move(run.metrics)
     for key in (*missed, *HEADLINES):
         value, unit = run.metrics[key], unit_of(key, run.joint_units)
