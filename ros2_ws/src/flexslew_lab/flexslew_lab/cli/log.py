@@ -8,6 +8,7 @@ import typer
 
 from flexslew_lab.cli.terminal import print_line, print_table, say
 from flexslew_lab.trial.outputs import bag_folder, writable_folder
+from flexslew_plant.counted import counted
 from flexslew_plant.version import VERSION
 
 log = typer.Typer(
@@ -39,7 +40,10 @@ def info(bag: Bag, as_json: Json = False) -> None:
     rows = [
         ("file", f"{found['path']}, {found['size'] / 1e6:.3g} MB, {whole}"),
         ("time", f"{found['start']:g} s, {found['duration']:g} s long"),
-        ("testbed", f"{bench['kind']}, {bench['modes']} modes, ticks of {bench['period']:g} s"),
+        (
+            "testbed",
+            f"{bench['kind']}, {counted(bench['modes'], 'mode')}, ticks of {bench['period']:g} s",
+        ),
         ("plans", plans),
         ("controllers", ", ".join(f"{n} ({law})" for n, law in found["controllers"].items())),
         *((f"  {t['name']}", f"{t['messages']} {t['type']}") for t in found["topics"]),

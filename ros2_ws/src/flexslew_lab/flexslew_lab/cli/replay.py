@@ -12,6 +12,7 @@ from flexslew_lab.cli.log import Bag, Json, demand
 from flexslew_lab.cli.terminal import for_people, link, print_line, print_table, progress, say
 from flexslew_lab.run.domain import chosen_domain
 from flexslew_lab.trial.outputs import bag_folder, writable_file
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -145,7 +146,7 @@ def check(
         ]
         print_table(columns, rows)
         print_line(
-            f"{result.controller} ({result.law}): {result.ticks} answers compared, "
+            f"{result.controller} ({result.law}): {counted(result.ticks, 'answer')} compared, "
             f"{result.only_recorded} only in the log, {result.only_ours} only from this controller"
         )
         if first is not None:

@@ -29,6 +29,7 @@ from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.trial.trial import SavedPlan, Trial, law_of, plan_section_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Truth
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.contract import ScalableInertia
@@ -159,7 +160,7 @@ def _view(trial: Trial, entries: Entries) -> Comparison:
     return Comparison(
         word="law",
         title=f"{trial.name}: every law",
-        about=f"{trial.testbed.kind}, {trial.testbed.modes} modes, {trial.duration:g} s",
+        about=f"{trial.testbed.kind}, {counted(trial.testbed.modes, 'mode')}, {trial.duration:g} s",
         words="Every law is designed for the trial's testbed, with the trial's settings where it "
         "has some and its defaults otherwise, and flies the manoeuvre alone. Columns without a "
         "remark: on the nominal testbed. Worst: over all errors of stiffness and inertia.",

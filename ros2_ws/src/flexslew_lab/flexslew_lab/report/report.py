@@ -25,6 +25,7 @@ from flexslew_lab.report.story import Line, story_of
 from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
+from flexslew_plant.counted import counted
 from flexslew_plant.events import IN_CHARGE, BentFar, Switched, TurnsFar, step_words
 from flexslew_plant.yaml_data import load_yaml
 
@@ -291,8 +292,8 @@ def _subtitle(run: RunData) -> str:
     testbed = run.overview.testbed
     m = run.metrics
     parts = [
-        f"{testbed.kind} testbed, {testbed.modes} modes" if testbed else "",
-        f"{m['duration']:g} s simulated in {m['ticks']} ticks",
+        f"{testbed.kind} testbed, {counted(testbed.modes, 'mode')}" if testbed else "",
+        f"{m['duration']:g} s simulated in {counted(m['ticks'], 'tick')}",
         f"{m['wall_time']:.3g} s on the wall clock" if m["wall_time"] else "",
         *_beliefs(run),
     ]

@@ -6,6 +6,7 @@ from typing import Any
 
 from flexslew_lab.metrics.goal import missed_goal, with_unit
 from flexslew_lab.metrics.keep_out import looked_inside
+from flexslew_plant.counted import counted
 
 _SAME = 1.05  # ratios of the vibration below this are called equal
 _BELOW = "no effort at its limit"
@@ -127,7 +128,7 @@ def _limits(metrics: Mapping[str, Any]) -> Iterator[str]:
         ("fallbacks", "fallback", "fallbacks"),
     ):
         if count := metrics.get(key):
-            yield f"{count} {one if count == 1 else many}"
+            yield counted(count, one, many)
 
 
 def _seconds(time: float) -> str:
