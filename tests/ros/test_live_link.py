@@ -22,8 +22,11 @@ from flexslew_lab.run.processes import NodeProcess, parameter_file
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.events import Noted
+from flexslew_plant.events.event import event_of
+from flexslew_plant.ros.messages import event_message
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.topics import CONTROLLER_STATUS, RECORDED, TESTBED, TRUTH
+from flexslew_plant.topics import CONTROLLER_STATUS, EVENTS, RECORDED, TESTBED, TRUTH
 
 from .flight import Flight, fork_server, slew
 
@@ -147,7 +150,7 @@ def test_a_bag_that_is_played_is_watched_without_a_recorder(tmp_path: Path) -> N
     assert_flown(seen, flown(tmp_path / "run" / "bag"))
 
 
-def test_the_controllers_of_a_bench_that_is_gone_are_not_those_of_the_next() -> None:
+def test_controllers_and_events_of_a_bench_that_is_gone_are_not_those_of_the_next() -> None:
     with own_domain() as domain:
         rclpy.init(domain_id=domain)
         watcher = Node("console")
@@ -160,10 +163,15 @@ def test_the_controllers_of_a_bench_that_is_gone_are_not_those_of_the_next() -> 
                 link.poll(monotonic() + later)
                 sleep(0.01)
 
+        def events() -> list[str]:
+            return [event.message for event in link.view.events]
+
         def bench(*controllers: str) -> list[Node]:
             nodes = [Node("plant"), *map(Node, controllers)]
             fields = {"kind": "csa", "joint_names": ["a"], "joint_units": ["rad"], "period": 0.01}
             publisher(nodes[0], TESTBED).publish(msg.Testbed(effort_limit=[1.0], **fields))
+            said = event_of(Noted(f"here is {controllers[-1]}", "somebody"), 0, 0.0, 0, "plant")
+            publisher(nodes[0], EVENTS).publish(event_message(said))
             for node in nodes[1:]:
                 status = msg.ControllerStatus(controller=node.get_name(), law="lqr", ready=True)
                 publisher(node, CONTROLLER_STATUS).publish(status)
@@ -171,12 +179,16 @@ def test_the_controllers_of_a_bench_that_is_gone_are_not_those_of_the_next() -> 
 
         try:
             first = bench("early", "both")
-            until(lambda: {*link.view.controllers} == {"early", "both"})
+            until(lambda: {*link.view.controllers} == {"early", "both"} and len(events()) == 1)
+            heard, early = link.view.heard, events()
             for node in first:
                 node.destroy_node()
             second = bench("both", "late")
             until(lambda: "late" in link.view.controllers)
             until(lambda: {*link.view.controllers} == {"both", "late"}, later=30.0)
+            until(lambda: link.view.heard > heard + 1)  # forgotten, and another one heard
+            assert len(events()) == 1
+            assert events() != early
             for node in second:
                 node.destroy_node()
         finally:

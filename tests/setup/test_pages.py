@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import tomllib
 from itertools import takewhile
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import typer.main
 
 from flexslew_lab.cli.main import app
 from flexslew_lab.reproduce import REPRODUCTIONS
+from flexslew_plant.yaml_data import load_yaml
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -79,6 +81,13 @@ def test_every_paper_that_is_computed_again_is_in_its_table_and_in_the_help() ->
 
 def test_the_readme_stays_short() -> None:
     assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+
+
+def test_what_is_cited_is_this_version() -> None:
+    cited = load_yaml((ROOT / "CITATION.cff").read_text(), "CITATION.cff")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    for key, own in (("title", "name"), ("version", "version"), ("license", "license")):
+        assert cited[key] == project[own]
 
 
 def test_every_page_is_in_the_navigation_of_the_site() -> None:

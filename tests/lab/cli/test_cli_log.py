@@ -9,7 +9,6 @@ import pytest
 
 from flexslew_lab.cli.main import main as cli
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.short_values import counted
 from flexslew_lab.trial.trial import parse_trial
 
 COMMANDS = (
@@ -168,8 +167,3 @@ def test_a_setting_that_is_none_is_told(call: Any, flown: Any) -> None:
     code, _, err = call("check", flown, "--set", "kp")
     assert code == 2
     assert "not of the form key=value" in err
-
-
-@pytest.mark.parametrize(("number", "words"), [(0, "0 modes"), (1, "1 mode"), (3, "3 modes")])
-def test_one_of_a_kind_is_told_as_one(number: int, words: str) -> None:
-    assert counted(number, "mode") == words

@@ -1,16 +1,30 @@
 """What the command line says of itself: version, help in groups, completion."""
 
+import re
 import shlex
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.main import get_command
 
-from flexslew_lab.cli.main import main
+from flexslew_lab.cli.main import app, main
 
 ROOT = Path(__file__).parents[3]
+
+
+WIDTH = 78  # of the text where a terminal is 80 wide; a command that is broken cannot be pasted
+
+
+def commands(within: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield every command and group below one, with the words that call it."""
+    for name, command in getattr(within, "commands", {}).items():
+        yield (*path, name), command
+        yield from commands(command, *path, name)
 
 
 def said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -54,3 +68,17 @@ def test_a_shell_completes_commands_and_trials(
     script = f"{said(monkeypatch, capsys, 'completion')}\n{ask}\nprintf '%s ' ${{COMPREPLY[@]}}"
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
     assert sorted(done.stdout.split()) == found
+
+
+def test_every_help_holds_an_example_that_can_be_pasted() -> None:
+    whole: Any = get_command(app)
+    for path, command in commands(whole):
+        examples = re.findall(r"^ *Example: `(.*)`$", command.help or "", re.MULTILINE)
+        assert len(examples) == 1, path
+        assert len(f"Example: {examples[0]}") <= WIDTH, path
+        _, called = examples[0].split("./flexslew ")
+        words = shlex.split(called.partition(" >")[0].removesuffix(')"'))
+        called_for = whole
+        while words and words[0] in getattr(called_for, "commands", {}):
+            called_for = called_for.commands[words.pop(0)]
+        called_for.make_context(called, words)  # refuses what is no argument or option of it

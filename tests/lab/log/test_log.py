@@ -292,7 +292,7 @@ def test_a_second_word_about_a_tick_is_found(
     some = [*messages[:place], other, *messages[place:]]
     (finding,) = [f for f in check_log(write_bag(tmp_path / "run", some)) if not f.ok]
     assert finding.what == topic
-    assert finding.detail == "1 ticks twice, and not the same"
+    assert finding.detail == "1 tick twice, and not the same"
 
 
 def test_the_truth_is_told_once(tmp_path: Path, write_bag: Write, messages: list[Message]) -> None:

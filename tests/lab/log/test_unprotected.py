@@ -68,7 +68,7 @@ def test_a_recovered_bag_does_not_forget_that_its_source_was_not_protected(
     file.write_bytes(file.read_bytes()[:-200])
     recovery = recover(file, tmp_path / "new")
     assert recovery.unverified > 3
-    assert f"{recovery.unverified} chunks kept that have no checksum" in recovery.statement
+    assert f"{recovery.unverified} chunks kept without a checksum" in recovery.statement
     assert "protected by checksums" in wrong(tmp_path / "new")
     assert len(metrics_of(tmp_path / "new")["warnings"]) == 1
 

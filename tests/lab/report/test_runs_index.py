@@ -99,3 +99,9 @@ def test_the_page_holds_every_run_and_no_markup_of_theirs(folder: Path) -> None:
     assert page.count("<tr data-trial=") == 2
     assert "<b>m1" not in page
     assert len(page) < 30_000
+
+
+def test_the_page_tells_units(folder: Path) -> None:
+    page = write_index(folder).read_text()
+    for title in ("residual tip deflection [m]", "settling time [s]", "peak effort [N m or N]"):
+        assert f">{title}<" in page

@@ -115,3 +115,11 @@ def test_every_entry_of_the_contents_leads_somewhere(bag: Path, tmp_path: Path) 
 @pytest.mark.parametrize(("kind", "unit"), [("m", "N^2 s"), ("rad", "(N m)^2 s")])
 def test_the_square_of_forces_is_told_in_newtons(kind: str, unit: str) -> None:
     assert unit_of("control_effort", [kind]) == unit
+
+
+def test_what_is_told_of_a_joint_has_its_unit() -> None:
+    units = {"yaw": "rad", "pitch": "m"}
+    held = GOOD | {"residual_tip_deflection": 0.0, "peak_tip_deflection": 0.0}
+    assert "pitch 0.0002 m; settled" in verdict(held, {}, 0.02, 0, units)
+    missed = GOOD | {"goal_error": 0.5, "final_error": {"yaw": 0.5, "pitch": -0.1}}
+    assert "final error: yaw 0.5 rad, pitch -0.1 m;" in verdict(missed, {}, 0.02, 0, units)

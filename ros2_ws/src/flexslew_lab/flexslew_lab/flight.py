@@ -102,7 +102,8 @@ class Flight:
     def verdict(self) -> str:
         """What a person wants to know first; of a law that fell silent, why."""
         tolerance = self.trial.get("goal_tolerance", Trial.goal_tolerance)
-        words = verdict(self.metrics, {}, tolerance, len(changes_of(self.events)))
+        units = {n.partition(".")[2]: u for n, u in self.units.items() if n[:9] == "position."}
+        words = verdict(self.metrics, {}, tolerance, len(changes_of(self.events)), units)
         return "; ".join((words, *told_takeovers(self.events)))
 
     def xarray(self) -> xarray.Dataset:

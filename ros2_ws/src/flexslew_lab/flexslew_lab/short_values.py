@@ -3,11 +3,6 @@
 from typing import Any
 
 
-def counted(number: int, noun: str) -> str:
-    """Return how many there are of something, in words."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
 def short(value: Any, digits: int = 6) -> str:
     """Return a value in few digits and few entries."""
     if isinstance(value, dict):

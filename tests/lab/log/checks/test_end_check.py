@@ -42,7 +42,7 @@ def test_a_bench_that_is_reset_again_before_it_starts_lacks_no_tick() -> None:
     # one that started had a truth at tick 0
     again = event("started", 0, 2)
     assert wrong({0: 0, 3: 0}, {0: 30, 3: 5}, *starts, *resets, again, last) == [
-        "1 ticks missing: epoch 2 was flown to tick 0"
+        "1 tick missing: epoch 2 was flown to tick 0"
     ]
 
 

@@ -33,7 +33,7 @@ def test_steps_are_counted_and_then_it_rests() -> None:
     run.begin(0.0)
     assert [run.ticked(0.1) for _ in range(3)] == [False, False, True]
     assert run.state == PAUSED
-    assert run.step(0).message == "flying 1 ticks"
+    assert run.step(0).message == "flying 1 tick"
 
 
 @pytest.mark.parametrize("act", ["pause", "start", "reset"])

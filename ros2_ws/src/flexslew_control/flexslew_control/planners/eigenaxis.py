@@ -15,6 +15,7 @@ from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
 from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes
@@ -147,7 +148,7 @@ def eigenaxis(
         axis,
         angle,
         f"turns about the eigenaxis {np.round(axis, 3).tolist()} by {angle:.4g} rad, the shorter "
-        f"way, on {reduced.modes} of {model.modes} modes",
+        f"way, on {reduced.modes} of {counted(model.modes, 'mode')}",
     )
 
 

@@ -79,6 +79,8 @@ def extras() -> None:
 
     Without it `console`, `gains`, `live`, `log export` and `study` name the package that they lack,
     and so do a subspace identification and slews of `csa` by all drives.
+
+    Example: `./flexslew extras`
     """
     _root()
     say("all packages are installed")  # ./flexslew has done it before this was called

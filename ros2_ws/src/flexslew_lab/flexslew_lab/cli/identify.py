@@ -66,7 +66,7 @@ def identify(
     Leaves identified.yaml, which `plan.model: {file: ...}` believes, and a page. Of a CSV file or
     a rosbag2 of another bench, name the columns: `--inputs "u=hub" --outputs "x=position.hub"`.
 
-    Example: `./flexslew identify runs/shake_csa-20260101-120000 --fit parameters.bending_stiffness`
+    Example: `./flexslew identify runs/shake --fit parameters.bending_stiffness`
     """
     from flexslew_lab.identification.identification import identify as identified
     from flexslew_lab.identification.identification import summary

@@ -7,11 +7,15 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.terminal import print_line, print_table, say
-from flexslew_lab.short_values import counted
 from flexslew_lab.trial.outputs import bag_folder, writable_folder
+from flexslew_plant.counted import counted
 from flexslew_plant.version import VERSION
 
-log = typer.Typer(no_args_is_help=True, help="Inspect, check, recover and export bags.")
+log = typer.Typer(
+    no_args_is_help=True,
+    help="Inspect, check, recover and export bags.\n\n"
+    "Example: `./flexslew log info runs/m1-20260101-120000`",
+)
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Bag = Annotated[Path, typer.Argument(help="Folder of a run, a bag, or an .mcap file.")]
@@ -83,7 +87,7 @@ def export(
 
     Units are in the metadata of the Parquet columns; CSV has them in `columns.json` beside it.
 
-    Example: `./flexslew log export runs/m1-20260101-120000 --out tables --topic /truth`
+    Example: `./flexslew log export runs/m1-20260101-120000 --topic /truth`
     """
     from flexslew_lab.log.export import export_log
 

@@ -7,7 +7,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from typer.main import get_command
@@ -49,9 +49,6 @@ from flexslew_plant.interrupted import keep_exit_code
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import Trust
 
-if TYPE_CHECKING:
-    from flexslew_lab.trial.trial import Trial
-
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
@@ -84,11 +81,12 @@ def trial(
 ) -> None:
     """Fly a trial and leave a folder with the bag, metrics.json and report.html.
 
-    Example: `./flexslew trial my_trial.yaml --rate 1`
+    Example: `./flexslew trial swap_demo --rate 1`
     """
     from dataclasses import replace
 
     from flexslew_lab.cli.summary import metric_rows
+    from flexslew_lab.metrics.goal import joint_units
     from flexslew_lab.report.verdict import verdict
     from flexslew_lab.run.run_trial import run_trial
     from flexslew_lab.trial.sources import read_trial
@@ -113,11 +111,10 @@ def trial(
     if as_json:
         print(json.dumps(result.metrics, indent=2))
     else:
-        print_table(
-            ("metric", "value", "unit"), metric_rows(result.metrics, _joint_units(requested))
-        )
+        units = joint_units(requested.testbed)
+        print_table(("metric", "value", "unit"), metric_rows(result.metrics, units))
         words = verdict(
-            result.metrics, result.bare_metrics, requested.goal_tolerance, result.changes
+            result.metrics, result.bare_metrics, requested.goal_tolerance, result.changes, units
         )
         say(words, "bold")
     page = result.folder / "report.html"
@@ -260,6 +257,7 @@ def reproduce(
     """Compute a paper's numbers again: the printed value, an independent reference, and ours.
 
     A row that is not reproduced says why and does not fail; one off its tolerance does.
+
     Example: `./flexslew reproduce csa --figures csa.html`
     """
     from flexslew_lab.reproduce import write_figures
@@ -301,12 +299,6 @@ for _group, _commands in _GROUPS.items():
 _OTHERS = {"allow_extra_args": True, "ignore_unknown_options": True}
 app.command(context_settings=_OTHERS, rich_help_panel="Analyse and identify")(conform)
 app.command(context_settings=_OTHERS, rich_help_panel="The bench itself")(test)
-
-
-def _joint_units(requested: "Trial") -> dict[str, str]:
-    """Return the units of a trial's joints by name."""
-    model = requested.testbed.model()
-    return dict(zip(model.joint_names, model.joint_units, strict=True))
 
 
 def _called() -> str:

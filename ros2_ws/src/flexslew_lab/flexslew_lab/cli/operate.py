@@ -84,7 +84,7 @@ def inject(
 ) -> None:
     """Inject a fault or disturbance into a running bench whose trial has allow_faults: true.
 
-    Example: `./flexslew inject "{kind: command_lost, probability: 0.2, until: 30.0}"`
+    Example: `./flexslew inject "{kind: command_lost, probability: 0.2}"`
     """
     _require("--at", at)
     _done(namespace, lambda bench: bench.inject(what, at))
@@ -97,7 +97,7 @@ def retarget(
 ) -> None:
     """Give an antenna on a prescribed hinge a new target while the bench runs.
 
-    Example: `./flexslew retarget "{appendage: first, to: 0.3, duration: 2.0}" --at 5`
+    Example: `./flexslew retarget "{appendage: first, to: 0.3, duration: 2.0}"`
     """
     _require("--at", at)
     _done(namespace, lambda bench: bench.retarget(target, at))

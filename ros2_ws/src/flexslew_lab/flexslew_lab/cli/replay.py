@@ -12,6 +12,7 @@ from flexslew_lab.cli.log import Bag, Json, demand
 from flexslew_lab.cli.terminal import for_people, link, print_line, print_table, progress, say
 from flexslew_lab.run.domain import chosen_domain
 from flexslew_lab.trial.outputs import bag_folder, writable_file
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -105,7 +106,7 @@ def check(
 
     The exit code is 1 if any number differs.
 
-    Example: `./flexslew check runs/m1-20260101-120000 pd_feedforward --set "kp=[461.0, 460.0]"`
+    Example: `./flexslew check runs/m1-20260101-120000 pd_feedforward`
     """
     from flexslew_lab.log.bag_reader import BagReader
     from flexslew_lab.replay.check import check as compare
@@ -145,7 +146,7 @@ def check(
         ]
         print_table(columns, rows)
         print_line(
-            f"{result.controller} ({result.law}): {result.ticks} answers compared, "
+            f"{result.controller} ({result.law}): {counted(result.ticks, 'answer')} compared, "
             f"{result.only_recorded} only in the log, {result.only_ours} only from this controller"
         )
         if first is not None:
@@ -187,7 +188,7 @@ def play(
     Services: /play/pause, /play/resume (Trigger), /play/step (flexslew_msgs/Step) and /play/seek
     (flexslew_msgs/Seek).
 
-    Example: `./flexslew play runs/m1-20260101-120000 --rate 10 --topics /truth --topics /events`
+    Example: `./flexslew play runs/m1-20260101-120000 --rate 10`
     """
     from flexslew_lab.replay.player import PlaySettings
     from flexslew_lab.ros.play_node import play as run
@@ -225,7 +226,9 @@ def live(
 ) -> None:
     """Show a running bench in the Foxglove app, over a WebSocket server on this machine only.
 
-    Example: `./flexslew live`, then open the address that it prints in Foxglove
+    The address that it prints is opened in Foxglove.
+
+    Example: `./flexslew live`
     """
     from flexslew_lab.ros.live_node import LiveSettings
     from flexslew_lab.ros.live_node import live as run

@@ -25,7 +25,11 @@ if TYPE_CHECKING:
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import Study
 
-study = typer.Typer(no_args_is_help=True, help="Fly thousands of trials and summarise the results.")
+study = typer.Typer(
+    no_args_is_help=True,
+    help="Fly thousands of trials and summarise the results.\n\n"
+    "Example: `./flexslew study run csa_robustness --workers 2`",
+)
 
 File = Annotated[str, typer.Argument(help="A study file, or the name of a shipped one.")]
 Place = Annotated[str, typer.Argument(help="A study file, a shipped name, or a study's folder.")]

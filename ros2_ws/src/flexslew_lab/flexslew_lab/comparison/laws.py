@@ -26,10 +26,10 @@ from flexslew_lab.comparison.flights import largest_tip
 from flexslew_lab.comparison.page import DrawnQuantity, motion, robustness
 from flexslew_lab.comparison.quantities import ComparedQuantity, quantities
 from flexslew_lab.run.flight_log import FlightLog
-from flexslew_lab.short_values import counted
 from flexslew_lab.trial.trial import SavedPlan, Trial, law_of, plan_section_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Truth
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.contract import ScalableInertia

@@ -30,10 +30,10 @@ from flexslew_lab.comparison.slew import (
 )
 from flexslew_lab.metrics.settling import commanded_moves, overshoots, settling_band
 from flexslew_lab.run.flight_log import FlightLog
-from flexslew_lab.short_values import counted
 from flexslew_lab.trial.trial import SavedPlan, Trial, plan_section_of, set_up
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Truth
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.model import Model
@@ -204,11 +204,11 @@ def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison
         )
         for kind, words in _ERROR_NAMES.items()
     ]
+    modes = counted(trial.testbed.modes, "mode")
     return Comparison(
         word="method",
         title=f"{trial.name}: every method",
-        about=f"to {to} · {trial.testbed.kind}, {counted(trial.testbed.modes, 'mode')}, "
-        f"{trial.active} in charge",
+        about=f"to {to} · {trial.testbed.kind}, {modes}, {trial.active} in charge",
         words=(_BOUND.format(found.lower_bound) if found.lower_bound else "") + _WORDS,
         note=found.durations(),
         entries=entries,

@@ -95,7 +95,7 @@ class BenchView:
         self.bench_settings = ""  # as it announced them, YAML
         self.controllers: dict[str, ControllerView] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
-        self.heard = 0  # events so far
+        self.heard = 0  # rises whenever other events are kept than before
         self.plan: Any = None  # the last flexslew_msgs/Plan
         self.truth, self.controller_state = Track(), Track()
         self.measured = Track()  # empty unless the link listens to the sensors
@@ -136,11 +136,12 @@ class BenchView:
             self.plan = message
 
     def forget(self) -> None:
-        """Begin anew, as after a jump in a log."""
+        """Begin anew, as after a jump in a log or where another plant has come."""
         self.truth.clear()
         self.controller_state.clear()
         self.measured.clear()
         self.events.clear()
+        self.heard += 1
         self.plan, self.position, self.time = None, np.zeros(0), 0.0
 
     def _take_rows(self, name: str, kind: str, data: Sequence[bytes]) -> None:

@@ -11,6 +11,7 @@ from flexslew_lab.identification.record import Output
 from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_plant.arrays import Vector
+from flexslew_plant.counted import counted
 
 _SHOWN = 2000  # points of a residual's curve
 
@@ -87,9 +88,8 @@ def summary_rows(found: Identification) -> list[tuple[str, str]]:
 def verdict(found: Identification) -> str:
     """Return in one sentence what was found and whether to trust it."""
     model = found.model
-    count = len(model.modes)
     words = [
-        f"{count} mode{'s' * (count != 1)} between {model.band[0]:.3g} and "
+        f"{counted(len(model.modes), 'mode')} between {model.band[0]:.3g} and "
         f"{model.band[1]:.3g} rad/s from {model.record.duration:.4g} s"
     ]
     coloured = [w.output for w in model.whiteness if not w.white]

@@ -29,6 +29,7 @@ from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 
 
@@ -52,22 +53,27 @@ class Recovery(NamedTuple):
     def statement(self) -> str:
         """The same in words."""
         kept = sum(self.kept.values())
-        parts = [f"{kept} messages kept, up to tick {self.last_tick} ({self.last_time:g} s)"]
+        parts = [
+            f"{counted(kept, 'message')} kept, up to tick {self.last_tick} ({self.last_time:g} s)"
+        ]
         if not self.reason and not self.chunks_lost:
             parts.append("the file was whole")
         if self.reason:
-            parts.append(f"{self.reason}: {self.bytes_lost} bytes not readable")
+            parts.append(f"{self.reason}: {counted(self.bytes_lost, 'byte')} not readable")
         if self.chunks_lost:
             lost = sum(self.lost.values())
             parts.append(
-                f"{self.chunks_lost} damaged chunks left out, {lost} messages lost in them"
+                f"{counted(self.chunks_lost, 'damaged chunk')} left out, "
+                f"{counted(lost, 'message')} lost in them"
             )
         if self.unverified:
-            parts.append(f"{self.unverified} chunks kept that have no checksum")
+            parts.append(f"{counted(self.unverified, 'chunk')} kept without a checksum")
         if self.missing_ticks:
-            parts.append(f"{self.missing_ticks} ticks missing in between")
+            parts.append(f"{counted(self.missing_ticks, 'tick')} missing in between")
         if self.unrecorded_ticks:
-            parts.append(f"{self.unrecorded_ticks} ticks of the trial missing at the end")
+            parts.append(
+                f"{counted(self.unrecorded_ticks, 'tick')} of the trial missing at the end"
+            )
         return "; ".join(parts)
 
 

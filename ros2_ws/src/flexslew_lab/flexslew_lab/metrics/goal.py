@@ -3,20 +3,34 @@
 from collections.abc import Mapping
 from typing import Any
 
+from flexslew_plant.testbeds import Testbed
 
-def missed_goal(metrics: Mapping[str, Any], tolerance: float) -> str:
+
+def missed_goal(metrics: Mapping[str, Any], tolerance: float, units: Mapping[str, str]) -> str:
     """Return by how much a run has missed its goal; empty where it has not, or had none.
 
     Args:
         metrics: content of metrics.json.
         tolerance: `goal_tolerance` of the trial [-].
+        units: of the joints, as far as they are known.
     """
     error = metrics.get("goal_error")
     if error is None or error <= tolerance:
         return ""
     finals = metrics.get("final_error") or {}
-    each = ", ".join(f"{name} {value:.3g}" for name, value in finals.items() if value)
+    each = ", ".join(with_unit(name, value, units) for name, value in finals.items() if value)
     return (
         f"goal missed by {100.0 * error:.3g} % of the commanded move "
         f"(goal_tolerance {100.0 * tolerance:g} %); final error: {each}"
     )
+
+
+def joint_units(testbed: Testbed) -> dict[str, str]:
+    """Return the units of a testbed's joints by name."""
+    model = testbed.model()
+    return dict(zip(model.joint_names, model.joint_units, strict=True))
+
+
+def with_unit(joint: str, value: float, units: Mapping[str, str]) -> str:
+    """Return the name of a joint, a value in three digits, and its unit where that is known."""
+    return f"{joint} {value:.3g} {units.get(joint, '')}".rstrip()

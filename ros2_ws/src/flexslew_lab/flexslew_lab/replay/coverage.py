@@ -3,6 +3,7 @@
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.trial.trial import Trial
+from flexslew_plant.counted import counted
 from flexslew_plant.events import Interrupted, RunFinished, StateLost
 
 _ENDS = (RunFinished, Interrupted, StateLost)  # with which the plant ends
@@ -23,7 +24,7 @@ def missing_part(bag: BagReader, trial: Trial, first: int, last: int, gaps: int)
     if overview.cut is not None:
         why.append(f"the log is cut at byte {overview.cut.offset}")
     if gaps:
-        why.append(f"{gaps} ticks in between are missing")
+        why.append(f"{counted(gaps, 'tick')} in between {'is' if gaps == 1 else 'are'} missing")
     if first > 0:
         why.append(f"the log begins at tick {first}")
     ended = any(isinstance(event.what, _ENDS) for event in overview.events)

@@ -23,9 +23,9 @@ from flexslew_lab.report.scene_data import scene_of
 from flexslew_lab.report.sky_map import drawn_sky
 from flexslew_lab.report.story import Line, story_of
 from flexslew_lab.report.verdict import told_to_move, verdict
-from flexslew_lab.short_values import counted
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
+from flexslew_plant.counted import counted
 from flexslew_plant.events import IN_CHARGE, BentFar, Switched, TurnsFar, step_words
 from flexslew_plant.yaml_data import load_yaml
 
@@ -204,7 +204,9 @@ def _verdict(run: RunData, other: RunData | None) -> str:
     """Return the sentence on top of a report."""
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
     bare = other.metrics if other is not None else {}
-    return verdict(run.metrics, bare, tolerance, len(changes_of(run.overview.events)))
+    changes = len(changes_of(run.overview.events))
+    units = dict(zip(run.joint_names, run.joint_units, strict=True))
+    return verdict(run.metrics, bare, tolerance, changes, units)
 
 
 def _repeat(run: RunData) -> tuple[str, str, str]:
@@ -249,7 +251,7 @@ def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
     """Return (name, unit, [(value, joint)]) for the numbers on top, of the joints that move."""
     cards = []
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
-    missed = ("goal_error", "final_error") if missed_goal(run.metrics, tolerance) else ()
+    missed = ("goal_error", "final_error") if missed_goal(run.metrics, tolerance, {}) else ()
     moved = told_to_move(run.metrics)
     units = dict(zip(run.joint_names, run.joint_units, strict=True))
     for key in (*missed, *HEADLINES):
@@ -293,7 +295,7 @@ def _subtitle(run: RunData) -> str:
     m = run.metrics
     parts = [
         f"{testbed.kind} testbed, {counted(testbed.modes, 'mode')}" if testbed else "",
-        f"{m['duration']:g} s simulated in {m['ticks']} ticks",
+        f"{m['duration']:g} s simulated in {counted(m['ticks'], 'tick')}",
         f"{m['wall_time']:.3g} s on the wall clock" if m["wall_time"] else "",
         *_beliefs(run),
     ]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexslew_lab.log.files.whole_file import write_whole
-from flexslew_lab.metrics.rows import flat
+from flexslew_lab.metrics.rows import flat, unit_of
 from flexslew_lab.report.page import render
 from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.trial import Trial
@@ -67,7 +67,8 @@ def runs_in(
 def write_index(folder: Path) -> Path:
     """Return the page over all runs of a folder that was written into it."""
     rows, unread = runs_in(folder)
-    page = render("runs.html.j2", figures=False, runs=rows, unread=unread, columns=FIGURES,
+    columns = [(key, unit_of(key, ())) for key in FIGURES]
+    page = render("runs.html.j2", figures=False, runs=rows, unread=unread, columns=columns,
                   choices=_choices(rows), data=[_plain(run) for run in rows])  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / PAGE, page)

@@ -1,10 +1,12 @@
 """The verdict on a run in one sentence, made of the fields of its metrics."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
-from flexslew_lab.metrics.goal import missed_goal
+from flexslew_lab.metrics.goal import missed_goal, with_unit
 from flexslew_lab.metrics.keep_out import looked_inside
+from flexslew_plant.counted import counted
 
 _SAME = 1.05  # ratios of the vibration below this are called equal
 _BELOW = "no effort at its limit"
@@ -12,7 +14,11 @@ _NOTHING = 1e-9  # tip deflections below this are rounding [m]
 
 
 def verdict(
-    metrics: Mapping[str, Any], bare: Mapping[str, Any], tolerance: float, changes: int = 0
+    metrics: Mapping[str, Any],
+    bare: Mapping[str, Any],
+    tolerance: float,
+    changes: int = 0,
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
     """Return what a person wants to know of a run first, worst news before good ones.
 
@@ -21,12 +27,13 @@ def verdict(
         bare: the same of the run without feedforward; empty where there is none.
         tolerance: `goal_tolerance` of the trial [-].
         changes: how often an operator changed the run; it is then compared with nothing.
+        units: of the joints; what is not known is not told.
     """
     parts = [
-        missed_goal(metrics, tolerance),
+        missed_goal(metrics, tolerance, units),
         looked_inside(metrics),
         f"changed by an operator {_times(changes)}" if changes else "",
-        _vibration(metrics, {} if changes else bare) if _bends(metrics) else _held(metrics),
+        _vibration(metrics, {} if changes else bare) if _bends(metrics) else _held(metrics, units),
         _settled(metrics),
         *_limits(metrics),
     ]
@@ -66,14 +73,14 @@ def _bends(metrics: Mapping[str, Any]) -> bool:
     )
 
 
-def _held(metrics: Mapping[str, Any]) -> str:
+def _held(metrics: Mapping[str, Any], units: Mapping[str, str]) -> str:
     """Return how far joints that were told to move, else all, were from their goals at most."""
     errors = metrics.get("residual_attitude_error") or {}
     known = {name: abs(errors[name]) for name in told_to_move(metrics) if errors.get(name)}
     if not known:
         return ""
     worst = max(known, key=lambda name: known[name])
-    return f"largest error after the manoeuvre: {worst} {known[worst]:.3g}"
+    return f"largest error after the manoeuvre: {with_unit(worst, known[worst], units)}"
 
 
 def _largest(deflection: float | Mapping[str, float] | None) -> float | None:
@@ -121,7 +128,7 @@ def _limits(metrics: Mapping[str, Any]) -> Iterator[str]:
         ("fallbacks", "fallback", "fallbacks"),
     ):
         if count := metrics.get(key):
-            yield f"{count} {one if count == 1 else many}"
+            yield counted(count, one, many)
 
 
 def _seconds(time: float) -> str:

@@ -1,5 +1,6 @@
 """The way from a page to a bench that runs."""
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
@@ -11,7 +12,7 @@ from flexslew_msgs import action
 from rclpy.node import Node
 
 from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
-from flexslew_lab.console.view import BenchView
+from flexslew_lab.console.view import EVENTS, BenchView
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.ros.bench_client import BenchClient
 from flexslew_lab.ros.hidden_listener import HiddenListener
@@ -25,6 +26,7 @@ _HEARD = (
     topics.TESTBED, topics.BENCH_STATE, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN,
     topics.RECORDED,
 )  # fmt: skip
+_SAID = (topics.EVENTS, topics.PLAN)  # may be heard before the testbed that they are about
 _UNRECORDED = 4.0  # until a bench is heard without its recorder; DDS needs up to 3 [wall s]
 # after another plant has announced itself, until who is not on the graph is of the bench before: a
 # node leaves it at once, one that was killed after 20 s [wall s]
@@ -51,21 +53,28 @@ class LiveLink:
         self._recorded = monotonic()  # when the recorder was heard, or could not be [wall s]
         self._listener = HiddenListener(node, {name: TOPICS[name] for name in _HEARD})
         self._sort_out: tuple[float, ...] = ()  # when to look who is still there [wall s]
+        self._said: deque[tuple[int, str, bytes]] = deque(maxlen=EVENTS)  # when [ns], topic, CDR
         self._truths = partial(node.count_publishers, node.resolve_topic_name(topics.TRUTH))
 
     def poll(self, now: float) -> None:
         """Take what has come, and deliver answers."""
         batches: dict[str, list[bytes]] = {}
-        for name, data, _ in self._listener.take():
+        announced = 0  # when a testbed was [ns]
+        for name, data, info in self._listener.take():
+            if name in _SAID:
+                self._said.append((info["source_timestamp"], name, data))
+            elif name == topics.TESTBED:
+                announced = info["source_timestamp"]
             if name != topics.RECORDED:
                 batches.setdefault(name, []).append(data)
                 continue
             with suppress(BadInput):
                 topic, messages = _unpacked(data)
                 batches.setdefault(topic, []).extend(messages)
-        if topics.TESTBED in batches and self.view.joints is not None:  # of another plant
-            self.view.truth.clear()
-            self.view.controller_state.clear()
+        if announced and self.view.joints is not None:  # by another plant
+            self.view.forget()
+            for name in _SAID:
+                batches[name] = [d for at, of, d in self._said if of == name and at >= announced]
             self._sort_out = tuple(now + later for later in _SORTED_OUT)
         for name, batch in batches.items():
             with suppress(BadInput):  # no message ends a page

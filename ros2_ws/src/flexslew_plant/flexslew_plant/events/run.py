@@ -3,6 +3,7 @@
 from enum import StrEnum
 from typing import ClassVar
 
+from flexslew_plant.counted import counted
 from flexslew_plant.events.event import UNNAMED, Count, Finite, Level, Seconds, Text, fact
 
 
@@ -64,7 +65,7 @@ class Stepped:
     @property
     def message(self) -> str:
         """One line for a person."""
-        return f"{self.ticks} ticks from tick {self.tick} on"
+        return f"{counted(self.ticks, 'tick')} from tick {self.tick} on"
 
 
 @fact
@@ -143,7 +144,7 @@ class RunFinished:
     def message(self) -> str:
         """One line for a person."""
         wall = self.wall_time or 0.0
-        return f"{self.ticks} ticks in {wall:.2f} s wall, {self.missed_ticks} missed"
+        return f"{counted(self.ticks or 0, 'tick')} in {wall:.2f} s wall, {self.missed_ticks} missed"
 
 
 @fact

@@ -6,6 +6,7 @@ from flexslew_control.planners.time_optimal.optimal_switching import Faster
 from flexslew_control.planners.time_optimal.pontryagin import Extremality
 from flexslew_control.planners.time_optimal.structures import Structure, closed_form
 from flexslew_plant.arrays import Vector
+from flexslew_plant.counted import counted
 
 
 def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
@@ -23,7 +24,8 @@ def statement(
     """Return in one sentence what is known of the slew's optimality."""
     switches, duration = durations.size - 1, float(durations.sum())
     if check.holds:
-        return f"extremal with {switches} switches: Pontryagin's condition holds"
+        edges = counted(switches, "switch", "switches")
+        return f"extremal with {edges}: Pontryagin's condition holds"
     if isinstance(slew, AllDrives) and slew.transcribed:
         return (
             f"the optimum of a transcription on {switches + 1} intervals; its arcs do not settle, "
@@ -40,7 +42,8 @@ def statement(
     less = duration - faster.duration
     if faster.switches is None:
         return f"{verdict}; no slew is more than {less:.3g} s faster"
-    return f"{verdict}; structure: optimal takes {less:.3g} s less with {faster.switches} switches"
+    edges = counted(faster.switches, "switch", "switches")
+    return f"{verdict}; structure: optimal takes {less:.3g} s less with {edges}"
 
 
 def more_may_help(slew: BangBang | AllDrives, check: Extremality, structure: Structure) -> bool:

@@ -25,6 +25,7 @@ from flexslew_control.planners.time_optimal.path_limits import PathLimits
 from flexslew_control.planners.time_optimal.reorientation import Reorientation
 from flexslew_control.planners.time_optimal.round_cones import fastest_within, require_free_ends
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds.spacecraft.sky import HasSky
 
@@ -164,10 +165,10 @@ def _statement(best: Fastest) -> str:
     of = f"the best of {best.found} starts"
     if not best.exact:
         return f"{of} on {best.durations.size} pieces, a local optimum"
-    switches = best.durations.size - 1
+    edges = counted(best.durations.size - 1, "switch", "switches")
     if best.violation <= _ALLOWED:
-        return f"{of}, extremal with {switches} switches: Pontryagin's condition holds"
+        return f"{of}, extremal with {edges}: Pontryagin's condition holds"
     return (
-        f"{of} with {switches} switches; a switching function has the wrong sign by "
+        f"{of} with {edges}; a switching function has the wrong sign by "
         f"{100.0 * best.violation:.2g} % of its largest value"
     )

@@ -1,6 +1,5 @@
 """Four charts over simulated time: which signals, which window, events as vertical lines."""
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +29,7 @@ class ChartsPanel:
 
     def __init__(self, desk: Desk, file: Path) -> None:
         gui, self._view = desk.gui, desk.view
-        self.overlays: dict[str, list[Curve]] = {}  # of another run, by quantity
+        self._overlays: dict[str, list[Curve]] = {}  # of another run, by quantity
         self._held: tuple[float, float] | None = None  # what a paused view shows [s]
         self._layouts = Layouts(file, (*quantities.NAMES, _NONE))
         with gui.middle:
@@ -55,15 +54,25 @@ class ChartsPanel:
         start, end = self._held or self._following()
         times = np.zeros(0)
         if self._lines.value:
+            events = self._view.events
+            epoch = max((e.epoch for e in events), default=0)  # what is drawn is of the last one
             times = np.array(
                 [
                     e.time
-                    for e in self._view.events
-                    if start <= e.time <= end and not isinstance(e.what, _QUIET)
+                    for e in events
+                    if e.epoch == epoch
+                    and start <= e.time <= end
+                    and not isinstance(e.what, _QUIET)
                 ]
             )
         for chart in self._charts:
-            chart.draw(start, end, np.unique(times)[-100:], self.overlays)
+            chart.draw(start, end, np.unique(times)[-100:], self._overlays)
+
+    def overlay(self, earlier: dict[str, list[Curve]]) -> None:
+        """Draw the curves of another run, by quantity, beside those that are there."""
+        self._overlays = earlier
+        for chart in self._charts:
+            chart.outdate()
 
     def jump(self, time: float) -> None:
         """Hold the view around a time [s]."""
@@ -110,14 +119,14 @@ class _Chart:
             self._drawn: tuple[object, ...] = ()
             nothing = ChartData(options([]), news(np.zeros(0), [], np.zeros(0)))
             self._plot = desk.gui.add("chart", "chart", data=nothing)
-        desk.change(self.what, partial(self._changed))
+        desk.change(self.what, lambda who: self.outdate())
 
     def draw(
         self, start: float, end: float, events: Vector, overlays: dict[str, list[Curve]]
     ) -> None:
         """Show a window of time."""
         quantity = self.what.value
-        state = (quantity, start, end, len(events), self._view.truth.time.size, len(overlays))
+        state = (quantity, start, end, len(events), self._view.truth.time.size)
         if state == self._drawn:
             return
         self._drawn = state
@@ -132,5 +141,6 @@ class _Chart:
             self._labels, axes = labels, options(curves)
         self._plot.data = ChartData(axes, news(axis, rows, events))
 
-    def _changed(self, who: str) -> None:
+    def outdate(self) -> None:
+        """Draw anew next time, even if the window has not moved."""
         self._drawn = ()

@@ -46,10 +46,7 @@ class ComparePanel:
             done, self._reading = self._reading, None
             try:
                 self._earlier = done.result()
-                self._charts.overlays = {
-                    name: [beside(curve) for curve in curves]
-                    for name, curves in self._earlier.items()
-                }
+                self._charts.overlay({k: [*map(beside, c)] for k, c in self._earlier.items()})
                 self._compared = -1
             except Exception as error:  # of a log, which may hold anything; the page goes on
                 words = str(error) if isinstance(error, BadInput | OSError) else one_line(error)
@@ -70,7 +67,8 @@ class ComparePanel:
         self._reading = self._worker.submit(_read, place)
 
     def _remove(self, who: str) -> None:
-        self._earlier, self._charts.overlays = {}, {}
+        self._earlier = {}
+        self._charts.overlay({})
         self._reply.clear()
 
 

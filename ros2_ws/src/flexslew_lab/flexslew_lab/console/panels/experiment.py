@@ -25,6 +25,7 @@ from flexslew_lab.identification.page import per_effort, shown
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.separable import groups_of
 from flexslew_plant import topics
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import one_line
 from flexslew_plant.settings import plain
@@ -188,7 +189,9 @@ class ExperimentPanel:
             found, self._identifying = self._identifying, None
             if (error := found.exception()) is None:
                 self._model = found.result()
-                self._outcome.tell(RequestResult(True, f"{len(self._model.modes)} modes found"))
+                self._outcome.tell(
+                    RequestResult(True, f"{counted(len(self._model.modes), 'mode')} found")
+                )
                 self._modes.content = "".join(line(one) for one in _words(self._model))
             else:
                 self._outcome.tell(_refusal(error))

@@ -12,6 +12,7 @@ from flexslew_lab.log.files.mcap_scan import RecordStream
 from flexslew_lab.log.files.mcap_summary import STATISTICS, find_summary, summary_records
 from flexslew_lab.log.files.read_limits import TEXTS, most
 from flexslew_lab.log.messages.logged_text import logged_yaml
+from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import RecordingEnded
 
@@ -34,7 +35,8 @@ def check_log(path: Path) -> list[Finding]:
         overview = bag.overview
     except BadInput as error:
         return [Finding(False, "checksums, schemas and sequence", error.refusal.why)]
-    words = f"{sum(overview.counts.values())} messages on {len(overview.counts)} topics"
+    counts = overview.counts
+    words = f"{counted(sum(counts.values()), 'message')} on {counted(len(counts), 'topic')}"
     findings.append(Finding(True, "checksums, schemas and sequence", words))
     bare = overview.unprotected
     words = f"changes there go undetected: {'; '.join(bare)}" if bare else "all of it"

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from flexslew_lab.log.checks.finding import Finding
+from flexslew_plant.counted import counted
 from flexslew_plant.events import Event, Interrupted, RunFinished, Started, StateLost, WasReset
 
 _ENDS = (RunFinished, Interrupted, StateLost)
@@ -21,7 +22,7 @@ def check_ends(
     late = {epoch: tick for epoch, tick in first.items() if tick > 0}
     missing = sum(late.values())
     where = ", ".join(f"epoch {e} begins at tick {t}" for e, t in sorted(late.items()))
-    words = f"{missing} ticks missing: {where}" if late else "from tick 0 on"
+    words = f"{counted(missing, 'tick')} missing: {where}" if late else "from tick 0 on"
     yield Finding(not late, "start of the ticks", words)
     ends = _ends(events)
     newest = max(last, default=0)
@@ -30,7 +31,7 @@ def check_ends(
     if short:
         missing = sum(short.values())
         where = ", ".join(f"epoch {e} was flown to tick {ends[e]}" for e in sorted(short))
-        wrong.append(f"{missing} ticks missing: {where}")
+        wrong.append(f"{counted(missing, 'tick')} missing: {where}")
     if newest not in ends:
         wrong.append(
             f"the plant's final event is missing: it may have run on from tick {last[newest]}"

@@ -10,6 +10,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.blind_sensors import BlindSensors
 from flexslew_lab.log.checks.end_check import check_ends
 from flexslew_lab.log.checks.finding import Finding as Finding
+from flexslew_plant.counted import counted
 from flexslew_plant.events import Started, SwitchRefused
 
 TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
@@ -130,21 +131,22 @@ class _Topic:
         contradictions = sum(sender.contradictions for sender in senders)
         backwards = sum(sender.backwards for sender in senders)
         resized = sum(sender.resized for sender in senders)
-        missing = f"{self._missing} ticks missing in {self._gaps} gaps, {self._first_gap}"
+        gaps = f"{counted(self._gaps, 'gap')}, {self._first_gap}"
+        missing = f"{counted(self._missing, 'tick')} missing in {gaps}"
         answers, truth = self._name in _ANSWERS, self._name == "/truth"
         facts = (  # whether it is there, whether it is wrong, words
             (self._gaps, not answers, missing),  # nobody need answer
-            (repeated, truth, f"{repeated} repetitions, the same to the bit"),
-            (contradictions, True, f"{contradictions} ticks twice, and not the same"),
-            (backwards, True, f"{backwards} times the stamp steps back"),
-            (resized, True, f"{resized} times its arrays change their size"),
-            (self._not_finite, True, f"{self._not_finite} numbers are not finite"),
-            (self._blinded, False, f"{self._blinded} readings are NaN under a fault"),
+            (repeated, truth, f"{counted(repeated, 'repetition')}, the same to the bit"),
+            (contradictions, True, f"{counted(contradictions, 'tick')} twice, and not the same"),
+            (backwards, True, f"the stamp steps back {counted(backwards, 'time')}"),
+            (resized, True, f"its arrays change their size {counted(resized, 'time')}"),
+            (self._not_finite, True, f"not finite: {counted(self._not_finite, 'number')}"),
+            (self._blinded, False, f"NaN under a fault: {counted(self._blinded, 'reading')}"),
         )
         words = [text for there, _, text in facts if there]
         ok = not any(there and wrong for there, wrong, _ in facts)
         if ok and not self._gaps:
-            words.insert(0, f"{self.messages - repeated} ticks without a gap")
+            words.insert(0, f"{counted(self.messages - repeated, 'tick')} without a gap")
         return Finding(ok, self._name, "; ".join(words))
 
 

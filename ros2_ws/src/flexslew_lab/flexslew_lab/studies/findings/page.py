@@ -19,6 +19,7 @@ from flexslew_lab.studies.findings.tables import (
 )
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
+from flexslew_plant.counted import counted
 
 _SHOWN = 3  # metrics with figures of their own, where no criterion names any
 _FIRST = ("residual_tip_deflection", "residual_attitude_error", "settling_time")
@@ -106,7 +107,8 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
     ]
     asked = ("study", "metric", "variant", "kept to", "lower bound", "")
     about = "; ".join(
-        f"{called}: {one['trials']} trials, {one['failed']} failed, {one['sampling']['method']}"
+        f"{called}: {counted(one['trials'], 'trial')}, {one['failed']} failed, "
+        f"{one['sampling']['method']}"
         for called, one in zip(studies, found, strict=True)
     )
     tables = (

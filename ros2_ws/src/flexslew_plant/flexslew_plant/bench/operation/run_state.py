@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from flexslew_plant.counted import counted
 from flexslew_plant.refusal import Cause, Refusal
 
 WAITING, RUNNING, PAUSED, FINISHED = "waiting", "running", "paused", "finished"
@@ -84,7 +85,7 @@ class RunState:
             return _not_now(_OVER if over else f"not paused but {self.state}; call pause first")
         self._steps_left = max(1, ticks)
         self.state = WAITING
-        return Reply(f"flying {self._steps_left} ticks")
+        return Reply(f"flying {counted(self._steps_left, 'tick')}")
 
     def reset(self) -> None:
         """Rest at tick 0; nothing is left of what was under way."""
