@@ -5,7 +5,7 @@ from time import process_time
 import numpy as np
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_control.controllers.linear_law import LinearLaw
+from flexslew_control.controllers.linear.linear_law import LinearLaw
 from flexslew_control.law import Estimate, Reference
 from flexslew_plant.measurement import Measurement
 

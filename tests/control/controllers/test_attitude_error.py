@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexslew_control.controllers import build_controller
+from flexslew_control.controllers.by_joint.pd_feedforward import PdFeedforward
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.controllers.pd_feedforward import PdFeedforward
 from flexslew_control.law import MeasuredJoints, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector

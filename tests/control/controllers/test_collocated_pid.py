@@ -5,7 +5,7 @@ import pytest
 from tests.plants import plant as on_bench
 
 from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.collocated_pid import CollocatedPid, build, closed_loop
+from flexslew_control.controllers.by_joint.collocated_pid import CollocatedPid, build, closed_loop
 from flexslew_control.law import PlantDescription, Reference
 from flexslew_control.plan import Plan
 from flexslew_lab.reproduce import laws as reproduce_laws

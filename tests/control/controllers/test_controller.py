@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from tests.present import present
 
+from flexslew_control.controllers.by_joint.pd_feedforward import PdFeedforward
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.controllers.pd_feedforward import PdFeedforward
 from flexslew_control.law import Law, MeasuredJoints
 from flexslew_control.plan import Plan
 from flexslew_plant.events import EstimateBegan

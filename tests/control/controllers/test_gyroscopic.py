@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.gyroscopic import gyroscopic
+from flexslew_control.controllers.by_joint.gyroscopic import gyroscopic
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Vector

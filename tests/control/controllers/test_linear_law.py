@@ -15,7 +15,7 @@ from flexslew_control.analysis.rest import rest_of
 from flexslew_control.analysis.save_law import save_law
 from flexslew_control.controllers import CONTROLLERS, build_controller, with_file
 from flexslew_control.controllers.host import merged
-from flexslew_control.controllers.linear_law import LinearSettings, StateSpace, discretised
+from flexslew_control.controllers.linear.linear_law import LinearSettings, StateSpace, discretised
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import LinearObserver
 from flexslew_lab.analysis.analysis import analysed

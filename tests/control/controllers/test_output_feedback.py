@@ -5,10 +5,10 @@ import pytest
 from scipy.linalg import expm
 from tests.plants import plant as on_bench
 
-from flexslew_control.controllers import output_feedback
-from flexslew_control.controllers.output_feedback import OutputFeedback, build
-from flexslew_control.controllers.sliding_law import SampledObserver
-from flexslew_control.controllers.sliding_surface import (
+from flexslew_control.controllers.sliding import output_feedback
+from flexslew_control.controllers.sliding.output_feedback import OutputFeedback, build
+from flexslew_control.controllers.sliding.sliding_law import SampledObserver
+from flexslew_control.controllers.sliding.sliding_surface import (
     LinearSystem,
     closed_loop_matrix,
     design,

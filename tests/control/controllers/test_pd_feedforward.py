@@ -6,7 +6,7 @@ from tests.plants import plant
 from tests.present import present
 
 from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings, build
+from flexslew_control.controllers.by_joint.pd_feedforward import PdFeedforwardSettings, build
 from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.bench.bench import Bench, BenchSettings

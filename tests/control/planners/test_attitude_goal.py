@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
-from flexslew_control.planners.attitude_goal import joint_goal
+from flexslew_control.planners.attitude.attitude_goal import joint_goal
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed

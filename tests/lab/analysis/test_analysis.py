@@ -13,7 +13,7 @@ from flexslew_control.analysis.loop import loop_of
 from flexslew_control.analysis.loop_margins import channel_margins, swept
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.running_law import running_law
+from flexslew_control.controllers.probing.running_law import running_law
 from flexslew_lab.analysis.analysis import analysed, residual_curve, responses
 from flexslew_lab.analysis.page import analysis_page
 from flexslew_lab.analysis.trial_models import point_of

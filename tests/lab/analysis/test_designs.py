@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
-from flexslew_control.controllers.law_file import law_from_file
-from flexslew_control.controllers.linear_law import LinearSettings, discretised
+from flexslew_control.controllers.linear.law_file import law_from_file
+from flexslew_control.controllers.linear.linear_law import LinearSettings, discretised
 from flexslew_lab.notebook import fly, linear_model, trial
 from flexslew_plant.arrays import Matrix, Vector
 

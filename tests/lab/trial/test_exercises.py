@@ -63,7 +63,7 @@ OFFSET = FaultEntry(ActuatorOffset, {"offset": 0.1})
 import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.pd_feedforward import PdFeedforward
+from flexslew_control.controllers.by_joint.pd_feedforward import PdFeedforward
 from flexslew_control.law import MeasuredJoints
 from flexslew_plant.settings import Positive, section
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexslew_control.law import PlantDescription
-from flexslew_control.planners.one_axis import OneAxis, reduced
+from flexslew_control.planners.attitude.one_axis import OneAxis, reduced
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.errors import BadInput

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from flexslew_control.planners.time_optimal.linear_multistart import linear_slews
-from flexslew_control.planners.time_optimal.linear_switching import five_switches, three_switches
+from flexslew_control.planners.time_optimal.linear.linear_multistart import linear_slews
+from flexslew_control.planners.time_optimal.linear.linear_switching import (
+    five_switches,
+    three_switches,
+)
 
 
 def five_switch_equations(z: Any, a: Any) -> list[Any]:

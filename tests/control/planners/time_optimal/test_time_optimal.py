@@ -8,7 +8,7 @@ from tests.present import present
 
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
-from flexslew_control.planners.time_optimal.linear_time_optimal import linear_optimum
+from flexslew_control.planners.time_optimal.linear.linear_time_optimal import linear_optimum
 from flexslew_control.planners.time_optimal.optimal_switching import (
     extremal_durations,
     shortest_durations,

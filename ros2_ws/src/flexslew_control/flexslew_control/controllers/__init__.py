@@ -1,7 +1,8 @@
 """Which controllers there are. A new one is a file that ends in its entry, and a line here.
 
-Offers: controller, host, lqr, margins, output_feedback, pd_feedforward, proportional_integral,
-retargeting.disturbance_accommodating, retargeting.modal_space, running_law, sampled_loop.
+Offers: by_joint.pd_feedforward, controller, host, lqr, margins, probing.running_law,
+proportional_integral, retargeting.disturbance_accommodating, retargeting.modal_space, sampled_loop,
+sliding.output_feedback.
 """
 
 import dataclasses
@@ -25,14 +26,13 @@ from flexslew_plant.yaml_data import yaml_text
 
 # isort: split
 # the laws, a line each
-from flexslew_control.controllers.collocated_pid import COLLOCATED_PID as COLLOCATED_PID
-from flexslew_control.controllers.linear_law import LINEAR as LINEAR
+from flexslew_control.controllers.by_joint.collocated_pid import COLLOCATED_PID as COLLOCATED_PID
+from flexslew_control.controllers.by_joint.pd_feedforward import PD_FEEDFORWARD as PD_FEEDFORWARD
+from flexslew_control.controllers.linear.linear_law import LINEAR as LINEAR
 from flexslew_control.controllers.lqr import LQR as LQR
 from flexslew_control.controllers.model_predictive.model_predictive import (
     MODEL_PREDICTIVE as MODEL_PREDICTIVE,
 )
-from flexslew_control.controllers.output_feedback import OUTPUT_FEEDBACK as OUTPUT_FEEDBACK
-from flexslew_control.controllers.pd_feedforward import PD_FEEDFORWARD as PD_FEEDFORWARD
 from flexslew_control.controllers.proportional_integral import (
     PROPORTIONAL_INTEGRAL as PROPORTIONAL_INTEGRAL,
 )
@@ -44,6 +44,7 @@ from flexslew_control.controllers.retargeting.disturbance_minimisation import (
 )
 from flexslew_control.controllers.retargeting.modal_space import MODAL_SPACE as MODAL_SPACE
 from flexslew_control.controllers.retargeting.planned_gains import PLANNED_GAINS as PLANNED_GAINS
+from flexslew_control.controllers.sliding.output_feedback import OUTPUT_FEEDBACK as OUTPUT_FEEDBACK
 
 CONTROLLERS: dict[str, LawEntry] = table(globals(), LawEntry)
 DEFAULT = PD_FEEDFORWARD.name  # of a trial that names none

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
+from flexslew_control.controllers.by_joint.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
 from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
 from flexslew_control.controllers.turning_form import Integrated, turning_form

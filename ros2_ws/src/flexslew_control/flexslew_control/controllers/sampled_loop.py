@@ -5,9 +5,9 @@ from typing import Protocol
 
 import numpy as np
 
-from flexslew_control.controllers.design_model import held_step
-from flexslew_control.controllers.one_appendage import OneAppendage
-from flexslew_control.controllers.sliding_surface import SlidingDesign
+from flexslew_control.controllers.sliding.design_model import held_step
+from flexslew_control.controllers.sliding.one_appendage import OneAppendage
+from flexslew_control.controllers.sliding.sliding_surface import SlidingDesign
 from flexslew_control.free_platform import rate_readings
 from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.controllers.at_rest import moves
+from flexslew_control.controllers.probing.at_rest import moves
 from flexslew_control.law import (
     Estimate,
     Estimator,

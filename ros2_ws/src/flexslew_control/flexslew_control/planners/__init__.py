@@ -3,9 +3,10 @@
 One of your own needs no line: `method: my_shaper.py:Shaper`, or an entry point of the group
 flexslew.planners. It is a section with `method`, `start` and `plan`, see OwnPlanner.
 
-Offers: excitation.excitation, feedforward.basis, feedforward.gauss_newton, feedforward.manoeuvre,
-feedforward.optimized_feedforward, feedforward.shooting, input_shaping.start_coast_stop,
-minimax.limit_curve, one_axis, prediction, progress, reference, slew, time_optimal.bang_bang,
+Offers: attitude.one_axis, excitation.excitation, feedforward.basis, feedforward.gauss_newton,
+feedforward.manoeuvre, feedforward.optimized_feedforward, feedforward.shooting,
+input_shaping.start_coast_stop, minimax.limit_curve, prediction, progress, reference, slew,
+time_optimal.bang_bang,
 time_optimal.optimal_switching, time_optimal.pontryagin, time_optimal.structures,
 time_optimal.switching, time_optimal.switching_time_optimisation, time_optimal.time_optimal,
 trajectories.
@@ -19,11 +20,11 @@ from pydantic import Discriminator, PlainValidator, Tag, ValidationInfo
 
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import AttitudeGoal, joint_goal
+from flexslew_control.planners.attitude.attitude_goal import AttitudeGoal, joint_goal
+from flexslew_control.planners.attitude.keep_out import require_clear
 from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
 from flexslew_control.planners.entry import PlanSection as PlanSection
 from flexslew_control.planners.entry import Variant as Variant
-from flexslew_control.planners.keep_out import require_clear
 from flexslew_control.planners.one_way import require_one_way
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, software_versions, tick_times
@@ -37,7 +38,7 @@ from flexslew_plant.yaml_data import require_short, yaml_text
 
 # isort: split
 # the planners, a line each
-from flexslew_control.planners.attitude_profile import PROFILE as PROFILE
+from flexslew_control.planners.attitude.attitude_profile import PROFILE as PROFILE
 from flexslew_control.planners.excitation.excitation import EXCITATION as EXCITATION
 from flexslew_control.planners.feedforward.optimized_feedforward import OPTIMIZED as OPTIMIZED
 from flexslew_control.planners.feedforward.robust_feedforward import ROBUST as ROBUST

@@ -16,7 +16,7 @@ from scipy.interpolate import BPoly
 
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_path import body_rates
+from flexslew_control.planners.attitude.attitude_path import body_rates
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, slew_of, tick_times

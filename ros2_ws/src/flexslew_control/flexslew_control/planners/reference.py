@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import GoalKey
+from flexslew_control.planners.attitude.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import manoeuvre_of

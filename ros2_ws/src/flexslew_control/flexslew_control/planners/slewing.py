@@ -10,9 +10,7 @@ from numpy.linalg import LinAlgError
 from flexslew_control.analysis.linear_plant import PlantPath, motors
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.held_efforts import exact_on_ticks
-from flexslew_control.planners.motors import Matrices, matrices
-from flexslew_control.planners.one_axis import (
+from flexslew_control.planners.attitude.one_axis import (
     RELEVANT,
     OneAxis,
     in_three_axes,
@@ -20,6 +18,8 @@ from flexslew_control.planners.one_axis import (
     reduced,
     turns,
 )
+from flexslew_control.planners.held_efforts import exact_on_ticks
+from flexslew_control.planners.motors import Matrices, matrices
 from flexslew_control.planners.one_way import shared_out
 from flexslew_control.planners.prediction import Prediction, predicted
 from flexslew_control.planners.progress import Progress, ignore

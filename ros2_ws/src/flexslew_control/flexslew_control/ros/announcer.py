@@ -1,4 +1,4 @@
-"""Who a controller is and whether it could take charge: the status that its node announces."""
+"""What a controller's node says by itself: status, whether it could take charge, and events."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,6 +13,7 @@ from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.alive import Alive
+from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import publishers_of, unmatched
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
@@ -28,6 +29,7 @@ class Announcer:
         host: that holds it.
         law: that it runs.
         alive: signs of life, for others of its name.
+        events: that the bench hears.
         sent: what must be heard: the commands first, then the states.
         heard: returns what hears the questions, whose publisher is the plant; None: it asks
             otherwise, and hears the answers there.
@@ -40,11 +42,13 @@ class Announcer:
         host: ControllerHost,
         law: str,
         alive: Alive,
+        events: EventLog,
         sent: Sequence["Publisher[Any]"],
         heard: "Callable[[], Subscription[Any] | None]",
         listeners: Sequence[str],
     ) -> None:
         self._node, self._host, self._law, self._alive = node, host, law, alive
+        self._events = events
         self._sent, self._heard, self._listeners = sent, heard, listeners
         self._status = publisher(node, topics.CONTROLLER_STATUS)
         self.older: Refusal | None = None  # why this one is silent for another one of its name
@@ -107,6 +111,13 @@ class Announcer:
                 plan_tick=host.plan_from[1],
             )
         )
+
+    def tell(self) -> None:
+        """Pass on what the host has to say, unless there is an older one of its name."""
+        while self._host.events and not self._alive.listens:
+            event = self._host.events.popleft()
+            if not self.mute:
+                self._events.tell(event)
 
     def _reason(self) -> Refusal | None:
         """Return why the controller could not take charge now, as far as its node knows."""

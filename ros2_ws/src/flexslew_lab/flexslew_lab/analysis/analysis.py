@@ -26,7 +26,7 @@ from flexslew_control.analysis.loop_margins import (
 from flexslew_control.analysis.modes import Mode, natural_modes
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.running_law import RunningLaw, running_law
+from flexslew_control.controllers.probing.running_law import RunningLaw, running_law
 from flexslew_control.plan import Plan
 from flexslew_lab.analysis.trial_models import Point, in_charge, point_of
 from flexslew_lab.trial.trial import Trial, law_of, plan_of_trial, plant_of

@@ -12,7 +12,7 @@ from flexslew_control.analysis.linear_plant import sampled_plant
 from flexslew_control.analysis.loop import loop_of
 from flexslew_control.analysis.loop_margins import disk_margins, swept
 from flexslew_control.controllers import CONTROLLERS, build_controller
-from flexslew_control.controllers.running_law import running_law
+from flexslew_control.controllers.probing.running_law import running_law
 from flexslew_lab.analysis.analysis import is_stable
 from flexslew_lab.analysis.trial_models import Point, point_of
 from flexslew_lab.studies.cases import Case

@@ -5,9 +5,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from flexslew_control.controllers import output_feedback, pd_feedforward
-from flexslew_control.controllers.output_feedback import OutputFeedback
-from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings
+from flexslew_control.controllers.by_joint import pd_feedforward
+from flexslew_control.controllers.by_joint.pd_feedforward import PdFeedforwardSettings
+from flexslew_control.controllers.sliding import output_feedback
+from flexslew_control.controllers.sliding.output_feedback import OutputFeedback
 from flexslew_control.law import Estimator, Law, PlantDescription, Reference
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.input_shaping.start_coast_stop import StartCoastStop

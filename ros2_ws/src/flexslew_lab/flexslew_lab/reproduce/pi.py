@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.controllers import pd_feedforward, proportional_integral
-from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings
+from flexslew_control.controllers import proportional_integral
+from flexslew_control.controllers.by_joint import pd_feedforward
+from flexslew_control.controllers.by_joint.pd_feedforward import PdFeedforwardSettings
 from flexslew_control.controllers.proportional_integral import PiGains, ProportionalIntegral
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, outputs
 from flexslew_control.law import Estimate, Estimator, Reference

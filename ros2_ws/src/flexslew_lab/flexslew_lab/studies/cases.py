@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import planned_about_one_axis
-from flexslew_control.planners.one_axis import counted
+from flexslew_control.planners.attitude.one_axis import counted
 from flexslew_lab.studies.experiment import found_by_flying
 from flexslew_lab.studies.sampling.methods import Samples, drawn
 from flexslew_lab.studies.study import Nominal, Study

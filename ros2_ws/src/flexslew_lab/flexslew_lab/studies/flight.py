@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, NamedTuple
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.one_axis import RELEVANT
+from flexslew_control.planners.attitude.one_axis import RELEVANT
 from flexslew_lab.metrics import Metric
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.metrics.rows import AXES, flat, key_of

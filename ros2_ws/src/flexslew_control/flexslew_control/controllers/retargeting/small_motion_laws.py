@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import block_diag
 
-from flexslew_control.controllers.at_rest import moves
+from flexslew_control.controllers.probing.at_rest import moves
 from flexslew_control.estimators.small_motion_observer import (
     InvertedReadings,
     SmallMotionObserver,

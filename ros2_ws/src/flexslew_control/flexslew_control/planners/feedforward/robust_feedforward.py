@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import GoalKey
+from flexslew_control.planners.attitude.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.ensemble import FeedforwardMember

@@ -9,7 +9,7 @@ from pydantic import Field
 from scipy.integrate import cumulative_simpson
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import GoalKey
+from flexslew_control.planners.attitude.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.input_shaping.shaped_motion import (
     FINE,

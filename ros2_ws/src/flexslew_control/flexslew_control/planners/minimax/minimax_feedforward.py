@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import GoalKey
+from flexslew_control.planners.attitude.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.minimax.members import Ensemble
 from flexslew_control.planners.minimax.optimum import Found, found_optimum

@@ -12,7 +12,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
-from flexslew_control.planners.time_optimal.linear_time_optimal import Structure, linear_optimum
+from flexslew_control.planners.time_optimal.linear.linear_time_optimal import (
+    Structure,
+    linear_optimum,
+)
 from flexslew_control.planners.time_optimal.pontryagin import switching_function
 from flexslew_control.planners.time_optimal.switching import linear
 from flexslew_plant.arrays import Matrix, Vector

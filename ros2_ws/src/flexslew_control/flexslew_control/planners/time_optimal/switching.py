@@ -14,8 +14,11 @@ from scipy.optimize import minimize_scalar
 
 from flexslew_control.planners.time_optimal.arcs import final_sensitivity
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
-from flexslew_control.planners.time_optimal.linear_multistart import linear_slews
-from flexslew_control.planners.time_optimal.linear_switching import five_switches, three_switches
+from flexslew_control.planners.time_optimal.linear.linear_multistart import linear_slews
+from flexslew_control.planners.time_optimal.linear.linear_switching import (
+    five_switches,
+    three_switches,
+)
 from flexslew_plant.arrays import Matrix, Vector
 
 _LINEAR = 1e-8  # residual of a linear slew at which the model counts as linear

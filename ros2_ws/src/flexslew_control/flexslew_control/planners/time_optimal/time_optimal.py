@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import Goal
+from flexslew_control.planners.attitude.attitude_goal import Goal
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.rest_at_goal import require_rest
@@ -22,7 +22,7 @@ from flexslew_control.planners.time_optimal.optimality import (
 )
 from flexslew_control.planners.time_optimal.pontryagin import ExtremalArcs, switching_function
 from flexslew_control.planners.time_optimal.structures import Structure, durations_or_remedy
-from flexslew_control.planners.time_optimal.three_axes import plan_three_axes
+from flexslew_control.planners.time_optimal.three_axes.three_axes import plan_three_axes
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector

@@ -6,9 +6,9 @@ Gorinevsky and Vukovich 1998, eqs 12-13.
 import numpy as np
 
 from flexslew_control.allocation import Allocation
+from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
+from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, controlled, form_on_axes
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.gyroscopic import Gyroscopic
-from flexslew_control.controllers.three_axes import OF_TESTBED, controlled, form_on_axes
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
     joint_estimator,

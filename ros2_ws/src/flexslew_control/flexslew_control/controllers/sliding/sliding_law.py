@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from flexslew_control.controllers.design_model import (
+from flexslew_control.controllers.sliding.design_model import (
     DesignModel,
     JointsAndModes,
     ObservedModel,
     held_step,
 )
-from flexslew_control.controllers.one_appendage import OneAppendage, appendage_form
-from flexslew_control.controllers.plan_deviation import PlanDeviation
-from flexslew_control.controllers.sliding_surface import SlidingDesign
+from flexslew_control.controllers.sliding.one_appendage import OneAppendage, appendage_form
+from flexslew_control.controllers.sliding.plan_deviation import PlanDeviation
+from flexslew_control.controllers.sliding.sliding_surface import SlidingDesign
 from flexslew_control.controllers.turning_form import turning_form
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman import KalmanFilter, discretised

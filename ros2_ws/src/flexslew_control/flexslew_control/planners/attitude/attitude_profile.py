@@ -13,8 +13,8 @@ from pydantic import Field
 
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import AttitudeGoal, Triple
-from flexslew_control.planners.attitude_path import (
+from flexslew_control.planners.attitude.attitude_goal import AttitudeGoal, Triple
+from flexslew_control.planners.attitude.attitude_path import (
     AttitudeMotion,
     Knot,
     completed,
@@ -22,7 +22,7 @@ from flexslew_control.planners.attitude_path import (
     spun_up,
     through,
 )
-from flexslew_control.planners.eigenaxis import continuous, following
+from flexslew_control.planners.attitude.eigenaxis import continuous, following
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.one_way import shared_out
 from flexslew_control.planners.progress import Progress

@@ -21,21 +21,25 @@ from typing import Literal
 
 import numpy as np
 
-from flexslew_control.controllers.appendage_feedback import (
-    AppendageFeedback,
-    appendage_model,
-)
-from flexslew_control.controllers.design_model import JointsAndModes
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.plan_deviation import PlanDeviation
 from flexslew_control.controllers.sampled_loop import (
     LinearPlant,
     appendage_loop,
     integrating_loop,
     require_sampled_stability,
 )
-from flexslew_control.controllers.sliding_law import SampledObserver, SlidingLaw, sliding_form
-from flexslew_control.controllers.sliding_surface import LinearSystem, design
+from flexslew_control.controllers.sliding.appendage_feedback import (
+    AppendageFeedback,
+    appendage_model,
+)
+from flexslew_control.controllers.sliding.design_model import JointsAndModes
+from flexslew_control.controllers.sliding.plan_deviation import PlanDeviation
+from flexslew_control.controllers.sliding.sliding_law import (
+    SampledObserver,
+    SlidingLaw,
+    sliding_form,
+)
+from flexslew_control.controllers.sliding.sliding_surface import LinearSystem, design
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, continuous_gain
 from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
 from flexslew_control.free_platform import LinearModel

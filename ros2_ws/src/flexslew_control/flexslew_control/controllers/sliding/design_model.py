@@ -9,7 +9,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_control.controllers.sliding_surface import LinearSystem
+from flexslew_control.controllers.sliding.sliding_surface import LinearSystem
 from flexslew_control.estimators.kalman import outputs
 from flexslew_control.law import Estimate, LawFailed, Reference, nominal_state
 from flexslew_control.zero_order_hold import zero_order_hold

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexslew_control.allocation import Allocation
+from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
+from flexslew_control.controllers.by_joint.integral_action import Action, IntegralLaw
+from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, controlled, form_on_axes
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.gyroscopic import Gyroscopic
-from flexslew_control.controllers.integral_action import Action, IntegralLaw
-from flexslew_control.controllers.three_axes import OF_TESTBED, controlled, form_on_axes
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
     joint_estimator,

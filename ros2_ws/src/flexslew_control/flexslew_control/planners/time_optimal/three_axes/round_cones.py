@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexslew_control.planners.attitude_path import Knot, completed, through
+from flexslew_control.planners.attitude.attitude_path import Knot, completed, through
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.time_optimal.fastest_turns import (
+from flexslew_control.planners.time_optimal.three_axes.fastest_turns import (
     PIECES,
     STEPS,
     Fastest,
@@ -22,9 +22,12 @@ from flexslew_control.planners.time_optimal.fastest_turns import (
     means,
     transcribed,
 )
-from flexslew_control.planners.time_optimal.path_limits import PathLimits
-from flexslew_control.planners.time_optimal.reorientation import Reorientation
-from flexslew_control.planners.time_optimal.sequential_programs import LocalArcs, fastest_near
+from flexslew_control.planners.time_optimal.three_axes.path_limits import PathLimits
+from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
+from flexslew_control.planners.time_optimal.three_axes.sequential_programs import (
+    LocalArcs,
+    fastest_near,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.attitude import product, quaternion, to_inertial

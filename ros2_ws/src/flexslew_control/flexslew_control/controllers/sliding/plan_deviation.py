@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flexslew_control.controllers.design_model import Mask, inverse
+from flexslew_control.controllers.sliding.design_model import Mask, inverse
 from flexslew_control.free_platform import nominal
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.turning_platform import TurningPlatform

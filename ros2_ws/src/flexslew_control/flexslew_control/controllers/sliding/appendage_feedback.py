@@ -5,8 +5,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from flexslew_control.controllers.one_appendage import Carried, OneAppendage
-from flexslew_control.controllers.sliding_surface import LinearSystem, SlidingDesign, design
+from flexslew_control.controllers.sliding.one_appendage import Carried, OneAppendage
+from flexslew_control.controllers.sliding.sliding_surface import LinearSystem, SlidingDesign, design
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.controllers.mat_file import read_mat
+from flexslew_control.controllers.linear.mat_file import read_mat
 from flexslew_plant.errors import BadInput
 from flexslew_plant.yaml_data import load_yaml
 

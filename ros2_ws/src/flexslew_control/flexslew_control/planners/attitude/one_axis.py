@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.eigenaxis import Eigenaxis, eigenaxis, following
+from flexslew_control.planners.attitude.eigenaxis import Eigenaxis, eigenaxis, following
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput

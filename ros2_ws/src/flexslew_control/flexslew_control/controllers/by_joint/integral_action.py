@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexslew_control.controllers.gyroscopic import Gyroscopic
+from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.linear_form import Integration
 from flexslew_plant.arrays import Vector

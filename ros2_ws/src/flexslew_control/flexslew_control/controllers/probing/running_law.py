@@ -16,7 +16,11 @@ from flexslew_control.analysis.numeric_state import Place, assign, copied, numbe
 from flexslew_control.analysis.rest import Rest
 from flexslew_control.analysis.signals import applied_of, inputs_of, outputs_of
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.controllers.probed_controller import ProbedController, memory_parts, placed
+from flexslew_control.controllers.probing.probed_controller import (
+    ProbedController,
+    memory_parts,
+    placed,
+)
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput

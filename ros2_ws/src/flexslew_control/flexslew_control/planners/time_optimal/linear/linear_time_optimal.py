@@ -20,7 +20,10 @@ from scipy.linalg import block_diag
 from scipy.optimize import linprog
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
-from flexslew_control.planners.time_optimal.impulse_responses import ImpulseResponses, sampled
+from flexslew_control.planners.time_optimal.linear.impulse_responses import (
+    ImpulseResponses,
+    sampled,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 

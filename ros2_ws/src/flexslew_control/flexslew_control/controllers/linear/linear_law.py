@@ -12,7 +12,7 @@ from flexslew_control.analysis.loop import loop_of, unstable_poles
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.law_file import law_from_file
+from flexslew_control.controllers.linear.law_file import law_from_file
 from flexslew_control.law import (
     Estimate,
     Estimator,

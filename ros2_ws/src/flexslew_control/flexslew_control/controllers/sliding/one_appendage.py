@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.controllers.design_model import Mask, held_step, inverse
-from flexslew_control.controllers.sliding_surface import LinearSystem, SlidingDesign
+from flexslew_control.controllers.sliding.design_model import Mask, held_step, inverse
+from flexslew_control.controllers.sliding.sliding_surface import LinearSystem, SlidingDesign
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.linear_form import LinearForm, LinearObserver, observed_form
 from flexslew_plant.arrays import Matrix, Vector

@@ -12,7 +12,7 @@ from flexslew_control.allocation import (
     AnyAllocation,
     allocator_of,
 )
-from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
+from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic, gyroscopic
 from flexslew_control.controllers.sampled_loop import SmallMotions, require_sampled_pd
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.estimators.attitude_tick import attitude_numbers

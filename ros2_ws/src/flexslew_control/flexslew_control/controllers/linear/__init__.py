@@ -1,0 +1,1 @@
+"""Any linear time-invariant controller, from python-control, MATLAB or a file."""

@@ -1,0 +1,1 @@
+"""A controller at rest, asked what it answers to what it may read."""

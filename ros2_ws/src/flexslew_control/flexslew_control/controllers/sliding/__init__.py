@@ -1,0 +1,1 @@
+"""Output feedback control: a sliding hypersurface from an LQ problem."""

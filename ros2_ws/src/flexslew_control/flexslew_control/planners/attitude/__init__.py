@@ -1,0 +1,1 @@
+"""Goals, ways and turns of craft that turn in three axes."""

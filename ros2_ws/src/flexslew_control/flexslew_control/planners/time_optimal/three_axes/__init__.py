@@ -1,0 +1,1 @@
+"""The fastest turns in three axes, about cones and within limits of the way."""
