@@ -144,7 +144,9 @@ class RunFinished:
     def message(self) -> str:
         """One line for a person."""
         wall = self.wall_time or 0.0
-        return f"{counted(self.ticks or 0, 'tick')} in {wall:.2f} s wall, {self.missed_ticks} missed"
+        return (
+            f"{counted(self.ticks or 0, 'tick')} in {wall:.2f} s wall, {self.missed_ticks} missed"
+        )
 
 
 @fact
