@@ -222,6 +222,7 @@ def _call(method: str, address: str, body: Any) -> Any:
 
 
 LOOK = Path(__file__).with_name("look.js").read_text()
+PALE = Path(__file__).with_name("pale.js").read_text()
 
 
 def looked_at(browser: Browser) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """What the command line says of itself: version, help in groups, completion."""
 
+import os
 import re
 import shlex
 import subprocess
@@ -82,3 +83,12 @@ def test_every_help_holds_an_example_that_can_be_pasted() -> None:
         while words and words[0] in getattr(called_for, "commands", {}):
             called_for = called_for.commands[words.pop(0)]
         called_for.make_context(called, words)  # refuses what is no argument or option of it
+
+
+def test_output_that_nobody_reads_is_no_check_that_failed() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    words = [sys.executable, "-P", "-m", "flexslew_lab.cli.main", "--help"]
+    done = subprocess.run(words, stdout=write, stderr=subprocess.PIPE, check=False)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, b"")

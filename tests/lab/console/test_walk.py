@@ -1,7 +1,7 @@
 """Every control of the page in Chromium, at three widths, with and without WebGL."""
 
 import pytest
-from tests.browser import Browser, chromium
+from tests.browser import PALE, Browser, chromium
 from tests.console_walk import CONTROLS, SIZES, TABS, open_tab
 from tests.fake_bench import FakeLink
 
@@ -19,26 +19,6 @@ return [...document.querySelectorAll(".bench-left .bench-field, .bench-left .ben
   .filter(e => e.checkVisibility())
   .filter(e => e.getBoundingClientRect().width < 0.85 * e.closest(".bench-left").clientWidth)
   .map(e => e.innerText || e.ariaLabel);
-"""
-# texts whose contrast with what is behind them is below 4.5 (WCAG 2.1, AA)
-_PALE = """
-const numbers = color => { const n = color.match(/[\\d.]+/g).map(Number); return [...n, 1]; };
-const light = color => color.slice(0, 3).map(c => c / 255)
-  .map(c => c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4)
-  .reduce((sum, c, k) => sum + [0.2126, 0.7152, 0.0722][k] * c, 0);
-const over = (top, below) => [0, 1, 2].map(k => top[3] * top[k] + (1 - top[3]) * below[k]);
-const behind = e => !e ? [255, 255, 255]
-  : over(numbers(getComputedStyle(e).backgroundColor), behind(e.parentElement));
-const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
-while (walk.nextNode()) {
-  const e = walk.currentNode.parentElement, text = walk.currentNode.textContent.trim();
-  if (!text || !e.checkVisibility()) continue;
-  if (e.closest("[disabled], .disabled, style, script, svg")) continue;
-  const ground = behind(e), ink = light(over(numbers(getComputedStyle(e).color), ground));
-  const [low, high] = [ink, light(ground)].sort((a, b) => a - b);
-  if ((high + 0.05) / (low + 0.05) < 4.5) found.push(text);
-}
-return found;
 """
 # every time of the log stands in one line
 _WHOLE = """
@@ -84,7 +64,7 @@ def test_every_control_can_be_reached_and_the_brake_stays_where_it_is(
                 wrong = [c["name"] for c in controls if not (c["inside"] and c["hit"])]
                 assert not wrong, (width, tab, wrong)
                 assert browser.run(_NARROW) == [], (width, tab)
-                assert browser.run(_PALE) == [], (width, tab)
+                assert browser.run(PALE) == [], (width, tab)
                 if tab == "Log":
                     assert browser.until(_WHOLE, within=20.0), width
                 assert browser.run("return document.documentElement.scrollWidth <= innerWidth")
@@ -100,6 +80,28 @@ _TEXTS = (
     "return [...document.querySelector('.bench-grid svg').querySelectorAll('text')]"
     ".map(e => e.textContent)"
 )
+
+
+def test_the_page_is_read_aloud_in_its_language_and_a_row_chosen_without_a_mouse(
+    served: tuple[Page, FakeLink],
+) -> None:
+    page, link = served
+    link.view.events.append(event_of(Noted("it rings", "ann"), 1200, 12.0, 0, "plant"))
+    link.view.heard += 1
+    held = next(e for e in page.server.gui.all() if e.label == "Pause the view")
+    with chromium() as browser:
+        browser.open(page.server.address, 1440)
+        browser.until("return document.getElementById('bench-state')?.checkVisibility()")
+        assert browser.run("return document.documentElement.lang") == "en-US"
+        assert browser.run("return document.querySelectorAll('main').length") == 1
+        open_tab(browser, "Log")
+        row = "return document.querySelector('.bench-table tbody tr[tabindex]')"
+        browser.until(f"{row} !== null")
+        browser.run(f"{row.removeprefix('return ')}.focus()")
+        assert not held.value
+        browser.press("Enter", "Enter")
+        ticked = "[role=checkbox][aria-label='Pause the view'][aria-checked=true]"
+        browser.until("return document.querySelector(arguments[0]) !== null", ticked)
 
 
 def _works(browser: Browser, link: FakeLink) -> None:

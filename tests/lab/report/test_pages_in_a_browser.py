@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from tests.browser import Browser, chromium, looked_at
+from tests.browser import PALE, Browser, chromium, looked_at
 from tests.plants import plant
 
 from flexslew_control.planners import make_plan, plan_settings
@@ -111,6 +111,19 @@ def test_text_neither_collides_nor_leaves_the_page_nor_breaks_inside_words(
     assert seen["broken"] == []
     assert seen["scroll"] <= 0
     assert browser.complaints() == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_stands_out_from_its_ground(
+    browser: Browser, pages: dict[str, Path], scheme: str
+) -> None:
+    asked = [{"name": "prefers-color-scheme", "value": scheme}]
+    browser.devtools("Emulation.setEmulatedMedia", {"features": asked})
+    try:
+        browser.open(pages["one"], 820)
+        assert browser.run(PALE) == []
+    finally:
+        browser.devtools("Emulation.setEmulatedMedia", {"features": []})
 
 
 def test_the_look_at_a_page_finds_what_it_looks_for(browser: Browser, tmp_path: Path) -> None:

@@ -60,6 +60,7 @@ app.add_typer(log, name="log", rich_help_panel="Logs and replay")
 app.add_typer(study, name="study", rich_help_panel="Analyse and identify")
 app.callback()(reading_limits)
 
+_UNREAD = 141  # exit code that a shell has for the signal of a closed pipe
 Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
 
 
@@ -345,9 +346,11 @@ def _exit_code() -> int:
     except (typer.Abort, KeyboardInterrupt):
         say("interrupted")
         code = INTERRUPTED
-    except BrokenPipeError:  # whoever read our output has left
+    except SystemExit as leave:
+        if not isinstance(leave.__context__, BrokenPipeError):
+            raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 1
+        code = _UNREAD  # whoever read our output has left, of which typer makes a 1
     except RunFault as error:
         say(str(error), head="error: ")
         code = 3

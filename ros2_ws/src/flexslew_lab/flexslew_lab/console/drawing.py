@@ -23,6 +23,13 @@ _WEBGL = """(() => {
   return /swiftshader|llvmpipe|software/i.test(by) ? 1 : 2;
 })()"""
 _PATIENCE = 20.0  # for a page to begin [wall s]
+# of a table, chosen by a click or with Enter
+_ROW = """
+<q-tr :props="props" tabindex="0" @click="$parent.$emit('chosen', props.row.id)"
+      @keydown.enter="$parent.$emit('chosen', props.row.id)">
+  <q-td v-for="column in props.cols" :key="column.name" :props="props">{{ column.value }}</q-td>
+</q-tr>
+"""
 # once all that was sent before is on the screen; a page that nobody sees waits until somebody does
 _DRAWN = "return new Promise(then => requestAnimationFrame(() => setTimeout(then, 0)))"
 _ASLEEP = 30.0  # after which such a page gets the next pictures all the same [wall s]
@@ -54,7 +61,7 @@ class PageView:
         ui.add_head_html(f"<script>{SCRIPT}</script>")
         with ui.header().classes("bench-header"):
             self._place(gui.header, "bench-top")
-        with ui.element("main").classes("bench-page"):
+        with ui.element("div").classes("bench-page"):
             self._place(gui.left, "bench-left")
             self._place(gui.middle, "bench-middle")
 
@@ -245,16 +252,17 @@ def _table(view: PageView, element: Element) -> Any:
         {"name": name, "field": name, "label": name, "align": "left"} for name in element.options
     ]
     drawn = ui.table(columns=columns, rows=element.data or [], row_key="id")
-    drawn.props("dense flat wrap-cells hide-bottom virtual-scroll").classes("bench-table")
+    drawn.props("dense flat wrap-cells hide-bottom").classes("bench-table")
+    drawn.add_slot("body", _ROW)
 
     def chosen(event: Any) -> None:
         try:
-            element.value = int(event.args[1]["id"])
-        except (LookupError, TypeError, ValueError):
+            element.value = int(event.args)
+        except (TypeError, ValueError):
             return
         view.clicked(element)
 
-    drawn.on("row-click", chosen, [[], ["id"], []])
+    drawn.on("chosen", chosen)
     return drawn
 
 

@@ -195,7 +195,7 @@ def _numbers(marks: Sequence[Mark], shown: tuple[float, float] | None) -> list[d
             "xanchor": "center" if shown[0] + gap < at < shown[1] - gap else _side(at, shown),
             "text": _short(numbers),
             "showarrow": False,
-            "font": {"size": 9.5, "color": PALE},
+            "font": {"size": 9.5, "color": INK},
         }
         for at, numbers in places
     ]

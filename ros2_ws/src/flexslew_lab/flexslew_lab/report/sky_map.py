@@ -103,7 +103,7 @@ def _cone(cone: Cone) -> str:
     edge = np.cos(cone.half_angle) * cone.axis + np.sin(cone.half_angle) * around
     (x, y), *_ = _SCALE * projected(cone.axis[None])
     return _curve(edge, f'stroke="{BROKEN}" stroke-width="1.5"') + (
-        f'<text x="{x:.4g}" y="{y:.4g}" text-anchor="middle" fill="{BROKEN}">'
+        f'<text x="{x:.4g}" y="{y:.4g}" text-anchor="middle" fill="currentColor">'
         f"{escape(cone.name)}</text>"
     )
 
@@ -118,8 +118,8 @@ def _track(name: str, look: Matrix, color: str) -> str:
         _curve(look, f'stroke="{color}" stroke-width="2"')
         + f'<circle cx="{x0:.4g}" cy="{y0:.4g}" r="4" fill="none" stroke="{color}"/>'
         + f'<circle cx="{x1:.4g}" cy="{y1:.4g}" r="4" fill="{color}"/>'
-        + f'<text x="{x1 + aside:.4g}" y="{y1 - 6.0:.4g}" text-anchor="{anchor}" fill="{color}">'
-        + f"{escape(name)}</text>"
+        + f'<text x="{x1 + aside:.4g}" y="{y1 - 6.0:.4g}" text-anchor="{anchor}" '
+        + f'fill="currentColor">{escape(name)}</text>'
     )
 
 
