@@ -49,6 +49,12 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert tuple(built.testbed.effort_limit) == (80.0, 90.0)
 
 
+def test_what_a_run_will_not_show_is_a_warning_in_the_line_that_flies() -> None:
+    with pytest.warns(UserWarning, match="the plan ends at 2 s, the run at 1 s") as told:
+        fly(trial(SHORT, {"duration": 1.0, "schedule": []}))
+    assert [one.filename for one in told] == [__file__]
+
+
 def test_fractions_and_decimals_are_numbers() -> None:
     assert trial({"duration": Fraction(9, 2), "period": Decimal("0.01")}).duration == 4.5
 

@@ -6,6 +6,7 @@ import typer
 from typer.core import TyperCommand
 
 from flexslew_lab.cli import checkout
+from flexslew_plant.errors import BadInput
 
 BENCHMARK = """
 from multiprocessing import get_context
@@ -93,3 +94,11 @@ def test_a_benchmark_may_start_processes(
     monkeypatch.setattr(sys, "path", [*sys.path])
     checkout.bench(["halving"], as_json=True)
     assert '"half": 1.5' in capsys.readouterr().out
+
+
+def test_outside_of_a_checkout_extras_come_by_pip(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checkout, "__file__", str(tmp_path / "checkout.py"))
+    with pytest.raises(BadInput, match=r"'flexslew\[EXTRA\]'.* extras: casadi, console, ctrlsys,"):
+        checkout.extras()

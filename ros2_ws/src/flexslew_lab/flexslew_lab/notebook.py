@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import os
 import tempfile
+import warnings
 from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,6 +85,8 @@ def trial(
 def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
     """Return the flight of a trial in process, without ROS.
 
+    What the command line tells as a warning is a UserWarning.
+
     Args:
         what: as from `trial`, or what `trial` takes.
         folder: of the run, with bag, metrics.json and report.html; None: nothing stays on disk.
@@ -91,10 +95,13 @@ def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
         BadInput, PlanFailed: before anything was written.
     """
     what = trial_from(what)
+    warn = partial(warnings.warn, stacklevel=3)
     if folder is not None:
-        return read(run_trial(what, "notebook", Path(folder), in_process=True).folder, what.trust)
+        result = run_trial(what, "notebook", Path(folder), in_process=True, warn=warn)
+        return read(result.folder, what.trust)
     with tempfile.TemporaryDirectory() as passing:
-        result = run_trial(what, "notebook", Path(passing, "run"), in_process=True, report=False)
+        run = Path(passing, "run")
+        result = run_trial(what, "notebook", run, in_process=True, report=False, warn=warn)
         return read(result.folder, what.trust)
 
 

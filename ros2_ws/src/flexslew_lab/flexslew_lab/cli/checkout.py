@@ -13,10 +13,12 @@ from flexslew_lab.background import machine_code_log, wait_for
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_plant.errors import BadInput
+from flexslew_plant.extras import EXTRAS
 
 # they take long, or much of the machine
 LONG = ("console", "day", "gains", "identification", "margins", "study_bad_days")
 OVER_ROS = ("tests/ros", "tests/campaigns/ros")
+_IN_A_CHECKOUT = "tests and benchmarks are in the source tree; run ./flexslew in a checkout"
 _MOST = 8  # processes that compute, of three quarters of a gigabyte each
 
 
@@ -82,7 +84,8 @@ def extras() -> None:
 
     Example: `./flexslew extras`
     """
-    _root()
+    known = ", ".join(sorted({*EXTRAS.values()} - {""}))
+    _root(f"this is no checkout: pip install 'flexslew[EXTRA]' brings the same; extras: {known}")
     say("all packages are installed")  # ./flexslew has done it before this was called
 
 
@@ -124,9 +127,13 @@ def _pytest(*arguments: str) -> int:
     return code if code >= 0 else 128 - code
 
 
-def _root() -> Path:
-    """Return the root of the checkout, above ros2_ws."""
+def _root(otherwise: str = _IN_A_CHECKOUT) -> Path:
+    """Return the root of the checkout, above ros2_ws.
+
+    Raises:
+        BadInput: there is none; `otherwise`.
+    """
     for folder in Path(__file__).resolve().parents:
         if (folder / "benchmarks").is_dir() and (folder / "tests").is_dir():
             return folder
-    raise BadInput("tests and benchmarks are in the source tree; run ./flexslew in a checkout")
+    raise BadInput(otherwise)

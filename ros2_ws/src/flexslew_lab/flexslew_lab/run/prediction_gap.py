@@ -38,6 +38,6 @@ def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> 
     if left <= predicted * (1.0 + _ALLOWED) + _NEGLIGIBLE:
         return ""
     return (
-        f"warning: the flight left {left:.3g} m at the tip, the plan predicts {predicted:.3g} m on "
+        f"the flight left {left:.3g} m at the tip, the plan predicts {predicted:.3g} m on "
         "the same bench: is the controller in charge the one whose gains the plan assumes?"
     )

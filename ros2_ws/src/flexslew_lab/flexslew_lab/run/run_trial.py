@@ -69,6 +69,7 @@ def run_trial(
     progress: Progress = lambda tick, last: None,
     say: Callable[[str], None] = lambda words: None,
     autostart: bool = True,
+    warn: Callable[[str], None] | None = None,
 ) -> Result:
     """Fly the trial, write its folder and return what came out.
 
@@ -81,10 +82,12 @@ def run_trial(
         progress: called with the tick and the last tick.
         say: called with a line for a person.
         autostart: over ROS, fly as soon as all are there; else when an operator says so.
+        warn: called with a line on what the run will not show as it is asked for; None: say it.
 
     Raises:
         BadInput, PlanFailed: before anything was written.
     """
+    warned = warn or (lambda words: say(f"warning: {words}"))
     folder = new_folder(trial.name, out)
     if not in_process:
         from flexslew_lab.run.shared_memory import require_shared_memory
@@ -95,18 +98,18 @@ def run_trial(
         trial.metrics, f"{source}: metrics", trial.trust
     )  # refused before anything is flown
     if prepared.plan is not None and prepared.plan.end > trial.duration:
-        say(
-            f"warning: the plan ends at {prepared.plan.end:g} s, the run at {trial.duration:g} s: "
+        warned(
+            f"the plan ends at {prepared.plan.end:g} s, the run at {trial.duration:g} s: "
             "the residual after the manoeuvre cannot be measured"
         )
     tips = trial.testbed.model().appendages.tip
     if tips.shape[1] and not tips.any():
-        say(
-            f"warning: no tip shows any of the {tips.shape[1]} modes: all tip deflections are told "
-            "as 0, whatever rings; see the modes in the report"
+        warned(
+            f"no tip shows any mode, of {tips.shape[1]}: all tip deflections are told as 0, "
+            "whatever rings; see the modes in the report"
         )
     if prepared.plan is not None and "warning" in prepared.plan.summary:
-        say(f"warning: plan: {prepared.plan.summary['warning']}")
+        warned(f"plan: {prepared.plan.summary['warning']}")
     if prepared.plan is not None and prepared.plan.summary.get("believes"):
         say(f"the plan assumes, unlike the bench: {prepared.plan.summary['believes']}")
     text = trial_text(trial)  # refused before anything is written
@@ -125,7 +128,7 @@ def run_trial(
     result, reader = _finished(folder, bag, outcome, trial.trust)
     words = prediction_gap(trial, prepared.plan, result.metrics)
     if words:
-        say(words)
+        warned(words)
     missed = missed_goal(result.metrics, trial.goal_tolerance, joint_units(trial.testbed))
     failed = (missed, looked_inside(result.metrics))
     if any(failed) and not result.exit_code:
