@@ -251,3 +251,30 @@ def test_a_steady_observer_states_the_covariance_of_its_own_ticks(
     c, sensors = observer.observed.system.c, observer.observed.system.sensor_density / PERIOD
     expected = np.diag(c @ own @ c.T + sensors)
     np.testing.assert_allclose(observer.innovation_variance(), expected, rtol=1e-5)
+
+
+def test_the_surface_is_the_same_in_all_units() -> None:
+    coupling = 0.4 * np.eye(3, 2)  # of three axes, whose inertias are one, with two modes
+    mass = np.block([[np.eye(3), coupling], [coupling.T, np.eye(2)]])
+    stiffness = np.diag([0.0, 0.0, 0.0, 1.0, 4.0])
+    b = np.vstack((np.zeros((5, 3)), np.linalg.solve(mass, np.eye(5)[:, :3])))
+    lower = np.hstack((-np.linalg.solve(mass, stiffness), np.zeros((5, 5))))
+    c = np.eye(10)[[0, 1, 2, 5, 6, 7]]
+    weight = np.diag([0.1, 0.1, 0.1, 1.0, 4.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    names = tuple(f"x{k}" for k in range(10))
+
+    def surface(inertia: float) -> Any:
+        """Return what of the state the efforts answer to, with these inertias [kg m^2]."""
+        units = np.tile([1.0, 1.0, 1.0, inertia**0.5, inertia**0.5], 2)  # modal masses are one
+        a = np.vstack((np.eye(5, 10, 5), lower)) * units[:, None] / units
+        inputs = units[:, None] * b / inertia
+        found = design(
+            LinearSystem(a, inputs, c, inputs, inertia**2 * np.eye(3), 1e-4 * np.eye(6), names),
+            inertia * weight / units / units[:, None],
+            2.0,
+        )
+        return np.linalg.solve(found.surface @ inputs, found.surface) / inertia * units
+
+    one = surface(1.0)
+    for inertia in (1e-6, 1e-3, 1e5, 1e8, 1e10):
+        np.testing.assert_allclose(surface(inertia), one, atol=1e-6 * abs(one).max())

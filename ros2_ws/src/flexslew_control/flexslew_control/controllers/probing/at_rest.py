@@ -13,6 +13,6 @@ def moves(plan: Plan | None, rest: Vector) -> str:
         plan: None: none, so nothing moves.
         rest: joint positions, shape (m,) [rad or m].
     """
-    if plan is None or np.allclose(plan.extent, rest):
+    if plan is None or np.allclose(plan.extent, rest, rtol=0.0):
         return ""
     return "it cannot follow a moving reference: it holds the testbed at rest"

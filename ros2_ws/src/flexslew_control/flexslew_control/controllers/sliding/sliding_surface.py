@@ -12,6 +12,8 @@ from flexslew_control.riccati import continuous_riccati
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 
+_CONDITION = 100.0  # of B, from which its units do harm
+
 
 @dataclass(frozen=True)
 class LinearSystem:
@@ -40,6 +42,9 @@ class LinearSystem:
 class SlidingDesign:
     """Gains and the matrices they came from.
 
+    Where B is ill-conditioned in the units of the bench, as on a large craft, M, its weights, P2
+    and K_s are those of z in units in which Q_s has a diagonal of one. The surface is the same.
+
     Args:
         observer_gain: K_f (6), shape (k, l).
         covariance: P (7), shape (k, k).
@@ -47,7 +52,7 @@ class SlidingDesign:
         weight_11, weight_12, weight_22: Q11, N12, R22, blocks of W = M^-T Q_s M^-1 (32).
         riccati: P2 (35), shape (k - m, k - m).
         sliding_gain: K_s (34), shape (m, k - m).
-        surface: G (28), shape (m, k); G B = B^T B.
+        surface: G (28), shape (m, k); G B = B^T B in these units.
         reaching_rate: nu [1/s].
         sliding_poles: eigenvalues of A11 - A12 K_s, shape (k - m,).
     """
@@ -84,6 +89,12 @@ def design(system: LinearSystem, weight: Matrix, reaching_rate: float) -> Slidin
     require_observable(a, system.c, system.names)
     noise = system.noise_input @ system.noise_density @ system.noise_input.T
     observer_gain, covariance = continuous_gain(a, system.c, noise, system.sensor_density)
+    units = np.ones(len(a))
+    if np.linalg.cond(b) > _CONDITION:
+        own = np.diag(weight)
+        units = 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0))
+        a, b = a * units / units[:, None], b / units[:, None]
+        b, weight = b / np.linalg.norm(b, axis=0), units[:, None] * weight * units
     basis = null_space(b.T).T  # N
     transform = np.vstack((basis, b.T))
     inverse = np.hstack((basis.T, b @ np.linalg.inv(b.T @ b)))
@@ -111,7 +122,7 @@ def design(system: LinearSystem, weight: Matrix, reaching_rate: float) -> Slidin
         r22,
         p2,
         gain,
-        np.hstack((gain, np.eye(b.shape[1]))) @ transform,
+        np.hstack((gain, np.eye(b.shape[1]))) @ transform / units,
         reaching_rate,
         np.linalg.eigvals(a11 - a12 @ gain),
     )

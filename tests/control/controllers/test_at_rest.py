@@ -1,0 +1,19 @@
+"""What laws that hold a rest say of plans."""
+
+import numpy as np
+
+from flexslew_control.controllers.at_rest import moves
+from flexslew_control.plan import Plan
+
+
+def to(goal: float) -> Plan:
+    position, none = np.array([[1.0], [goal]]), np.zeros((1, 0))
+    return Plan(
+        "reference_only", ("yaw",), 0.0, 0.1, position, 0.0 * position, position[:1], none, 0.1
+    )
+
+
+def test_a_slew_by_an_arcsecond_moves_wherever_it_starts() -> None:
+    assert moves(None, np.ones(1)) == ""
+    assert moves(to(1.0), np.ones(1)) == ""
+    assert "moving" in moves(to(1.0 + np.deg2rad(1.0 / 3600.0)), np.ones(1))
