@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_control.controllers.at_rest import moves
+from flexslew_control.controllers.probing.at_rest import moves
 from flexslew_control.plan import Plan
 
 
