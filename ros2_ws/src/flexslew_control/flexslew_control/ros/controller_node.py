@@ -49,7 +49,7 @@ class ControllerNode:
         self._host = ControllerHost(node.get_name(), given)
         self._next_look, self._state, self._realtime = 0.0, "", RealTime()  # [wall s]; of the bench
         outlets = loop.outlets(node)
-        self._events = EventLog(node, outlets)
+        events = EventLog(node, outlets)
         self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
         self._alive = loop.live(node, "controller", LISTENING)
         self._announcer = Announcer(
@@ -57,6 +57,7 @@ class ControllerNode:
             self._host,
             self._settings.law,
             self._alive,
+            events,
             [offer.publisher for offer in self.answering.sent],
             lambda: self.answering.heard,
             self._settings.wait_for,
@@ -75,7 +76,7 @@ class ControllerNode:
             self.answering.silent = self._announcer.mute
             self._watch.look()
             self.answering.look(now)
-            self._tell()
+            self._announcer.tell()
             waits = self._announcer.reason is not None or self._alive.listens
             self._next_look = now + (_POLL_PERIOD if waits else 0.2)
         return min(self._next_look - now, self.answering.fly())
@@ -86,7 +87,7 @@ class ControllerNode:
             plant = described(message.settings, "/testbed", trust)
         except BadInput as error:
             self._host.ignored(topics.TESTBED, str(error))
-            self._tell()
+            self._announcer.tell()
             return
         self._watch.seen = True
         self.answering.begin_anew(message.period)
@@ -112,7 +113,7 @@ class ControllerNode:
             return
         if refused is not None:
             self._host.events.append(self._host.plan_refused(message.hash))
-            self._tell()
+            self._announcer.tell()
         self._announcer.announce(always=True)
 
     def _on_bench_state(self, message: msg.BenchState) -> None:
@@ -130,16 +131,9 @@ class ControllerNode:
         self._alive.poll(monotonic())
         return self.answering.serve()
 
-    def _tell(self) -> None:
-        """Pass on what the host has to say, unless there is an older one of its name."""
-        while self._host.events and not self._alive.listens:
-            event = self._host.events.popleft()
-            if not self._announcer.mute:
-                self._events.tell(event)
-
     def _observed(self, tick: int) -> None:
         if self._host.events:
-            self._tell()
+            self._announcer.tell()
             self._announcer.describe()
         else:
             self._announcer.seen(tick)
