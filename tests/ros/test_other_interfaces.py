@@ -184,7 +184,7 @@ def test_a_trajectory_that_another_one_replaces_ends(tmp_path: Path) -> None:
         second = client.planned(trajectory=back, path_tolerance=[stays])
         assert bystander.ask(Trigger, "start").success
         told.extend(client.result(goal) for goal in (first, second))
-        heard.append(client.heard[-1])
+        heard.extend(list(feedback.joint_names) for feedback in client.heard)
         client.close()
 
     flight = flown(tmp_path, act, 10.0)
@@ -193,7 +193,7 @@ def test_a_trajectory_that_another_one_replaces_ends(tmp_path: Path) -> None:
     assert codes == ["INVALID_GOAL", "PATH_TOLERANCE_VIOLATED"], told
     assert told[0].error_string == "another plan has replaced this one"
     assert "hub_pitch" in told[1].error_string  # which the trajectory does not name
-    assert list(heard[0].joint_names) == ["base_yaw", "hub_pitch"]
+    assert ["base_yaw", "hub_pitch"] in heard
 
 
 @robots

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flexslew_control.planners.time_optimal.three_axes.three_axes.path_limits import PathLimits
-from flexslew_control.planners.time_optimal.three_axes.three_axes.reorientation import Reorientation
+from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.path_limits import PathLimits
+from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.reorientation import Reorientation
 from scipy.spatial.transform import Rotation
 from tests.control.planners.time_optimal.reorientations import (
     ASKEW,

@@ -409,6 +409,19 @@ def test_a_newcomer_after_the_brake_that_never_answers_leaves_the_bench_to_the_b
     assert lab.it.bench.drive.active == ""
 
 
+def test_a_question_that_was_answered_before_a_pause_is_not_asked_again_after_it() -> None:
+    lab = Lab(rate=1.0).until(50)
+    it = lab.it
+    while not it.bench.answered:
+        lab.poll()
+    assert it.pause(lab.now).ok
+    lab.poll()
+    assert it.start().ok
+    lab.until(60)
+    asked = [question.tick for question in lab.questions]
+    assert asked == sorted({*asked})  # who has come since would take the first for its own
+
+
 @pytest.mark.parametrize("rate", [0.0, 10.0])
 def test_a_controller_that_is_started_again_on_a_paused_bench_goes_on_with_it(rate: float) -> None:
     lab = Lab(rate=rate).until(1500)

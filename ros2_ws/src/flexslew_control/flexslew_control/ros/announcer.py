@@ -1,5 +1,6 @@
-"""What a controller's node says by itself: status, whether it could take charge, and events."""
+"""Who a controller is and whether it could take charge: the status that its node announces."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -29,7 +30,7 @@ class Announcer:
         host: that holds it.
         law: that it runs.
         alive: signs of life, for others of its name.
-        events: that the bench hears.
+        events: where the host's are told.
         sent: what must be heard: the commands first, then the states.
         heard: returns what hears the questions, whose publisher is the plant; None: it asks
             otherwise, and hears the answers there.
@@ -48,9 +49,10 @@ class Announcer:
         listeners: Sequence[str],
     ) -> None:
         self._node, self._host, self._law, self._alive = node, host, law, alive
-        self._events = events
         self._sent, self._heard, self._listeners = sent, heard, listeners
+        self._events = events
         self._status = publisher(node, topics.CONTROLLER_STATUS)
+        self._kept: deque[msg.ControllerStatus] = deque()  # until it may speak: each is a fact
         self.older: Refusal | None = None  # why this one is silent for another one of its name
         self.announced = False
         self.reason: Refusal | None = None  # as announced
@@ -74,6 +76,21 @@ class Announcer:
             self._node.get_logger().error(f"{self.older}; this one is silent")
         self.announce()
 
+    def tell(self) -> None:
+        """Pass on what it and its host have to say; none of it counts if there is an older one."""
+        if self._alive.listens:
+            return
+        for publish, kept in (
+            (self._status.publish, self._kept),
+            (self._events.tell, self._host.events),
+        ):
+            while kept:
+                said: Any = kept.popleft()
+                if self.older is None:
+                    publish(said)
+                else:
+                    self.announced = False
+
     def describe(self, another_bench: bool = False) -> None:
         """Announce what is computed from the settings that hold now."""
         host = self._host
@@ -90,12 +107,12 @@ class Announcer:
     def announce(self, always: bool = False) -> None:
         """Publish the status if it is another one than the last, or always."""
         reason = self._reason()
-        if (self.announced and reason == self.reason and not always) or self.mute:
+        if (self.announced and reason == self.reason and not always) or self.older:
             return
         host = self._host
         self.announced, self.reason, self._tick = True, reason, host.last_tick
         period = host.controller.period if host.controller else 0.0
-        self._status.publish(
+        self._kept.append(
             msg.ControllerStatus(
                 stamp=stamp(host.last_tick * period),
                 controller=host.name,
@@ -111,13 +128,7 @@ class Announcer:
                 plan_tick=host.plan_from[1],
             )
         )
-
-    def tell(self) -> None:
-        """Pass on what the host has to say, unless there is an older one of its name."""
-        while self._host.events and not self._alive.listens:
-            event = self._host.events.popleft()
-            if not self.mute:
-                self._events.tell(event)
+        self.tell()
 
     def _reason(self) -> Refusal | None:
         """Return why the controller could not take charge now, as far as its node knows."""

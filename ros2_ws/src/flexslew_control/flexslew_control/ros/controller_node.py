@@ -49,6 +49,7 @@ class ControllerNode:
         self._host = ControllerHost(node.get_name(), given)
         self._next_look, self._state, self._realtime = 0.0, "", RealTime()  # [wall s]; of the bench
         outlets = loop.outlets(node)
+        events = EventLog(node, outlets)
         self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
         self._alive = loop.live(node, "controller", LISTENING)
         self._announcer = Announcer(
@@ -56,7 +57,7 @@ class ControllerNode:
             self._host,
             self._settings.law,
             self._alive,
-            EventLog(node, outlets),
+            events,
             [offer.publisher for offer in self.answering.sent],
             lambda: self.answering.heard,
             self._settings.wait_for,

@@ -269,8 +269,13 @@ class Session:
         self.run.ticked(now)
 
     def _tell_tick(self) -> None:
-        """Ask first: the answer is under way while the rest goes out."""
-        self.outbox.append(self.bench.question)
+        """Ask first: the answer is under way while the rest goes out.
+
+        Where the bench rested with the answer, nobody is asked again: who has come since begins
+        with the next question, as the answer to this one is not his.
+        """
+        if not self.bench.answered:
+            self.outbox.append(self.bench.question)
         self._tell_truth()
         self._flush()
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from flexslew_control.free_platform import rate_readings
 from flexslew_control.planners.attitude.eigenaxis import continuous
-from flexslew_control.planners.time_optimal.three_axes.three_axes.held_pieces import (
+from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.held_pieces import (
     Pieces,
     flown_pieces,
 )
-from flexslew_control.planners.time_optimal.three_axes.three_axes.path_limits import (
+from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.path_limits import (
     FREE,
     PathLimits,
 )

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import linprog
 
-from flexslew_control.planners.time_optimal.three_axes.three_axes.reorientation import (
+from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.reorientation import (
     Arcs,
     Reorientation,
 )
