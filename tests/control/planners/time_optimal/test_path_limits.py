@@ -4,8 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.path_limits import PathLimits
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.reorientation import Reorientation
 from scipy.spatial.transform import Rotation
 from tests.control.planners.time_optimal.reorientations import (
     ASKEW,
@@ -23,6 +21,8 @@ from tests.control.planners.time_optimal.reorientations import (
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners.time_optimal.three_axes.path_limits import PathLimits
+from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed

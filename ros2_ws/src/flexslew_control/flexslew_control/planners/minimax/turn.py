@@ -9,13 +9,10 @@ from flexslew_control.planners.minimax.response import Grid
 from flexslew_control.planners.minimax.turning_motion import TurningMotion, platform_of
 from flexslew_control.planners.progress import ignore
 from flexslew_control.planners.slew import Slew
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.fastest_turns import (
-    Fastest,
-    means,
-)
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.path_limits import PathLimits
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.reorientation import Reorientation
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.round_cones import (
+from flexslew_control.planners.time_optimal.three_axes.fastest_turns import Fastest, means
+from flexslew_control.planners.time_optimal.three_axes.path_limits import PathLimits
+from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
+from flexslew_control.planners.time_optimal.three_axes.round_cones import (
     fastest_rigid_within,
     require_free_ends,
 )

@@ -18,11 +18,8 @@ from flexslew_control.free_platform import rate_readings
 from flexslew_control.planners.minimax.closed_loop import closed_loop, feedback
 from flexslew_control.planners.minimax.motion import MemberFlight
 from flexslew_control.planners.minimax.response import RestMotion
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.path_limits import (
-    FREE,
-    PathLimits,
-)
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.reorientation import Reorientation
+from flexslew_control.planners.time_optimal.three_axes.path_limits import FREE, PathLimits
+from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed

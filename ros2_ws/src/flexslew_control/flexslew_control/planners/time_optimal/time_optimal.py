@@ -22,7 +22,7 @@ from flexslew_control.planners.time_optimal.optimality import (
 )
 from flexslew_control.planners.time_optimal.pontryagin import ExtremalArcs, switching_function
 from flexslew_control.planners.time_optimal.structures import Structure, durations_or_remedy
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.three_axes import plan_three_axes
+from flexslew_control.planners.time_optimal.three_axes.three_axes import plan_three_axes
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector

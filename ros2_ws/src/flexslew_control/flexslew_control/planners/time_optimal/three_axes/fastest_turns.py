@@ -16,11 +16,8 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
     nearest_durations,
     shortest_durations,
 )
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.reorientation import (
-    Arcs,
-    Reorientation,
-)
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.sequential_programs import (
+from flexslew_control.planners.time_optimal.three_axes.reorientation import Arcs, Reorientation
+from flexslew_control.planners.time_optimal.three_axes.sequential_programs import (
     LocalArcs,
     fastest_near,
     settled_arcs,

@@ -8,14 +8,8 @@ import numpy as np
 
 from flexslew_control.free_platform import rate_readings
 from flexslew_control.planners.attitude.eigenaxis import continuous
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.held_pieces import (
-    Pieces,
-    flown_pieces,
-)
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.path_limits import (
-    FREE,
-    PathLimits,
-)
+from flexslew_control.planners.time_optimal.three_axes.held_pieces import Pieces, flown_pieces
+from flexslew_control.planners.time_optimal.three_axes.path_limits import FREE, PathLimits
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.model import Model

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexslew_control.planners.attitude.attitude_path import Knot, completed, through
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.fastest_turns import (
+from flexslew_control.planners.time_optimal.three_axes.fastest_turns import (
     PIECES,
     STEPS,
     Fastest,
@@ -22,9 +22,9 @@ from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.fas
     means,
     transcribed,
 )
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.path_limits import PathLimits
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.reorientation import Reorientation
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.sequential_programs import (
+from flexslew_control.planners.time_optimal.three_axes.path_limits import PathLimits
+from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
+from flexslew_control.planners.time_optimal.three_axes.sequential_programs import (
     LocalArcs,
     fastest_near,
 )

@@ -15,10 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import linprog
 
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.reorientation import (
-    Arcs,
-    Reorientation,
-)
+from flexslew_control.planners.time_optimal.three_axes.reorientation import Arcs, Reorientation
 from flexslew_plant.arrays import Matrix, Vector
 
 _PRICE = 10.0  # mu, of the first duration

@@ -14,16 +14,16 @@ import numpy as np
 from flexslew_control.plan import Plan
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, tick_times
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.fastest_turns import (
+from flexslew_control.planners.time_optimal.three_axes.fastest_turns import (
     Fastest,
     fastest_flexible,
     fastest_rigid,
     means,
     rigid_near,
 )
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.path_limits import PathLimits
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.reorientation import Reorientation
-from flexslew_control.planners.time_optimal.three_axes.three_axes.three_axes.round_cones import (
+from flexslew_control.planners.time_optimal.three_axes.path_limits import PathLimits
+from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
+from flexslew_control.planners.time_optimal.three_axes.round_cones import (
     fastest_within,
     require_free_ends,
 )
