@@ -81,15 +81,19 @@ def services() -> Iterator[tuple[str, str]]:
     Raises:
         ValueError: the type of one is not found in the sources.
     """
-    text = "\n".join(path.read_text() for path in sorted(SOURCES.glob("*/*/ros/**/*.py")))
+    sources = [path.read_text() for path in sorted(SOURCES.glob("*/*/ros/**/*.py"))]
+    text = "\n".join(sources)
     known = {value: key for key, value in vars(topics).items() if isinstance(value, str)}
     skipped = {topic.name for topic in topics.TOPICS.values()}
     for name, constant in known.items():
         if not constant.isupper() or name in skipped:
             continue
-        typed = re.search(rf"(?<!: )\bsrv\.(\w+),\s*topics\.{constant}\b", text)
+        kind = rf"(?<!: )\b(srv|action)\.(\w+),\s*topics\.{constant}\b"
+        typed = [(found, one) for one in sources if (found := re.search(kind, one))]
         if typed:
-            yield name, f"flexslew_msgs/srv/{typed[1]}"
+            found, source = typed[0]
+            package = re.findall(r"from (\w+) import [^\n]*\bsrv\b", source)[0]
+            yield name, f"{package}/{found[1]}/{found[2]}"
         elif re.search(rf"\baction\b|PlanSlew,\s*topics\.{constant}\b", text) and "plan" in name:
             yield name, "flexslew_msgs/action/PlanSlew"
         elif re.search(rf"\bFollowJointTrajectory,\s*topics\.{constant}\b", text):
