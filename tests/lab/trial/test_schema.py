@@ -110,6 +110,8 @@ def test_the_defaults_of_every_law_fit_and_an_unknown_key_does_not(name: str) ->
         ({"duration": "2 kg"}, False),
         ({"duration": 0.0}, False),
         ({"testbed": {"kind": "csa", "initial": {"base_yaw": "57 deg"}}}, True),
+        ({"sensors": {"joint_position": {"noise": "0.1 mrad"}}}, True),
+        ({"sensors": {"joint_position": {"noise": "0.1 miles"}}}, False),
         ({"testbed": {"kind": "csa", "mode": 2}}, False),
         ({"testbed": {"kind": "my_testbed.py:Mine", "anything": 1}}, True),
         ({"testbed": {"kind": "cs"}}, False),

@@ -137,6 +137,8 @@ def test_a_run_without_a_tick_is_refused(tmp_path: Path) -> None:
             "{testbed: {kind: floating_oscillator}, actuator: {coulomb_friction: 1 N m}}",
             "actuator.coulomb_friction",
         ),
+        ("sensors: {joint_position: {noise: 1 mm}}", "sensors.joint_position.noise"),
+        ("sensors: {tip_deflection: {bias: 1 deg}}", "sensors.tip_deflection.bias"),
     ],
 )
 def test_a_joint_that_turns_is_given_in_no_unit_of_one_that_slides(text: str, key: str) -> None:
@@ -159,6 +161,17 @@ def test_every_joint_takes_the_units_of_its_own_kind() -> None:
     assert slides.plan.goal == {"mass": 0.3}
     assert slides.schedule[0].disturbance["mass"].sine.amplitude == 0.02
     assert slides.schedule[1].disturbance["mass"] == 0.03
+    errors: Any = parse_trial(
+        """sensors:
+          joint_position: {noise: 0.1 mrad, quantisation: 20 arcsec}
+          joint_velocity: {bias: 0.01 deg/s}
+          tip_deflection: {noise: 1 mm}""",
+        "t.yaml",
+    ).sensors
+    assert errors.joint_position.noise == pytest.approx(1e-4)
+    assert errors.joint_position.quantisation == pytest.approx(pi / 32400.0)
+    assert errors.joint_velocity.bias == pytest.approx(pi / 18000.0)
+    assert errors.tip_deflection.noise == 1e-3
     motor = slides.actuator
     assert (motor.coulomb_friction, motor.coulomb_speed, motor.quantisation) == (5e-3, 1e-3, 1e-3)
 

@@ -23,6 +23,7 @@ UNITS: dict[str, dict[str, float]] = {
     "N m": {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3},
     "Hz": {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3},
 }  # fmt: skip
+ABOVE = "unit of the section"  # says a key that is in the unit of the key that its section has
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z][A-Za-z/ ]*)")
 _BRACKETS = re.compile(r"\[([^\]]+)\]")
 _EXAMPLE = re.compile(r"`[^`]*`")
@@ -94,7 +95,8 @@ def units_at(kind: Any, path: Path) -> tuple[str, ...]:
         owners = [owner for owner in owners if part in {item.name for item in fields(owner)}]
         if owners:
             named = [units_in(own_meanings(owner)[part].words) for owner in owners]
-            units = tuple(dict.fromkeys(unit for one in named for unit in one))
+            own = tuple(dict.fromkeys(unit for one in named for unit in one))
+            units = units if own == (ABOVE,) else own
             inside = [get_type_hints(owner, include_extras=True)[part] for owner in owners]
     return units
 

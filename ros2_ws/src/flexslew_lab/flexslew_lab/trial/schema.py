@@ -1,6 +1,7 @@
 """The JSON schema of a trial file, by which an editor completes and checks it while it is typed."""
 
 from collections.abc import Iterable
+from itertools import chain
 from typing import Any, Literal
 
 from pydantic import TypeAdapter
@@ -10,7 +11,7 @@ from pydantic_core import core_schema
 from flexslew_control.controllers import CONTROLLERS, CommonSettings
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.settings_fields import own_meanings
-from flexslew_plant.units import UNITS, units_in
+from flexslew_plant.units import ABOVE, UNITS, units_in
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _PLACE = "#/$defs/{model}"
@@ -66,10 +67,15 @@ class _Described(GenerateJsonSchema):
             node = found.get("properties", {}).get(key)
             if node is None:
                 continue
-            units = [u for unit in units_in(meaning.words) for u in UNITS.get(unit, {})]
+            units = [u for unit in units_in(meaning.words) for u in _spelt(unit)]
             node = _with_quantities(node, units) if units else node
             found["properties"][key] = {**node, "description": meaning.told}
         return found
+
+
+def _spelt(unit: str) -> Iterable[str]:
+    """Return what a unit may be given in; that of the section above is not known here."""
+    return chain.from_iterable(UNITS.values()) if unit == ABOVE else UNITS.get(unit, {})
 
 
 def _with_quantities(node: Any, units: list[str]) -> Any:

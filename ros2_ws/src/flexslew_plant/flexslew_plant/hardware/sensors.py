@@ -14,9 +14,9 @@ from flexslew_plant.testbeds.model import Model
 class Channel:
     """Errors of one kind of sensor, in its own unit; all off by default."""
 
-    noise: NonNegative = 0.0  # standard deviation of the white noise of each tick
-    bias: float = 0.0  # added to every reading
-    quantisation: NonNegative = 0.0  # readings are multiples of it; 0: none
+    noise: NonNegative = 0.0  # standard deviation of the noise of each tick [unit of the section]
+    bias: float = 0.0  # added to every reading [unit of the section]
+    quantisation: NonNegative = 0.0  # readings are multiples of it; 0: none [unit of the section]
 
 
 @section
