@@ -52,7 +52,7 @@ def test_a_bench_is_shaken_identified_and_planned_for_from_the_page(tmp_path: Pa
         page.state("paused")
         page.tab("Experiment")
         page.click("Identify")
-        page.says("1 modes found")
+        page.says("1 mode found")
         page.says("model, from mass")
         page.click("Accept the model")
         page.says("plans believe it")

@@ -144,7 +144,7 @@ def test_responses_grow_with_the_periods_and_the_model_that_is_accepted_plans(
     hands.click("Identify")
     worked(hands)
     (w,), _, _ = truth(BENCH)
-    assert "1 modes found" in hands.texts(), hands.texts()[-900:]
+    assert "1 mode found" in hands.texts(), hands.texts()[-900:]
     hands.click("Accept the model")
     written = load_yaml((tmp_path / "identified.yaml").read_text(), "")
     assert written["modes"][0]["frequency"]["value"] == pytest.approx(w, rel=2e-3)
@@ -155,6 +155,9 @@ def test_responses_grow_with_the_periods_and_the_model_that_is_accepted_plans(
     assert believed == written["model"]
     assert read_testbed(believed, "here").kind == "identified"
     hands.set("Believe the identified model", False)
+    assert "model" not in load_yaml(hands.click("Plan")[0][1]["request"], "")
+    hands.set("Believe the identified model", True)
+    link.view.bench_settings = "of another bench that came"
     assert "model" not in load_yaml(hands.click("Plan")[0][1]["request"], "")
 
 

@@ -28,18 +28,26 @@ class Desk:
         server: of the page.
         link: to the bench.
         say: told in one line when a page sends what none of its forms can.
-
-    Attributes:
-        identified: the `testbed` section of the model that was accepted; None: none yet.
     """
 
-    identified: dict[str, Any] | None = None
+    _accepted: tuple[str, dict[str, Any]] | None = None  # the settings of its bench, the model
 
     def __init__(self, server: ConsoleServer, link: BenchLink, say: Callable[[str], None]) -> None:
         self.server, self.gui = server, server.gui
         self.link, self.view = link, link.view
         self._waiting: deque[tuple[Act, int]] = deque()
         self._user, self._say = _user(), say
+
+    @property
+    def identified(self) -> dict[str, Any] | None:
+        """The `testbed` section of the model that was accepted of this bench; None: none yet."""
+        if self._accepted is None or self._accepted[0] != self.view.bench_settings:
+            return None
+        return self._accepted[1]
+
+    def accept(self, model: dict[str, Any]) -> None:
+        """Let plans for the bench that is there believe a model, a `testbed` section."""
+        self._accepted = self.view.bench_settings, model
 
     def click(self, button: Element, act: Act) -> None:
         """Let a button do something."""

@@ -210,7 +210,7 @@ class ExperimentPanel:
         except BadInput as error:
             self._outcome.tell(RequestResult(False, str(error)))
             return
-        self._desk.identified = section
+        self._desk.accept(section)
         self._outcome.tell(RequestResult(True, words))
 
     def _draw(self) -> None:
