@@ -75,3 +75,14 @@ def test_no_event_of_a_log_is_obeyed(
     shown = capsys.readouterr()
     assert shown.out
     assert not obeyed(shown.out + shown.err)
+
+
+def test_a_table_for_a_program_has_a_line_for_each_row(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    digest = 64 * "a"
+    print_table(("metric", "value"), [("trajectory_hash", digest), (200 * "x", 1)])
+    _, first, second = capsys.readouterr().out.splitlines()
+    assert first.split() == ["trajectory_hash", digest]
+    assert second.split() == [200 * "x", "1"]

@@ -4,6 +4,7 @@ All of it goes through this file. What is printed may come from a file of somebo
 not show, as the sequences that a terminal obeys (title, clipboard), is escaped.
 """
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from rich.text import Text
 
 from flexslew_plant.refusal import one_line
 
+_WHOLE = 10**6  # columns, where nobody reads them
 for_people = Console(stderr=True)  # standard output is for results
 
 
@@ -35,7 +37,7 @@ def progress(name: str, what: str = "ticks") -> Iterator[Callable[[int, int], No
 
 
 def print_table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
-    """Print a table on standard output, long words folded."""
+    """Print a table on standard output: as wide as it is for a program, long words folded else."""
     table = Table(
         *(Column(Text(one_line(name)), overflow="fold") for name in columns),
         box=None,
@@ -43,7 +45,10 @@ def print_table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> Non
     )
     for row in rows:  # as it is: [s] is a unit, not a style
         table.add_row(*(Text(one_line(str(cell))) for cell in row))
-    Console().print(table)
+    console = Console()
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console.width = _WHOLE
+    console.print(table)
 
 
 def print_line(words: str) -> None:
