@@ -271,10 +271,10 @@ class Session:
     def _tell_tick(self) -> None:
         """Ask first: the answer is under way while the rest goes out.
 
-        Where the bench rested with the answer, nobody is asked again: who has come since begins
+        Where the bench rested with an answer, nobody is asked again: who has come since begins
         with the next question, as the answer to this one is not his.
         """
-        if not self.bench.answered:
+        if not (self.bench.drive.active and self.bench.answered):  # under the brake all are asked
             self.outbox.append(self.bench.question)
         self._tell_truth()
         self._flush()
