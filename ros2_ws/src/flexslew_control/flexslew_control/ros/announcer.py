@@ -65,6 +65,11 @@ class Announcer:
         """Whether it says nothing: there is an older node of its name, or there may be."""
         return self._alive.listens or self.older is not None
 
+    @property
+    def waits(self) -> bool:
+        """Whether something is to come: it is not ready, or it listens."""
+        return self.reason is not None or self._alive.listens
+
     def look(self) -> None:
         """Look at the graph and announce what has changed.
 
@@ -75,6 +80,7 @@ class Announcer:
         if self.older and not before:
             self._node.get_logger().error(f"{self.older}; this one is silent")
         self.announce()
+        self.tell()
 
     def tell(self) -> None:
         """Pass on what it and its host have to say; none of it counts if there is an older one."""

@@ -66,6 +66,7 @@ class ControllerNode:
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
+        self._alive.heard = self._announcer.look
         self._tuning = Tuning(node, self._host, self._settings.law, self._serve)
 
     def poll(self) -> float:
@@ -77,8 +78,7 @@ class ControllerNode:
             self._watch.look()
             self.answering.look(now)
             self._announcer.tell()
-            waits = self._announcer.reason is not None or self._alive.listens
-            self._next_look = now + (_POLL_PERIOD if waits else 0.2)
+            self._next_look = now + (_POLL_PERIOD if self._announcer.waits else 0.2)
         return min(self._next_look - now, self.answering.fly())
 
     def _on_testbed(self, message: msg.Testbed) -> None:

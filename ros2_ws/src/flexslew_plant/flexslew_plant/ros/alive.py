@@ -1,6 +1,7 @@
 """The signs of life of the nodes: each beats on `alive` and hears the others."""
 
 import random
+from collections.abc import Callable
 from time import monotonic, time_ns
 
 from flexslew_msgs import msg
@@ -25,6 +26,10 @@ class Alive:
         node: whose life it is.
         role: plant, controller, recorder, planner, console or live.
         listening: for how long to hear others before the first beat [wall s].
+
+    Attributes:
+        heard: called when that is over, before the first beat: who is believed alive is believed
+            what was last said in its name, which may be what a dead one said.
     """
 
     def __init__(self, node: Node, role: str, listening: float = 0.0) -> None:
@@ -35,6 +40,7 @@ class Alive:
         subscription(node, topics.ALIVE, self._hear)
         self._next, self._polled = 0.0, monotonic()
         self._left = listening
+        self.heard: Callable[[], object] = lambda: None
         self._met = 0.0  # an older one [wall s]
         self._since: dict[tuple[int, int], int] = {}  # of others, see _dated
 
@@ -71,6 +77,7 @@ class Alive:
             self._polled = now
             if self.listens:
                 return now + min(self._left, _TURN)
+            self.heard()
         if now >= self._next:
             self._publisher.publish(self._message)
             self._next = now + BEAT_EVERY
