@@ -1,4 +1,4 @@
-"""A controller that is started in flight: again after a kill, or beside the one of its name."""
+"""A controller that is killed in a pause, with a plan of the flight ahead, and started again."""
 
 import os
 import signal
@@ -20,31 +20,6 @@ from .bystander import beside
 from .flight import Flight, fork_server, slew
 
 
-def start(folder: Path, domain: int) -> Path:
-    """Start another controller of this name; return the file that it writes what it says to."""
-    words = ["--ros-args", "-r", "__node:=pd_feedforward"]
-    words += ["--params-file", str(folder / "parameters.yaml")]
-    module, own = "flexslew_control.ros.controller_node", {"ROS_DOMAIN_ID": str(domain)}
-    log = folder / "again.log"
-    with log.open("ab") as said:
-        fork_server().start(module, words, own, said.fileno())
-    return log
-
-
-def test_a_second_one_of_its_name_leaves_nothing_in_the_log(tmp_path: Path) -> None:
-    def act(pids: dict[str, int], domain: int) -> None:
-        with beside(domain) as bystander:
-            log = start(tmp_path, domain)
-            bystander.until(lambda: "this one is silent" in log.read_text(), log.read_text)
-            bystander.pass_by(100)
-            assert bystander.ask(SetRate, "set_rate", rate_factor=0.0).ok
-
-    flight = Flight(slew(duration=60.0, rate=1.0, extra="max_missed: 100000"), tmp_path, 10, act)
-    assert flight.outcome.exit_code == 0, flight.log
-    assert "began" not in flight.events, flight.log
-    assert resim(flight.bag).identical
-
-
 def test_it_flies_what_the_others_fly_before_a_reset_and_after_it(tmp_path: Path) -> None:
     def act(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bystander:
@@ -62,7 +37,11 @@ def test_it_flies_what_the_others_fly_before_a_reset_and_after_it(tmp_path: Path
             ours.publish(later)
             bystander.until(lambda: len(heard) == 2)
             os.kill(pids["pd_feedforward"], signal.SIGKILL)
-            start(tmp_path, domain)
+            words = ["--ros-args", "-r", "__node:=pd_feedforward"]
+            words += ["--params-file", str(tmp_path / "parameters.yaml")]
+            module, own = "flexslew_control.ros.controller_node", {"ROS_DOMAIN_ID": str(domain)}
+            with (tmp_path / "again.log").open("ab") as said:
+                fork_server().start(module, words, own, said.fileno())
             bystander.until(lambda: bool(bystander.ask(Trigger, "start").success))
             bystander.pass_by(40)
             assert bystander.ask(Trigger, "reset").success

@@ -1,6 +1,5 @@
 """Who a controller is and whether it could take charge: the status that its node announces."""
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -14,7 +13,6 @@ from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.alive import Alive
-from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import publishers_of, unmatched
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
@@ -30,7 +28,6 @@ class Announcer:
         host: that holds it.
         law: that it runs.
         alive: signs of life, for others of its name.
-        events: where the host's are told.
         sent: what must be heard: the commands first, then the states.
         heard: returns what hears the questions, whose publisher is the plant; None: it asks
             otherwise, and hears the answers there.
@@ -43,16 +40,13 @@ class Announcer:
         host: ControllerHost,
         law: str,
         alive: Alive,
-        events: EventLog,
         sent: Sequence["Publisher[Any]"],
         heard: "Callable[[], Subscription[Any] | None]",
         listeners: Sequence[str],
     ) -> None:
         self._node, self._host, self._law, self._alive = node, host, law, alive
         self._sent, self._heard, self._listeners = sent, heard, listeners
-        self._events = events
         self._status = publisher(node, topics.CONTROLLER_STATUS)
-        self._kept: deque[msg.ControllerStatus] = deque()  # until it may speak: each is a fact
         self.older: Refusal | None = None  # why this one is silent for another one of its name
         self.announced = False
         self.reason: Refusal | None = None  # as announced
@@ -60,42 +54,16 @@ class Announcer:
         self._settings = ""
         self._tick = 0  # of the last status
 
-    @property
-    def mute(self) -> bool:
-        """Whether it says nothing: there is an older node of its name, or there may be."""
-        return self._alive.listens or self.older is not None
-
-    @property
-    def waits(self) -> bool:
-        """Whether something is to come: it is not ready, or it listens."""
-        return self.reason is not None or self._alive.listens
-
     def look(self) -> None:
         """Look at the graph and announce what has changed.
 
-        While an older node of the same name is alive this one says nothing, and not before it would
-        have heard one: the bench could not tell whom it hears.
+        While an older node of the same name is alive this one says nothing: the bench could not
+        tell whom it hears.
         """
         before, self.older = self.older, self._alive.older
         if self.older and not before:
             self._node.get_logger().error(f"{self.older}; this one is silent")
         self.announce()
-        self.tell()
-
-    def tell(self) -> None:
-        """Pass on what it and its host have to say; none of it counts if there is an older one."""
-        if self._alive.listens:
-            return
-        for publish, kept in (
-            (self._status.publish, self._kept),
-            (self._events.tell, self._host.events),
-        ):
-            while kept:
-                said: Any = kept.popleft()
-                if self.older is None:
-                    publish(said)
-                else:
-                    self.announced = False
 
     def describe(self, another_bench: bool = False) -> None:
         """Announce what is computed from the settings that hold now."""
@@ -118,7 +86,7 @@ class Announcer:
         host = self._host
         self.announced, self.reason, self._tick = True, reason, host.last_tick
         period = host.controller.period if host.controller else 0.0
-        self._kept.append(
+        self._status.publish(
             msg.ControllerStatus(
                 stamp=stamp(host.last_tick * period),
                 controller=host.name,
@@ -134,7 +102,6 @@ class Announcer:
                 plan_tick=host.plan_from[1],
             )
         )
-        self.tell()
 
     def _reason(self) -> Refusal | None:
         """Return why the controller could not take charge now, as far as its node knows."""

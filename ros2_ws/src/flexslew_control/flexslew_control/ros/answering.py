@@ -56,7 +56,7 @@ class Answering:
     ) -> None:
         self._node, self._outlets, self._host, self._observed = node, outlets, host, observed
         self._loop = loop
-        self.period, self.silent = 0.01, True
+        self.period, self.silent = 0.01, False
         self.sent = [outlets.publisher(t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
         self.heard: Subscription[Any] | None = None
         self._calling: Calling | None = None

@@ -19,7 +19,6 @@ from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import RUNNING
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
-from flexslew_plant.ros.alive import LISTENING
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -49,15 +48,14 @@ class ControllerNode:
         self._host = ControllerHost(node.get_name(), given)
         self._next_look, self._state, self._realtime = 0.0, "", RealTime()  # [wall s]; of the bench
         outlets = loop.outlets(node)
-        events = EventLog(node, outlets)
+        self._events = EventLog(node, outlets)
         self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
-        self._alive = loop.live(node, "controller", LISTENING)
+        self._alive = loop.live(node, "controller")
         self._announcer = Announcer(
             node,
             self._host,
             self._settings.law,
             self._alive,
-            events,
             [offer.publisher for offer in self.answering.sent],
             lambda: self.answering.heard,
             self._settings.wait_for,
@@ -66,7 +64,6 @@ class ControllerNode:
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
-        self._alive.heard = self._announcer.look
         self._tuning = Tuning(node, self._host, self._settings.law, self._serve)
 
     def poll(self) -> float:
@@ -74,11 +71,10 @@ class ControllerNode:
         now = monotonic()
         if now >= self._next_look:
             self._announcer.look()
-            self.answering.silent = self._announcer.mute
+            self.answering.silent = self._announcer.older is not None
             self._watch.look()
             self.answering.look(now)
-            self._announcer.tell()
-            self._next_look = now + (_POLL_PERIOD if self._announcer.waits else 0.2)
+            self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
         return min(self._next_look - now, self.answering.fly())
 
     def _on_testbed(self, message: msg.Testbed) -> None:
@@ -87,7 +83,7 @@ class ControllerNode:
             plant = described(message.settings, "/testbed", trust)
         except BadInput as error:
             self._host.ignored(topics.TESTBED, str(error))
-            self._announcer.tell()
+            self._tell()
             return
         self._watch.seen = True
         self.answering.begin_anew(message.period)
@@ -112,8 +108,7 @@ class ControllerNode:
             self.node.get_logger().warning(str(error))
             return
         if refused is not None:
-            self._host.events.append(self._host.plan_refused(message.hash))
-            self._announcer.tell()
+            self._events.tell(self._host.plan_refused(message.hash))
         self._announcer.announce(always=True)
 
     def _on_bench_state(self, message: msg.BenchState) -> None:
@@ -131,9 +126,14 @@ class ControllerNode:
         self._alive.poll(monotonic())
         return self.answering.serve()
 
+    def _tell(self) -> None:
+        """Pass on what the host has to say."""
+        while self._host.events:
+            self._events.tell(self._host.events.popleft())
+
     def _observed(self, tick: int) -> None:
         if self._host.events:
-            self._announcer.tell()
+            self._tell()
             self._announcer.describe()
         else:
             self._announcer.seen(tick)

@@ -6,6 +6,7 @@ is heard on `joint_trajectory` is published as a plan, as is a goal of `follow_j
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from time import monotonic
 
 from flexslew_msgs import action, msg
@@ -14,16 +15,16 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
 from flexslew_control.plan import Plan
+from flexslew_control.plan_file import load_plan
 from flexslew_control.ros.follow_trajectory import follow_trajectory
-from flexslew_control.ros.own_plan import OwnPlan
 from flexslew_control.ros.plan_job import Outcome, PlanJob
 from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_control.ros.plan_requests import MODEL
-from flexslew_control.ros.plan_result import BUSY, plan_result
+from flexslew_control.ros.plan_result import BUSY, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_control.ros.trajectory_requests import TrajectoryRequests
 from flexslew_plant import topics
-from flexslew_plant.ros.alive import LISTENING
+from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
@@ -41,14 +42,13 @@ class Planner:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("planner")
-        self._alive = alive = loop.live(node, "planner", LISTENING)
+        self._alive = alive = loop.live(node, "planner")
         self._presence = alive.presence
         self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
         self._job = PlanJob(loop, soon=not self._settings.file)
         self._next_look = self._due = 0.0
         s = self._settings
         self._release = PlanRelease(node, loop, alive, (s.kp, s.kd), s.trust, s.in_charge())
-        self._own = OwnPlan(s, self._job, self._release)
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         self._release.requests.serve_model(node, s.model)
         self._trajectories = TrajectoryRequests(node, self._job, self._release)
@@ -85,8 +85,6 @@ class Planner:
                 self._following.poll()
         if self._alive.is_second(now):
             return _POLL_PERIOD
-        if not self._alive.listens:  # only now is it known to be the only one
-            self._own.poll()
         awaited = self._release.answers.poll(now)
         if not self._job.busy:
             return _PLANNING if awaited else self._next_look - now
@@ -104,10 +102,20 @@ class Planner:
         if self._following is not None:
             self._following.leave()
 
+    def _own_plan(self, outcome: Outcome) -> None:
+        """Publish what the parameters ask for; without it the node has no purpose."""
+        if isinstance(outcome, Refusal):
+            raise failure(outcome)
+        self._release.begin_with(outcome)
+
     def _on_testbed(self, testbed: msg.Testbed) -> None:
-        if self._release.announce(testbed):
-            self._watch.seen = self._own.due = True
-            self.loop.hurry()
+        if not self._release.announce(testbed):
+            return
+        self._watch.seen = True
+        if self._settings.file:
+            self._release.begin_with(load_plan(Path(self._settings.file)))
+        elif self._settings.plan and not self._job.busy:
+            self._job.ask(self._release.requests.own_request(self._settings.plan), self._own_plan)
 
     async def _execute(
         self, hand_over: Callable[[Plan, str], msg.Plan], flown: bool, goal: ServerGoalHandle

@@ -1,7 +1,6 @@
 """The signs of life of the nodes: each beats on `alive` and hears the others."""
 
 import random
-from collections.abc import Callable
 from time import monotonic, time_ns
 
 from flexslew_msgs import msg
@@ -15,8 +14,6 @@ from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.offers import publisher, subscription
 
 NOTICE = 1.0  # for an older one to hear of a newer one, or to leave [wall s]
-LISTENING = 2 * BEAT_EVERY  # before a node knows that it is the only one of its name [wall s]
-_TURN = 0.05  # of which as much counts between two polls: a node that is busy hears nobody [wall s]
 
 
 class Alive:
@@ -25,29 +22,17 @@ class Alive:
     Args:
         node: whose life it is.
         role: plant, controller, recorder, planner, console or live.
-        listening: for how long to hear others before the first beat [wall s].
-
-    Attributes:
-        heard: called when that is over, before the first beat: who is believed alive is believed
-            what was last said in its name, which may be what a dead one said.
     """
 
-    def __init__(self, node: Node, role: str, listening: float = 0.0) -> None:
+    def __init__(self, node: Node, role: str) -> None:
         self.presence = Presence()
         self.beat = Beat(node.get_name(), role, random.getrandbits(63), time_ns(), own_identity())
         self._message = msg.Alive(**self.beat._asdict())
         self._publisher = publisher(node, topics.ALIVE)
         subscription(node, topics.ALIVE, self._hear)
-        self._next, self._polled = 0.0, monotonic()
-        self._left = listening
-        self.heard: Callable[[], object] = lambda: None
+        self._next = 0.0
         self._met = 0.0  # an older one [wall s]
         self._since: dict[tuple[int, int], int] = {}  # of others, see _dated
-
-    @property
-    def listens(self) -> bool:
-        """Whether it gives no sign of life yet: it may not be the only one of its name."""
-        return self._left > 0.0
 
     @property
     def older(self) -> Refusal | None:
@@ -72,12 +57,6 @@ class Alive:
 
     def poll(self, now: float) -> float:
         """Beat if it is time; return when it is time again [wall s]."""
-        if self.listens:
-            self._left -= min(now - self._polled, _TURN)
-            self._polled = now
-            if self.listens:
-                return now + min(self._left, _TURN)
-            self.heard()
         if now >= self._next:
             self._publisher.publish(self._message)
             self._next = now + BEAT_EVERY

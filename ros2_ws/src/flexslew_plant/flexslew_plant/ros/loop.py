@@ -48,9 +48,9 @@ class Loop:
         self._executor.add_node(node)
         self._nodes.append(node)
 
-    def live(self, node: Node, role: str, listening: float = 0.0) -> Alive:
-        """Serve this node and beat for it; see Alive."""
-        self._alive[node] = Alive(node, role, listening)
+    def live(self, node: Node, role: str) -> Alive:
+        """Serve this node and beat for it."""
+        self._alive[node] = Alive(node, role)
         self.add(node)
         return self._alive[node]
 
