@@ -146,6 +146,14 @@ class Slewing:
         path = PlantPath(plant.period, *known_motors(plant))
         return matrices(motors(path, tuple(map(str, range(plant.effort_limit.size)))))
 
+    def _left(
+        self, plan: Plan, plant: PlantDescription, flies: ActiveLaw | None
+    ) -> Prediction | None:
+        """Return what a plan leaves on the whole bench; None: nobody is known to fly it, or can."""
+        if flies is None:
+            return None
+        return flown_on_bench(plan, plant, flies, motors=self._motors(plant))
+
     def _ringing(self, settings: Any, found: Prediction) -> dict[str, Any]:
         """Return a warning of tips that swing on, where a section does not say so itself."""
         rings = self.rings(settings) if self.rings is not None else ""
@@ -232,11 +240,7 @@ class Slewing:
             plan = replace(plan, summary={**plan.summary, "believes": words})
         if not self.predicts:
             return plan
-        prediction = (
-            None
-            if flies is None
-            else flown_on_bench(plan, plant, flies, motors=self._motors(plant))
-        )
+        prediction = self._left(plan, plant, flies)
         if prediction is None:
             return not_flown(plan)
         return told(plan, plant, prediction, remedy="give the law more room, by a reserve")
@@ -265,11 +269,7 @@ class Slewing:
         plan = self._embedded(settings, plant, feedback, progress, law)
         if not self.predicts:
             return plan
-        prediction = (
-            None
-            if flies is None
-            else flown_on_bench(plan, plant, flies, motors=self._motors(plant))
-        )
+        prediction = self._left(plan, plant, flies)
         if flies is None or prediction is None:
             return not_flown(plan)
         plan = replace(plan, summary={**plan.summary, **self._ringing(settings, prediction)})
@@ -337,7 +337,7 @@ class Slewing:
                 if best is None and than is None:
                     raise
                 break
-            prediction = flown_on_bench(plan, plant, flies, motors=self._motors(plant))
+            prediction = self._left(plan, plant, flies)
             if prediction is None:
                 if than is None:
                     raise PlanFailed(
