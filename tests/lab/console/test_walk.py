@@ -86,8 +86,12 @@ def test_the_page_is_read_aloud_in_its_language_and_a_row_chosen_without_a_mouse
     served: tuple[Page, FakeLink],
 ) -> None:
     page, link = served
-    link.view.events.append(event_of(Noted("it rings", "ann"), 1200, 12.0, 0, "plant"))
-    link.view.heard += 1
+
+    def noted(words: str, tick: int) -> None:
+        link.view.events.append(event_of(Noted(words, "ann"), tick, tick * 0.01, 0, "plant"))
+        link.view.heard += 1
+
+    noted("it rings", 1200)
     held = next(e for e in page.server.gui.all() if e.label == "Pause the view")
     with chromium() as browser:
         browser.open(page.server.address, 1440)
@@ -98,6 +102,10 @@ def test_the_page_is_read_aloud_in_its_language_and_a_row_chosen_without_a_mouse
         row = "return document.querySelector('.bench-table tbody tr[tabindex]')"
         browser.until(f"{row} !== null")
         browser.run(f"{row.removeprefix('return ')}.focus()")
+        noted("it rests", 1300)  # above it, while it has the focus
+        rows = "[...document.querySelectorAll('.bench-table tbody tr')].map(e => e.innerText)"
+        browser.until(f"return {rows}.some(text => text.includes('it rests'))")
+        assert "it rings" in browser.run("return document.activeElement.innerText")
         assert not held.value
         browser.press("Enter", "Enter")
         ticked = "[role=checkbox][aria-label='Pause the view'][aria-checked=true]"

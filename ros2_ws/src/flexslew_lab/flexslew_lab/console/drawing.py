@@ -23,13 +23,6 @@ _WEBGL = """(() => {
   return /swiftshader|llvmpipe|software/i.test(by) ? 1 : 2;
 })()"""
 _PATIENCE = 20.0  # for a page to begin [wall s]
-# of a table, chosen by a click or with Enter
-_ROW = """
-<q-tr :props="props" tabindex="0" @click="$parent.$emit('chosen', props.row.id)"
-      @keydown.enter="$parent.$emit('chosen', props.row.id)">
-  <q-td v-for="column in props.cols" :key="column.name" :props="props">{{ column.value }}</q-td>
-</q-tr>
-"""
 # once all that was sent before is on the screen; a page that nobody sees waits until somebody does
 _DRAWN = "return new Promise(then => requestAnimationFrame(() => setTimeout(then, 0)))"
 _ASLEEP = 30.0  # after which such a page gets the next pictures all the same [wall s]
@@ -253,16 +246,15 @@ def _table(view: PageView, element: Element) -> Any:
     ]
     drawn = ui.table(columns=columns, rows=element.data or [], row_key="id")
     drawn.props("dense flat wrap-cells hide-bottom").classes("bench-table")
-    drawn.add_slot("body", _ROW)
 
     def chosen(event: Any) -> None:
         try:
-            element.value = int(event.args)
-        except (TypeError, ValueError):
+            element.value = int(event.args[1]["id"])
+        except (LookupError, TypeError, ValueError):
             return
         view.clicked(element)
 
-    drawn.on("chosen", chosen)
+    drawn.on("row-click", chosen, [[], ["id"], []])
     return drawn
 
 

@@ -52,6 +52,15 @@ addEventListener("keyup", event => {
   const field = event.target.closest?.("input, textarea, select, [contenteditable]");
   if (event.code === "Space" && !field) { event.preventDefault(); event.stopPropagation(); }
 }, true);
+// rows of a table are chosen without a mouse, too
+new MutationObserver(() => {
+  for (const row of document.querySelectorAll(".bench-table tbody tr:not([tabindex])"))
+    row.tabIndex = 0;
+}).observe(document, {childList: true, subtree: true});
+addEventListener("keydown", event => {
+  const row = event.target.closest?.(".bench-table tbody tr");
+  if (event.code === "Enter") row?.click();
+});
 // a page whose server is gone says what to do, in place of "trying to reconnect" for ever
 const OTHER = "Another console answers here now, and this page is not its own: open the address " +
   "that its terminal shows.";

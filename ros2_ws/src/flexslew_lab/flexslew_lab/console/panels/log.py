@@ -30,7 +30,7 @@ class EventsPanel:
         self._fold = gui.check("Fold warnings", True, hint="those of a kind that follow each other")
         self._table = gui.add("table", "events", options=_COLUMNS, data=[])
         desk.click(self._table, self._go)
-        self._found: list[list[Event]] = []
+        self._times: dict[int, float] = {}  # of the rows, by their numbers [s]
         self._shown: tuple[object, ...] = ()
 
     def refresh(self) -> None:
@@ -41,37 +41,39 @@ class EventsPanel:
         self._shown = state
         words, levels = self._filter.value.lower(), _LEVELS.get(self._level.value, ())
         found = (
-            e
-            for e in reversed(self._view.events)
+            (self._view.heard - k, e)
+            for k, e in enumerate(reversed(self._view.events), 1)
             if e.level in levels and words in f"{e.message} {e.kind} {e.source}".lower()
         )
-        self._found = folded(found, _ROWS, bool(self._fold.value))
-        self._table.data = [_row(k, group) for k, group in enumerate(self._found)]
+        groups = folded(found, _ROWS, bool(self._fold.value))
+        self._times = {group[-1][0]: group[0][1].time for group in groups}
+        self._table.data = [_row(group[-1][0], [e for _, e in group]) for group in groups]
 
     def _go(self, who: str) -> None:
-        row = self._table.value
-        if isinstance(row, int) and 0 <= row < len(self._found):
-            self._jump(self._found[row][0].time)
+        if (time := self._times.get(self._table.value)) is not None:
+            self._jump(time)
 
 
-def folded(events: Iterable[Event], rows: int, fold: bool) -> list[list[Event]]:
+def folded(
+    events: Iterable[tuple[int, Event]], rows: int, fold: bool
+) -> list[list[tuple[int, Event]]]:
     """Return events in groups: warnings of a kind that follow each other are one.
 
     Args:
-        events: newest first.
+        events: with their numbers, newest first.
         rows: groups at most.
         fold: False: each for itself.
     """
-    found: list[list[Event]] = []
-    for event in events:
-        last = found[-1][0] if found else None
+    found: list[list[tuple[int, Event]]] = []
+    for number, event in events:
+        last = found[-1][0][1] if found else None
         same = last is not None and (event.kind, event.source) == (last.kind, last.source)
         if fold and same and event.level == "warning":
-            found[-1].append(event)
+            found[-1].append((number, event))
         elif len(found) == rows:
             break
         else:
-            found.append([event])
+            found.append([(number, event)])
     return found
 
 
