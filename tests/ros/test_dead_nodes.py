@@ -7,6 +7,12 @@ from pathlib import Path
 from time import monotonic
 
 import pytest
+import rclpy
+from rclpy.node import Node
+
+from flexslew_lab.run.domain import own_domain
+from flexslew_plant import topics
+from flexslew_plant.ros.loop import Loop
 
 from .bystander import Bystander, beside
 from .flight import Flight, kill, slew
@@ -72,6 +78,26 @@ def test_a_recorder_does_not_wait_for_those_that_have_ended_with_the_plant(tmp_p
     flight = Flight(slew(10_000.0, 1.0), tmp_path, 1, act)
     assert flight.outcome.exit_code == 3
     assert passed[0] < LEASE / 2, flight.log
+
+
+def test_one_that_dds_does_not_let_go_is_off_the_graph(monkeypatch: pytest.MonkeyPatch) -> None:
+    with own_domain() as domain:
+        rclpy.init(domain_id=domain)
+        loop, node = Loop(), rclpy.create_node("held")
+        loop.live(node, "recorder")
+        with beside(domain) as bench:
+            bench.until(lambda: "held" in nodes(bench))
+            bench.until(lambda: bool(node.get_publishers_info_by_topic(topics.ALIVE)))
+            with monkeypatch.context() as patched:
+                patched.setattr(Node, "destroy_node", lambda node: None)
+                loop.leave(0, lambda: None)
+            signal.alarm(0)
+            start = monotonic()
+            bench.until(lambda: "held" not in nodes(bench))
+            passed = monotonic() - start
+        node.destroy_node()
+        rclpy.shutdown()
+    assert passed < LEASE / 2
 
 
 @pytest.mark.alone

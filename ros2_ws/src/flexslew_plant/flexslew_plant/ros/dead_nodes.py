@@ -39,25 +39,29 @@ class DeadNodes:
                 continue
             dead.add(beat.node)
             self._presence.ended(beat)
-            prefixes = self._prefixes(beat)
-            for prefix in prefixes:
-                tell_all(dispose(prefix), self._node.context.get_domain_id())
-            if not prefixes:  # done, or it took its leave itself
+            if not take_off_graph(self._node, beat):  # done, or it took its leave itself
                 self._gone.add(beat.instance)
         return dead
 
-    def _prefixes(self, beat: Beat) -> set[bytes]:
-        """Return the GUID prefixes that a dead node still has on the graph.
 
-        Fast DDS writes the last 16 bits of the process id into them (GuidUtils), which tells the
-        dead one from another of its name.
-        """
-        topic = self._node.resolve_topic_name(topics.ALIVE)
-        low = (int(beat.process.split("/")[1]) & 0xFFFF).to_bytes(2, "little")
-        requested = beat.node, self._node.get_namespace(), FAST_DDS, low
-        found = set()
-        for info in self._node.get_publishers_info_by_topic(topic):
-            gid = bytes(info.endpoint_gid)
-            if (info.node_name, info.node_namespace, gid[:2], gid[4:6]) == requested:
-                found.add(gid[:12])
-        return found
+def take_off_graph(node: Node, beat: Beat) -> bool:
+    """Let all processes of this machine believe that a participant leaves; return if it was there.
+
+    Fast DDS writes the last 16 bits of the process id into the prefix of a GUID (GuidUtils), which
+    tells the one of this beat from another of its name.
+
+    Args:
+        node: that sees the graph.
+        beat: of a node of that participant; its process must be known.
+    """
+    topic = node.resolve_topic_name(topics.ALIVE)
+    low = (int(beat.process.split("/")[1]) & 0xFFFF).to_bytes(2, "little")
+    requested = beat.node, node.get_namespace(), FAST_DDS, low
+    found = set()
+    for info in node.get_publishers_info_by_topic(topic):
+        gid = bytes(info.endpoint_gid)
+        if (info.node_name, info.node_namespace, gid[:2], gid[4:6]) == requested:
+            found.add(gid[:12])
+    for prefix in found:
+        tell_all(dispose(prefix), node.context.get_domain_id())
+    return bool(found)

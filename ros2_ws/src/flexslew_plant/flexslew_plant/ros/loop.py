@@ -14,6 +14,7 @@ from rclpy.task import Future
 from flexslew_plant.atomic import atomic
 from flexslew_plant.network import demand_loopback
 from flexslew_plant.ros.alive import Alive
+from flexslew_plant.ros.dead_nodes import take_off_graph
 from flexslew_plant.ros.departure import wait_until_acknowledged
 from flexslew_plant.ros.outlets import Outlets
 
@@ -82,13 +83,17 @@ class Loop:
 
         Fast DDS 3.2 hangs now and then where others leave at the same moment: one thread waits for
         the events in PDP::removeWriterProxyData, the events wait for it to announce this node. It
-        holds up all of Python. SIGALRM then ends the process; the supervisor was told its code.
+        holds up all of Python. SIGALRM then ends the process; the supervisor was told its code, and
+        the others were told that the nodes are gone.
         """
         if SUPERVISOR in os.environ:
             print(f"leaves with exit code {code}", flush=True)
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.alarm(_LEAVING)
         before()
+        for node, alive in self._alive.items():
+            if alive.beat.process:
+                take_off_graph(node, alive.beat)
         while self._nodes:
             self._nodes.pop().destroy_node()
 
