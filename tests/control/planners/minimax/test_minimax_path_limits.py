@@ -13,7 +13,7 @@ from tests.control.planners.minimax.test_minimax_three_axes import (
     QUICK,
     derivatives_and_flights,
 )
-from tests.control.planners.time_optimal.test_three_axes_flexible import AXES, booms
+from tests.control.planners.time_optimal.three_axes.test_three_axes_flexible import AXES, booms
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.control.planners.time_optimal.test_three_axes_flexible import AXES, booms
+from tests.control.planners.time_optimal.three_axes.test_three_axes_flexible import AXES, booms
 from tests.present import present
 
 from flexslew_control.law import ActiveLaw, PlantDescription

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.control.planners.test_eigenaxis import INERTIA, open_loop, rigid
+from tests.control.planners.attitude.test_eigenaxis import INERTIA, open_loop, rigid
 from tests.plants import plant
 
 from flexslew_control.controllers import build_controller

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from tests.control.planners.time_optimal.reorientations import (
+from tests.control.planners.time_optimal.three_axes.reorientations import (
     ASKEW,
     HALF_ROUND,
     PERIOD,

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.control.planners.time_optimal.reorientations import (
+from tests.control.planners.time_optimal.three_axes.reorientations import (
     ASKEW,
     NAMES,
     SPHERE,
