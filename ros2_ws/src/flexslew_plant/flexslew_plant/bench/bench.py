@@ -339,7 +339,7 @@ class Bench:
             words = "faults are off in this trial; set allow_faults: true"
             return InjectResult(self.tick, refused=Refusal(words, cause=Cause.FAULTS_OFF))
         try:
-            entry = injected_entry(text, start * self.settings.period)
+            entry = injected_entry(text, start * self.settings.period, self._testbed)
             period = self.settings.period
             names = self._names._replace(controllers=tuple(controllers))
             injection = injection_of(entry, names, period, "fault")
