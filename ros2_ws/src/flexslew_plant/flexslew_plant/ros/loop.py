@@ -16,6 +16,7 @@ from flexslew_plant.network import demand_loopback
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.departure import wait_until_acknowledged
 from flexslew_plant.ros.outlets import Outlets
+from flexslew_plant.ros.told_lines import tell
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
@@ -85,7 +86,7 @@ class Loop:
         holds up all of Python. SIGALRM then ends the process; the supervisor was told its code.
         """
         if SUPERVISOR in os.environ:
-            print(f"leaves with exit code {code}", flush=True)
+            tell(f"leaves with exit code {code}")
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.alarm(_LEAVING)
         before()
