@@ -534,3 +534,33 @@ def test_it_imports_and_flies_where_no_module_is_there_that_linux_alone_has() ->
     )
     assert child.stderr == ""
     assert child.stdout == "10\n"
+
+
+@pytest.mark.parametrize(
+    "effort", [[1.0, -2.0], (1, -2), np.array([1, -2]), np.array([1.0, -2.0], np.float32)]
+)
+def test_efforts_given_by_hand_may_be_a_list_or_of_any_precision(effort: Any) -> None:
+    bench = fs.bench(SHORT)
+    asked = bench.question
+    assert bench.offer(fs.EffortCommand(asked.tick, asked.epoch, asked.controller, effort))
+    bench.advance()
+    assert np.array_equal(bench.question.applied_effort, [1.0, -2.0])
+    assert bench.question.applied_effort.dtype == np.float64
+
+
+@pytest.mark.parametrize("effort", ["ab", None, 1j * np.ones(2), [[1.0], [1.0, 2.0]], 3j])
+def test_efforts_that_are_no_numbers_are_refused_in_words(effort: Any) -> None:
+    bench = fs.bench(SHORT)
+    asked = bench.question
+    with pytest.raises(fs.BadInput, match=r"^effort: .* one per joint"):
+        bench.offer(fs.EffortCommand(asked.tick, asked.epoch, asked.controller, effort))
+
+
+def test_a_rest_may_have_a_unit_and_one_of_another_kind_is_refused() -> None:
+    turned = fs.linear_model(SHORT, hub_pitch="30 deg").A
+    assert np.array_equal(turned, fs.linear_model(SHORT, hub_pitch=np.radians(30.0)).A)
+    for wrong in ("3 cm", "soon", None, [1.0, 2.0]):
+        with pytest.raises(fs.BadInput, match=r"^rest of hub_pitch: "):
+            fs.linear_model(SHORT, hub_pitch=wrong)  # type: ignore[arg-type]
+    with pytest.raises(fs.BadInput, match=r"^--at: 'soon' is not allowed"):
+        fs.linear_model(SHORT, at="soon")  # type: ignore[arg-type]

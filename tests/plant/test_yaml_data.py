@@ -6,8 +6,10 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.yaml_data import bounded, load_yaml, yaml_text
 
 
-@pytest.mark.parametrize("text", ["017", "-08", "1:30", "1:30.5", "10:00:00"])
-def test_what_yaml_1_1_takes_for_base_8_or_60_is_a_text(text: str) -> None:
+@pytest.mark.parametrize(
+    "text", ["017", "-08", "1:30", "1:30.5", "10:00:00", "2026-11-27", "2026-13-45"]
+)
+def test_what_yaml_1_1_takes_for_base_8_or_60_or_a_date_is_a_text(text: str) -> None:
     assert load_yaml(f"duration: {text}", "here") == {"duration": text}
     assert load_yaml(yaml_text({"name": text}), "here") == {"name": text}
 
@@ -25,6 +27,23 @@ def test_yaml_has_no_aliases() -> None:
 def test_a_syntax_error_names_the_line() -> None:
     with pytest.raises(BadInput, match=r"^trial\.yaml: line 3, column \d+ is not YAML"):
         load_yaml("a: 1\nb: [1, 2\nc: 3", "trial.yaml")
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("!!int abc", "'abc' is no int"),
+        ("!!bool maybe", "'maybe' is no bool"),
+        ("!!timestamp soon", "could not determine a constructor for the tag"),
+        ("!!set {x, y}", "could not determine a constructor for the tag"),
+        ("9" * 5000, "is no int"),
+    ],
+)
+def test_a_value_that_yaml_cannot_make_is_refused_at_its_line(value: str, words: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        load_yaml(f"a: 1\nb: [2, {value}]", "trial.yaml")
+    assert str(caught.value).startswith("trial.yaml: line 2, column 8 is not YAML: ")
+    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(

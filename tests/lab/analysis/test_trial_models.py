@@ -61,7 +61,11 @@ def test_the_command_writes_a_file_and_says_what_is_in_it(tmp_path: Any) -> None
     [
         (["--rest", "elbow=0.5"], "elbow is not a joint"),
         (["--rest", "hub_pitch"], "--rest: hub_pitch: give joint=position"),
-        (["--rest", "hub_pitch=nan"], "rest of hub_pitch: nan is not allowed: a finite position"),
+        (["--rest", "hub_pitch=nan"], "rest of hub_pitch: nan is not allowed: a finite number"),
+        (
+            ["--rest", "hub_pitch=3 cm"],
+            "rest of hub_pitch: '3 cm' is not allowed: give a number in",
+        ),
         (["--rest", "hub_pitch=-inf"], "rest of hub_pitch: -inf is not allowed"),
         (["--at", "-1"], "--at: -1.0 is not allowed"),
     ],

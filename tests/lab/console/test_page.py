@@ -383,6 +383,24 @@ def test_fields_say_their_units_and_read_others_of_the_kind(hands: Hands) -> Non
     assert (asked["start"], asked["duration"]) == (120.0, 30.0)
 
 
+def test_a_quantity_of_a_disturbance_is_the_bench_to_judge_which_knows_its_joint(
+    hands: Hands,
+) -> None:
+    hands.set("Disturbance", "constant")
+    hands.refresh()
+    hands.set("constant effort", "5 kN")
+    for field in hands.elements("from"):  # of other forms, too
+        field.value = "2 min"
+    [(_, values)] = hands.click("Disturb")
+    assert load_yaml(values["fault"], "")["disturbance"] == {"a": "5 kN"}
+    assert values["at"] == 120.0
+    hands.set("constant effort", "5 deg")
+    assert hands.click("Disturb") == []
+    assert (
+        "constant effort: &#x27;5 deg&#x27; is not allowed: give a number in N m" in hands.texts()
+    )
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -105,3 +105,8 @@ def test_the_page_tells_units(folder: Path) -> None:
     page = write_index(folder).read_text()
     for title in ("residual tip deflection [m]", "settling time [s]", "peak effort [N m or N]"):
         assert f">{title}<" in page
+    start = page.index('id="data">') + len('id="data">')
+    units = json.loads(page[start : page.index("</script>", start)])["units"]
+    assert units["residual_tip_deflection"] == "m"
+    assert units["settling_time.yaw"] == "s"
+    assert "trajectory_hash" not in units

@@ -33,7 +33,7 @@ def bench(what: What = "m1") -> Bench:
 
 
 def analyse(
-    what: What = "m1", controller: str | None = None, at: float | None = None, **joints: float
+    what: What = "m1", controller: str | None = None, at: float | None = None, **joints: float | str
 ) -> Analysis:
     """Return modes, poles, margins and responses of a trial's loop about a rest.
 
@@ -41,7 +41,7 @@ def analyse(
         what: as from `trial`, or what `trial` takes.
         controller: of the trial; None: the one that its schedule has put in charge then.
         at: simulated time [s]: the rest that the plan passes then; None: the start.
-        joints: where joints rest instead, by name [rad or m].
+        joints: where joints rest instead, by name [rad or m], or with a unit: `30 deg`.
 
     Raises:
         BadInput: no such trial, controller or joint, or the law has no linear form.

@@ -125,7 +125,7 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
 
 
 def linear_model(
-    what: What, at: float | None = None, sampled: bool = False, **joints: float
+    what: What, at: float | None = None, sampled: bool = False, **joints: float | str
 ) -> control.StateSpace:
     """Return the small motions of a trial's testbed about a rest, from efforts to sensors.
 
@@ -135,7 +135,7 @@ def linear_model(
         what: as from `trial`, or what `trial` takes.
         at: simulated time [s]: the rest that the plan passes then; None: the start.
         sampled: as the bench ticks, with hold, delay and motor lag; else continuous.
-        joints: where joints rest instead, by name [rad or m].
+        joints: where joints rest instead, by name [rad or m], or with a unit: `30 deg`.
 
     Raises:
         BadInput: the time is none, or a name is no joint.

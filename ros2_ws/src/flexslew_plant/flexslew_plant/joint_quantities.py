@@ -1,10 +1,11 @@
 """Quantities by joint: `30 cm` is no position of a joint that turns."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.model import Model
 from flexslew_plant.units import in_si, is_quantity, units_at
 
 # of each kind, that of a joint that turns and of one that slides
@@ -14,7 +15,8 @@ _KINDS = (("rad", "m"), ("rad/s", "m/s"), ("N m", "N"))
 def require_units_of_joints(kind: Any, values: Any, testbed: Testbed, source: str) -> None:
     """Check that no position, rate or effort of a joint is given in a unit of the other kind.
 
-    Where no joint is named the kinds of all joints are allowed.
+    A joint is named by a key above, or by a value beside; where none is the kinds of all joints are
+    allowed. Beside a `channel` of sensors the units of what it reads are.
 
     Args:
         kind: of the settings, which names units such as `[rad or m]`.
@@ -25,30 +27,48 @@ def require_units_of_joints(kind: Any, values: Any, testbed: Testbed, source: st
     Raises:
         BadInput: the first that is, with the units that are allowed.
     """
-    units: dict[str, str] | None = None
-    for path, value in _quantities(values, ()):
+    model: Model | None = None
+    for path, value, beside in _quantities(values, (), {}):
         named = units_at(kind, path)
         pairs = [pair for pair in _KINDS if set(pair) <= set(named)]
         if not pairs:
             continue
-        if units is None:
-            model = testbed.model()
-            units = dict(zip(model.joint_names, model.joint_units, strict=True))
-        joint = next((part for part in reversed(path) if part in units), None)
-        meant = units.values() if joint is None else (units[joint],)
-        kinds = sorted({unit == "m" for unit in meant})
+        model = model or testbed.model()
+        units = dict(zip(model.joint_names, model.joint_units, strict=True))
+        told = [*reversed(path), *(name for name in beside.values() if isinstance(name, str))]
+        joint = next((name for name in told if name in units), None)
+        if "channel" in beside:
+            allowed = _read_by(model, str(beside["channel"]), str(beside.get("of")))
+        else:
+            meant = units.values() if joint is None else (units[joint],)
+            kinds = sorted({unit == "m" for unit in meant})
+            allowed = [pair[slides] for pair in pairs for slides in kinds]
         try:
-            in_si(value, [pair[slides] for pair in pairs for slides in kinds])
+            in_si(value, allowed)
         except BadInput as error:
             raise BadInput(error.refusal.why, source, ".".join(path), value) from None
 
 
-def _quantities(values: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield where a text names a number with a unit."""
+def _read_by(model: Model, channel: str, of: str) -> list[str]:
+    """Return the units of what a channel of sensors reads, of all or of one joint or appendage."""
+    if channel.startswith("joint"):
+        per = "/s" if channel == "joint_velocity" else ""
+        names, units = model.joint_names, tuple(f"{unit}{per}" for unit in model.joint_units)
+    else:
+        names = model.appendages.names
+        tips = model.appendages.units or ("m",) * len(names)
+        units = tips if channel == "tip_deflection" else ("1/m",) * len(names)
+    return [unit for name, unit in zip(names, units, strict=True) if name == of or of not in names]
+
+
+def _quantities(
+    values: Any, path: tuple[str, ...], beside: Mapping[str, Any]
+) -> Iterator[tuple[tuple[str, ...], str, Mapping[str, Any]]]:
+    """Yield where a text names a number with a unit, and the section that it stands in."""
     inside = values.items() if isinstance(values, dict) else enumerate(values)
     for key, value in inside:
-        place = (*path, str(key))
+        place, section = (*path, str(key)), values if isinstance(values, dict) else beside
         if isinstance(value, dict | list):
-            yield from _quantities(value, place)
+            yield from _quantities(value, place, section)
         elif is_quantity(value):
-            yield place, value
+            yield place, value, section

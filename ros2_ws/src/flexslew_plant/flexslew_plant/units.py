@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
-from math import isfinite, pi
+from math import isfinite, nan, pi
 from typing import Any, get_args, get_type_hints
 
 from flexslew_plant.errors import BadInput
@@ -57,6 +57,23 @@ def in_si(value: Any, units: Iterable[str]) -> Any:
     number = float(match[1]) * allowed[match[2]]
     if not isfinite(number):
         raise BadInput("give a finite number", value=value)
+    return number
+
+
+def number_in(value: Any, units: Iterable[str], key: str) -> float:
+    """Return a finite number, or a quantity in one of these units in SI.
+
+    Raises:
+        BadInput: it is neither; with the key.
+    """
+    try:
+        number = float(in_si(value, units))
+    except BadInput as error:
+        raise BadInput(error.refusal.why, key=key, value=value) from None
+    except (TypeError, ValueError):
+        number = nan
+    if not isfinite(number):
+        raise BadInput(f"a finite number [{' or '.join(units)}]", key=key, value=value)
     return number
 
 

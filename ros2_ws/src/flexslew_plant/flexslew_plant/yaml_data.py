@@ -31,7 +31,7 @@ def load_yaml(text: str, source: str) -> Any:
         problem = str(getattr(error, "problem", None) or error)
         words = problem if isinstance(error, _DuplicateKeyError) else f"is not YAML: {problem}"
         raise BadInput(f"{source}:{line} {' '.join(words.split())}") from None
-    except (ValueError, OverflowError, RecursionError) as error:  # no such date, 9**9**9, [[[
+    except RecursionError as error:  # [[[
         raise BadInput(f"is not YAML: {error}", source) from None
 
 
@@ -111,6 +111,20 @@ class _DuplicateKeyError(yaml.MarkedYAMLError):
 class YamlLoader(yaml.CSafeLoader):
     """Reads plain data; of two equal keys YAML would silently keep the last."""
 
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        """Return the value of a node.
+
+        Raises:
+            ConstructorError: a tag, or the form of a number, promises what the value is not.
+        """
+        try:
+            return super().construct_object(node, deep)
+        except (LookupError, ValueError, OverflowError) as error:  # !!bool maybe, !!int abc
+            words = f"{node.value!r:.80} is no {node.tag.rpartition(':')[2]}"
+            raise yaml.constructor.ConstructorError(
+                problem=words, problem_mark=node.start_mark
+            ) from error
+
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
         """Return the mapping of a node.
 
@@ -141,14 +155,20 @@ class YamlDumper(yaml.CSafeDumper):
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+$")
 for _side in (YamlLoader, YamlDumper):  # what is written as a text must come back as one
     _side.add_implicit_resolver("tag:yaml.org,2002:float", _NUMBER, [*"+-.0123456789"])
-# 017 is 17 and 1:30 a text, as YAML 1.2 and JSON have it: YAML 1.1 reads 15 and 90
+# 017 is 17, 1:30 and 2026-11-27 are texts, as in YAML 1.2 and JSON: YAML 1.1 reads 15, 90, a date
 _OF_1_1 = re.compile(r"[-+]?(0[0-9_]+|[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?)$")
+_DATE = "tag:yaml.org,2002:timestamp"
 for _first, _resolvers in list(YamlLoader.yaml_implicit_resolvers.items()):
     if _first and _first in "+-0123456789":
         YamlLoader.yaml_implicit_resolvers[_first] = [
             ("tag:yaml.org,2002:str", _OF_1_1),
-            *_resolvers,
+            *(one for one in _resolvers if one[0] != _DATE),
         ]
+_PLAIN = ("null", "bool", "int", "float", "str", "seq", "map")  # no dates, sets, bytes
+YamlLoader.yaml_constructors = {
+    tag: YamlLoader.yaml_constructors[tag]
+    for tag in (None, *(f"tag:yaml.org,2002:{kind}" for kind in _PLAIN))
+}
 
 
 def yaml_text(values: Any, flow: bool | None = None) -> str:

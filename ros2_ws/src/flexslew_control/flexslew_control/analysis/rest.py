@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.testbeds import Testbed, initial_positions
 from flexslew_plant.testbeds.model import Model
+from flexslew_plant.units import number_in
 
 
 @dataclass(frozen=True)
@@ -35,22 +35,27 @@ class Rest:
         return np.concatenate((self.q, np.zeros(self.model.coordinates)))
 
 
-def rest_of(testbed: Testbed, joints: Mapping[str, float] | None = None, time: float = 0.0) -> Rest:
+def rest_of(
+    testbed: Testbed, joints: Mapping[str, float | str] | None = None, time: float = 0.0
+) -> Rest:
     """Return a rest of a testbed.
 
     Args:
         testbed: what stands on the bench.
-        joints: joint positions by name, others as at the start [rad or m]; None: all as then.
+        joints: joint positions by name, others as at the start [rad or m], or with a unit; None:
+            all as then.
         time: [s].
 
     Raises:
-        BadInput: a name is no joint of the testbed, or a position is not finite.
+        BadInput: a name is no joint of the testbed, or a position is no finite number.
     """
-    for name, position in (joints or {}).items():
-        if not np.isfinite(position):
-            raise BadInput("a finite position [rad or m]", key=f"rest of {name}", value=position)
     model = testbed.model()
-    q = model.rest({**initial_positions(testbed), **(joints or {})})
+    units = dict(zip(model.joint_names, model.joint_units, strict=True))
+    given = {
+        name: number_in(position, (units.get(name, "rad"),), f"rest of {name}")
+        for name, position in (joints or {}).items()
+    }
+    q = model.rest({**initial_positions(testbed), **given})
     loads = model.bias(q, np.zeros(model.coordinates), time)
     effort = np.asarray(
         np.linalg.lstsq(model.input_matrix(q, time), loads, rcond=None)[0], dtype=np.float64

@@ -131,7 +131,7 @@ def analysed(
     source: str,
     controller: str | None = None,
     at: float | None = None,
-    joints: Mapping[str, float] | None = None,
+    joints: Mapping[str, float | str] | None = None,
     plan: Plan | None = None,
 ) -> Analysis:
     """Return what a controller of a trial does about a rest.
@@ -141,7 +141,7 @@ def analysed(
         source: its file, for an error.
         controller: which one; None: the one in charge then, see in_charge.
         at: simulated time [s], see point_of.
-        joints: where they rest instead [rad or m].
+        joints: where they rest instead [rad or m], or with a unit.
         plan: that is flown; None: the trial's own.
 
     Raises:

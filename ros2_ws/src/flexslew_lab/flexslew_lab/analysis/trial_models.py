@@ -14,6 +14,7 @@ from flexslew_plant.bench.schedule import command_delays
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
 from flexslew_plant.testbeds.model import Model
+from flexslew_plant.units import number_in
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Point:
 def point_of(
     trial: Trial,
     at: float | None = None,
-    joints: Mapping[str, float] | None = None,
+    joints: Mapping[str, float | str] | None = None,
     plan: Plan | None = None,
 ) -> Point:
     """Return the rest of a trial at a time, with the faults of its schedule that act then.
@@ -45,14 +46,14 @@ def point_of(
     Args:
         trial: what flies.
         at: simulated time [s]: the joints stand where the plan wants them then; None: the start.
-        joints: positions by name, instead of the plan's [rad or m].
+        joints: positions by name, instead of the plan's [rad or m], or with a unit.
         plan: of the trial; None: made where it is needed.
 
     Raises:
         BadInput: the time is none, a name is no joint, or a position is not finite.
         PlanFailed: there is no plan.
     """
-    time = 0.0 if at is None else at
+    time = 0.0 if at is None else number_in(at, ("s",), "--at")
     if not 0.0 <= time < np.inf:
         raise BadInput("simulated seconds, 0 or more", key="--at", value=time)
     plant = plant_of(trial)

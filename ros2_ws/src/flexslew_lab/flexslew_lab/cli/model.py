@@ -9,6 +9,7 @@ from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.terminal import print_table, say
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
+from flexslew_plant.units import is_quantity
 
 At = Annotated[
     float | None,
@@ -16,7 +17,9 @@ At = Annotated[
 ]
 Joints = Annotated[
     list[str] | None,
-    typer.Option("--rest", help="joint=position, where it rests [rad or m]; may be repeated."),
+    typer.Option(
+        "--rest", help="joint=position, where it rests [rad or m, or 30 deg]; may be repeated."
+    ),
 ]
 
 
@@ -54,17 +57,17 @@ def model(
     print_table(("", str(to)), rows)
 
 
-def joints_of(assignments: list[str] | None) -> dict[str, float]:
-    """Return `joint=position` as numbers by name.
+def joints_of(assignments: list[str] | None) -> dict[str, float | str]:
+    """Return `joint=position` as positions by name.
 
     Raises:
         BadInput: there is no `=`, or no number behind it.
     """
-    found = {}
+    found: dict[str, float | str] = {}
     for assignment in assignments or []:
         name, sign, value = assignment.partition("=")
         try:
-            found[name.strip()] = float(value)
+            found[name.strip()] = value if is_quantity(value) else float(value)
         except ValueError:
             sign = ""
         if not sign:

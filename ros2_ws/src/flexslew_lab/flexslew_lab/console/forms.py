@@ -76,12 +76,16 @@ def number_of(name: str, value: Any) -> float:
 
 
 def moment(name: str, value: Any) -> float:
-    """Return the simulated time [s] that a field holds; 0 is the next tick.
+    """Return the simulated time [s] that a field holds, also as `2 min`; 0 is the next tick.
 
     Raises:
         BadInput: it holds none; beginning with the name.
     """
-    return not_negative(name, value, LATEST)
+    try:
+        seconds = in_si(value, ["s"])
+    except BadInput as error:
+        raise BadInput(dataclasses.replace(error.refusal, key=name)) from None
+    return not_negative(name, seconds, LATEST)
 
 
 def not_negative(name: str, value: Any, below: float = inf) -> float:
@@ -179,9 +183,13 @@ class Form:
         """Return the values of the fields that say something else than at first, or None."""
         return self._read({key.name: key.text for key in self._keys})
 
-    def values(self) -> dict[str, Any] | None:
-        """Return the values of the fields that are not empty; None: a field is wrong."""
-        return self._read({})
+    def values(self, as_written: bool = False) -> dict[str, Any] | None:
+        """Return the values of the fields that are not empty; None: a field is wrong.
+
+        Args:
+            as_written: quantities are left to the bench, which knows the kinds of its joints.
+        """
+        return self._read({}, as_written)
 
     def refuse(self, why: Refusal) -> bool:
         """Tell a refusal beside the field that it names; return whether there is one."""
@@ -200,7 +208,7 @@ class Form:
         for element in (*self._elements.values(), *self._errors.values(), *self._sliders):
             element.remove()
 
-    def _read(self, known: Mapping[str, str]) -> dict[str, Any] | None:
+    def _read(self, known: Mapping[str, str], as_written: bool = False) -> dict[str, Any] | None:
         for name in self._errors:
             self._tell(name, "")
         found, wrong = {}, False
@@ -210,6 +218,8 @@ class Form:
                 continue
             try:
                 found[key.name] = value_of(key, text)
+                if as_written and not key.options:
+                    found[key.name] = load_yaml(text, key.name)
             except BadInput as error:
                 wrong = True
                 self._tell(key.name, str(error))

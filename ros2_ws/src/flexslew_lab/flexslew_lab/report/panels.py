@@ -14,6 +14,7 @@ COLOURS = ("#0b6bcb", "#e0592a", "#1a9a6c", "#9a4fc4", "#c79100", "#c2375f", "#2
 DASHES = ("solid", "dash", "dot", "dashdot")  # told apart where the colours run out
 MANOEUVRE, DISTURBED, BROKEN = "#0b6bcb", "#9a4fc4", "#c2375f"
 _SINGLE = 1e4  # largest place on an axis that single precision holds to a thousandth
+_ROUNDING = 1e-12  # up to which a place or an angle has not moved [m or rad]
 _LANES = 3  # of the numbers over shaded times
 
 
@@ -40,9 +41,11 @@ class Panel:
     limits: tuple[float, ...] = ()  # horizontal lines
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
+    _largest: float = 0.0  # of all curves
 
     def line(self, x: Vector, y: Vector, name: str, style: dict[str, Any], **more: Any) -> None:
         """Add a curve; NaN breaks it."""
+        self._largest = max(self._largest, float(np.nanmax(np.abs(y), initial=0.0)))
         self.traces.append(
             {
                 "type": "scatter",
@@ -73,6 +76,8 @@ class Panel:
             x |= {"type": "log", "dtick": 1}
         if self.y_range:
             y["range"] = list(self.y_range)
+        elif self.unit in ("m", "rad") and not self.log and self._largest <= _ROUNDING:
+            y["range"] = [-_ROUNDING, _ROUNDING]
         if self.log and self.y_range:  # whole decades: their labels cannot meet
             low, high = np.floor(np.log10(self.y_range[0])), np.ceil(np.log10(self.y_range[1]))
             y |= {"type": "log", "range": [low, high], "dtick": int(np.ceil((high - low) / 5.0))}

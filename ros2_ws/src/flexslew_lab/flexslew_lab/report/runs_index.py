@@ -69,7 +69,7 @@ def write_index(folder: Path) -> Path:
     rows, unread = runs_in(folder)
     columns = [(key, unit_of(key, ())) for key in FIGURES]
     page = render("runs.html.j2", figures=False, runs=rows, unread=unread, columns=columns,
-                  choices=_choices(rows), data=[_plain(run) for run in rows])  # fmt: skip
+                  choices=_choices(rows), data=_compared(rows))  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / PAGE, page)
     return folder / PAGE
@@ -118,6 +118,12 @@ def _choices(rows: Sequence[Run]) -> dict[str, list[str]]:
     """Return by what the runs can be filtered, with the values that there are."""
     keys = ("trial", "law", "planner", "testbed", "operator")
     return {key: sorted({getattr(run, key) for run in rows}) for key in keys}
+
+
+def _compared(rows: Sequence[Run]) -> dict[str, Any]:
+    """Return what the page's script compares, and the units of the metrics that have one."""
+    units = {key: unit_of(key, ()) for run in rows for key in run.metrics}
+    return {"runs": [_plain(run) for run in rows], "units": {k: u for k, u in units.items() if u}}
 
 
 def _plain(run: Run) -> dict[str, Any]:

@@ -6,6 +6,7 @@ then `advance`. Advancing without an answer is a missed tick.
 
 from collections import deque
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -69,6 +70,17 @@ def _begun(given: Testbed, testbed: Testbed) -> tuple[Vector, Model, float]:
         return start, model, min(small.frequencies, default=_RIGID_FREQUENCY)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadInput(f"its numbers are out of range ({error})", key="testbed") from None
+
+
+def _numbers(effort: Any) -> Vector:
+    """Return efforts that a person gave as a list, or in another precision."""
+    try:
+        given = np.asarray(effort)
+    except ValueError:  # [[1], [2, 3]]
+        given = np.asarray(None)
+    if given.dtype.kind not in "iuf":
+        raise BadInput("give an array of numbers, one per joint", key="effort", value=effort)
+    return given.astype(np.float64)
 
 
 class Bench:
@@ -226,7 +238,12 @@ class Bench:
         """Return whether the command settles the tick; a second answer is not needed.
 
         An answer that a fault keeps from the drive settles it too: no better one will come.
+
+        Raises:
+            BadInput: its effort is neither an array nor a list of real numbers.
         """
+        if getattr(command.effort, "dtype", None) != np.float64:
+            command = command._replace(effort=_numbers(command.effort))
         asked = self.question
         other = command.tick != asked.tick or command.controller != asked.controller
         if other and self.drive.heard_before(command):
@@ -339,7 +356,7 @@ class Bench:
             words = "faults are off in this trial; set allow_faults: true"
             return InjectResult(self.tick, refused=Refusal(words, cause=Cause.FAULTS_OFF))
         try:
-            entry = injected_entry(text, start * self.settings.period)
+            entry = injected_entry(text, start * self.settings.period, self._testbed)
             period = self.settings.period
             names = self._names._replace(controllers=tuple(controllers))
             injection = injection_of(entry, names, period, "fault")

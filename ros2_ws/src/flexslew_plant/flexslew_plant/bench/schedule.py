@@ -12,7 +12,9 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FaultSettings
 from flexslew_plant.faults.actuators import CommandDelay
 from flexslew_plant.hardware.disturbances import Disturbance
+from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.settings import section, validated
+from flexslew_plant.testbeds import Testbed
 
 _Time: TypeAlias = Annotated[float, Field(ge=0.0, le=1e12)]  # in ticks, too, a whole number
 
@@ -72,16 +74,18 @@ def require_allowed(schedule: Schedule, allowed: bool, source: str = "trial") ->
             )
 
 
-def injected_entry(text: str, at: float) -> ScheduleEntry:
+def injected_entry(text: str, at: float, testbed: Testbed | None = None) -> ScheduleEntry:
     """Return what an operator wants to break as an entry of the schedule.
 
     Args:
         text: YAML, a fault (`{kind: command_lost, until: 30.0}`) or an entry without `at`
             (`{fault: {...}}`, `{disturbance: {...}, until: 30.0}`).
         at: when [s].
+        testbed: whose joints say in which unit a quantity may be; None: in that of any joint.
 
     Raises:
-        BadInput: the text is no YAML, see requested_yaml, or no fault and no disturbance.
+        BadInput: the text is no YAML, see requested_yaml, or no fault and no disturbance; or a
+            quantity is of another kind than its joint.
     """
     values: Any = requested_yaml(text, "fault")
     if not isinstance(values, dict):
@@ -90,6 +94,8 @@ def injected_entry(text: str, at: float) -> ScheduleEntry:
         until = {"until": values["until"]} if "until" in values else {}
         values = {"fault": {k: v for k, v in values.items() if k != "until"}, **until}
     entry: ScheduleEntry = validated(ScheduleEntry, {**values, "at": at}, "fault")
+    if testbed is not None:
+        require_units_of_joints(ScheduleEntry, values, testbed, "fault")
     if entry.switch is not None or entry.retarget is not None:
         raise BadInput("fault: for switch or retarget use switch_controller or retarget")
     return entry

@@ -75,7 +75,7 @@ class SensorBias:
     kind: Literal["sensor_bias"] = "sensor_bias"
     channel: ChannelName  # which sensors
     of: str | None = None  # joint or appendage; null: every one of the channel
-    bias: float  # in the unit of the channel
+    bias: float  # in the unit of what the channel reads [rad or m, rad/s or m/s, 1/m]
 
     def subject(self, names: Names) -> Subject | None:
         """Return the joint or appendage."""

@@ -17,6 +17,7 @@ from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.dead_nodes import take_off_graph
 from flexslew_plant.ros.departure import wait_until_acknowledged
 from flexslew_plant.ros.outlets import Outlets
+from flexslew_plant.ros.told_lines import tell
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
@@ -87,7 +88,7 @@ class Loop:
         the others were told that the nodes are gone.
         """
         if SUPERVISOR in os.environ:
-            print(f"leaves with exit code {code}", flush=True)
+            tell(f"leaves with exit code {code}")
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.alarm(_LEAVING)
         before()

@@ -17,6 +17,7 @@ from flexslew_plant.ros.departure import DEPARTURE_TIMEOUT, INTERRUPTED_TIMEOUT
 from flexslew_plant.ros.interrupts import Interrupts
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.start import start_ros
+from flexslew_plant.ros.told_lines import tell
 
 
 class Served(Protocol):
@@ -52,7 +53,7 @@ def _closed(served: Served) -> int:
     try:
         getattr(served, "close", lambda: None)()
     except FlexslewError as error:
-        print(f"error: {error}", file=sys.stderr)
+        tell(f"error: {error}", wrong=True)
         return 3
     return 0
 
@@ -90,10 +91,10 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
     except (KeyboardInterrupt, ExternalShutdownException):
         code = 130
     except BadInput as error:
-        print(f"error: {error}", file=sys.stderr)
+        tell(f"error: {error}", wrong=True)
         code = 2
     except FlexslewError as error:
-        print(f"error: {error}", file=sys.stderr)
+        tell(f"error: {error}", wrong=True)
         code = 3
     finally:
         _interrupts.ignore()

@@ -27,6 +27,7 @@ from flexslew_plant.ros.plant.report import PlantReport
 from flexslew_plant.ros.plant.services import Services
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.ros.realtime import NONE, PLANT, RealTime
+from flexslew_plant.ros.told_lines import tell
 
 
 class Plant:
@@ -105,7 +106,7 @@ class Plant:
         done = self.session.run.state == FINISHED and not self.loop.stopped
         if done and self._settings.exit_when_done:
             if failure := self.session.bench.failure:
-                print(f"error: {failure}", flush=True)  # for the one who started this node
+                tell(f"error: {failure}")  # for the one who started this node
             self.loop.stop(3 if self.session.bench.faulted else 0)
 
     def _said(self) -> bool:

@@ -12,6 +12,7 @@ from flexslew_plant.bench.schedule import injected_entry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS
 from flexslew_plant.hardware.disturbances import PulseShape, SineShape
+from flexslew_plant.units import in_si
 from flexslew_plant.yaml_data import yaml_text
 
 _CONSTANT, _NOTHING = "constant", "(nothing)"
@@ -49,7 +50,7 @@ class _Injection:
 
     def send(self, who: str, made: Made) -> None:
         """Check it as the bench will; send it, or tell beside the field what is wrong."""
-        given = self._form.values() if self._form else None
+        given = self._form.values(as_written=True) if self._form else None
         if given is None:
             return
         try:
@@ -96,7 +97,8 @@ class DisturbPanel:
         joint, shape = str(given.pop("on joint", "")), self._injection.choice.value
         if shape in _SHAPES:
             return {"disturbance": {joint: {shape: given}}}
-        return {"disturbance": {joint: number_of(_EFFORT, given.get(_EFFORT))}}
+        number_of(_EFFORT, in_si(given.get(_EFFORT), ("N m", "N")))
+        return {"disturbance": {joint: given[_EFFORT]}}
 
 
 class FaultPanel:

@@ -11,6 +11,7 @@ from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.dead_nodes import DeadNodes
 from flexslew_plant.ros.graph import UNNAMED, incompatible
 from flexslew_plant.ros.outlet import Outlet
+from flexslew_plant.ros.told_lines import tell
 
 _LOOK_EVERY = 1.0  # for those who ask for another QoS [wall s]
 
@@ -65,7 +66,7 @@ class PlantReport:
         run, bench = self._session.run, self._session.bench
         over = run.state == FINISHED and bench.tick != self._printed
         if over or (run.running and now >= self._next):
-            print(f"tick {bench.tick} of {bench.last_tick}", flush=True)
+            tell(f"tick {bench.tick} of {bench.last_tick}")
             self._next, self._printed = now + 0.5, bench.tick
 
     def _warn_of_qos(self, now: float) -> None:
