@@ -37,9 +37,9 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
     rows = store.table(["status", "reason", "way"])
     failed = pc.not_equal(rows["status"], "ok")
     chosen = [name for name in columns if _worth_telling(name)]
-    joints = _joint_units(study)
+    joints, own = _joint_units(study), store.own_keys
     metrics = {
-        name: _metric(study, store, name) | {"unit": unit_among(name, joints) or "-"}
+        name: _metric(study, store, name) | {"unit": unit_among(name, joints, own) or "-"}
         for name in chosen
     }
     criteria = [
