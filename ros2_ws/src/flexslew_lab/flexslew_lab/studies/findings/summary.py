@@ -14,7 +14,7 @@ from flexslew_lab.studies.findings.pairs import paired
 from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.findings.sensitivity import indices
 from flexslew_lab.studies.findings.stopping import at_every_look, interim_confidence
-from flexslew_lab.studies.sampling.methods import METHODS
+from flexslew_lab.studies.sampling.methods import METHODS, replicates_of
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.overrides import overridden
@@ -150,14 +150,14 @@ def _sensitivity(study: Study, store: Store, names: list[str]) -> list[dict[str,
     if study.settings.sampling.method != "saltelli":
         return []
     lines: list[dict[str, Any]] = []
-    count = store.samples.num_rows
+    count, parts = store.samples.num_rows, replicates_of(study.settings.sampling)
     for name in names:
         for k, variant in enumerate(study.variants):
             found, _ = column(study, store, name, k)
             values = np.full(count, np.nan)
             values[found.numbers // len(study.variants)] = found.values
             varied = [v.name for v in study.varied]
-            rows, why = indices(values, varied, CONFIDENCE, study.settings.seed)
+            rows, why = indices(values, varied, CONFIDENCE, study.settings.seed, parts)
             lines.append(
                 {
                     "metric": name,
