@@ -1,5 +1,6 @@
 """`import flexslew`: objects in place of names, grids of trials, no module of Linux alone."""
 
+import json
 import pickle
 import re
 import subprocess
@@ -237,6 +238,12 @@ def test_a_sweep_has_an_axis_per_path_and_the_numbers_of_single_flights() -> Non
         fs.sweep(SLEW, {"testbed.modes": []})
 
 
+def test_a_sweep_tells_what_its_flights_warn_of() -> None:
+    with pytest.warns(UserWarning, match=r"sweep point 2 and 1 more: the plan ends at 9 s") as told:
+        fs.sweep(SLEW, {"plan.duration": [0.5, 9.0], "seed": [1, 2]}, {"plan.start": 0.0})
+    assert [Path(one.filename).name for one in told] == ["test_front.py"]
+
+
 def test_every_point_of_the_sweep_in_the_docs_has_a_plan() -> None:
     page = (Path(__file__).parents[2] / "docs/library.md").read_text(encoding="utf-8")
     found = re.search(r'fs\.sweep\("m1", (\{.*\})\)', page)
@@ -421,6 +428,19 @@ def test_an_analysis_about_a_rest_is_short_to_look_at() -> None:
     assert words in repr(found)
     with pytest.raises(fs.BadInput, match="hub is not a joint of the testbed"):
         fs.analyse(SHORT, hub=0.5)
+
+
+def test_studies_are_listed_without_what_reads_their_tables(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['pyarrow'] = None\n"
+        "from flexslew_lab.cli.main import app; app(['study', 'list', '--json'])"
+    )
+    (tmp_path / "runs/study-x").mkdir(parents=True)
+    kept = {"study": {"study": "theirs"}, "variants": [], "varied": [], "columns": []}
+    (tmp_path / "runs/study-x/study.json").write_text(json.dumps(kept))
+    command = [sys.executable, "-P", "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "theirs" in [row["study"] for row in json.loads(done.stdout)]
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from tests.lab.metrics.blocks import ticks_of
 
+from flexslew_lab.cli.summary import metric_rows
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics import KEYS, METRICS, Metric
-from flexslew_lab.metrics.from_bag import metrics_of
+from flexslew_lab.metrics.from_bag import metrics_of, own_keys_of
 from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.metrics.rows import flat
@@ -151,7 +152,12 @@ def test_a_metric_of_the_user_s_own_is_measured_in_every_run(tmp_path: Path) -> 
     result = run_trial(trial, "test", tmp_path / "run", in_process=True)
     yaw = BagReader(tmp_path / "run/bag").columns("/truth", {"position"})["position"][:, 0]
     assert result.metrics["travel"] == pytest.approx(np.abs(np.diff(yaw)).sum()) != 0.0
-    assert "travel" in (tmp_path / "run/report.html").read_text()
+    page = (tmp_path / "run/report.html").read_text()
+    assert "total distance travelled by the first joint" in page  # what its key says of it
+    bag = BagReader(tmp_path / "run/bag", trust=ANY_CODE)
+    assert own_keys_of(bag)["travel"].unit == "rad or m"
+    rows = metric_rows(result.metrics, {"base_yaw": "rad"}, own_keys_of(bag))
+    assert next(unit for name, _, unit in rows if name == "travel") == "rad"
     metrics = metrics_of(tmp_path / "run/bag")  # as a received log is read
     assert "travel" not in metrics
     assert f"allow it with --trust {tmp_path}/travel.py:Travel" in metrics["warnings"][0]

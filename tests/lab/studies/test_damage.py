@@ -138,7 +138,7 @@ def test_a_crafted_identity_is_said_in_one_line(
 ) -> None:
     _, store = flown
     (store.folder / "study.json").write_text(content)
-    monkeypatch.setattr("flexslew_lab.studies.run.RUNS", store.folder.parent)
+    monkeypatch.setattr("flexslew_lab.trial.outputs.RUNS", store.folder.parent)
     for command in (["status", str(store.folder)], ["report", str(store.folder)], ["list"]):
         code, _, words = told(["study", *command, "--json"])
         assert code == (0 if command == ["list"] else 2)

@@ -271,6 +271,53 @@ def test_any_trial_flies_again_with_the_same_hash(
         assert again.metrics["trajectory_hash"] == hashes[number]
 
 
+def test_a_trial_that_flies_again_tells_what_it_warns_of(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    study = study_of(vary={"plan.duration": {"uniform": [1.1, 1.5]}})
+    said: list[str] = []
+    fly_again(study, None, 0, tmp_path / "run", said.append)
+    assert any(words.startswith("warning: the plan ends at 1.") for words in said)
+
+
+SETTLES = """
+from flexslew_lab.metrics import Key
+
+
+class Settles:
+    KEYS = {
+        "drift": Key("N m or N", False, "how far it drifts"),
+        "drift_ends_at": Key("s", False, "when; null: never", never="drift"),
+        "drift_by_rate": Key("rad or m", False, "by frequency", spectrum=True),
+    }
+
+    def __init__(self, setup):
+        pass
+
+    def add(self, block):
+        self.last = float(block.position[-1, 0])
+
+    def result(self, ending):
+        ends = None if self.last > 0.0 else 1.0
+        return {"drift": 1.0, "drift_ends_at": ends, "drift_by_rate": {"1": 1.0}}
+"""
+
+
+@pytest.mark.parametrize("lanes", [False, True])
+def test_what_a_metric_of_one_s_own_says_of_its_keys_holds_in_a_study(
+    study_of: Callable[..., Study], tmp_path: Path, lanes: bool
+) -> None:
+    (tmp_path / "settles.py").write_text(SETTLES)
+    keys = {"metrics": [f"{tmp_path}/settles.py:Settles"]}
+    ready = prepare(study_of(keys, lanes=lanes, sampling={"method": "random", "n": 3}))
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
+    assert not [name for name in store.columns if name.startswith("drift_by_rate")]
+    found = finished(ready.study, store)["metrics"]
+    assert (found["drift"]["unit"], found["drift_ends_at"]["unit"]) == ("N m", "s")
+    assert found["drift_ends_at"]["missing"] == 0  # what never ends is worse than any number
+    assert found["drift_ends_at"]["mean"] is None
+
+
 def test_as_many_logs_are_kept_as_the_file_asks_for(
     study_of: Callable[..., Study], tmp_path: Path
 ) -> None:

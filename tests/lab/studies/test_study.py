@@ -70,7 +70,10 @@ def test_a_metric_that_there_is_not_is_refused_before_anything_is_planned(
         ({"sampling": {"method": "saltelli", "n": 96}}, "such as 64 and 128"),
         ({"sampling": {"method": "saltelli", "n": 64}, "vary": MANY}, "65 varied values: at most"),
         ({"sampling": {"method": "sobol", "n": 64, "replicates": 6}}, "a power of two"),
-        ({"sampling": {"method": "random", "n": 64, "replicates": 8}}, "only lhs and sobol"),
+        (
+            {"sampling": {"method": "random", "n": 64, "replicates": 8}},
+            "only lhs, sobol and saltelli",
+        ),
         ({"sampling": {"method": "lhs", "n": 4, "replicates": 8}}, "at most n, 4"),
         ({"sampling": {"method": "random", "file": "a.csv"}}, "only method list"),
         ({"sampling": {"method": "list"}}, "name the CSV file"),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexslew_lab.metrics import Key
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.rows import flat, unit_among
 from flexslew_lab.report.told_takeovers import told_takeovers
@@ -39,6 +40,7 @@ class Flight:
     time: Vector  # simulated, of every tick, (ticks,) [s]
     signals: dict[str, Vector]  # by name, each (ticks,)
     units: dict[str, str]  # by name
+    own_keys: dict[str, Key] = field(default_factory=dict)  # of the trial's own metrics
 
     def __getitem__(self, name: str) -> Vector | Matrix:
         """Return the signal `name`, (ticks,), or all of a quantity side by side, (ticks, n).
@@ -78,7 +80,7 @@ class Flight:
         """Return the verdict and the table of the metrics, for notebooks."""
         joints = {n.partition(".")[2]: self.units[n] for n in self.signals if n[:9] == "measured."}
         rows = [
-            (name, shown(value), unit_among(name, joints))
+            (name, shown(value), unit_among(name, joints, self.own_keys))
             for name, value in flat(self.metrics).items()
             if value is not None
         ]

@@ -26,7 +26,7 @@ from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight as Flight
 from flexslew_lab.given_objects import Given, with_law, with_plan
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.metrics.from_bag import metrics_from
+from flexslew_lab.metrics.from_bag import metrics_from, own_keys_of
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.outputs import bag_folder
@@ -121,7 +121,9 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
     signals = read_signals(bag)
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events
-    return Flight(keys, metrics_from(bag), events, signals.time, signals.values, signals.units)
+    values, units = signals.values, signals.units
+    own = own_keys_of(bag)
+    return Flight(keys, metrics_from(bag), events, signals.time, values, units, own)
 
 
 def linear_model(

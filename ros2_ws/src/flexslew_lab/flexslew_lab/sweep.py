@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -80,6 +81,8 @@ def sweep(
 ) -> Sweep:
     """Return the metrics of a trial flown at every point of a grid, one after the other.
 
+    What `fly` tells as a warning is one here, too, with the numbers of its points.
+
     Args:
         source: as for `trial`.
         axes: path to values, for example {"testbed.modes": [1, 2], "plan.duration": durations}.
@@ -94,12 +97,19 @@ def sweep(
     _require_apart(changes or {}, grid)
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     trials = [trial(source, {**(changes or {}), **point}, **given) for point in points]
-    rows = []
+    rows, told = [], dict[str, list[int]]()
     for number, one in enumerate(trials):
         with tempfile.TemporaryDirectory() as passing:
             folder = Path(passing, "run")
-            found = run_trial(one, f"sweep point {number}", folder, in_process=True, report=False)
+            heard: list[str] = []
+            source = f"sweep point {number}"
+            found = run_trial(one, source, folder, in_process=True, report=False, warn=heard.append)
             rows.append(_numbers(found.metrics))
+            for words in heard:
+                told.setdefault(words, []).append(number)
+    for words, numbers in told.items():
+        more = f" and {len(numbers) - 1} more" if len(numbers) > 1 else ""
+        warnings.warn(f"sweep point {numbers[0]}{more}: {words}", stacklevel=2)
     shape = tuple(map(len, grid.values()))
     names = dict.fromkeys(name for row in rows for name in row)
     return Sweep(

@@ -88,6 +88,7 @@ def trial(
 
     from flexslew_lab.cli.summary import metric_rows
     from flexslew_lab.metrics.goal import joint_units
+    from flexslew_lab.metrics.own import keys_of, own_metrics
     from flexslew_lab.report.verdict import verdict
     from flexslew_lab.run.run_trial import run_trial
     from flexslew_lab.trial.sources import read_trial
@@ -113,7 +114,8 @@ def trial(
         print(json.dumps(result.metrics, indent=2))
     else:
         units = joint_units(requested.testbed)
-        print_table(("metric", "value", "unit"), metric_rows(result.metrics, units))
+        own = keys_of(own_metrics(requested.metrics, f"{source}: metrics", requested.trust))
+        print_table(("metric", "value", "unit"), metric_rows(result.metrics, units, own))
         words = verdict(
             result.metrics, result.bare_metrics, requested.goal_tolerance, result.changes, units
         )

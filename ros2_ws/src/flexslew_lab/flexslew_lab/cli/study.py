@@ -187,7 +187,7 @@ def fly(
         requested = load_study(study_path(file), ANY_CODE)
         store = Store(default_folder(requested))
         store = store if store.exists else None
-    result, difference = fly_again(requested, store, index, out)
+    result, difference = fly_again(requested, store, index, out, say)
     if as_json:
         print(json.dumps(result.metrics, indent=2))
     else:
@@ -225,18 +225,18 @@ def list_studies(as_json: Json = False) -> None:
 
     Example: `./flexslew study list`
     """
-    from flexslew_lab.studies.run import RUNS
-    from flexslew_lab.studies.store import Store
+    from flexslew_lab.studies.identity_file import IDENTITY, kept_identity
     from flexslew_lab.studies.study import SHIPPED, shipped_names
+    from flexslew_lab.trial.outputs import RUNS
 
     rows: list[dict[str, Any]] = []
     for name in shipped_names():
         first = (SHIPPED / f"{name}.yaml").read_text().splitlines()[0]
         rows.append({"study": name, "where": "shipped", "about": first.removeprefix("# ")})
-    for path in sorted(RUNS.glob("*/study.json")):
+    for path in sorted(RUNS.glob(f"*/{IDENTITY}")):
         name, about = path.parent.name, ""
         try:
-            name = Store(path.parent).identity["study"].get("study", name)
+            name = kept_identity(path.parent).identity["study"].get("study", name)
         except BadInput as error:
             about = str(error)
         rows.append({"study": name, "where": str(path.parent), "about": about})

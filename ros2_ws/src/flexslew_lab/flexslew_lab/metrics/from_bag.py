@@ -11,8 +11,8 @@ from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.flown_testbed import flown_testbed
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.metrics.epoch import Epoch
-from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, Metric, RunSetup
-from flexslew_lab.metrics.own import own_metrics
+from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, Key, Metric, RunSetup
+from flexslew_lab.metrics.own import keys_of, own_metrics
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -74,6 +74,11 @@ def _measured(bag: BagReader) -> dict[str, Any]:
         (*unprotected, *refused),
     )
     return epoch.result(ending)
+
+
+def own_keys_of(bag: BagReader) -> dict[str, Key]:
+    """Return what the keys of the trial's own metrics hold, of those that are trusted."""
+    return keys_of(_own(bag)[0])
 
 
 def joint_names_of(overview: Overview, joints: int) -> tuple[str, ...]:

@@ -37,3 +37,8 @@ def own_metrics(names: Sequence[str], source: str, trust: Trust) -> list[type[Me
         taken |= dict.fromkeys(keys, name)
         found.append(kind)
     return found
+
+
+def keys_of(metrics: Sequence[type[Metric]]) -> dict[str, Key]:
+    """Return what the keys of metrics hold, by name."""
+    return {key: told for metric in metrics for key, told in metric.KEYS.items()}

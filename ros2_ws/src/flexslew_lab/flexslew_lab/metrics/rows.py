@@ -7,6 +7,7 @@ from flexslew_lab.metrics import KEYS, Key
 
 AXES = "xyz"
 _UNKNOWN = Key("-", False, "")
+NO_KEYS: Mapping[str, Key] = {}
 
 
 def flat(metrics: Mapping[str, Any]) -> dict[str, Any]:
@@ -17,34 +18,43 @@ def flat(metrics: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def key_of(name: str) -> Key:
-    """Return what a row holds; of a metric that is not the bench's own, nothing is known."""
-    return KEYS.get(name.split(".")[0], _UNKNOWN)
+def key_of(name: str, others: Mapping[str, Key] = NO_KEYS) -> Key:
+    """Return what a row holds; of what is no key, nothing is known.
+
+    Args:
+        name: of the row.
+        others: keys besides those of the bench, see own.keys_of.
+    """
+    key = name.split(".")[0]
+    return KEYS.get(key) or others.get(key, _UNKNOWN)
 
 
-def unit_of(name: str, kinds: Collection[str]) -> str:
+def unit_of(name: str, kinds: Collection[str], others: Mapping[str, Key] = NO_KEYS) -> str:
     """Return the unit of a row, empty where it has none.
 
     Args:
         name: of the row.
         kinds: units of the joints that it is about; where the key has one unit for angles and one
             for lengths, theirs is the one.
+        others: see key_of.
     """
-    unit = key_of(name).unit
+    unit = key_of(name, others).unit
     if " or " in unit and len(set(kinds)) == 1:
         unit = unit.split(" or ")[1 if "m" in kinds else 0]
     return "" if unit in ("-", "hex") else unit
 
 
-def unit_among(name: str, joints: Mapping[str, str]) -> str:
+def unit_among(name: str, joints: Mapping[str, str], others: Mapping[str, Key] = NO_KEYS) -> str:
     """Return the unit of a row of a bench, see unit_of.
 
     Args:
         name: of the row; behind a dot may stand the joint that it is about.
         joints: units of the bench's joints by name.
+        others: see key_of.
     """
     joint = name.partition(".")[2]
-    return unit_of(name, {joints[joint]} if joint in joints else set(joints.values()))
+    kinds = {joints[joint]} if joint in joints else set(joints.values())
+    return unit_of(name, kinds, others)
 
 
 def _rows(name: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -276,11 +276,12 @@ def _metric_rows(runs: Sequence[RunData]) -> tuple[list[_Row], list[_Row]]:
     moved = {name for run in runs for name in told_to_move(run.metrics)}
     still = {name for run in runs for name in run.joint_names} - moved
     units = dict(zip(runs[0].joint_names, runs[0].joint_units, strict=True))
+    own = {key: told for run in runs for key, told in run.own_keys.items()}
     found: tuple[list[_Row], list[_Row]] = ([], [])
     for name in names:
         values = [number(rows.get(name)) for rows in each]
-        unit = unit_among(name, units)
-        found[name.partition(".")[2] in still].append((name, unit, key_of(name).meaning, values))
+        unit, meaning = unit_among(name, units, own), key_of(name, own).meaning
+        found[name.partition(".")[2] in still].append((name, unit, meaning, values))
     return found
 
 

@@ -11,7 +11,8 @@ from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.flown_testbed import flown_testbed
 from flexslew_lab.log.joints_flown import estimate_errors, estimated_joints, joints_and_modes
 from flexslew_lab.log.messages.logged_text import logged_yaml
-from flexslew_lab.metrics.from_bag import joint_names_of, metrics_from
+from flexslew_lab.metrics import Key
+from flexslew_lab.metrics.from_bag import joint_names_of, metrics_from, own_keys_of
 from flexslew_lab.report.matching import Waiting, keys_of
 from flexslew_lab.report.spans import Span, spans_of
 from flexslew_lab.report.thinning import Thinner, Trace
@@ -40,6 +41,7 @@ class RunData(NamedTuple):
     trial: dict[str, Any]
     overview: Overview
     metrics: dict[str, Any]
+    own_keys: dict[str, Key]  # what those of the trial's own metrics hold
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
     appendage_names: tuple[str, ...]
@@ -91,6 +93,7 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
         trial,
         overview,
         metrics,
+        own_keys_of(bag),
         names,
         tuple(testbed.joint_units) if known else ("rad",) * joints,
         appendage_names_of(overview, tips),

@@ -29,7 +29,11 @@ def finished(study: Study, store: Store) -> dict[str, Any]:
 
 
 def fly_again(
-    study: Study, store: Store | None, number: int, out: Path | None
+    study: Study,
+    store: Store | None,
+    number: int,
+    out: Path | None,
+    say: Callable[[str], None] = lambda words: None,
 ) -> tuple[Result, str]:
     """Fly one trial with its full log; return it and how it differs from the study's table.
 
@@ -38,6 +42,7 @@ def fly_again(
         store: its folder, if there is one.
         number: of the trial.
         out: folder of the run; None: a new one below runs/.
+        say: told what a flight says of itself, its warnings too.
 
     Raises:
         BadInput: the study has no such trial, or it cannot be flown.
@@ -46,7 +51,8 @@ def fly_again(
 
     samples = store.samples if store is not None else sample_table(study)
     trial = case_trial(study, case_of(study, samples, number))
-    result = run_trial(trial, f"{study.source}: trial {number}", out, in_process=True, report=False)
+    source = f"{study.source}: trial {number}"
+    result = run_trial(trial, source, out, in_process=True, report=False, say=say)
     if store is None or not store.table_path.is_file():
         return result, ""
     return result, _difference(store, number, result.metrics)
@@ -62,7 +68,7 @@ def _difference(store: Store, number: int, metrics: dict[str, Any]) -> str:
     if known is not None:
         same = known == metrics.get("trajectory_hash")
         return "" if same else f"its trajectory hash was {known} in the study"
-    again = columns_of(metrics)
+    again = columns_of(metrics, store.own_keys)
     for name in store.identity["columns"]:
         before = rows[name][0].as_py()
         if not apart(before, again.get(name)) <= TOLERANCE:

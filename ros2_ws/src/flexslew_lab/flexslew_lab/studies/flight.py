@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.one_axis import RELEVANT
-from flexslew_lab.metrics import Metric
-from flexslew_lab.metrics.own import own_metrics
-from flexslew_lab.metrics.rows import AXES, flat, key_of
+from flexslew_lab.metrics import Key, Metric
+from flexslew_lab.metrics.own import keys_of, own_metrics
+from flexslew_lab.metrics.rows import AXES, NO_KEYS, flat, key_of
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.run.metrics_observer import MetricsObserver
 from flexslew_lab.studies.cases import Case, case_trial
@@ -159,17 +159,23 @@ def _flown(
         words = ["no controller answered any more: the brake took over", *why]
         return {}, None, "; ".join(words)
     metrics = observer.result()
-    return columns_of(metrics), str(metrics["trajectory_hash"]), ""
+    return columns_of(metrics, keys_of(own)), str(metrics["trajectory_hash"]), ""
 
 
-def columns_of(metrics: dict[str, Any]) -> dict[str, float | None]:
+def columns_of(
+    metrics: dict[str, Any], own: Mapping[str, Key] = NO_KEYS
+) -> dict[str, float | None]:
     """Return the metrics by column: those with parts by `name.part`, and their largest by name.
 
     What is told by axis has the columns of all axes from the start; spectra have none.
+
+    Args:
+        metrics: content of metrics.json.
+        own: keys of the trial's own metrics.
     """
     found: dict[str, float | None] = {}
     for name, value in metrics.items():
-        key = key_of(name)
+        key = key_of(name, own)
         if name in _LEFT_OUT or key.spectrum:
             continue
         if isinstance(value, float) or (value is None and not key.axes):  # most of them
@@ -204,4 +210,4 @@ def metric_columns(bench: Bench, own: Sequence[type[Metric]]) -> list[str]:
     """Return the columns of columns_of for a bench at tick 0 and metrics of the trial's own."""
     observer = MetricsObserver(bench, None, own)
     observer.truth(bench.truth())
-    return list(columns_of(observer.result()))
+    return list(columns_of(observer.result(), keys_of(own)))

@@ -12,6 +12,8 @@ import pyarrow as pa
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners.slew import software_versions
+from flexslew_lab.metrics import Key
+from flexslew_lab.metrics.own import keys_of, own_metrics
 from flexslew_lab.studies.flight import Plans
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
@@ -54,7 +56,17 @@ def identity_of(
         "variants": [variant.label for variant in study.variants],
         "varied": [varied.name for varied in study.varied],
         "columns": columns,
+        "keys": {name: told._asdict() for name, told in _own_keys(study).items()},
     }
+
+
+def _own_keys(study: Study) -> dict[str, Key]:
+    """Return what the keys of metrics of the trial's own hold, those of all variants."""
+    found: dict[str, Key] = {}
+    for one in study.nominal.values():
+        names, source = one.trial.metrics, f"{study.source}: metrics"
+        found |= keys_of(own_metrics(names, source, one.trial.trust))
+    return found
 
 
 def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> None:

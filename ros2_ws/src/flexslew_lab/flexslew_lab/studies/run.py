@@ -19,12 +19,12 @@ from flexslew_lab.studies.identity import identity_of, require_same
 from flexslew_lab.studies.seals import opened_json
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, known_metric
+from flexslew_lab.trial.outputs import RUNS
 from flexslew_lab.trial.trial import Trial, set_up
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
 from flexslew_plant.yaml_data import yaml_text
 
-RUNS = Path("runs")
 _PART_TIME = 5.0  # between two parts [wall s]
 _PART_ROWS = 5_000  # of a part, at most
 _FLIGHTS = "flights.json"

@@ -17,19 +17,25 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from flexslew_lab.metrics import Key
 from flexslew_lab.studies.disk import HALF, own_folder, put, told
 from flexslew_lab.studies.flight import Flown
+from flexslew_lab.studies.identity_file import (
+    IDENTITY,
+    KeptIdentity,
+    identity_text,
+    kept_identity,
+)
 from flexslew_lab.studies.parts import Parts, readable, written
-from flexslew_lab.studies.seals import check_text, opened_json, sealed_json, sealed_text
+from flexslew_lab.studies.seals import check_text, sealed_json, sealed_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.file_lock import lock_file
+from flexslew_plant.settings import validated
 
-_SAMPLES, _TABLE, _IDENTITY, _PARTS = "samples.parquet", "table.parquet", "study.json", "parts"
+_SAMPLES, _TABLE, _PARTS = "samples.parquet", "table.parquet", "parts"
 _DESCRIPTION = ("study.yaml", "trial.yaml")
 _LOCK = ".writing"
 _GROUP = 8_192  # trials that are sorted at once
-_SHAPE: dict[str, type] = {"study": dict, "variants": list, "varied": list, "columns": list}
-_DIGEST = "samples_sha256"
 
 
 class Store:
@@ -41,8 +47,7 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._identity: dict[str, Any] | None = None
-        self._samples_sha256: str | None = None  # None: an older folder
+        self._kept: KeptIdentity | None = None
         self._samples: pa.Table | None = None
         self._table: tuple[tuple[int, ...], pq.ParquetFile] | None = None  # as it stood, opened
         self._parts = Parts(folder / _PARTS)
@@ -50,7 +55,7 @@ class Store:
     @property
     def exists(self) -> bool:
         """Whether a study has been started here."""
-        return os.path.isfile(self.folder / _IDENTITY)
+        return os.path.isfile(self.folder / IDENTITY)
 
     @property
     def strangers(self) -> list[str]:
@@ -78,16 +83,13 @@ class Store:
         Raises:
             BadInput: the folder holds no study, or that file is damaged.
         """
-        if self._identity is None:
-            if not self.exists:
-                raise BadInput("holds no study", self.folder)
-            found = opened_json(self.folder / _IDENTITY)
-            self._samples_sha256 = found.pop(_DIGEST, None)
-            for key, kind in _SHAPE.items():
-                if not isinstance(found.get(key), kind):
-                    raise BadInput("is missing or of no use", self.folder / _IDENTITY, key)
-            self._identity = found
-        return self._identity
+        return self._identity.identity
+
+    @property
+    def _identity(self) -> KeptIdentity:
+        if self._kept is None:
+            self._kept = kept_identity(self.folder)
+        return self._kept
 
     @property
     def samples(self) -> pa.Table:
@@ -107,7 +109,7 @@ class Store:
             digest = hashlib.sha256(content).hexdigest()
             if (
                 found is None
-                or digest != (self._samples_sha256 or digest)
+                or digest != (self._identity.samples_sha256 or digest)
                 or not needed <= set(found.column_names)
             ):
                 raise BadInput(
@@ -116,6 +118,17 @@ class Store:
                 )
             self._samples = found
         return self._samples
+
+    @property
+    def own_keys(self) -> dict[str, Key]:
+        """What the keys of metrics of the trial's own hold.
+
+        Raises:
+            BadInput: their description is of no use.
+        """
+        path = self.folder / IDENTITY
+        found: dict[str, Key] = validated(dict[str, Key], self.identity.get("keys", {}), str(path))
+        return found
 
     @property
     def table_path(self) -> Path:
@@ -138,8 +151,8 @@ class Store:
         self._parts.make()
         content = written(samples)
         put(self.folder / _SAMPLES, content)
-        known = identity | {_DIGEST: hashlib.sha256(content).hexdigest()}
-        put(self.folder / _IDENTITY, sealed_json(known).encode())
+        kept = KeptIdentity(identity, hashlib.sha256(content).hexdigest())
+        put(self.folder / IDENTITY, identity_text(kept).encode())
 
     @contextmanager
     def locked(self) -> Iterator[None]:

@@ -34,7 +34,7 @@ class Column(NamedTuple):
 
 def column(study: Study, store: Store, name: str, variant: int | None) -> tuple[Column, pa.Table]:
     """Return a metric of one variant (None: of all) with the rows that it comes from."""
-    known = _parts(store, key_of(name).never)
+    known = _parts(store, key_of(name, store.own_keys).never)
     rows = store.table(["index", "replicate", "status", name, *known])
     if variant is not None:
         count = len(study.variants)

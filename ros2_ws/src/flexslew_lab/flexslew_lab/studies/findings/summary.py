@@ -14,7 +14,7 @@ from flexslew_lab.studies.findings.pairs import paired
 from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.findings.sensitivity import indices
 from flexslew_lab.studies.findings.stopping import at_every_look, interim_confidence
-from flexslew_lab.studies.sampling.methods import METHODS
+from flexslew_lab.studies.sampling.methods import METHODS, replicates_of
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.overrides import overridden
@@ -37,9 +37,9 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
     rows = store.table(["status", "reason", "way"])
     failed = pc.not_equal(rows["status"], "ok")
     chosen = [name for name in columns if _worth_telling(name)]
-    joints = _joint_units(study)
+    joints, own = _joint_units(study), store.own_keys
     metrics = {
-        name: _metric(study, store, name) | {"unit": unit_among(name, joints) or "-"}
+        name: _metric(study, store, name) | {"unit": unit_among(name, joints, own) or "-"}
         for name in chosen
     }
     criteria = [
@@ -150,14 +150,14 @@ def _sensitivity(study: Study, store: Store, names: list[str]) -> list[dict[str,
     if study.settings.sampling.method != "saltelli":
         return []
     lines: list[dict[str, Any]] = []
-    count = store.samples.num_rows
+    count, parts = store.samples.num_rows, replicates_of(study.settings.sampling)
     for name in names:
         for k, variant in enumerate(study.variants):
             found, _ = column(study, store, name, k)
             values = np.full(count, np.nan)
             values[found.numbers // len(study.variants)] = found.values
             varied = [v.name for v in study.varied]
-            rows, why = indices(values, varied, CONFIDENCE, study.settings.seed)
+            rows, why = indices(values, varied, CONFIDENCE, study.settings.seed, parts)
             lines.append(
                 {
                     "metric": name,

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, RunSetup
-from flexslew_lab.metrics.own import own_metrics
+from flexslew_lab.metrics.own import keys_of, own_metrics
 from flexslew_lab.metrics.trajectory import TrajectoryMetric
 from flexslew_lab.studies.flight import columns_of
 from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
@@ -35,6 +35,7 @@ class RecordedMetrics:
         trial = lane.trial
         with self._own_may_fail():
             own = own_metrics(trial.metrics, f"{source}: metrics", trial.trust)
+            self._keys = keys_of(own)
             self._epoch = Epoch(0, setup, own, without=(TrajectoryMetric,))  # a hash of exact bits
 
     def add(self, stamps: dict[str, Any], truth: Tensor) -> None:
@@ -56,7 +57,7 @@ class RecordedMetrics:
         if not self._failed:
             with self._own_may_fail():
                 ending = Ending(self._lane.happens.charge.events, [], True)
-                return columns_of(self._epoch.result(ending))
+                return columns_of(self._epoch.result(ending), self._keys)
         return None
 
     @contextmanager

@@ -27,7 +27,7 @@ class Sampling:
 
     method: Literal["random", "lhs", "sobol", "grid", "list", "saltelli"] = "random"
     n: Annotated[int, Field(ge=1)] | None = None  # samples; grid: levels a value; saltelli: rows
-    replicates: Annotated[int, Field(ge=1)] | None = None  # of lhs and sobol
+    replicates: Annotated[int, Field(ge=1)] | None = None  # of lhs, sobol and saltelli
     file: str | None = None  # of a list, CSV with the keys in its first row
 
 
@@ -83,16 +83,26 @@ def _grid(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedSeque
 
 
 def _saltelli(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedSequence) -> Samples:
-    """A, B, and for each value A with that column of B (Saltelli et al., 2010)."""
-    d, n = len(spread), _n(s)
-    both = qmc.Sobol(2 * d, rng=np.random.default_rng(seed)).random(n)
+    """A, B, and for each value A with that column of B (Saltelli et al., 2010).
+
+    The rows of each are those of one replicate after the other.
+    """
+    d, n, count = len(spread), _n(s), replicates_of(s)
+    children = seed.spawn(count) if count > 1 else [seed]
+    both = np.concatenate(
+        [
+            qmc.Sobol(2 * d, rng=np.random.default_rng(child)).random(n // count)
+            for child in children
+        ]
+    )
     a, b = both[:, :d], both[:, d:]
     parts = [a, b]
     for j in range(d):
         mixed = a.copy()
         mixed[:, j] = b[:, j]
         parts.append(mixed)
-    return Samples(np.concatenate(parts), (), np.zeros(n * (d + 2), dtype=np.int32))
+    replicate = np.repeat(np.arange(count, dtype=np.int32), n // count)
+    return Samples(np.concatenate(parts), (), np.tile(replicate, d + 2))
 
 
 def _list(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedSequence) -> Samples:
@@ -116,9 +126,9 @@ def drawn(s: Sampling, spread: Sequence[Distribution], seed: int) -> Samples:
 
 
 def replicates_of(s: Sampling) -> int:
-    """Return how many independently randomised parts a Sobol or Latin hypercube sample has."""
+    """Return how many independently randomised parts a sample has."""
     if not METHODS[s.method].replicated:
-        return 1
+        return s.replicates or 1
     return s.replicates or max(min(REPLICATES, _n(s) // _MINIMUM_POINTS), 1)
 
 
@@ -160,11 +170,12 @@ def check_sampling(s: Sampling, values: int, place: str) -> None:
 
 
 def _check_replicates(s: Sampling, count: int, place: str) -> None:
-    if not METHODS[s.method].replicated:
-        raise BadInput("only lhs and sobol have some", key=f"{place}.replicates", value=count)
+    if s.method not in ("lhs", "sobol", "saltelli"):
+        words = "only lhs, sobol and saltelli have some"
+        raise BadInput(words, key=f"{place}.replicates", value=count)
     if count > _n(s):
         raise BadInput(f"at most n, {_n(s)}", key=f"{place}.replicates", value=count)
-    if s.method == "sobol" and count & (count - 1):
+    if s.method != "lhs" and count & (count - 1):
         raise BadInput(
             "a power of two, so that each part is balanced", key=f"{place}.replicates", value=count
         )
