@@ -140,6 +140,16 @@ def test_what_is_kept_over_a_reset_and_who_beats_as_another_are_told(tmp_path: P
     assert wrong["reset"].startswith("tick 0 of the new epoch: another effort than at the start")
 
 
+def test_who_is_ready_only_in_charge_or_shares_a_number_with_others_is_told(tmp_path: Path) -> None:
+    modest = (SEEN, f"{SEEN}; self.status.ready = not ({NAMED})")
+    undrawn = ("instance=random.getrandbits(63)", "instance=0")
+    code, wrong = examined(*of_example(tmp_path, modest, undrawn))
+    assert code == 1
+    assert {rule for rule, words in wrong.items() if words} == {"heartbeat", "swap", "pause"}
+    assert wrong["heartbeat"].startswith("its instance on alive is 0")
+    assert wrong["swap"].startswith("not ready to take over from questions that name somebody else")
+
+
 READY = 'self.status.ready, self.status.reason = True, ""'
 LATER = "stamp=__import__('builtin_interfaces.msg').msg.Time(sec=7)"
 TOLD = "        self.effort.publish("

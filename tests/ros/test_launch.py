@@ -18,7 +18,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.run.domain import own_domain
 from flexslew_lab.run.launch_arguments import ARGUMENTS
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_plant.errors import BadInput
+from flexslew_plant.errors import BadInput, FlexslewError
 
 from .flight import SLEW, slew
 
@@ -26,8 +26,8 @@ FILE = Path(__file__).parents[2] / "ros2_ws/src/flexslew_lab/launch/trial.launch
 NAMES = {
     "launch": ("LaunchContext", "LaunchDescription"),
     "launch.actions": (
-        "DeclareLaunchArgument", "EmitEvent", "OpaqueFunction", "RegisterEventHandler",
-        "TimerAction",
+        "DeclareLaunchArgument", "EmitEvent", "LogInfo", "OpaqueFunction",
+        "RegisterEventHandler", "TimerAction",
     ),
     "launch.event_handlers": ("OnProcessExit",),
     "launch.events": ("Shutdown",),
@@ -155,11 +155,27 @@ def test_it_can_be_included_with_arguments_of_another_launch_file(
     description: Any, tmp_path: Path
 ) -> None:
     given = {"trial": str(trial_file(tmp_path)), "out": str(tmp_path / "run")}
+    given |= {"ros_namespace": "/fleet", "namespace": "bench1"}  # of a group, with PushRosNamespace
     *nodes, end = performed(description, **given, shutdown="false", arm="left", ratte="1")
     assert nodes[-1].name == "plant"
+    assert {node.namespace for node in nodes} == {"/fleet/bench1"}
+    assert "/fleet/bench1/plant:" in (tmp_path / "run" / "parameters.yaml").read_text()
     run_trial(slew(0.1), "test", tmp_path / "flown", in_process=True, report=False)
     (tmp_path / "flown" / "bag").rename(tmp_path / "run" / "bag")
     assert ended(end) == []  # what else was launched goes on
+
+
+def test_a_bench_that_did_not_fly_ends_its_own_launch_but_no_other(
+    description: Any, tmp_path: Path
+) -> None:
+    given = {"trial": str(trial_file(tmp_path)), "out": str(tmp_path / "included")}
+    *_, end = performed(description, **given, shutdown="false")
+    (told,) = ended(end)
+    assert told.kind == "LogInfo"
+    assert "included/bag" in told.msg
+    *_, end = performed(description, **given | {"out": str(tmp_path / "alone")})
+    with pytest.raises(FlexslewError, match="alone/bag"):
+        ended(end)
 
 
 @pytest.mark.parametrize(

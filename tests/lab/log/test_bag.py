@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.rosbag2 import Reader
@@ -201,7 +201,7 @@ def foreign(path: Path, profile: str = "ros2", schema: bytes = b"uint8 data\n") 
 
 
 def test_a_foreign_bag_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="not a flexslew bag"):
+    with pytest.raises(BadInput, match=r"not a flexslew bag.*record with the bench's own"):
         BagReader(foreign(tmp_path / "a.mcap"))
     with pytest.raises(BadInput, match="profile 'ros1'"):
         BagReader(foreign(tmp_path / "b.mcap", profile="ros1"))
@@ -210,6 +210,39 @@ def test_a_foreign_bag_is_refused_by_name(tmp_path: Path) -> None:
         BagReader(tmp_path / "c.mcap")
     with pytest.raises(BadInput, match="no such bag"):
         BagReader(tmp_path / "nothing")
+
+
+def test_a_bag_that_is_cut_before_its_first_message_is_not_called_foreign(
+    tmp_path: Path, bag: Path
+) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(next(bag.glob("*.mcap")).read_bytes()[:60])
+    with pytest.raises(BadInput, match="a flexslew bag without a message"):
+        BagReader(cut)
+
+
+def test_chunks_that_another_program_has_packed_with_lz4_are_read(
+    tmp_path: Path, bag: Path
+) -> None:
+    own = BagReader(bag)
+    packed = tmp_path / "packed.mcap"
+    with packed.open("wb") as file, next(bag.glob("*.mcap")).open("rb") as whole:
+        reader: Any = make_reader(whole)
+        writer: Any = Writer(file, compression=CompressionType.LZ4)
+        writer.start(profile="ros2")
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        numbers: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages():
+            if channel.id not in numbers:
+                kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                numbers[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, kind, channel.metadata
+                )
+            number, at = numbers[channel.id], message.log_time
+            writer.add_message(number, at, message.data, at, message.sequence)
+        writer.finish()
+    assert list(BagReader(packed).messages()) == list(own.messages())
 
 
 def test_another_message_definition_is_refused(tmp_path: Path) -> None:

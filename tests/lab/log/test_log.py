@@ -149,6 +149,25 @@ def test_a_damaged_chunk_is_left_out_and_counted(tmp_path: Path, write_bag: Writ
     assert "/truth" in bad(tmp_path / "new")
 
 
+def test_recovery_tells_what_is_missing_before_the_first_tick(
+    tmp_path: Path, write_bag: Write, messages: list[Message]
+) -> None:
+    folder = write_bag(tmp_path / "run", [m for m in messages if m[2] >= 2_000_000_000])
+    recovery = recover(folder, tmp_path / "new")
+    assert recovery.missing_ticks == 200
+    assert "every record was whole; 200 ticks missing before the last" in recovery.statement
+
+
+def test_two_runs_in_one_log_are_not_measured_as_one(
+    tmp_path: Path, write_bag: Write, messages: list[Message]
+) -> None:
+    again = [(topic, data, stamp + messages[-1][2]) for topic, data, stamp in messages]
+    folder = write_bag(tmp_path / "run", [*messages, *again])
+    with pytest.raises(BadInput, match="tick 0 of epoch 0: it holds more than one run"):
+        metrics_of(folder)
+    assert "/truth" in bad(folder)
+
+
 def _offsets(data: bytes) -> list[int]:
     found, at = [], 8
     while at < len(data) - 8:

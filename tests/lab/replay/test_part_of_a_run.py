@@ -11,6 +11,7 @@ from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant.errors import BadInput
 
 TRIAL = """
 name: part
@@ -66,3 +67,14 @@ def test_a_log_that_lacks_ticks_says_so(bag: Any, tmp_path: Path, kept: Any, wor
             if kept(stamp // 10_000_000) or topic in ("/testbed", "/plan", "/controller_status"):
                 writer.write(topic, kind, data, stamp)
     assert f"ticks 0 to {words}" in resim(tmp_path / "bag").missing
+
+
+def test_a_log_of_two_runs_is_not_compared_as_one(bag: Any, tmp_path: Path) -> None:
+    reader, writer = BagReader(bag), BagWriter(tmp_path / "two", {"trial": TRIAL})
+    for begin in (0, reader.overview.last):  # as a recorder does that outlives its plant
+        for message in reader.messages():
+            writer.write(message.topic, message.type, message.data, begin + message.stamp)
+    writer.close()
+    for compare in (resim, lambda path: check(path, "pd_feedforward")):
+        with pytest.raises(BadInput, match="tick 0 of epoch 0: it holds more than one run"):
+            compare(tmp_path / "two")

@@ -6,6 +6,7 @@ from typing import Any
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
+    LogInfo,
     OpaqueFunction,
     RegisterEventHandler,
     TimerAction,
@@ -15,12 +16,13 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from flexslew_lab.run.launch_arguments import ARGUMENTS, LaunchValues, launch_values
+from flexslew_lab.run.launch_arguments import ARGUMENTS, LaunchValues, launch_values, within
 from flexslew_lab.run.processes import node_processes, parameter_file
 from flexslew_lab.run.run_trial import finished
 from flexslew_lab.trial.outputs import new_folder
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import build_controllers, trial_text
+from flexslew_plant.errors import FlexslewError
 from launch import LaunchContext, LaunchDescription
 
 GRACE = 5.0  # for the others to leave by themselves when plant and recorder are gone [s]
@@ -40,8 +42,9 @@ def _nodes(context: LaunchContext) -> list[Any]:
     folder = new_folder(trial.name, values.out)
     folder.mkdir(parents=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
+    namespace = within(context.launch_configurations.get("ros_namespace", ""), values.namespace)
     processes = node_processes(
-        trial, folder, values.record, {"trial_file": source}, namespace=values.namespace
+        trial, folder, values.record, {"trial_file": source}, namespace=namespace
     )
     parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
@@ -59,10 +62,16 @@ def _nodes(context: LaunchContext) -> list[Any]:
     ]
 
     def finish(_: LaunchContext) -> list[Any]:
-        if values.record:
-            finished(folder, trial.trust, report=values.report)
+        said: list[Any] = []
+        try:
+            if values.record:
+                finished(folder, trial.trust, report=values.report)
+        except FlexslewError as error:
+            if values.shutdown:
+                raise
+            said = [LogInfo(msg=f"error: {error}")]  # what else was launched goes on
         if not values.shutdown:
-            return []
+            return said
         return [EmitEvent(event=Shutdown(reason=f"the run is over: {folder}"))]
 
     recorder, plant = nodes[0], nodes[-1]

@@ -40,6 +40,7 @@ from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import (
     Sizes,
+    check_one_run,
     check_record,
     check_run_record,
     check_truth,
@@ -134,12 +135,13 @@ class BagReader:
 
         Args:
             topics: of types without sequences of nested types, such as /truth.
-            checked: refuse a truth that is not finite or changes its sizes; else leave that to the
-                caller.
+            checked: refuse a truth that is not finite, changes its sizes or begins anew; else leave
+                that to the caller.
 
         """
         layouts: dict[tuple[str, int], list[Layout]] = {}
         sizes: Sizes = {}  # of the truth
+        newest = 0, -1  # epoch and tick of the truth
         for data, lookup in self._chunks():
             for batch in self._batches(data, lookup):
                 for channel, messages in batch.items():
@@ -153,6 +155,7 @@ class BagReader:
                     for block in blocks_of(topic, kind, messages, layouts):
                         if checked and topic == "/truth":
                             sizes = check_truth(block.columns, str(self.path), sizes)
+                            newest = check_one_run(block.columns, str(self.path), newest)
                         yield block
 
     def _batches(self, data: bytes, lookup: Lookup) -> Iterator[dict[int, list[RawMessage]]]:
@@ -245,7 +248,8 @@ class BagReader:
 
     def _leading_metadata(self) -> dict[str, str]:
         """Return the trial's record; every bag of this project starts with it."""
-        for record in RecordStream(self.path):
+        stream = RecordStream(self.path)
+        for record in stream:
             if record.opcode == HEADER:
                 self._check_header(record.body)
             elif record.opcode == METADATA:
@@ -256,7 +260,14 @@ class BagReader:
                 break
         if self._foreign:
             return {}
-        raise BadInput(f"not a flexslew bag (it holds no {TRIAL_RECORD!r} record)", self.path)
+        if stream.cut is not None:
+            words = f"a flexslew bag without a message: {stream.cut.reason}"
+            raise BadInput(words, self.path)
+        raise BadInput(
+            f"not a flexslew bag (it holds no {TRIAL_RECORD!r} record): of what another recorder "
+            "wrote nothing can be flown again; record with the bench's own, flexslew_lab recorder",
+            self.path,
+        )
 
     def _chunks(self) -> Iterator[tuple[bytes, Lookup]]:
         stream = RecordStream(self.path)
@@ -321,5 +332,5 @@ def find_mcap(path: Path) -> Path:
     if len(files) != 1:
         found = ", ".join(f.name for f in files) or "none"
         what = METADATA_FILE if (path / METADATA_FILE).exists() else "no metadata.yaml"
-        raise BadInput(f"needs one .mcap file, has {found} (and {what})", path)
+        raise BadInput(f"needs one .mcap file, has {found} (and {what}); give one of them", path)
     return files[0]

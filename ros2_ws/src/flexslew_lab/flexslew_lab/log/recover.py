@@ -32,6 +32,8 @@ from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 
+_WHOLE = "the file was whole"
+
 
 class Recovery(NamedTuple):
     """What was kept and what is missing."""
@@ -45,7 +47,7 @@ class Recovery(NamedTuple):
     chunks_lost: int  # damaged ones, left out
     last_time: float  # simulated time of the last truth [s]
     last_tick: int
-    missing_ticks: int  # that the truth skips
+    missing_ticks: int  # that the truth skips, before the first one, too
     unverified: int  # chunks without a checksum, kept as they are
     unrecorded_ticks: int | None  # from the last tick to the trial's end; None: unknown
 
@@ -56,20 +58,19 @@ class Recovery(NamedTuple):
         parts = [
             f"{counted(kept, 'message')} kept, up to tick {self.last_tick} ({self.last_time:g} s)"
         ]
+        lost = sum(self.lost.values())
         if not self.reason and not self.chunks_lost:
-            parts.append("the file was whole")
+            parts.append("every record was whole" if lost or self.missing_ticks else _WHOLE)
         if self.reason:
             parts.append(f"{self.reason}: {counted(self.bytes_lost, 'byte')} not readable")
         if self.chunks_lost:
-            lost = sum(self.lost.values())
-            parts.append(
-                f"{counted(self.chunks_lost, 'damaged chunk')} left out, "
-                f"{counted(lost, 'message')} lost in them"
-            )
+            parts.append(f"{counted(self.chunks_lost, 'damaged chunk')} left out")
+        if lost:
+            parts.append(f"{counted(lost, 'message')} missing before the last")
         if self.unverified:
             parts.append(f"{counted(self.unverified, 'chunk')} kept without a checksum")
         if self.missing_ticks:
-            parts.append(f"{counted(self.missing_ticks, 'tick')} missing in between")
+            parts.append(f"{counted(self.missing_ticks, 'tick')} missing before the last")
         if self.unrecorded_ticks:
             parts.append(
                 f"{counted(self.unrecorded_ticks, 'tick')} of the trial missing at the end"
@@ -135,8 +136,7 @@ class _Tally:
         truth = cdr.decode("flexslew_msgs/msg/PlantState", data)
         if truth.epoch != self.epoch:
             self.epoch, self.tick = truth.epoch, -1
-        if self.tick >= 0:
-            self.missing += max(truth.tick - self.tick - 1, 0)
+        self.missing += max(truth.tick - self.tick - 1, 0)
         self.tick = truth.tick
         self.time = truth.header.stamp.sec + truth.header.stamp.nanosec * 1e-9
 

@@ -9,6 +9,7 @@ import numpy as np
 from flexslew_control.message_fields import answer_fields
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode
+from flexslew_lab.log.messages.record_schema import several_runs
 from flexslew_lab.replay.answer_comparison import FIELDS as FIELDS
 from flexslew_lab.replay.answer_comparison import AnswerComparison
 from flexslew_lab.replay.answer_comparison import Divergence as Divergence
@@ -91,6 +92,8 @@ def _checked(
             if message.controller == controller:
                 answers.recorded(key, {name: getattr(message, name) for name in FIELDS})
             continue
+        if key < asked.last and not key[1]:
+            raise BadInput(several_runs(*key), reader.path)
         asked.add(key)
         logged.until(key)
         question = _question(message, answers.period)

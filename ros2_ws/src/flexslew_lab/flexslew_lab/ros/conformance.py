@@ -170,8 +170,10 @@ class Examiner:
             raise Wrong(f"no heartbeat of {self._who} on alive; heard: {others}")
         if roles := {beat.role for beat, _ in beats} - {"controller"}:
             raise Wrong(f"its role on alive is {min(roles)!r}; it must be 'controller'")
-        if len({beat.instance for beat, _ in beats}) > 1:
+        if len(drawn := {beat.instance for beat, _ in beats}) > 1:
             raise Wrong("its instance on alive changes; a process draws it once")
+        if drawn == {0}:
+            raise Wrong("its instance on alive is 0; a process draws it, or two count as one")
         longest = float(np.diff([began, *(at for _, at in beats), monotonic()]).max())
         if longest > SILENT_AFTER:
             raise Wrong(f"silent for {longest:.2f} s; after {SILENT_AFTER:g} s it counts as gone")
@@ -204,6 +206,7 @@ class Examiner:
             for _ in range(_BURST):
                 self._say(self._tick + 1, who)
             self._nothing_more(f"to questions that {words}")
+            self._ready(f"to take over from questions that {words}")
         self._answered(self._tick + 1)
 
     def _burst(self) -> None:
@@ -240,8 +243,7 @@ class Examiner:
             raise Wrong(f"while the bench is paused: {error}") from None
         if self._answers:
             raise Wrong(f"{len(self._answers)} answers without a question")
-        if self._status is not None and not self._status.ready:
-            raise Wrong(f"not ready while the bench is paused: {self._status.reason}")
+        self._ready("while the bench is paused")
         self._tell_state("running")
         self._answered(self._tick + 1)
 
@@ -310,6 +312,11 @@ class Examiner:
         self._spin(_QUIET)
         if self._answers:
             raise Wrong(f"{len(self._answers)} answers {when}")
+
+    def _ready(self, when: str) -> None:
+        """Refuse who could not take charge."""
+        if self._status is not None and not self._status.ready:
+            raise Wrong(f"not ready {when}: {self._status.reason}")
 
     def _say(self, tick: int, who: str | None = None) -> None:
         """Ask a question; None: the controller itself."""

@@ -13,7 +13,7 @@ ARGUMENTS: dict[str, tuple[str, str]] = {  # default and description
     "trial": (DEFAULT, "trial file, or the name of a shipped one"),
     "out": ("", "folder of the run; empty: a new one below runs/"),
     "rate": ("", "instead of the trial's rate_factor; 0 fast, 1 real time"),
-    "namespace": ("", "of all nodes; empty: none"),
+    "namespace": ("", "of all nodes, within that of the group; empty: none"),
     "record": ("true", "with the recorder: true or false"),
     "controllers": ("", "comma-separated, instead of the trial's; a law's name works too"),
     "report": ("true", "write metrics.json and report.html after the run: true or false"),
@@ -56,6 +56,16 @@ def launch_values(given: Mapping[str, str]) -> LaunchValues:
         _truth("report", given["report"]),
         _truth("shutdown", given["shutdown"]),
     )
+
+
+def within(group: str, namespace: str) -> str:
+    """Return the namespace of nodes that a file includes in a group.
+
+    Args:
+        group: what PushRosNamespace has made of it; empty: none.
+        namespace: of the nodes; an absolute one counts alone, as everywhere in ROS.
+    """
+    return namespace if namespace.startswith("/") else f"{group}/{namespace}".rstrip("/")
 
 
 def _rate(text: str) -> float | None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+import lz4.frame
 import zstandard
 
 from flexslew_lab.log.bag_layout import MAGIC
@@ -146,13 +147,15 @@ def chunk_content(body: bytes, where: str) -> bytes:
         check_size("a chunk", size, where)
         if compression == "zstd":
             data = _unpacked(packed, size)
+        elif compression == "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
         elif compression:
-            raise ValueError(f"compressed with {compression!r}")
+            raise ValueError(f"compressed with {compression!r}, neither zstd nor lz4")
         else:
             data = bytes(packed)
         if len(data) != size or (crc and zlib.crc32(data) != crc):
             raise ValueError("its checksum does not match")
-    except (struct.error, ValueError, UnicodeDecodeError, zstandard.ZstdError) as error:
+    except (struct.error, ValueError, RuntimeError, zstandard.ZstdError) as error:
         raise BadInput(f"damaged chunk: {error}", where) from None
     return data
 

@@ -146,6 +146,37 @@ def check_truth(columns: dict[str, Any], source: str, before: Sizes) -> Sizes:
     return sizes
 
 
+def check_one_run(columns: dict[str, Any], source: str, before: tuple[int, int]) -> tuple[int, int]:
+    """Check that ticks follow those before: a recorder that outlives its plant hears the next one.
+
+    Args:
+        columns: a block of /truth by field.
+        source: the log, for the error.
+        before: epoch and tick of the last one in an earlier block; (0, -1): this is the first one.
+
+    Returns:
+        epoch and tick of the last one.
+
+    Raises:
+        BadInput: the log goes on with another run.
+    """
+    epochs, ticks = columns["epoch"].astype(np.int64), columns["tick"].astype(np.int64)
+    epoch, tick = np.diff(epochs, prepend=before[0]), np.diff(ticks, prepend=before[1])
+    back = (epoch < 0) | ((epoch == 0) & (tick < 0))
+    if back.any():
+        k = int(np.argmax(back))
+        raise BadInput(several_runs(int(epochs[k]), int(ticks[k])), source)
+    return int(epochs[-1]), int(ticks[-1])
+
+
+def several_runs(epoch: int, tick: int) -> str:
+    """Return what is wrong with a log that goes back to a tick of an epoch."""
+    return (
+        f"goes back to tick {tick} of epoch {epoch}: it holds more than one run; record each into "
+        "a folder of its own"
+    )
+
+
 def check_run_record(data: dict[str, str], source: str) -> None:
     """Check the metadata record of a run's end.
 
