@@ -79,6 +79,46 @@ def test_the_craft_turns_about_the_eigenaxis_from_any_attitude_to_any_other(seed
     assert abs(plan.effort / LIMIT).max() > 0.75  # not slower than it need be
 
 
+def skewed() -> PlantDescription:
+    """Return a rigid craft with three wheels that are not at right angles."""
+    axes = {"roll": [1.0, 0.0, 0.0], "pitch": [0.6, 0.8, 0.0], "yaw": [0.0, 0.6, 0.8]}
+    wheels = {n: {"axis": axis, "inertia": 0.05, "limit": 1.0} for n, axis in axes.items()}
+    inertia = dict(zip(("xx", "yy", "zz"), INERTIA, strict=True))
+    platform = {"mass": 50.0, "inertia": inertia}
+    testbed = read_testbed(
+        {"kind": "spacecraft", "platform": platform, "actuators": {}, "wheels": wheels}, "here"
+    )
+    return PlantDescription(testbed, 0.02, np.ones(3))
+
+
+@pytest.mark.parametrize("bench", [rigid(np.array([0.0, 0.0, 1.0])), skewed()], ids=["off", "skew"])
+@pytest.mark.parametrize("joint", ["roll", "pitch"])
+def test_one_joint_that_is_not_turned_alone_is_turned_about_the_eigenaxis(
+    bench: PlantDescription, joint: str
+) -> None:
+    model = bench.testbed.model()
+    assert model.attitude is not None
+    plan = planned(bench, {joint: 0.8})
+    first = plan.position[0]
+    last = np.where(np.array(plan.joint_names) == joint, 0.8, first)
+    goal = Rotation.from_quat(model.attitude.orientation(last))
+    x = open_loop(plan, bench)
+    assert (Rotation.from_quat(x[-1, 3:7]).inv() * goal).magnitude() < 1e-6
+    assert abs(x[-1, model.positions :][3:6]).max() < 1e-7
+
+
+def test_a_joint_that_is_turned_alone_may_turn_more_than_half_round() -> None:
+    plan = planned(rigid(np.array([0.0, 0.0, 1.0])), {"yaw": 6.0})
+    assert "eigenaxis" not in plan.summary
+    np.testing.assert_allclose(np.ptp(plan.position, axis=0), [0.0, 0.0, 5.0], atol=1e-12)
+
+
+def test_a_whole_turn_in_several_joints_is_no_goal() -> None:
+    around = {"roll": 4.0, "pitch": float(np.sqrt(4.0 * np.pi**2 - 16.0))}
+    with pytest.raises(BadInput, match="goal: another attitude: whole turns away"):
+        planned(rigid(np.zeros(3)), around)
+
+
 def test_the_efforts_carry_the_gyroscopic_torque() -> None:
     bench = rigid(np.zeros(3))
     plan = planned(bench, {"axis": [1.0, 1.0, 1.0], "angle": 1.0}, "input_shaping", duration=12.0)

@@ -13,10 +13,11 @@ import numpy as np
 from flexslew_control.free_platform import rate_readings
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude.attitude_goal import SAME
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.counted import counted
-from flexslew_plant.errors import PlanFailed
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
 from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes
 from flexslew_plant.testbeds.model import Model
@@ -117,6 +118,9 @@ def eigenaxis(
         whole: what the planner believes of the bench.
         modes: how many frequencies the planner counts with; None: all.
         share: of the torque about the axis that the drives can give [-].
+
+    Raises:
+        BadInput: the goal is the attitude at the start.
     """
     first, last = ends
     bench: Any = plant.testbed
@@ -124,6 +128,10 @@ def eigenaxis(
     assert model.attitude is not None
     turn = model.attitude.turn_of(model.joint_error(first, last))
     angle = float(np.linalg.norm(turn))
+    if angle <= SAME:
+        raise BadInput(
+            "another attitude: whole turns away the craft is where it starts", "plan", "goal"
+        )
     axis = turn / angle
     limit = share * torque_about(whole.rigid_turn_about(axis), plant.effort_limit, angle)
     reduced: Any = whole.turning_about(axis, limit, modes)
