@@ -1,6 +1,6 @@
 """Slews about the eigenaxis: they stay on it, whatever the frame, and fly as predicted."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from flexslew_lab.run.in_process import fly
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings, Truth
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import read_testbed
 
 NAMES = ("roll", "pitch", "yaw")
@@ -105,6 +106,20 @@ def test_one_joint_that_is_not_turned_alone_is_turned_about_the_eigenaxis(
     x = open_loop(plan, bench)
     assert (Rotation.from_quat(x[-1, 3:7]).inv() * goal).magnitude() < 1e-6
     assert abs(x[-1, model.positions :][3:6]).max() < 1e-7
+
+
+@pytest.mark.parametrize("goal", [{"yaw": 0.8}, {"axis": [1.0, 2.0, -0.5], "angle": 1.2}])
+def test_what_reads_the_place_of_a_point_goes_with_the_turn(goal: Any) -> None:
+    torques: Any = rigid(np.zeros(3)).testbed
+    push = {"kind": "force", "direction": [0.0, 1.0, 0.0], "place": [0.7, 0.1, 0.2], "limit": 5.0}
+    actuators: Any = {**plain(torques.actuators), "push": push}
+    bench = PlantDescription(replace(torques, actuators=actuators), 0.02, np.append(LIMIT, 5.0))
+    bench = replace(bench, testbed=read_testbed(plain(bench.testbed), "here"))
+    law = ActiveLaw("pd_feedforward", {"kp": [5.0], "kd": [10.0]})
+    values = {"method": "input_shaping", "goal": goal, "duration": 30.0}
+    plan = make_plan(plan_settings(values, "here"), bench, law=law)
+    left = plan.summary["predicted_residual_attitude_error"]
+    assert max(left.values()) < 1e-4
 
 
 def test_a_joint_that_is_turned_alone_may_turn_more_than_half_round() -> None:

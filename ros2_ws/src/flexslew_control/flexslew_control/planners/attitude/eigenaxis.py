@@ -42,6 +42,7 @@ class Eigenaxis:
         last: where they go, shape (joints,) [rad or m].
         axis: the eigenaxis in body axes, shape (3,).
         angle: about it [rad].
+        carried: see RigidTurn.
         left_out: of the bench, in words.
     """
 
@@ -54,6 +55,7 @@ class Eigenaxis:
     last: Vector
     axis: Vector
     angle: float
+    carried: Vector
     left_out: str
 
     def embedded(self, plan: Plan) -> Plan:
@@ -93,10 +95,10 @@ class Eigenaxis:
         assert attitude is not None
         start = quaternion(attitude.turn_of(self.first))
         turned = rotation_vector(product(start, quaternion(np.outer(angle, self.axis))))
-        position = np.tile(self.first, (len(angle), 1))
+        position = self.first + np.outer(angle, self.carried)
         turns = attitude.axes.any(axis=1)
         position[:, turns] = (continuous(turned) @ attitude.axes.T)[:, turns]
-        return position, np.outer(rate, attitude.axes @ self.axis)
+        return position, np.outer(rate, attitude.axes @ self.axis + self.carried)
 
 
 def eigenaxis(
@@ -133,7 +135,8 @@ def eigenaxis(
             "another attitude: whole turns away the craft is where it starts", "plan", "goal"
         )
     axis = turn / angle
-    limit = share * torque_about(whole.rigid_turn_about(axis), plant.effort_limit, angle)
+    rigid = whole.rigid_turn_about(axis)
+    limit = share * torque_about(rigid, plant.effort_limit, angle)
     reduced: Any = whole.turning_about(axis, limit, modes)
     about: dict[str, Any] = {"goal": {TURN: angle}}
     about |= {key: None for key in ("model", "initial") if hasattr(settings, key)}
@@ -155,6 +158,7 @@ def eigenaxis(
         last,
         axis,
         angle,
+        rigid.carried,
         f"turns about the eigenaxis {np.round(axis, 3).tolist()} by {angle:.4g} rad, the shorter "
         f"way, on {reduced.modes} of {counted(model.modes, 'mode')}",
     )

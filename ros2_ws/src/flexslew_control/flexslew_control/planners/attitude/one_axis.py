@@ -44,6 +44,8 @@ class OneAxis(NamedTuple):
     def embedded(self, plan: Plan) -> Plan:
         """Return the plan for all joints: what stays at rest, and the efforts that hold it there.
 
+        Joints that read the place of a point beside the axis go with the platform.
+
         The efforts are those of (44) to (46) in Sung and Joo; the joint that moves has what the
         plan gives it besides. While an appendage turns they are those of the whole model, which
         balance that turn, too.
@@ -51,6 +53,8 @@ class OneAxis(NamedTuple):
         k, count = self.joint, len(self.names)
         rest = np.tile(self.start, (len(plan.position), 1))
         position, velocity = rest, np.zeros_like(rest)
+        position += np.outer(plan.position[:, 0] - self.start[k], self.rigid.carried)
+        velocity += np.outer(plan.velocity[:, 0], self.rigid.carried)
         position[:, k], velocity[:, k] = plan.position[:, 0], plan.velocity[:, 0]
         rate = velocity[:, k]
         if getattr(self.settings, "feedforward", "") == "zero_order":
