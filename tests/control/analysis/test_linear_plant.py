@@ -30,6 +30,13 @@ from flexslew_plant.testbeds.instruments.instrument import channels
 OWN = f"{Path(__file__).parents[3] / 'docs/examples/three_joints.py'}:ThreeJoints"
 TRIALS = [trial.name for trial in shipped_trials()]
 KINDS = [*(kind for kind in TESTBEDS if kind != "spacecraft"), OWN]
+PUSHED = {
+    "kind": "spacecraft",
+    "actuators": {
+        f"push_{k}": {"kind": "force", "direction": [0.6, 0.8, 0.0], "place": at, "limit": 5.0}
+        for k, at in enumerate(([1.0, 0.2, -0.4], [-0.8, 0.1, 0.3]))
+    },
+}
 LAG = ActuatorSettings(lag=0.03)
 
 
@@ -37,6 +44,7 @@ def kinds() -> list[tuple[str, Any, float]]:
     """Return every testbed with its period: the table's, one of a user's own, shipped trials'."""
     found = [(k.rpartition(":")[2], bed({"kind": k}), 0.01) for k in KINDS]
     found.append(("csa, printed", bed({"kind": "csa", "variant": "printed"}), 0.01))
+    found.append(("forces beside the origin", bed(PUSHED), 0.01))
     plants = [(name, plant_of(read_trial(name)[0])) for name in TRIALS]
     return found + [(name, plant.testbed, plant.period) for name, plant in plants]
 

@@ -1,6 +1,6 @@
 """Slews about the eigenaxis: they stay on it, whatever the frame, and fly as predicted."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from flexslew_lab.run.in_process import fly
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings, Truth
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import read_testbed
 
 NAMES = ("roll", "pitch", "yaw")
@@ -77,6 +78,60 @@ def test_the_craft_turns_about_the_eigenaxis_from_any_attitude_to_any_other(seed
     assert abs(x[-1, 10:13]).max() < 1e-7
     assert (abs(plan.effort) <= LIMIT).all()
     assert abs(plan.effort / LIMIT).max() > 0.75  # not slower than it need be
+
+
+def skewed() -> PlantDescription:
+    """Return a rigid craft with three wheels that are not at right angles."""
+    axes = {"roll": [1.0, 0.0, 0.0], "pitch": [0.6, 0.8, 0.0], "yaw": [0.0, 0.6, 0.8]}
+    wheels = {n: {"axis": axis, "inertia": 0.05, "limit": 1.0} for n, axis in axes.items()}
+    inertia = dict(zip(("xx", "yy", "zz"), INERTIA, strict=True))
+    platform = {"mass": 50.0, "inertia": inertia}
+    testbed = read_testbed(
+        {"kind": "spacecraft", "platform": platform, "actuators": {}, "wheels": wheels}, "here"
+    )
+    return PlantDescription(testbed, 0.02, np.ones(3))
+
+
+@pytest.mark.parametrize("bench", [rigid(np.array([0.0, 0.0, 1.0])), skewed()], ids=["off", "skew"])
+@pytest.mark.parametrize("joint", ["roll", "pitch"])
+def test_one_joint_that_is_not_turned_alone_is_turned_about_the_eigenaxis(
+    bench: PlantDescription, joint: str
+) -> None:
+    model = bench.testbed.model()
+    assert model.attitude is not None
+    plan = planned(bench, {joint: 0.8})
+    first = plan.position[0]
+    last = np.where(np.array(plan.joint_names) == joint, 0.8, first)
+    goal = Rotation.from_quat(model.attitude.orientation(last))
+    x = open_loop(plan, bench)
+    assert (Rotation.from_quat(x[-1, 3:7]).inv() * goal).magnitude() < 1e-6
+    assert abs(x[-1, model.positions :][3:6]).max() < 1e-7
+
+
+@pytest.mark.parametrize("goal", [{"yaw": 0.8}, {"axis": [1.0, 2.0, -0.5], "angle": 1.2}])
+def test_what_reads_the_place_of_a_point_goes_with_the_turn(goal: Any) -> None:
+    torques: Any = rigid(np.zeros(3)).testbed
+    push = {"kind": "force", "direction": [0.0, 1.0, 0.0], "place": [0.7, 0.1, 0.2], "limit": 5.0}
+    actuators: Any = {**plain(torques.actuators), "push": push}
+    bench = PlantDescription(replace(torques, actuators=actuators), 0.02, np.append(LIMIT, 5.0))
+    bench = replace(bench, testbed=read_testbed(plain(bench.testbed), "here"))
+    law = ActiveLaw("pd_feedforward", {"kp": [5.0], "kd": [10.0]})
+    values = {"method": "input_shaping", "goal": goal, "duration": 30.0}
+    plan = make_plan(plan_settings(values, "here"), bench, law=law)
+    left = plan.summary["predicted_residual_attitude_error"]
+    assert max(left.values()) < 1e-4
+
+
+def test_a_joint_that_is_turned_alone_may_turn_more_than_half_round() -> None:
+    plan = planned(rigid(np.array([0.0, 0.0, 1.0])), {"yaw": 6.0})
+    assert "eigenaxis" not in plan.summary
+    np.testing.assert_allclose(np.ptp(plan.position, axis=0), [0.0, 0.0, 5.0], atol=1e-12)
+
+
+def test_a_whole_turn_in_several_joints_is_no_goal() -> None:
+    around = {"roll": 4.0, "pitch": float(np.sqrt(4.0 * np.pi**2 - 16.0))}
+    with pytest.raises(BadInput, match="goal: another attitude: whole turns away"):
+        planned(rigid(np.zeros(3)), around)
 
 
 def test_the_efforts_carry_the_gyroscopic_torque() -> None:

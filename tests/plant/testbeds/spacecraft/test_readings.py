@@ -1,10 +1,12 @@
 """What is read of an attitude grows without a jump, however far it turns."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.plant.testbeds.spacecraft.crafts import random_axes
 
-from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds import Model, read_testbed
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -20,6 +22,51 @@ def test_a_turn_through_half_a_turn_is_read_without_a_jump(seed: int) -> None:
     turned = np.array(read)  # roll, pitch, yaw
     np.testing.assert_allclose(turned, angles[:, None] * axis, atol=1e-9)
     assert abs(np.diff(turned, axis=0)).max() < 0.02
+
+
+def with_forces(platform: dict[str, Any]) -> Model:
+    """Return a platform with two forces beside its origin, as a couple pushes, and a torque."""
+    forces = {
+        name: {"kind": "force", "direction": [0.0, 1.0, 0.0], "place": place, "limit": 5.0}
+        for name, place in (("ahead", [1.0, 0.2, 0.4]), ("behind", [-0.8, 0.0, 0.3]))
+    }
+    roll = {"kind": "torque", "direction": [1.0, 0.0, 0.0], "limit": 5.0}
+    craft = {"kind": "spacecraft", "platform": platform, "actuators": {**forces, "roll": roll}}
+    return read_testbed(craft, "here").model()
+
+
+PLATFORMS = [
+    {},
+    {"motion": "pivot", "axis": [0.0, 0.6, 0.8], "place": [0.3, -0.1, 0.2]},
+    {"motion": "pivot", "axis": [1.0, 0.0, 0.0]},
+]
+
+
+@pytest.mark.parametrize("platform", PLATFORMS)
+def test_what_a_force_beside_the_origin_reads_moves_as_its_rate_sensor_says(platform: Any) -> None:
+    own = with_forces(platform)
+    efforts = np.array([0.3, -0.2, 0.1])
+    x = np.concatenate((own.rest({}), np.zeros(own.coordinates)))
+    h, read = 1e-3, []
+    for _ in range(40):  # turns by less than 1e-4 rad
+        read.append(own.joint_state(x))
+        x = own.advance(x, efforts, h)
+    position, velocity = (np.array(part) for part in zip(*read, strict=True))
+    moved = np.trapezoid(velocity, dx=h, axis=0)
+    np.testing.assert_allclose(position[-1], moved, atol=1e-3 * abs(position[-1]).max())
+    assert abs(position[-1][:2]).min() > 1e-8
+
+
+@pytest.mark.parametrize("platform", PLATFORMS[:2])
+def test_rest_of_forces_beside_the_origin_is_read_as_it_was_given(platform: Any) -> None:
+    own = with_forces(platform)
+    read = own.joint_state(np.concatenate((own.rest({"ahead": 0.02}), np.zeros(own.coordinates))))
+    assert read[0][0] == pytest.approx(0.02, abs=1e-4)
+    if not platform:
+        asked = {"ahead": 0.02, "behind": -0.01, "roll": 0.03}
+        q = own.rest(asked)
+        read = own.joint_state(np.concatenate((q, np.zeros(own.coordinates))))
+        np.testing.assert_allclose(read[0], list(asked.values()), atol=1e-3)
 
 
 @pytest.mark.parametrize("degrees", [179.9, 180.0, 180.1, -179.9])

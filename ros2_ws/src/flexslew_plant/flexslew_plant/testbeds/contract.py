@@ -153,6 +153,7 @@ class RigidTurn(NamedTuple):
     inertia: float  # about the axis [kg m^2]
     tangential: Vector  # a, (joints,)
     centrifugal: Vector  # b, (joints,)
+    carried: Vector  # how far the turn carries what reads the platform's place, (joints,) [m/rad]
 
 
 @runtime_checkable

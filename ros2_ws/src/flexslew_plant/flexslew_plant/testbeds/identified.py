@@ -233,7 +233,8 @@ class IdentifiedTestbed:
     def rigid_turn(self, joint: str) -> RigidTurn:
         """Return what all joints must do for the turn, u = J_k rate'; see Turning."""
         column = np.array(self.inertia)[:, self._place(joint)]
-        return RigidTurn(float(column[self._place(joint)]), column, np.zeros_like(column))
+        still = np.zeros_like(column)
+        return RigidTurn(float(column[self._place(joint)]), column, still, still)
 
     def _place(self, joint: str) -> int:
         if joint not in self.joints:

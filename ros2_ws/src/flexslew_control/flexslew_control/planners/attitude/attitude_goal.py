@@ -20,7 +20,7 @@ Order: TypeAlias = Literal[
     "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "yzy", "zxz", "zyz"
 ]
 _ROUNDING = 1e-12  # of a goal that is the start [rad]
-_SAME = 1e-9  # angle below which there is nothing to turn [rad]
+SAME = 1e-9  # angle below which there is nothing to turn [rad]
 
 
 @section
@@ -87,7 +87,7 @@ class AttitudeGoal:
         look = np.array(self.boresight) / np.linalg.norm(self.boresight)
         there = Rotation.from_quat(start).inv().apply(to / np.linalg.norm(to))
         across = np.cross(look, there)
-        if np.linalg.norm(across) < _SAME and look @ there < 0.0:  # any axis across it will do
+        if np.linalg.norm(across) < SAME and look @ there < 0.0:  # any axis across it will do
             across = np.cross(look, np.eye(3)[int(np.argmin(abs(look)))])
             return quaternion(np.pi * across / np.linalg.norm(across))
         half = np.append(across, 1.0 + look @ there)
@@ -159,7 +159,7 @@ def joint_goal(
 def nearest_turn(turn: Vector, to: Vector) -> Vector:
     """Return the rotation vector of the same attitude that is next to another one [rad]."""
     angle = float(np.linalg.norm(turn))
-    if angle > _SAME:
+    if angle > SAME:
         axis = turn / angle
     elif np.linalg.norm(to) > np.pi:
         axis, angle = to / np.linalg.norm(to), 0.0

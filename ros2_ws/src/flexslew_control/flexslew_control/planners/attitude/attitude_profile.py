@@ -6,7 +6,7 @@ the whole model follows, w x J w, modes and moving wheels included.
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -130,11 +130,14 @@ def plan_attitude_profile(
     duration = _duration(settings, knots[-1].at)
     ticks = tick_times(settings.start, duration, slew.period)
     motion = _motion(settings, knots, ticks)
-    axes = model.attitude.axes
-    turned = continuous(rotation_vector(motion.attitude)) @ axes.T
-    position = np.where(model.attitude.reads, turned, slew.start)
+    testbed: Any = plant.testbed
+    turned = continuous(rotation_vector(motion.attitude))
+    carried = np.array([testbed.rigid_turn_about(axis).carried for axis in np.eye(3)])
+    axes = model.attitude.axes.T
+    along = slew.start + (turned - turned[0]) @ carried
+    position = np.where(model.attitude.reads, turned @ axes, along)
     position[0] = slew.start
-    velocity = motion.rate @ axes.T
+    velocity = motion.rate @ axes + motion.rate @ carried
     plan = Plan(
         method=settings.method,
         joint_names=model.joint_names,

@@ -13,10 +13,11 @@ import numpy as np
 from flexslew_control.free_platform import rate_readings
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude.attitude_goal import SAME
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.counted import counted
-from flexslew_plant.errors import PlanFailed
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
 from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes
 from flexslew_plant.testbeds.model import Model
@@ -41,6 +42,7 @@ class Eigenaxis:
         last: where they go, shape (joints,) [rad or m].
         axis: the eigenaxis in body axes, shape (3,).
         angle: about it [rad].
+        carried: see RigidTurn.
         left_out: of the bench, in words.
     """
 
@@ -53,6 +55,7 @@ class Eigenaxis:
     last: Vector
     axis: Vector
     angle: float
+    carried: Vector
     left_out: str
 
     def embedded(self, plan: Plan) -> Plan:
@@ -92,10 +95,10 @@ class Eigenaxis:
         assert attitude is not None
         start = quaternion(attitude.turn_of(self.first))
         turned = rotation_vector(product(start, quaternion(np.outer(angle, self.axis))))
-        position = np.tile(self.first, (len(angle), 1))
+        position = self.first + np.outer(angle, self.carried)
         turns = attitude.axes.any(axis=1)
         position[:, turns] = (continuous(turned) @ attitude.axes.T)[:, turns]
-        return position, np.outer(rate, attitude.axes @ self.axis)
+        return position, np.outer(rate, attitude.axes @ self.axis + self.carried)
 
 
 def eigenaxis(
@@ -117,6 +120,9 @@ def eigenaxis(
         whole: what the planner believes of the bench.
         modes: how many frequencies the planner counts with; None: all.
         share: of the torque about the axis that the drives can give [-].
+
+    Raises:
+        BadInput: the goal is the attitude at the start.
     """
     first, last = ends
     bench: Any = plant.testbed
@@ -124,8 +130,13 @@ def eigenaxis(
     assert model.attitude is not None
     turn = model.attitude.turn_of(model.joint_error(first, last))
     angle = float(np.linalg.norm(turn))
+    if angle <= SAME:
+        raise BadInput(
+            "another attitude: whole turns away the craft is where it starts", "plan", "goal"
+        )
     axis = turn / angle
-    limit = share * torque_about(whole.rigid_turn_about(axis), plant.effort_limit, angle)
+    rigid = whole.rigid_turn_about(axis)
+    limit = share * torque_about(rigid, plant.effort_limit, angle)
     reduced: Any = whole.turning_about(axis, limit, modes)
     about: dict[str, Any] = {"goal": {TURN: angle}}
     about |= {key: None for key in ("model", "initial") if hasattr(settings, key)}
@@ -147,6 +158,7 @@ def eigenaxis(
         last,
         axis,
         angle,
+        rigid.carried,
         f"turns about the eigenaxis {np.round(axis, 3).tolist()} by {angle:.4g} rad, the shorter "
         f"way, on {reduced.modes} of {counted(model.modes, 'mode')}",
     )

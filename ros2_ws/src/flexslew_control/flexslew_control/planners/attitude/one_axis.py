@@ -12,6 +12,7 @@ from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import believed, initial_positions, with_model_file
+from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.contract import (
     HingeTurn,
     Retargetable,
@@ -23,6 +24,7 @@ from flexslew_plant.testbeds.contract import (
 from flexslew_plant.testbeds.model import Model
 
 RELEVANT = "relevant"  # as `model: modes`: those that matter
+_ASIDE = 1e-9  # of an axis: what rounding turns beside it [-], [rad]
 
 
 class OneAxis(NamedTuple):
@@ -42,6 +44,8 @@ class OneAxis(NamedTuple):
     def embedded(self, plan: Plan) -> Plan:
         """Return the plan for all joints: what stays at rest, and the efforts that hold it there.
 
+        Joints that read the place of a point beside the axis go with the platform.
+
         The efforts are those of (44) to (46) in Sung and Joo; the joint that moves has what the
         plan gives it besides. While an appendage turns they are those of the whole model, which
         balance that turn, too.
@@ -49,6 +53,8 @@ class OneAxis(NamedTuple):
         k, count = self.joint, len(self.names)
         rest = np.tile(self.start, (len(plan.position), 1))
         position, velocity = rest, np.zeros_like(rest)
+        position += np.outer(plan.position[:, 0] - self.start[k], self.rigid.carried)
+        velocity += np.outer(plan.velocity[:, 0], self.rigid.carried)
         position[:, k], velocity[:, k] = plan.position[:, 0], plan.velocity[:, 0]
         rate = velocity[:, k]
         if getattr(self.settings, "feedforward", "") == "zero_order":
@@ -128,8 +134,11 @@ def reduced(
     moving = [name for name in names if goal.get(name, first[name]) != first[name]]
     attitude = testbed.model().attitude
     turning = [] if attitude is None else [attitude.axes[names.index(n)].any() for n in moving]
-    several = len(moving) > 1 and isinstance(testbed, ThreeAxes) and turning and all(turning)
-    if len(moving) != 1 and not several:
+    whole_turn = isinstance(testbed, ThreeAxes) and bool(turning) and all(turning)
+    if len(moving) == 1 and whole_turn:
+        start = np.array([first[name] for name in names])
+        whole_turn = not turns_alone(attitude, names.index(moving[0]), start)
+    if len(moving) != 1 and not whole_turn:
         raise BadInput(
             f"plan: goal: {', '.join(moving) or 'nothing'} moves; a spacecraft is planned about "
             "one axis at a time: give one joint, or an attitude where joints turn it in three axes"
@@ -143,10 +152,27 @@ def reduced(
     if getattr(settings, "initial", None):
         whole = replace(whole, initial=first)
     _require_turning(whole, names)
-    if several:
+    if whole_turn:
         ends = tuple(np.array([at[name] for name in names]) for at in (first, first | goal))
         return eigenaxis(settings, plant, feedback, (ends[0], ends[1]), whole, count, share)
     return _about_joint(settings, plant, feedback, moving[0], whole, count)
+
+
+def turns_alone(attitude: AttitudeJoints, joint: int, start: Vector) -> bool:
+    """Return whether a turn about the axis of one joint moves what this joint reads, and no other.
+
+    Rotation vectors add up about one axis alone: one that the craft is turned about already, and
+    along which no other joint reads.
+
+    Args:
+        attitude: how joints read the turn.
+        joint: number of the one that moves.
+        start: of all joints, shape (joints,) [rad].
+    """
+    axis = attitude.axes[joint]
+    others = np.delete(attitude.axes, joint, axis=0)
+    aside = np.append(others @ axis, np.cross(axis, attitude.turn_of(start)))
+    return bool(np.abs(aside).max() <= _ASIDE * np.linalg.norm(axis))
 
 
 def counted(given: Any, place: str) -> tuple[Any, dict[str, Any]]:

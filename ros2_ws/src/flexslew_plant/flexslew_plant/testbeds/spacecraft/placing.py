@@ -9,7 +9,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.assembly.craft import CraftDrive, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
-_TURNING = (at.TORQUE, at.WHEEL, at.GYRO, at.THRUSTER)  # what reads the platform's turn
+_OF_PLATFORM = (at.FORCE, at.TORQUE, at.WHEEL, at.GYRO, at.THRUSTER)  # what reads its place or turn
 
 
 def position_unit(drive: CraftDrive) -> str:
@@ -26,16 +26,13 @@ def placed(craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]) -> V
         positions: along the actuators, by name [rad or m].
     """
     q = np.zeros(craft.sizes[0])
-    place = np.zeros(3)
-    turn = _turn(craft, axes, positions)
+    place, turn = _placed_and_turned(craft, axes, positions)
     own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
     for d in craft.drives:
         value = positions.get(d.name, 0.0)
-        if d.what == at.FORCE:
-            place += value * d.direction
-        elif d.what == at.HINGE:
+        if d.what == at.HINGE:
             q[own + sum(a.hinge == at.DRIVEN for a in craft.appendages[: d.owner])] = value
-        elif value and d.what not in _TURNING:
+        elif value and d.what not in _OF_PLATFORM:
             raise BadInput("appendages start at rest", "initial", d.name, value)
     if craft.motion == at.PIVOT:
         q[0] = turn @ craft.pivot_axis
@@ -49,20 +46,37 @@ def placed(craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]) -> V
     return q
 
 
-def _turn(craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]) -> Vector:
-    """Return the rotation vector whose parts along the named actuators are these, shape (3,) [rad].
+def _placed_and_turned(
+    craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]
+) -> tuple[Vector, Vector]:
+    """Return place and rotation vector that the named actuators read as this, (3,) [m], (3,) [rad].
 
-    Along axes that are no orthonormal ones it is found by least squares.
+    Where they do not read orthonormal parts of it, it is found by least squares.
     """
-    named = np.array([d.name in positions for d in craft.drives], dtype=bool) & axes.any(axis=1)
-    axes = axes[named]
+    rows = np.hstack((np.zeros_like(axes), axes))
+    for row, d in zip(rows, craft.drives, strict=True):
+        if d.what == at.FORCE:
+            row[:] = read_by_force(craft, d)
+    named = np.array([d.name in positions for d in craft.drives], dtype=bool) & rows.any(axis=1)
+    rows = rows[named]
     asked = np.array([positions[d.name] for d, on in zip(craft.drives, named, strict=True) if on])
-    if abs(axes @ axes.T - np.eye(len(axes))).max(initial=0.0) > 1e-12:
-        return np.asarray(np.linalg.pinv(axes) @ asked)
-    turn = np.zeros(3)
-    for axis, value in zip(axes, asked, strict=True):
-        turn += value * axis
-    return turn
+    if abs(rows @ rows.T - np.eye(len(rows))).max(initial=0.0) > 1e-12:
+        both = np.linalg.pinv(rows) @ asked
+    else:
+        both = np.zeros(6)
+        for row, value in zip(rows, asked, strict=True):
+            both += value * row
+    return both[:3], both[3:]
+
+
+def read_by_force(craft: Spacecraft, drive: CraftDrive) -> Vector:
+    """Return what a force on the platform reads of place and turn, shape (6,) [-], [m/rad]."""
+    arm = np.zeros(3) if drive.spot is None else drive.spot.place
+    if craft.motion == at.FREE:
+        return np.concatenate((drive.direction, np.cross(arm, drive.direction)))
+    axis = craft.pivot_axis if craft.motion == at.PIVOT else np.zeros(3)
+    lever = np.cross(arm - craft.pivot_place, drive.direction)
+    return np.concatenate((np.zeros(3), (lever @ axis) * axis))
 
 
 def turning_axes(craft: Spacecraft) -> Matrix:

@@ -67,7 +67,17 @@ def rigid_turn(craft: Spacecraft, axis: Vector) -> RigidTurn:
         float(axis @ about @ axis),
         efforts(np.cross(axis, offset), about @ axis) + holding,
         efforts(np.cross(axis, np.cross(axis, offset)), np.cross(axis, about @ axis)) + pulled,
+        _carried(craft, axis, centre),
     )
+
+
+def _carried(craft: Spacecraft, axis: Vector, centre: Vector) -> Vector:
+    """Return the velocity along each force on the platform per rate of the turn, (drives,) [m]."""
+    along = np.zeros(len(craft.drives))
+    for k, d in enumerate(craft.drives):
+        if d.what == at.FORCE and d.spot is not None:
+            along[k] = d.direction @ np.cross(axis, d.spot.place - centre)
+    return along
 
 
 def _held_hinges(craft: Spacecraft, axis: Vector, centre: Vector) -> tuple[Vector, Vector]:

@@ -40,8 +40,10 @@ def turn_vector(p: Vector, x: Vector) -> Triple:
 @called
 def _place(p: Vector, x: Vector) -> Triple:
     """Return the body origin's place R along body axes [m]."""
-    if p[at.MOTION] != at.FREE:
+    if p[at.MOTION] == at.HELD:
         return 0.0, 0.0, 0.0
+    if p[at.MOTION] == at.PIVOT:
+        return scaled(x[0], triple(p, at.PIVOT_AXES))
     r, v, w = triple(x, 0), triple(x, 3), x[6]
     # A^T R = R - 2 w v x R + 2 v x (v x R)
     once = cross(v, r)
@@ -57,10 +59,10 @@ def _place(p: Vector, x: Vector) -> Triple:
 def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
     """Write where each actuator stands and how fast it moves, both along its effort.
 
-    A force on the platform: place and velocity along it [m, m/s]; a torque, a wheel or, along
-    its torque at angle zero, a gyro: the platform's turn and rate [rad, rad/s]; a thruster: these
-    times its lever r x d about the body origin [m, m/s]; a hinge: its angle and rate; a force or a
-    torque on an appendage: its elastic displacement or turn there and its rate.
+    A force on the platform: place R + turn x arm and velocity along it [m, m/s]; a torque, a wheel
+    or, along its torque at angle zero, a gyro: the platform's turn and rate [rad, rad/s]; a
+    thruster: these times its lever r x d about the body origin [m, m/s]; a hinge: its angle and
+    rate; a force or a torque on an appendage: its elastic displacement or turn there and its rate.
 
     Args:
         p: packed spacecraft.
@@ -78,7 +80,7 @@ def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
         what, direction = p[d + at.WHAT], triple(p, d + at.DIRECTION)
         if what == at.FORCE:
             arm = triple(p, d + at.AT)
-            position[k] = dot(direction, place)
+            position[k] = dot(direction, plus(place, cross(turn, arm)))
             velocity[k] = dot(direction, plus(speed, cross(spin, arm)))
         elif what == at.THRUSTER:
             lever = cross(triple(p, d + at.AT), direction)
