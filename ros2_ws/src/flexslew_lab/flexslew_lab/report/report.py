@@ -205,8 +205,7 @@ def _verdict(run: RunData, other: RunData | None) -> str:
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
     bare = other.metrics if other is not None else {}
     changes = len(changes_of(run.overview.events))
-    units = dict(zip(run.joint_names, run.joint_units, strict=True))
-    return verdict(run.metrics, bare, tolerance, changes, units)
+    return verdict(run.metrics, bare, tolerance, changes, run.units)
 
 
 def _repeat(run: RunData) -> tuple[str, str, str]:
@@ -252,8 +251,7 @@ def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
     cards = []
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
     missed = ("goal_error", "final_error") if missed_goal(run.metrics, tolerance, {}) else ()
-    moved = told_to_move(run.metrics)
-    units = dict(zip(run.joint_names, run.joint_units, strict=True))
+    moved, units = told_to_move(run.metrics), run.units
     for key in (*missed, *HEADLINES):
         value, named = run.metrics[key], {"": run.metrics[key]}
         if isinstance(value, dict):
@@ -275,12 +273,11 @@ def _metric_rows(runs: Sequence[RunData]) -> tuple[list[_Row], list[_Row]]:
     names = sorted({name: None for rows in each for name in rows}, key=_place)
     moved = {name for run in runs for name in told_to_move(run.metrics)}
     still = {name for run in runs for name in run.joint_names} - moved
-    units = dict(zip(runs[0].joint_names, runs[0].joint_units, strict=True))
     own = {key: told for run in runs for key, told in run.own_keys.items()}
     found: tuple[list[_Row], list[_Row]] = ([], [])
     for name in names:
         values = [number(rows.get(name)) for rows in each]
-        unit, meaning = unit_among(name, units, own), key_of(name, own).meaning
+        unit, meaning = unit_among(name, runs[0].units, own), key_of(name, own).meaning
         found[name.partition(".")[2] in still].append((name, unit, meaning, values))
     return found
 

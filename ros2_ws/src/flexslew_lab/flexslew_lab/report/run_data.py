@@ -55,6 +55,11 @@ class RunData(NamedTuple):
     frame_reference: Matrix  # of the joints, as thinly, (answers, joints)
     testbed: Testbed | None  # with all its turns; None: it cannot be read
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Those of the joints by name, rad or m."""
+        return dict(zip(self.joint_names, self.joint_units, strict=True))
+
 
 def read_run(path: Path | BagReader, label: str = "") -> RunData:
     """Return what a report shows of the bag at `path`.

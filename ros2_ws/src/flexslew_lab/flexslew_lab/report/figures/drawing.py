@@ -95,11 +95,7 @@ def end_of(run: RunData) -> float:
 
 def joints_of(runs: Sequence[RunData]) -> list[tuple[str, str]]:
     """Return name and unit of the joints of any run that were told to move, worst first."""
-    units = {
-        name: unit
-        for run in runs
-        for name, unit in zip(run.joint_names, run.joint_units, strict=True)
-    }
+    units = {name: unit for run in runs for name, unit in run.units.items()}
     moved = dict.fromkeys(name for run in runs for name in told_to_move(run.metrics))
     return [(name, units[name]) for name in moved if name in units] or list(units.items())
 
