@@ -97,6 +97,16 @@ def test_a_value_without_effect_has_no_share_and_bounds_of_it() -> None:
     assert rows[0].first[0] < rows[0].first[1] < rows[0].first[2]
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("unit", [1e-300, 1e300])
+def test_indices_are_the_same_in_every_unit(unit: float) -> None:
+    values = sample(64, 2)
+    rows, _ = indices(unit * values, NAMES, 0.9, 2)
+    assert np.array([row[1:] for row in rows]) == pytest.approx(
+        np.array([row[1:] for row in indices(values, NAMES, 0.9, 2)[0]]), rel=1e-9, abs=1e-12
+    )
+
+
 def test_a_single_row_shows_no_index() -> None:
     rows, why = indices(sample(1, 1), NAMES, 0.9, 1)
     assert not rows

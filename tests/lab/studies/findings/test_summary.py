@@ -14,6 +14,7 @@ import pytest
 from flexslew_lab.studies.cases import sample_table
 from flexslew_lab.studies.findings.criteria import Verdict, needed, verdict_of
 from flexslew_lab.studies.findings.figures import distribution
+from flexslew_lab.studies.findings.page import study_page
 from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.findings.statistics import (
     dkw_half_width,
@@ -320,6 +321,13 @@ NEVER = (
     "vibration_settling_time",
     "line_of_sight_settled_at",
 )
+
+
+def test_a_study_that_was_interrupted_before_a_variant_flew_has_a_page(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    study, store = told([{NAME: 0.1}], compare={"active": ["pd_feedforward", "lqr"]})
+    assert "1 of 2" in study_page(study, store, summary(study, store, {}))
 
 
 def test_a_metric_that_no_trial_has_is_in_no_table(

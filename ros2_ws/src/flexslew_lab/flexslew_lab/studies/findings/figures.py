@@ -80,7 +80,8 @@ def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
     for k, variant in enumerate(study.variants):
         found, rows = column(study, store, name, k)
         most = max(_POINTS // len(study.variants), _MINIMUM_POINTS)
-        thin = np.unique(np.linspace(0, len(found.values) - 1, most).astype(int))
+        count = len(found.values)  # none before the first of its trials
+        thin = np.unique(np.linspace(0, count - 1, most).astype(int))[:count]
         top = found.values[np.isfinite(found.values)].max(initial=0.0)
         values = found.values[thin]
         failed = np.isinf(values)

@@ -41,7 +41,8 @@ def indices(
         return [], "one row has no scatter; give a larger n"
     if np.ptp(values) <= 1e-12 * np.abs(values).max():
         return [], "the metric does not vary"
-    blocks = (values - values[: 2 * n].mean()).reshape(d + 2, n)
+    scaled = values / np.abs(values).max()  # whose squares are numbers whatever the unit
+    blocks = (scaled - scaled[: 2 * n].mean()).reshape(d + 2, n)
     if replicates > 1:
         return _indices(names, *_of_replicates(blocks, replicates, confidence)), ""
     estimate = _shares(blocks)
