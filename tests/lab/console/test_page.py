@@ -126,7 +126,7 @@ def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands
         ("kp", "lots", "kp: &#x27;lots&#x27; is not allowed"),
         ("handover_time", "-1.0", "handover_time: -1.0 is not allowed"),
         ("handover_time", ".inf", "handover_time: inf is not allowed"),
-        ("handover_time", "nan", "handover_time: nan is not allowed"),
+        ("handover_time", "nan", "handover_time: &#x27;nan&#x27; is not allowed: give a finite"),
         ("tuned from", "soon", "tuned from"),
     ],
 )
