@@ -342,6 +342,22 @@ def test_warnings_of_a_kind_that_follow_each_other_are_one_row(hands: Hands) -> 
     hands.set("Fold warnings", True)
 
 
+def test_a_table_that_leaves_events_out_says_so(hands: Hands) -> None:
+    view = hands.link.view
+    assert "The newest 200 rows" not in hands.texts()
+    before = list(view.events)
+    for tick in range(200):
+        view.events.append(event_of(Noted(f"remark {tick}", "me"), tick, 0.01 * tick, 0, "plant"))
+    view.heard += 1
+    hands.refresh()
+    assert "The newest 200 rows at most, of the last 2,000 events" in hands.texts()
+    view.events.clear()
+    view.events.extend(before)
+    view.heard += 1
+    hands.refresh()
+    assert "The newest 200 rows" not in hands.texts()
+
+
 def test_reset_stands_below_everything_else_of_the_run_and_in_a_folder_of_its_own(
     hands: Hands,
 ) -> None:

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterable
 
-from flexslew_lab.console.desk import Desk, DeskReply
+from flexslew_lab.console.desk import Desk, DeskReply, line
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.run import FINISHED
+from flexslew_lab.console.view import EVENTS
 from flexslew_plant import topics
 from flexslew_plant.events import Event
 
@@ -30,6 +31,7 @@ class EventsPanel:
         self._fold = gui.check("Fold warnings", True, hint="those of a kind that follow each other")
         self._table = gui.add("table", "events", options=_COLUMNS, data=[])
         desk.click(self._table, self._go)
+        self._cut = gui.html(visible=False)
         self._found: list[list[Event]] = []
         self._shown: tuple[object, ...] = ()
 
@@ -47,6 +49,11 @@ class EventsPanel:
         )
         self._found = folded(found, _ROWS, bool(self._fold.value))
         self._table.data = [_row(k, group) for k, group in enumerate(self._found)]
+        self._cut.visible = len(self._found) == _ROWS or len(self._view.events) == EVENTS
+        self._cut.content = line(
+            f"The newest {_ROWS} rows at most, of the last {EVENTS:,} events: the filter finds "
+            "older rows, flexslew log info tells all events."
+        )
 
     def _go(self, who: str) -> None:
         row = self._table.value
