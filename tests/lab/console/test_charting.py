@@ -29,6 +29,11 @@ def test_the_window_is_the_axis_and_what_is_not_known_is_a_hole() -> None:
     json.dumps(found, allow_nan=False)
 
 
+def test_lines_of_events_lie_below_the_curves() -> None:
+    below = whole(ChartData(options([]), news(NOTHING, [], np.array([95.0]))))["series"][-1]
+    assert below["markLine"]["z"] < 2  # the layer of curves, where nothing else is said
+
+
 def test_a_browser_that_comes_late_gets_looks_and_rows_and_neither_is_changed() -> None:
     axes = options([Curve("a", NOTHING, NOTHING)], "course")
     rows = news(np.array([0.0, 1.0]), [np.array([1.0, 2.0])], NOTHING)

@@ -126,7 +126,7 @@ def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands
         ("kp", "lots", "kp: &#x27;lots&#x27; is not allowed"),
         ("handover_time", "-1.0", "handover_time: -1.0 is not allowed"),
         ("handover_time", ".inf", "handover_time: inf is not allowed"),
-        ("handover_time", "nan", "handover_time: nan is not allowed"),
+        ("handover_time", "nan", "handover_time: &#x27;nan&#x27; is not allowed: give a finite"),
         ("tuned from", "soon", "tuned from"),
     ],
 )
@@ -340,6 +340,22 @@ def test_warnings_of_a_kind_that_follow_each_other_are_one_row(hands: Hands) -> 
     hands.click("events")
     assert hands.elements("Pause the view")[0].value
     hands.set("Fold warnings", True)
+
+
+def test_a_table_that_leaves_events_out_says_so(hands: Hands) -> None:
+    view = hands.link.view
+    assert "The newest 200 rows" not in hands.texts()
+    before = list(view.events)
+    for tick in range(200):
+        view.events.append(event_of(Noted(f"remark {tick}", "me"), tick, 0.01 * tick, 0, "plant"))
+    view.heard += 1
+    hands.refresh()
+    assert "The newest 200 rows at most, of the last 2,000 events" in hands.texts()
+    view.events.clear()
+    view.events.extend(before)
+    view.heard += 1
+    hands.refresh()
+    assert "The newest 200 rows" not in hands.texts()
 
 
 def test_reset_stands_below_everything_else_of_the_run_and_in_a_folder_of_its_own(

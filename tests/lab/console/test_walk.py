@@ -9,6 +9,12 @@ from flexslew_lab.console.page import Page
 from flexslew_plant.events import Noted
 from flexslew_plant.events.event import event_of
 
+# what moves for longer than anybody sees
+_MOVES = """
+return [...document.querySelectorAll("*")].map(e => [e.className, getComputedStyle(e)])
+  .filter(([, style]) => `${style.transitionDuration}, ${style.animationDuration}`.split(", ")
+    .some(time => parseFloat(time) > 0.01)).map(([name]) => String(name));
+"""
 _BRAKE = """
 const box = document.getElementById("brake").getBoundingClientRect();
 return [box.left, box.top].map(Math.round);
@@ -98,6 +104,10 @@ def test_the_page_is_read_aloud_in_its_language_and_a_row_chosen_without_a_mouse
         browser.until("return document.getElementById('bench-state')?.checkVisibility()")
         assert browser.run("return document.documentElement.lang") == "en-US"
         assert browser.run("return document.querySelectorAll('main').length") == 1
+        still = [{"name": "prefers-reduced-motion", "value": "reduce"}]
+        assert browser.run(_MOVES)
+        browser.devtools("Emulation.setEmulatedMedia", {"features": still})
+        assert browser.run(_MOVES) == []
         open_tab(browser, "Log")
         row = "return document.querySelector('.bench-table tbody tr[tabindex]')"
         browser.until(f"{row} !== null")

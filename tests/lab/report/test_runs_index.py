@@ -1,5 +1,6 @@
 """The list of runs: key figures, filter, and what cannot be read."""
 
+import errno
 import json
 import os
 import sys
@@ -69,6 +70,27 @@ def test_runs_that_cannot_be_read_are_told_beside_json_too(
     assert end.value.code == 0
     assert [Path(row["folder"]).name for row in json.loads(out)] == ["b", "a"]
     assert sorted(err.strip().removeprefix("not readable, left out: ").split(", ")) == ["c", "d"]
+
+
+def test_runs_of_a_folder_that_cannot_be_written_are_listed_without_a_page(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(dir: Path, prefix: str) -> None:
+        raise OSError(errno.EROFS, "Read-only file system", f"{dir}/{prefix}draft")
+
+    monkeypatch.setattr("tempfile.mkstemp", refuse)
+    monkeypatch.setattr(sys, "argv", ["flexslew", "runs", str(folder), "--json"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    out, err = capfd.readouterr()
+    assert end.value.code == 0
+    assert len(json.loads(out)) == 2
+    told = f"no page is written: {folder}/index.html: Read-only file system"
+    assert told in " ".join(err.split()).replace(f"{folder} /", f"{folder}/")
+    monkeypatch.setattr(sys, "argv", ["flexslew", "runs", str(folder), "--open"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
 
 
 def test_runs_are_filtered_by_trial_law_and_testbed(folder: Path) -> None:

@@ -90,3 +90,11 @@ def test_a_saved_plan_for_another_bench_is_refused(tmp_path: Path) -> None:
         with pytest.raises(BadInput, match=words):
             run_trial(other, "test", tmp_path / "none", True, False)
         assert not (tmp_path / "none").exists()
+
+
+def test_the_folder_of_a_run_is_refused_with_the_file_to_give(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"it is a folder$"):
+        read_trial(tmp_path)
+    (tmp_path / "trial.yaml").write_text("name: a\n")
+    with pytest.raises(BadInput, match=r"it is a folder; give the trial\.yaml in it$"):
+        read_trial(tmp_path)

@@ -32,7 +32,13 @@ def runs(
     if not os.path.isdir(folder):
         raise BadInput("no such folder; a first run makes it", folder)
     found, unread = runs_in(folder, trial, law, testbed)
-    page = write_index(folder)
+    page = None
+    try:
+        page = write_index(folder)
+    except OSError as error:  # of a folder that is there to read alone the table is enough
+        if open_it:
+            raise
+        say(f"no page is written: {error.filename}: {error.strerror}")
     if unread:
         say(f"not readable, left out: {', '.join(unread)}")
     if as_json:
@@ -48,6 +54,7 @@ def runs(
             for r in found
         ],
     )
-    say(f"{link(page)}")
-    if open_it:
-        open_page(page)
+    if page is not None:
+        say(f"{link(page)}")
+        if open_it:
+            open_page(page)

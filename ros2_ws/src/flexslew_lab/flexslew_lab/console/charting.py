@@ -43,7 +43,7 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
     events = {
         "type": "line", "silent": True, "data": [],
         "markLine": {
-            "symbol": "none", "silent": True, "label": {"show": False},
+            "symbol": "none", "silent": True, "label": {"show": False}, "z": 1,  # below the curves
             "lineStyle": {"color": "#999", "type": "solid", "width": 1}, "data": [],
         },
     }  # fmt: skip

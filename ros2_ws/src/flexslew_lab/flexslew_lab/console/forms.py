@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from math import inf
 from typing import Any, NamedTuple, get_args
 
+from pydantic import FiniteFloat
+
 from flexslew_lab.console.desk import Desk, line
 from flexslew_lab.console.gui import Element
 from flexslew_plant.errors import BadInput
@@ -64,13 +66,13 @@ def keys_of(
 
 
 def number_of(name: str, value: Any) -> float:
-    """Return the number that a field holds.
+    """Return the finite number that a field holds.
 
     Raises:
         BadInput: it holds none; beginning with the name.
     """
     try:
-        return float(validated(float, value, name))
+        return float(validated(FiniteFloat, value, name))
     except BadInput as error:
         raise BadInput(error.refusal.why, key=name, value=value) from None
 

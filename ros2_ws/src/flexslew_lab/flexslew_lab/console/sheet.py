@@ -35,6 +35,10 @@ body { background: #f4f5f7; font-size: 14px; }
 .bench-table td:first-child { white-space: nowrap; overflow-wrap: normal; }
 .bench-table tr:has(td) { vertical-align: top; }
 .q-tooltip { background: #333; font-size: 12px; }
+@media (prefers-reduced-motion: reduce) {
+  *, ::before, ::after { transition-duration: 0.01ms !important;
+    animation-duration: 0.01ms !important; }
+}
 @media (max-width: 800px) {
   .bench-page, .bench-grid { grid-template-columns: minmax(0, 1fr); }
 }

@@ -86,8 +86,8 @@ def recover(source: Path, out: Path | None = None) -> Recovery:
         out: folder of the new bag; default: in place, with the old file kept as `*.damaged`.
 
     Raises:
-        BadInput: there is nothing to recover, another recorder still writes, or it is foreign.
-
+        BadInput: there is nothing to recover, another recorder still writes, it is foreign, or its
+            folder cannot be written.
     """
     path = find_mcap(Path(source))
     described = path.parent / METADATA_FILE
@@ -97,7 +97,11 @@ def recover(source: Path, out: Path | None = None) -> Recovery:
         unlock_folder(lock_folder(path.parent), path.parent)
     BagReader(path)  # refuses what is foreign before anything is written
     # a name of its own: one that is known could be a link to elsewhere in a bag of a stranger
-    draft = tempfile.mkdtemp(dir=path.parent, prefix=".recovering.") if out is None else out
+    try:
+        draft = tempfile.mkdtemp(dir=path.parent, prefix=".recovering.") if out is None else out
+    except OSError as error:
+        words = f"cannot be written: {error.strerror}; give another place with --out"
+        raise BadInput(words, path.parent) from None
     target = Path(draft)
     try:
         result = _copy(path, target)

@@ -54,7 +54,9 @@ def trial_path(name: str | Path | None) -> Path:
     if os.path.isfile(path):  # also of a name that is too long for one
         return path
     if os.path.isdir(path):
-        raise BadInput(f"{given}: cannot be read: it is a folder")
+        run = os.path.isfile(path / "trial.yaml")
+        hint = "; give the trial.yaml in it" if run else ""
+        raise BadInput(f"{given}: cannot be read: it is a folder{hint}")
     known = {trial.name: trial.path for trial in shipped_trials()}
     if given in known:
         return known[given]

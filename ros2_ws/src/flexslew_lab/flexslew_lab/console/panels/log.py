@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterable
 
-from flexslew_lab.console.desk import Desk, DeskReply
+from flexslew_lab.console.desk import Desk, DeskReply, line
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.run import FINISHED
+from flexslew_lab.console.view import EVENTS
 from flexslew_plant import topics
 from flexslew_plant.events import Event
 
@@ -30,6 +31,7 @@ class EventsPanel:
         self._fold = gui.check("Fold warnings", True, hint="those of a kind that follow each other")
         self._table = gui.add("table", "events", options=_COLUMNS, data=[])
         desk.click(self._table, self._go)
+        self._cut = gui.html(visible=False)
         self._times: dict[int, float] = {}  # of the rows, by their numbers [s]
         self._shown: tuple[object, ...] = ()
 
@@ -48,6 +50,11 @@ class EventsPanel:
         groups = folded(found, _ROWS, bool(self._fold.value))
         self._times = {group[-1][0]: group[0][1].time for group in groups}
         self._table.data = [_row(group[-1][0], [e for _, e in group]) for group in groups]
+        self._cut.visible = len(groups) == _ROWS or len(self._view.events) == EVENTS
+        self._cut.content = line(
+            f"The newest {_ROWS} rows at most, of the last {EVENTS:,} events: the filter finds "
+            "older rows, flexslew log info tells all events."
+        )
 
     def _go(self, who: str) -> None:
         if (time := self._times.get(self._table.value)) is not None:

@@ -12,11 +12,15 @@ def write_whole(path: Path, text: str) -> None:
 
     Raises:
         BadInput: a folder has this name.
-        OSError: the system takes no more bytes.
+        OSError: the system takes no more bytes, or none there; with the name of this place.
     """
     if path.is_dir() and not path.is_symlink():
         raise BadInput("is a folder, not a file; move it away", path)
-    handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:  # which names the draft
+        error.filename = str(path)
+        raise
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
