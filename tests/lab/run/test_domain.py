@@ -34,6 +34,26 @@ def test_a_run_leaves_its_domain_for_those_who_look_for_it(tmp_path: Path) -> No
     assert trials() == {}
 
 
+def test_who_examines_a_controller_is_not_taken_for_a_bench() -> None:
+    with domain.own_domain("conform", bench=False), domain.own_domain("m1") as number:
+        assert trials() == {number: "m1"}
+        assert domain.bench_to_operate().trial == "m1"
+
+
+def test_the_domain_of_this_shell_may_hold_a_bench_that_claims_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def free() -> list[int]:
+        return [bench.domain for bench in domain.bench_without_claim()]
+
+    assert free() == [0]
+    with domain.own_domain("m1") as number:
+        assert free() == [0]
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+        assert free() == []
+    assert free() == [number]
+
+
 def test_the_bench_of_this_checkout_is_meant(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as elsewhere:
         elsewhere.setattr(domain, "_ROOT", "/another/checkout")

@@ -41,7 +41,7 @@ def conform(
     if not context.args:
         raise BadInput("COMMAND: give the command that starts the controller, after --")
     bench = Bench(bench_settings(read_trial(trial)[0]))
-    with own_domain("conform") as domain:
+    with own_domain("conform", bench=False) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         try:
             process = subprocess.Popen(context.args)

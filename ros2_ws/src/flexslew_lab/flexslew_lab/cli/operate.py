@@ -10,7 +10,12 @@ import typer
 
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import print_table, say
-from flexslew_lab.run.domain import RunningBench, bench_to_operate, running_benches
+from flexslew_lab.run.domain import (
+    RunningBench,
+    bench_to_operate,
+    bench_without_claim,
+    running_benches,
+)
 from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput, FlexslewError
 
@@ -156,24 +161,33 @@ def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
     which = bench_to_operate()
     with _bench(namespace, which) as bench:
         reply = ask(bench)
-    say(f"{reply.message} ({which.words})")
-    if not reply.ok:
+    if not _told(reply, which):
         raise typer.Exit(1)
+
+
+def _told(reply: "Reply", which: RunningBench, place: str = "") -> bool:
+    """Print what a bench answers, and which it is; return whether it does what it was asked for."""
+    where = f", namespace {place}" if place else ""
+    say(f"{reply.message} ({which.words}{where})")
+    return reply.ok
 
 
 def _brake_all(namespace: str, release: bool) -> None:
     """Brake each bench of this user; exit code 1 if one of them did not."""
-    found, failed = running_benches(), False
-    if not found:
-        raise BadInput("no bench of yours runs on this machine", key="--all")
-    for which in found:
+    found, unclaimed, failed = running_benches(), bench_without_claim(), False
+    action, braked = "release_brake" if release else "brake", len(found)
+    for which in [*found, *unclaimed]:
         try:
             with _bench(namespace, which) as bench:
-                reply = bench.act("release_brake" if release else "brake")
-            words, failed = reply.message, failed or not reply.ok
+                for place, reply in bench.act_everywhere(action):
+                    failed |= not _told(reply, which, place)
+                    braked += which in unclaimed
         except FlexslewError as error:  # the others are braked all the same
-            words, failed = str(error), True
-        say(f"{words} ({which.words})")
+            if which not in unclaimed:
+                failed = True
+                say(f"{error} ({which.words})")
+    if not braked:
+        raise BadInput("no bench of yours runs on this machine", key="--all")
     if failed:
         raise typer.Exit(1)
 

@@ -26,6 +26,7 @@ from flexslew_plant.ros.start import start_ros
 
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
 _early: dict[tuple[int, str], tuple[list[Node], float]] = {}  # by domain and namespace
+_SURE, _OTHERS = 2, 1.0  # nodes that look for every bench; for one more to be seen [wall s]
 _RETRY = 0.25  # until another node tries to be heard, then twice that, and so on [wall s]
 
 
@@ -47,6 +48,31 @@ class Operator:
     def act(self, action: str) -> Reply:
         """Start, pause, reset, brake or release the brake."""
         return self._ask(topics.OPERATE, action=action)
+
+    def act_everywhere(self, action: str) -> Iterator[tuple[str, Reply]]:
+        """Yield the namespace of each bench on the graph, and what it answers to an action.
+
+        A connection to one namespace asks the bench in it alone.
+
+        Raises:
+            FlexslewError: there is none.
+        """
+        if self._namespace:
+            yield f"/{self._namespace}", self.act(action)
+            return
+        asked, end = set[str](), monotonic() + self._patience
+        self.nodes += [_newcomer(self._domain, "") for _ in range(_SURE - len(self.nodes))]
+        while monotonic() <= end:
+            for place in sorted(self._places(topics.OPERATE) - asked):
+                asked.add(place)
+                try:
+                    yield place, self._ask(topics.OPERATE, f"{place}/", action=action)
+                except FlexslewError as error:  # the others are asked all the same
+                    yield place, Reply(refused=Refusal(str(error)))
+                end = min(end, monotonic() + _OTHERS)
+            sleep(0.02)
+        if not asked:
+            raise FlexslewError(f"no bench is on ROS_DOMAIN_ID {self._domain}")
 
     def step(self, ticks: int) -> Reply:
         """Advance a paused bench by some ticks."""
@@ -90,11 +116,11 @@ class Operator:
         """Leave the graph."""
         _leave(self.nodes)
 
-    def _ask(self, service: str, **values: Any) -> Reply:
-        """Call a service with plain values; return its answer."""
+    def _ask(self, service: str, place: str = "", **values: Any) -> Reply:
+        """Call a service, here or at an absolute place, with plain values; return its answer."""
         kind = SERVICES[service]
         request = request_of(kind.Request, {**values, "who": self._who})
-        reply = self._call(kind, service, request)
+        reply = self._call(kind, place + service, request)
         words = str(reply.message)
         return Reply(words) if granted(reply) else Reply(refused=Refusal(words))
 
@@ -123,14 +149,28 @@ class Operator:
                     return node, client
             now = monotonic()
             if now > end:
-                raise FlexslewError(
-                    f"no bench offers {name}; is one running, and with the same ROS_DOMAIN_ID?"
-                )
+                raise FlexslewError(f"no bench offers {name}; {self._advice(name)}")
             if now >= again:
                 self.nodes.append(_newcomer(self._domain, self._namespace))
                 clients.append((self.nodes[-1], self.nodes[-1].create_client(kind, name)))
                 again, wait = now + wait, 2.0 * wait
             sleep(0.002)
+
+    def _advice(self, service: str) -> str:
+        """Return how a bench is found, where none offers a service here."""
+        others = ", ".join(sorted(place.strip("/") for place in self._places(service)))
+        if others:
+            return f"benches are in other namespaces: --namespace {others}"
+        return "is one running, and with the same ROS_DOMAIN_ID?"
+
+    def _places(self, service: str) -> set[str]:
+        """Return in which namespaces a service is on the graph; "" is none."""
+        return {
+            name.removesuffix(f"/{service}")
+            for node in self.nodes
+            for name, _ in node.get_service_names_and_types()
+            if name.endswith(f"/{service}") and node.count_services(name)  # else asked for alone
+        }
 
 
 def _newcomer(domain: int, namespace: str) -> Node:

@@ -27,6 +27,7 @@ class RunningBench(NamedTuple):
     root: str = ""  # whose code flies it
     user: int = 0
     known: bool = True  # whether a run of this machine has claimed the domain
+    bench: bool = True  # whether it is one: an examination of a controller is none
 
     @property
     def here(self) -> bool:
@@ -42,7 +43,7 @@ class RunningBench(NamedTuple):
 
 
 @contextmanager
-def own_domain(what: str = "", folder: Path | None = None) -> Iterator[int]:
+def own_domain(what: str = "", folder: Path | None = None, bench: bool = True) -> Iterator[int]:
     """Yield a ROS_DOMAIN_ID that no other run of this machine holds; the user's, if set.
 
     While it is held, `running_benches` lists it. The one that has rested longest is taken: where
@@ -52,6 +53,7 @@ def own_domain(what: str = "", folder: Path | None = None) -> Iterator[int]:
     Args:
         what: runs there, for those who look for a bench.
         folder: of the run, for the same.
+        bench: is what runs there; else nobody who looks for one is led to it.
 
     Raises:
         BadInput: ROS_DOMAIN_ID is not a number of a domain.
@@ -60,15 +62,15 @@ def own_domain(what: str = "", folder: Path | None = None) -> Iterator[int]:
     requested = chosen_domain()
     if requested is not None:
         if requested in _held:  # claimed by this process before it knew the folder
-            _describe(_held[requested], what, folder)
-        handle = _locked(requested, what, folder)
+            _describe(_held[requested], what, folder, bench)
+        handle = _locked(requested, what, folder, bench)
         try:
             yield requested
         finally:
             _released(requested, handle)
         return
     for number in sorted(range(1, _HIGHEST + 1), key=_last_used):
-        handle = _locked(number, what, folder)
+        handle = _locked(number, what, folder, bench)
         if handle is None:
             continue
         try:
@@ -111,7 +113,7 @@ def running_benches(everybody: bool = False) -> list[RunningBench]:
         except (OSError, ValueError):
             continue  # another user's, or no lock of ours
     mine = _user()
-    return sorted(bench for bench in found if everybody or bench.user == mine)
+    return sorted(b for b in found if b.bench and (everybody or b.user == mine))
 
 
 def bench_to_operate() -> RunningBench:
@@ -138,6 +140,19 @@ def bench_to_operate() -> RunningBench:
     return meant[0] if meant else RunningBench(0, known=False)
 
 
+def bench_without_claim() -> list[RunningBench]:
+    """Return the domain of this shell, unless a run has claimed it.
+
+    Nodes that are started one by one, or by `ros2 launch`, claim none.
+
+    Raises:
+        BadInput: ROS_DOMAIN_ID is not a number of a domain.
+    """
+    here = chosen_domain() or 0
+    claimed = any(bench.domain == here for bench in running_benches(everybody=True))
+    return [] if claimed else [RunningBench(here, known=False)]
+
+
 def bench_domain() -> tuple[int, bool]:
     """Return the domain of the bench to talk to, and whether a run has claimed it.
 
@@ -155,12 +170,13 @@ def _described(number: int, path: Path) -> RunningBench:
     try:
         claim = json.loads(text)
         trial, folder, root = (str(claim[key]) for key in ("trial", "folder", "root"))
-        return RunningBench(number, trial, folder, root, int(claim["user"]))
+        bench = bool(claim.get("bench", True))
+        return RunningBench(number, trial, folder, root, int(claim["user"]), bench=bench)
     except (ValueError, KeyError, TypeError):
         return RunningBench(number, user=path.stat().st_uid)
 
 
-def _locked(number: int, what: str, folder: Path | None) -> int | None:
+def _locked(number: int, what: str, folder: Path | None, bench: bool) -> int | None:
     """Return the open lock of a domain; None where another run holds it."""
     try:
         handle = lock_file(_lock_path(number), 0o666)
@@ -169,14 +185,16 @@ def _locked(number: int, what: str, folder: Path | None) -> int | None:
     if handle is None:
         return None
     _held[number] = handle
-    _describe(handle, what, folder)
+    _describe(handle, what, folder, bench)
     return handle
 
 
-def _describe(handle: int, what: str, folder: Path | None) -> None:
+def _describe(handle: int, what: str, folder: Path | None, bench: bool) -> None:
     """Write into a lock what runs in its domain, for those who look for a bench."""
     where = "" if folder is None else str(folder.resolve())
-    facts = {"trial": what[:200], "folder": where, "root": _ROOT, "user": _user()}
+    facts = {
+        "trial": what[:200], "folder": where, "root": _ROOT, "user": _user(), "bench": bench
+    }  # fmt: skip
     os.ftruncate(handle, 0)
     os.pwrite(handle, json.dumps(facts).encode(), 0)
 
