@@ -14,7 +14,10 @@ from flexslew_control.estimators.kalman import (
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+from flexslew_plant.testbeds.floating_oscillator import (
+    FloatingOscillatorParameters,
+    FloatingOscillatorTestbed,
+)
 from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
 
 PERIOD = 0.01
@@ -215,3 +218,27 @@ def test_a_filter_whose_modes_are_too_fast_for_a_step_of_its_equations_is_refuse
     rest = np.concatenate((REST[:2], np.zeros(8)))
     with pytest.raises(BadInput, match=r"cannot follow .* period of .* modes up to 53\.\d rad/s"):
         KalmanFilter(fast, rest, FilterSettings(), period)
+
+
+def test_a_bench_that_is_ten_times_faster_has_the_same_filter() -> None:
+    def covariance(c: float) -> Any:
+        """Return P after 50 ticks, in units of the slow bench's time."""
+        model = FloatingOscillatorTestbed(
+            parameters=FloatingOscillatorParameters(stiffness=c**2)
+        ).model()
+        settings = FilterSettings(
+            rate_sigma=1e-3 * c, initial_deflection=0.02, initial_deflection_rate=0.03 * c,
+            initial_disturbance=2.0 * c**2, disturbance_walk=c**2.5, modal_noise=0.1 * c**3,
+        )  # fmt: skip
+        estimator = KalmanFilter(model, np.zeros(2), settings, 0.1 / c)
+        for tick in range(50):
+            seen = Measurement(
+                tick, 0, tick * 0.1 / c, "", np.zeros(1), np.zeros(1), NOTHING, NOTHING, np.zeros(1)
+            )
+            if tick == 0:
+                estimator.reset(seen)
+            found = estimator.update(seen).covariance
+        time = np.array([1.0, 1.0, c, c, c**2])
+        return found / np.outer(time, time)
+
+    np.testing.assert_allclose(covariance(10.0), covariance(1.0), rtol=1e-9)

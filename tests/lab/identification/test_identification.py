@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 from tests.lab.identification.shaken import bench, shaken, truth
+from tests.present import present
 
 from flexslew_lab.identification.foreign import foreign_record
 from flexslew_lab.identification.frequency_response import frequency_response
@@ -178,6 +179,36 @@ def test_frequency_responses_are_consistent_in_closed_loop() -> None:
     assert 0.92 < np.mean(inside) <= 0.99
 
 
+def test_runs_of_other_lengths_tell_what_they_hold_of_the_response() -> None:
+    """Two joints are shaken one after the other; periods of a longer run come at other ticks."""
+    plan, gains = {"band": [0.1, 6.0], "largest_excursion": [0.02]}, (np.zeros(2), np.zeros(2))
+    rigid = bench(
+        kind="identified", joints=["a", "b"], joint_units=["rad", "rad"], appendages=["tip"],
+        inertia=[[100.0, 0.0], [0.0, 100.0]], effort_limit=[10.0, 10.0],
+        free_modes=[{"frequency": 1.5, "damping_ratio": 0.05, "joints": [0.03, 0.02], "tips": [1]}],
+    )  # fmt: skip
+    runs = []
+    for duration in (900.0, 600.0):
+        keys = plan | {"duration": duration, "resolution": 0.1, "seed": 3}
+        runs.append(shaken(rigid, keys, gains, np.random.default_rng(1), ratio=1e-6))
+    records, plans = [one.record for one in runs], [present(one.plan) for one in runs]
+    assert plans[0].summary["periods"] > plans[1].summary["periods"]
+    alone, both = frequency_response(records[1:], plans[1:]), frequency_response(records, plans)
+    at = abs(alone.frequency - 1.5).argmin()
+    np.testing.assert_allclose(both.response[at], alone.response[at], rtol=0.02)
+    assert both.periods == 2 * alone.periods
+
+
+def test_a_run_that_was_stopped_tells_the_response_of_its_whole_periods_or_why_not() -> None:
+    _, experiment = oscillator(0)
+    plan, record = present(experiment.plan), experiment.record
+    begin, period = (round(plan.summary[key] / plan.period) for key in ("taper", "period"))
+    stopped = record.cut(0, begin + 3 * period + period // 2)
+    assert frequency_response([stopped], [plan]).periods == 2
+    with pytest.raises(BadInput, match="ends after 2 periods of its last experiment"):
+        frequency_response([record.cut(0, begin + 2 * period + 9)], [plan])
+
+
 def test_a_second_run_proves_the_first_and_another_bench_does_not() -> None:
     _, first = oscillator(1)
     _, other = oscillator(4)
@@ -187,6 +218,13 @@ def test_a_second_run_proves_the_first_and_another_bench_does_not() -> None:
     assert validated_on(both.model, other.record).over_noise.max() > 2.0
     told = summary(both)
     assert told["modes"][0]["frequency"]["low"] < told["modes"][0]["frequency"]["high"]
+
+
+def test_a_mode_below_the_band_is_told_with_a_doubt() -> None:
+    told = identify_modes(oscillator(0)[1].record.cut(0, 40_000), (0.1, 1.0))
+    assert [mode for mode in told.modes if mode.frequency.value < 0.05]
+    assert "which nothing shook" in told.doubts[0]
+    assert not found(0).doubts
 
 
 def test_what_cannot_tell_is_refused_with_the_numbers() -> None:

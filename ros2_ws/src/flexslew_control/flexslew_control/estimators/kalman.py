@@ -38,6 +38,9 @@ class FilterSettings:
     modal_noise: NonNegative = 0.0  # density of the white noise on each modal force [N^2 s]
     # standard deviation of each modal coordinate at a reset [m]
     initial_deflection: NonNegative = 0.01
+    # of its rate at a reset [m/s]; null: that of the coordinate per second, which suits modes of
+    # about 1 rad/s
+    initial_deflection_rate: NonNegative | None = None
     # standard deviation of each disturbance at a reset [N m]
     initial_disturbance: NonNegative = 10.0
 
@@ -268,8 +271,9 @@ class KalmanFilter:
         inputs = np.vstack((b, np.zeros((d, m))))
         self._f, self._g, self._q = discretised(whole, inputs, noise, self.period)
         self._origin = np.concatenate((self.rest, np.zeros(n + d)))
+        rate = s.initial_deflection_rate
         first = [s.angle_sigma] * m + [s.initial_deflection] * (n - m)
-        first += [s.rate_sigma] * m + [s.initial_deflection] * (n - m)
+        first += [s.rate_sigma] * m + [s.initial_deflection if rate is None else rate] * (n - m)
         self._p0 = np.diag(np.square(np.array(first + [s.initial_disturbance] * d)))
         if s.prediction == "nonlinear" and isinstance(model, Model):
             self._require_resolved()

@@ -19,6 +19,7 @@ from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
+_LEAST = 3  # periods: the first holds the transient, and two tell noise from response
 CONFIDENCE = 0.95
 
 Complex = NDArray[np.complex128]
@@ -75,18 +76,25 @@ def frequency_response(
     Args:
         records: of the runs.
         plans: with which each was shaken.
-        periods: of every experiment that count, the first ones, at least 3; None: all.
+        periods: of every experiment that count, the first ones, at least 3; None: all that every
+            record holds.
 
     Raises:
-        BadInput: a plan is no multisine of at least three periods, or the runs differ.
+        BadInput: a plan is no multisine of at least three periods, the runs differ, or one ended
+            before three periods of its last experiment.
     """
-    first = _layout(plans[0], records[0].source)
-    for record, plan in zip(records, plans, strict=True):
-        if record.inputs != records[0].inputs or _layout(plan, record.source).lines != first.lines:
+    layouts = [_layout(plan, one.source) for plan, one in zip(plans, records, strict=True)]
+    first = layouts[0]
+    for record, layout in zip(records, layouts, strict=True):
+        same = layout.period == first.period and layout.experiments == first.experiments
+        same = same and layout.lines == first.lines and record.period == records[0].period
+        if record.inputs != records[0].inputs or not same:
             raise BadInput(f"{record.source}: is not the experiment of {records[0].source}")
-    last = first.repeated if periods is None else periods
+    last = min(_whole(record, plan) for record, plan in zip(records, plans, strict=True))
+    last = last if periods is None else min(last, periods)
     spectra = [
-        _spectra(record, plan, first, last) for record, plan in zip(records, plans, strict=True)
+        _spectra(record, plan, layout, last)
+        for record, plan, layout in zip(records, plans, layouts, strict=True)
     ]
     effort = np.concatenate([one[0] for one in spectra], axis=1)  # (experiments, periods, n, lines)
     output = np.concatenate([one[1] for one in spectra], axis=1)
@@ -123,6 +131,21 @@ def frequency_response(
     )
 
 
+def _whole(record: Record, plan: Plan) -> int:
+    """Return how many periods of every experiment a record holds.
+
+    Raises:
+        BadInput: less than three.
+    """
+    found = periods_told(plan, len(record.effort) - round(plan.start / plan.period))
+    if found < _LEAST:
+        raise BadInput(
+            f"{record.source}: ends after {found} periods of its last experiment: frequency "
+            f"responses need {_LEAST}"
+        )
+    return found
+
+
 @dataclass(frozen=True)
 class _Layout:
     lines: tuple[int, ...]
@@ -144,7 +167,7 @@ def _layout(plan: Plan, source: str) -> _Layout:
     spacing = 2.0 * np.pi / (period * plan.period)
     low, high = summary["band"]
     lines = tuple(range(max(int(np.ceil(low / spacing - 1e-9)), 1), int(high / spacing + 1e-9) + 1))
-    if summary["periods"] < 3:
+    if summary["periods"] < _LEAST:
         raise BadInput(
             f"{source}: {summary['periods']} periods of an experiment are not enough: the "
             "first holds the transient, and two tell noise from response; shake for longer"

@@ -22,6 +22,7 @@ _WHITE_LAGS = 25  # of the residual's autocorrelation
 _SEPARATE = 0.01  # relative distance of two modes, at least
 _SINGULAR = 1e4  # condition number from which inertias cannot be told apart
 _POWER = 0.99  # of the efforts that lies in the band, where nobody says what it is
+_BELOW = 0.5  # of the band, down to which modes are looked for [-]
 _FADING = 0.5  # damping ratio beyond which a mode may be none [-]
 _SHAKEN = 1e-3  # of the efforts' power that a band must hold
 
@@ -99,8 +100,15 @@ class ModalModel:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Modes that fade so fast that they may be none, in words."""
-        return tuple(
+        """Modes that fade so fast, or swing so slowly, that they may be none, in words."""
+        slow = tuple(
+            f"mode {k} swings at {mode.frequency.value:.3g} rad/s, which nothing shook: it may "
+            f"stand for what lies outside of the band of {self.band[0]:.3g} to "
+            f"{self.band[1]:.3g} rad/s, and inertias may be further off than their intervals"
+            for k, mode in enumerate(self.modes, 1)
+            if mode.frequency.value < _BELOW * self.band[0]
+        )
+        return slow + tuple(
             f"mode {k} has a damping ratio of {mode.damping_ratio.value:.2g}: it may be friction "
             "of the motors, of which the rigid motion that is assumed has none, and inertias may "
             "be further off than their intervals"
@@ -137,7 +145,7 @@ def identify_modes(
     for name, method in METHODS.items():
         tell(f"poles by {name}")
         starts.append(method(slow, _ORDERS))
-    low, high = 0.5 * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
+    low, high = _BELOW * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
     candidates = _merged([mode for poles in starts for mode in stable(poles, low, high)])
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
     modes, noise = _chosen(record, band, candidates, (low, high))
@@ -200,7 +208,7 @@ def _require(record: Record, band: tuple[float, float]) -> None:
             "rad/s, the end of the band; at least 10 are needed"
         )
     w, share = _power_below(record)
-    inside = float(np.interp(band[1], w, share) - np.interp(0.5 * band[0], w, share, left=0.0))
+    inside = float(np.interp(band[1], w, share) - np.interp(_BELOW * band[0], w, share, left=0.0))
     if inside < _SHAKEN:
         low, high = power_band(record)
         raise BadInput(

@@ -88,8 +88,11 @@ class OutputFeedback:
     # right at rest and in a slew; steady: eq. (5) of the paper, which holds the measurement, lags
     # by half a tick and states the covariance of rest
     observer: Literal["kalman", "steady"] = "kalman"
-    # standard deviation of each mode [m] and of its rate [m/s] at a reset, of kalman
+    # standard deviation of each mode at a reset, of kalman [m]
     initial_deflection: NonNegative = 0.01
+    # of its rate at a reset [m/s]; null: that of the mode per second, which suits modes of about
+    # 1 rad/s
+    initial_deflection_rate: NonNegative | None = None
     # of a spacecraft: one appendage alone, apart from the platform's, see spacecraft; null: joints
     # and modes, about the plan
     appendage: AppendageFeedback | None = None
@@ -236,6 +239,7 @@ def _sensors(settings: OutputFeedback) -> FilterSettings:
         rate_sigma=settings.rate_sigma,
         tip_sigma=settings.tip_sigma,
         initial_deflection=settings.initial_deflection,
+        initial_deflection_rate=settings.initial_deflection_rate,
     )
 
 
