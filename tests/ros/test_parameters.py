@@ -13,11 +13,12 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from flexslew_control.controllers import CONTROLLERS
+from flexslew_lab.ros.recorder_node import RecorderSettings
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.parameters import declare, new_node, requested_text, settings_of
 from flexslew_plant.ros.plant.settings import PlantSettings
-from flexslew_plant.settings import plain
+from flexslew_plant.settings import plain, validated
 
 SECTIONS = {"plant": PlantSettings(), **{n: e.settings() for n, e in CONTROLLERS.items()}}
 
@@ -101,6 +102,15 @@ class Named:
 
 def typed(**values: Any) -> list[Any]:
     return [Parameter(k.replace("__", "."), value=v).to_parameter_msg() for k, v in values.items()]
+
+
+@pytest.mark.parametrize("words", ["x", "[1]", '"text"'])
+def test_metadata_of_a_recorder_that_are_no_json_are_refused_before_it_begins(
+    words: str,
+) -> None:
+    with pytest.raises(BadInput, match=r"node recorder: metadata: .*a JSON object of texts"):
+        validated(RecorderSettings, {"metadata": words}, "node recorder")
+    validated(RecorderSettings, {"metadata": '{"operator": "ann"}'}, "node recorder")
 
 
 def test_typed_values_are_the_yaml_that_they_stand_for() -> None:

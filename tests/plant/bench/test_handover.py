@@ -83,6 +83,16 @@ def test_fallbacks_that_are_not_ready_are_passed_over() -> None:
     assert asked(bed, 3, silent=("a",)) == ["a", "c", "c"]
 
 
+def test_how_far_one_is_behind_is_told_once_and_known_exactly() -> None:
+    bed = bench()
+    for tick in (2, 3, 4):
+        bed.note_readiness("b", Refusal(f"the bench is at {tick}", cause=Cause.BEHIND))
+    bed.note_readiness("b", Refusal("no plan yet", cause=Cause.NOT_READY))
+    bed.note_readiness("b", Refusal("no testbed yet", cause=Cause.NOT_READY))
+    told = [event.data["reason"] for event in bed.events if event.kind == "not_ready"]
+    assert told == ["the bench is at 2", "no plan yet", "no testbed yet"]
+
+
 def test_mute_fallbacks_do_not_take_turns_for_ever() -> None:
     bed = bench(fallback=("b", "c"), max_missed=1)
     assert asked(bed, 5, silent=("a", "b", "c")) == ["a", "b", "c", "", ""]

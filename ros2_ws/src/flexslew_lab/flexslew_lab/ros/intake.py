@@ -18,6 +18,7 @@ QUESTIONS = "/measurement"
 # who leaves after the plant
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan", "/planned_trajectory")
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
+_LONGEST = 30.0  # of those who are never silent, after the plant has left [wall s]
 _TAKE_EVERY = 0.005  # from DDS, while nothing comes: to look costs as much then [wall s]
 
 
@@ -40,6 +41,7 @@ class Intake:
         self._listener.listen(SIGN_OF_LIFE, topics.TOPICS[topics.ALIVE])
         self.plant_only = PlantOnly()
         self._next_take = self._heard = 0.0  # when something came [wall s]
+        self._plant_here = 0.0  # when it was seen last [wall s]
         self._inbox: Inbox | None = None
         if direct(os.environ):
             questions = self.subscriptions[QUESTIONS].topic_name
@@ -63,10 +65,15 @@ class Intake:
             self._next_take = now + _TAKE_EVERY
         for message in self._inbox.take(over_dds) if self._inbox else over_dds:
             self._heard = now
+            if message[0] == QUESTIONS:
+                self._plant_here = now
             yield message
 
     def expects_more(self, now: float) -> bool:
         """Return whether those who leave after the plant may still have something to say."""
         node = self._listener.node
+        if self.subscriptions[QUESTIONS].get_publisher_count() > 0:
+            self._plant_here = now
+        until = min(self._heard + _SILENCE, self._plant_here + _LONGEST)
         there = (is_published(node, self.subscriptions[topic]) for topic in _AFTER_PLANT)
-        return now < self._heard + _SILENCE and any(there)
+        return now < until and any(there)

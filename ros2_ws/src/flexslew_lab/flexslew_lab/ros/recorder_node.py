@@ -4,8 +4,10 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
+from typing import Annotated
 
 from flexslew_msgs import msg
+from pydantic import AfterValidator
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_writer import BagWriter
@@ -32,12 +34,24 @@ _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall
 _STRANGER = "whoever sent it is not the plant of this bench"
 
 
+def _object(words: str) -> str:
+    """Return JSON that is an object; a ValueError says that it is not."""
+    try:
+        given = json.loads(words)
+    except ValueError:
+        given = None
+    if not isinstance(given, dict):
+        raise ValueError('a JSON object of texts, for example {"operator": "ann"}')
+    return words
+
+
 @section
 class RecorderSettings:
     """The parameters of the node."""
 
     folder: str = "flexslew_bag"  # of the bag; must not hold one yet
-    metadata: str = "{}"  # of the run (trial, versions, ...), JSON, text to text
+    # of the run (trial, versions, ...), JSON, text to text
+    metadata: Annotated[str, AfterValidator(_object)] = "{}"
     exit_with_plant: bool = False  # close the bag and end the process when the plant is gone
 
 

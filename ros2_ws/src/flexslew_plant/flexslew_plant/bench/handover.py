@@ -256,10 +256,13 @@ class Handover:
             controller: whose.
             why: it could not; None if it could.
         """
-        if self._unready.get(controller) == why:
+        before = self._unready.get(controller)
+        if before == why:
             return
         if why is not None:
             self._unready[controller] = why
+            if before is not None and before.cause is why.cause is Cause.BEHIND:
+                return  # by how much is no news
             self._tell(BecameUnready(controller, str(why), why.cause))
         else:
             del self._unready[controller]
