@@ -108,9 +108,10 @@ def test_one_joint_that_is_not_turned_alone_is_turned_about_the_eigenaxis(
     assert abs(x[-1, model.positions :][3:6]).max() < 1e-7
 
 
+@pytest.mark.parametrize("start", [0.0, 0.9])
 @pytest.mark.parametrize("goal", [{"yaw": 0.8}, {"axis": [1.0, 2.0, -0.5], "angle": 1.2}])
-def test_what_reads_the_place_of_a_point_goes_with_the_turn(goal: Any) -> None:
-    torques: Any = rigid(np.zeros(3)).testbed
+def test_what_reads_the_place_of_a_point_goes_with_the_turn(goal: Any, start: float) -> None:
+    torques: Any = rigid(np.array([start, 0.0, 0.0])).testbed
     push = {"kind": "force", "direction": [0.0, 1.0, 0.0], "place": [0.7, 0.1, 0.2], "limit": 5.0}
     actuators: Any = {**plain(torques.actuators), "push": push}
     bench = PlantDescription(replace(torques, actuators=actuators), 0.02, np.append(LIMIT, 5.0))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from tests.plant.testbeds.spacecraft.crafts import random_axes
 
-from flexslew_plant.testbeds import Model, read_testbed
+from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import Model, initial_positions, initial_state, read_testbed
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -60,13 +61,25 @@ def test_what_a_force_beside_the_origin_reads_moves_as_its_rate_sensor_says(plat
 @pytest.mark.parametrize("platform", PLATFORMS[:2])
 def test_rest_of_forces_beside_the_origin_is_read_as_it_was_given(platform: Any) -> None:
     own = with_forces(platform)
-    read = own.joint_state(np.concatenate((own.rest({"ahead": 0.02}), np.zeros(own.coordinates))))
-    assert read[0][0] == pytest.approx(0.02, abs=1e-4)
-    if not platform:
-        asked = {"ahead": 0.02, "behind": -0.01, "roll": 0.03}
-        q = own.rest(asked)
-        read = own.joint_state(np.concatenate((q, np.zeros(own.coordinates))))
-        np.testing.assert_allclose(read[0], list(asked.values()), atol=1e-3)
+    asked = {"ahead": 0.02} if platform else {"ahead": 0.02, "behind": -0.01, "roll": 0.03}
+    read = own.joint_state(np.concatenate((own.rest(asked), np.zeros(own.coordinates))))[0]
+    found = dict(zip(own.joint_names, read, strict=True))
+    assert {name: found[name] for name in asked} == pytest.approx(asked, abs=2e-3)
+
+
+def test_a_force_that_is_left_out_leaves_the_attitude_and_reads_what_that_makes_it_read() -> None:
+    testbed: Any = read_testbed({"kind": "spacecraft"}, "here")
+    actuators: Any = {**plain(testbed.actuators)}
+    for name, x in (("left", 0.7), ("right", -0.7)):
+        side = {"kind": "force", "direction": [0.0, 1.0, 0.0], "place": [x, 0.0, 0.0], "limit": 5.0}
+        actuators[name] = side
+    values = {"kind": "spacecraft", "actuators": actuators, "initial": {"yaw": 0.9}}
+    own = read_testbed(values, "here")
+    first, state = initial_positions(own), initial_state(own)
+    read = own.model().joint_state(state)[0]
+    np.testing.assert_allclose(read, list(first.values()), atol=1e-12)
+    assert first["yaw"] == 0.9
+    assert (first["left"], first["right"]) == pytest.approx((0.63, -0.63))
 
 
 @pytest.mark.parametrize("degrees", [179.9, 180.0, 180.1, -179.9])

@@ -41,6 +41,7 @@ from flexslew_plant.testbeds.varying_oscillator import VARYING as VARYING
 TESTBEDS: dict[str, TestbedEntry] = table(globals(), TestbedEntry)
 GROUP = "flexslew.testbeds"  # of the entry points of installed packages
 DEFAULT = CSA.name  # where `kind` is left out
+_SAME = 1e-9  # what a joint may read beside where it is put [rad or m]
 
 
 def _kind(values: Any) -> str:
@@ -191,10 +192,24 @@ def _of_same_joints(other: Testbed, testbed: Testbed, source: str) -> Testbed:
 
 
 def initial_positions(testbed: Testbed) -> dict[str, float]:
-    """Return where each joint rests at the start, by name [rad or m]."""
-    given = testbed.initial
+    """Return where each joint rests at the start, by name [rad or m].
+
+    One that `initial` leaves out may read where the others put it.
+    """
+    given, model = testbed.initial, testbed.model()
     values = given if isinstance(given, dict) else vars(given)
-    return {name: float(values.get(name, 0.0)) for name in testbed.model().joint_names}
+    names = model.joint_names
+    first = {name: float(values.get(name, 0.0)) for name in names}
+    if not any(first.values()) or set(names) <= set(values):
+        return first
+    import numpy as np
+
+    read, _ = model.joint_state(np.concatenate((model.rest(first), np.zeros(model.coordinates))))
+    off = abs(model.joint_error(read, np.array([*first.values()]))) > _SAME
+    return {
+        name: float(at) if other else first[name]
+        for name, at, other in zip(names, read, off, strict=True)
+    }
 
 
 def initial_state(testbed: Testbed) -> Vector:

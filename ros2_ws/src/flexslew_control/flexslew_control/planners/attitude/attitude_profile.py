@@ -22,7 +22,7 @@ from flexslew_control.planners.attitude.attitude_path import (
     spun_up,
     through,
 )
-from flexslew_control.planners.attitude.eigenaxis import continuous, following
+from flexslew_control.planners.attitude.eigenaxis import carried_by, continuous, following
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.one_way import shared_out
 from flexslew_control.planners.progress import Progress
@@ -131,8 +131,7 @@ def plan_attitude_profile(
     ticks = tick_times(settings.start, duration, slew.period)
     motion = _motion(settings, knots, ticks)
     testbed: Any = plant.testbed
-    turned = continuous(rotation_vector(motion.attitude))
-    carried = np.array([testbed.rigid_turn_about(axis).carried for axis in np.eye(3)])
+    turned, carried = continuous(rotation_vector(motion.attitude)), carried_by(testbed)
     axes = model.attitude.axes.T
     along = slew.start + (turned - turned[0]) @ carried
     position = np.where(model.attitude.reads, turned @ axes, along)

@@ -42,7 +42,7 @@ class Eigenaxis:
         last: where they go, shape (joints,) [rad or m].
         axis: the eigenaxis in body axes, shape (3,).
         angle: about it [rad].
-        carried: see RigidTurn.
+        carried: what the joints' places go along with a turn, shape (3, joints) [m/rad].
         left_out: of the bench, in words.
     """
 
@@ -55,7 +55,7 @@ class Eigenaxis:
     last: Vector
     axis: Vector
     angle: float
-    carried: Vector
+    carried: Matrix
     left_out: str
 
     def embedded(self, plan: Plan) -> Plan:
@@ -95,10 +95,11 @@ class Eigenaxis:
         assert attitude is not None
         start = quaternion(attitude.turn_of(self.first))
         turned = rotation_vector(product(start, quaternion(np.outer(angle, self.axis))))
-        position = self.first + np.outer(angle, self.carried)
+        turned = continuous(turned)
+        position = self.first + (turned - turned[0]) @ self.carried
         turns = attitude.axes.any(axis=1)
-        position[:, turns] = (continuous(turned) @ attitude.axes.T)[:, turns]
-        return position, np.outer(rate, attitude.axes @ self.axis + self.carried)
+        position[:, turns] = (turned @ attitude.axes.T)[:, turns]
+        return position, np.outer(rate, attitude.axes @ self.axis + self.axis @ self.carried)
 
 
 def eigenaxis(
@@ -135,8 +136,7 @@ def eigenaxis(
             "another attitude: whole turns away the craft is where it starts", "plan", "goal"
         )
     axis = turn / angle
-    rigid = whole.rigid_turn_about(axis)
-    limit = share * torque_about(rigid, plant.effort_limit, angle)
+    limit = share * torque_about(whole.rigid_turn_about(axis), plant.effort_limit, angle)
     reduced: Any = whole.turning_about(axis, limit, modes)
     about: dict[str, Any] = {"goal": {TURN: angle}}
     about |= {key: None for key in ("model", "initial") if hasattr(settings, key)}
@@ -158,10 +158,15 @@ def eigenaxis(
         last,
         axis,
         angle,
-        rigid.carried,
+        carried_by(whole),
         f"turns about the eigenaxis {np.round(axis, 3).tolist()} by {angle:.4g} rad, the shorter "
         f"way, on {reduced.modes} of {counted(model.modes, 'mode')}",
     )
+
+
+def carried_by(whole: ThreeAxes) -> Matrix:
+    """Return how far a turn about each body axis carries the joints, shape (3, joints) [m/rad]."""
+    return np.array([whole.rigid_turn_about(axis).carried for axis in np.eye(3)])
 
 
 def reduced_to(whole: ThreeAxes, bench: Model) -> Model:

@@ -49,27 +49,26 @@ def placed(craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]) -> V
 def _placed_and_turned(
     craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]
 ) -> tuple[Vector, Vector]:
-    """Return place and rotation vector that the named actuators read as this, (3,) [m], (3,) [rad].
+    """Return place and rotation vector, shape (3,) [m] and (3,) [rad].
 
-    Where they do not read orthonormal parts of it, it is found by least squares.
+    What reads the turn says it; forces that are somewhere say the rest, by least squares where
+    their readings are not orthonormal. A force at zero, or left out, asks for nothing.
     """
-    rows = np.hstack((np.zeros_like(axes), axes))
-    for row, d in zip(rows, craft.drives, strict=True):
-        if d.what == at.FORCE:
-            row[:] = read_by_force(craft, d)
-    named = np.array([d.name in positions for d in craft.drives], dtype=bool) & rows.any(axis=1)
-    rows = rows[named]
-    asked = np.array([positions[d.name] for d, on in zip(craft.drives, named, strict=True) if on])
+    turn = _turn(craft, axes, positions)
+    asking = [d for d in craft.drives if d.what == at.FORCE and positions.get(d.name)]
+    rows = np.array([_read_by_force(craft, d) for d in asking]).reshape(-1, 6)
+    asked = np.array([positions[d.name] for d in asking]) - rows[:, 3:] @ turn
+    rows[:, 3:] -= rows[:, 3:] @ np.linalg.pinv(axes) @ axes  # turns that nothing else reads
     if abs(rows @ rows.T - np.eye(len(rows))).max(initial=0.0) > 1e-12:
         both = np.linalg.pinv(rows) @ asked
     else:
         both = np.zeros(6)
         for row, value in zip(rows, asked, strict=True):
             both += value * row
-    return both[:3], both[3:]
+    return both[:3], turn + both[3:]
 
 
-def read_by_force(craft: Spacecraft, drive: CraftDrive) -> Vector:
+def _read_by_force(craft: Spacecraft, drive: CraftDrive) -> Vector:
     """Return what a force on the platform reads of place and turn, shape (6,) [-], [m/rad]."""
     arm = np.zeros(3) if drive.spot is None else drive.spot.place
     if craft.motion == at.FREE:
@@ -77,6 +76,22 @@ def read_by_force(craft: Spacecraft, drive: CraftDrive) -> Vector:
     axis = craft.pivot_axis if craft.motion == at.PIVOT else np.zeros(3)
     lever = np.cross(arm - craft.pivot_place, drive.direction)
     return np.concatenate((np.zeros(3), (lever @ axis) * axis))
+
+
+def _turn(craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]) -> Vector:
+    """Return the rotation vector whose parts along the named actuators are these, shape (3,) [rad].
+
+    Along axes that are no orthonormal ones it is found by least squares.
+    """
+    named = np.array([d.name in positions for d in craft.drives], dtype=bool) & axes.any(axis=1)
+    axes = axes[named]
+    asked = np.array([positions[d.name] for d, on in zip(craft.drives, named, strict=True) if on])
+    if abs(axes @ axes.T - np.eye(len(axes))).max(initial=0.0) > 1e-12:
+        return np.asarray(np.linalg.pinv(axes) @ asked)
+    turn = np.zeros(3)
+    for axis, value in zip(axes, asked, strict=True):
+        turn += value * axis
+    return turn
 
 
 def turning_axes(craft: Spacecraft) -> Matrix:
