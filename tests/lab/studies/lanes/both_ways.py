@@ -32,15 +32,16 @@ CRAFT: dict[str, Any] = {
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 
 
-def require_equal(ready: Preparation, numbers: list[int]) -> None:
-    """Fly the trials both ways and compare every metric."""
+def require_equal(ready: Preparation, numbers: list[int], status: str = "ok") -> None:
+    """Fly the trials both ways and compare every metric; `failed`: and why they have none."""
     cases = [case_of(ready.study, ready.samples, k) for k in numbers]
     results = [r for some, _ in Lanes(ready.study, ready.plans).fly(cases) for r in some]
     results.sort(key=lambda result: result.number)
     assert [r.number for r in results] == numbers
     for result, case in zip(results, cases, strict=True):
         bench = flown(ready.study, case, ready.plans)
-        assert (result.status, result.way) == ("ok", "lanes")
+        assert (result.status, result.way) == (status, "lanes")
+        assert (bench.status, bench.reason) == (status, result.reason)
         for name, value in bench.metrics.items():
             ours = result.metrics[name]
             if value is None:

@@ -58,6 +58,8 @@ def faulty(study_of: Callable[..., Study], faults: list[dict[str, Any]], **keys:
 
 
 NAN = {"kind": "sensor_nan", "channel": "joint_position"}
+NAN_TIPS = {"kind": "sensor_nan", "channel": "tip_deflection"}  # without which a filter begins
+ZERO = {"kind": "sensor_dropout", "channel": "joint_position"}
 LOST = {"at": 1.1, "until": 1.22, "fault": {"kind": "command_lost"}}
 KINDS: list[dict[str, Any]] = [
     {"kind": "actuator_stuck", "joint": "hub_pitch"},
@@ -81,7 +83,7 @@ KINDS: list[dict[str, Any]] = [
 
 
 def test_every_fault_but_those_that_silence_a_law_is_flown_alone_below() -> None:
-    left = {"controller_silent", "sensor_nan"}
+    left = {"controller_silent", "sensor_nan"}  # which take an answer, or an estimate
     assert {fault["kind"] for fault in KINDS} | left == FAULTS.keys()
 
 
@@ -136,6 +138,56 @@ def test_who_falls_silent_is_followed_by_a_fallback_as_on_the_bench(
     assert (bench.metrics["fallbacks"] or 0.0) >= 1.0
 
 
+def blind(at: float, until: float, **keys: Any) -> dict[str, Any]:
+    """Return the entry of a schedule that lets joints read NaN."""
+    return {"at": at, "until": until, "fault": {**NAN, **keys}}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_who_reads_no_numbers_for_a_while_begins_anew_as_on_the_bench(
+    study_of: Callable[..., Study], law: str
+) -> None:
+    switches = [blind(0.5, 0.53), blind(1.4, 1.44, channel="joint_velocity", of="hub_pitch")]
+    switches.append({"at": 2.2, "switch": next(other for other in LAWS if other != law)})
+    require_equal(prepare(faulty(study_of, [], active=law, switches=switches)), [0, 3])
+
+
+@pytest.mark.parametrize(
+    "switches",
+    [
+        [{"at": 0.7, "until": 1.9, "fault": NAN_TIPS}],  # nobody in charge listens
+        [blind(0.0, 0.03)],
+        # frozen without a number, and read as zero
+        [blind(0.5, 0.6), {"at": 0.55, "until": 0.63, "fault": KINDS[-1]}],
+        [blind(0.5, 0.9), {"at": 0.5, "until": 0.9, "fault": ZERO}],
+    ],
+    ids=["tips", "first", "frozen", "zero"],
+)
+def test_who_listens_to_what_reads_no_numbers_is_known_before_the_flight(
+    study_of: Callable[..., Study], switches: list[dict[str, Any]]
+) -> None:
+    study = faulty(study_of, [], switches=switches, max_missed=30, controllers={"pd": LAWS["pd"]})
+    require_equal(prepare(study), [0, 3])
+
+
+@pytest.mark.parametrize(
+    "switches",
+    [
+        [SILENT],
+        [blind(0.9, 5.0)],  # to the end: its reason says so
+        [blind(0.9, 1.1), {"at": 0.5, "until": 1.0, "fault": NAN_TIPS}],
+        [blind(0.0, 0.2)],
+        [{"at": 0.4, "switch": "lqr"}, blind(0.9, 5.0)],
+    ],
+    ids=["silent", "blind", "blind-for-a-while", "first", "filter"],
+)
+def test_a_trial_that_ends_in_the_brake_fails_for_the_reason_of_the_bench(
+    study_of: Callable[..., Study], switches: list[dict[str, Any]]
+) -> None:
+    study = faulty(study_of, [], switches=switches, fallback=["pid"] * (switches != [SILENT]))
+    require_equal(prepare(study), [0, 3], "failed")
+
+
 def test_a_switch_at_the_tick_of_a_fallback_takes_effect(study_of: Callable[..., Study]) -> None:
     switches = [SILENT, {"at": 0.94, "switch": "pid"}]  # four missed ticks later
     study = faulty(study_of, [], switches=switches, fallback=["lqr"], max_missed=4)
@@ -150,11 +202,15 @@ def test_faults_of_one_study_fly_beside_each_other(study_of: Callable[..., Study
     assert groups == [12]
 
 
+HEARS_TIPS = {"active": "lqr", "controllers": {"lqr": {"filter": {"tip_sigma": 1e-4}}}}
+
+
 @pytest.mark.parametrize(
     ("way", "keys"),
     [
-        (Way.BRAKE, {"switches": [SILENT]}),
-        (Way.NAN, {"switches": [{"at": 1.0, "fault": NAN}]}),
+        (Way.BRAKE, {"switches": [SILENT, {"at": 1.5, "switch": "pid"}]}),
+        (Way.NAN, {"switches": [{"at": 1.0, "fault": NAN_TIPS}], **HEARS_TIPS}),
+        (Way.SCHEDULE, {"switches": [blind(1.19, 1.23), {"at": 1.2, "switch": "pid"}]}),
         (Way.SCHEDULE, {"switches": [LOST, {"at": 1.2, "switch": "lqr"}], "max_missed": 100}),
     ],
 )

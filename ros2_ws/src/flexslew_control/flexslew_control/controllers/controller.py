@@ -27,6 +27,7 @@ from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds.attitude import AttitudeJoints, conjugate, product
 
+NOT_FINITE = Refusal("its estimate is not finite", cause=Cause.NOT_FINITE)
 _NONE = -2  # tick of a measurement that has not come: not even the one before tick 0
 
 
@@ -169,9 +170,7 @@ class Controller:
             return Refusal(objection, cause=Cause.PLAN_MISMATCH)
         if self._failure or self._doubt:
             return self._failure or self._doubt
-        return (
-            Refusal("its estimate is not finite", cause=Cause.NOT_FINITE) if self._blind else None
-        )
+        return NOT_FINITE if self._blind else None
 
     def adopt(self, plan: Plan, of_flight: bool = False) -> Refusal | None:
         """Follow this plan from its start, and hold until then; return why not, or None.

@@ -155,11 +155,20 @@ def _flown(
     if bench.failure:
         return {}, None, bench.failure
     if bench.drive.active == "":
-        why = [f"{c.name}: {c.reason}" for c in controllers.values() if c.reason is not None]
-        words = ["no controller answered any more: the brake took over", *why]
-        return {}, None, "; ".join(words)
+        why = [(c.name, str(c.reason)) for c in controllers.values() if c.reason is not None]
+        return {}, None, braked(why)
     metrics = observer.result()
     return columns_of(metrics, keys_of(own)), str(metrics["trajectory_hash"]), ""
+
+
+def braked(why: Sequence[tuple[str, str]]) -> str:
+    """Return why a trial has failed that ends in the brake.
+
+    Args:
+        why: controllers that could not take charge, each with its reason.
+    """
+    words = (f"{name}: {reason}" for name, reason in why)
+    return "; ".join(("no controller answered any more: the brake took over", *words))
 
 
 def columns_of(

@@ -8,13 +8,20 @@ import numpy as np
 
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
-from flexslew_control.linear_form import KalmanForm, LinearForm
+from flexslew_control.linear_form import (
+    KalmanForm,
+    LinearForm,
+    LinearObserver,
+    OnModelForm,
+    SmallMotionForm,
+)
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
 from flexslew_lab.studies.lanes.benches.judge import DISTRUSTED
+from flexslew_lab.studies.lanes.groups.charge import Charge
 from flexslew_lab.studies.lanes.groups.lane_laws import is_large, kind_of, size_of
 from flexslew_lab.studies.lanes.groups.lane_trial import (
     LaneIntake,
@@ -31,7 +38,7 @@ from flexslew_lab.studies.lanes.inputs import (
     schedule_of,
 )
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
-from flexslew_lab.studies.lanes.laws.watch import watch_of
+from flexslew_lab.studies.lanes.laws.watch import Watch, watch_of
 from flexslew_lab.studies.lanes.legs import LaneFlight, Leg
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
@@ -170,7 +177,9 @@ class Lanes:
             elif twin is not None and not twin.agrees(k, metrics):
                 lost.append(ForBench(case, Way.ROUNDING))
             else:
-                results.append(Flown(case.number, metrics, None, "ok", "", Way.LANES))
+                failure = one.lane.happens.charge.failure
+                became = "failed" if failure else "ok", failure
+                results.append(Flown(case.number, metrics, None, *became, Way.LANES))
         return results, lost
 
     def _side_by_side(self, ready: Sequence[_Ready], moved: float = 0.0) -> _SideBySide:
@@ -184,6 +193,7 @@ class Lanes:
         first, last = group[0], ready[-1]  # which fills up
         all_lanes = [*ready, *(last for _ in range(LANES - len(ready)))]
         recorded = isinstance(first.trial.testbed, Pointing) or bool(first.trial.metrics)
+        recorded = recorded and not first.happens.charge.failure
         flight = LaneFlight(
             [one.lane for one in all_lanes],
             [one.law.legs for one in all_lanes],
@@ -199,6 +209,10 @@ class Lanes:
         measured: Callable[[int], dict[str, float | None] | None]
         if recorded:
             measured = self._recorded(group, prepared, flight)
+        elif first.happens.charge.failure:  # there is nothing to measure
+            for cut in flight.cuts(len(prepared.schedule.time)):
+                flight.fly(*cut)
+            measured = _nothing
         else:
             for cut in flight.cuts(len(prepared.schedule.time)):
                 flight.fly(*cut)
@@ -282,8 +296,9 @@ class Lanes:
             if isinstance(form, Way):
                 return form
             watch = watch_of(controller.monitor, form.observer)
-            if controller.monitor is not None and (watch is None or lane.happens.charge.legs[1:]):
-                return Way.JUDGED  # a filter of which lanes know no innovations, or several
+            way = _way_of_leg(controller, form, watch, lane.happens.charge)
+            if way is not Way.LANES:
+                return way
             legs.append(Leg(first, name, form, controller.handover_ticks, watch))
         if len({_filter_of(leg.form) for leg in legs}) > 1:
             return Way.SWITCH
@@ -326,6 +341,32 @@ def form_of(trial: Trial, controller: Controller, references: list[Reference]) -
         return Way.SETTINGS
     way = _heard(form, trial.testbed.model())
     return form if way is Way.LANES else way
+
+
+def _way_of_leg(
+    controller: Controller, form: LinearForm, watch: Watch | None, charge: Charge
+) -> Way:
+    """Return LANES, or why lanes cannot tell what a controller of a trial knows of its bench."""
+    if controller.name in charge.blinded and not _begins_anew(form):
+        return Way.NAN
+    alone = not (charge.legs[1:] or charge.failure)
+    if controller.monitor is not None and (watch is None or not alone):
+        return Way.JUDGED  # a filter of which lanes know no innovations, or several
+    return Way.LANES
+
+
+def _begins_anew(form: LinearForm) -> bool:
+    """Return whether lanes know how what it knows of the bench begins again in flight."""
+    found = form.observer.observer if isinstance(form.observer, OnModelForm) else form.observer
+    known = not isinstance(found, SmallMotionForm)
+    if isinstance(found, LinearObserver):
+        known = found.state.ndim == 2  # else each tick has gains of its own
+    return known and form.attitude is None and form.shared is None
+
+
+def _nothing(lane: int) -> dict[str, float | None]:
+    """Return what there is to measure of a trial that fails."""
+    return {}
 
 
 def _filter_of(form: LinearForm) -> Hashable:

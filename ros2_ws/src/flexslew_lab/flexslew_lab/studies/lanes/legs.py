@@ -88,6 +88,8 @@ class LaneFlight:
             )
         }
         self._observer = reduce(_behind, found.values())
+        self._begun = {name: one.begun for name, one in found.items()}
+        self._charge = first.happens.charge
         if len(found) > 1:
             ends = np.cumsum([0, *(one.z.size // LANES for one in found.values())]).tolist()
             places = dict(zip(found, ends, strict=False))
@@ -124,12 +126,17 @@ class LaneFlight:
 
     def cuts(self, most: int) -> list[tuple[int, int]]:
         """Return all ticks in pieces that `fly` takes at once, no longer than `most`."""
-        end = len(self._schedule.time)
-        cuts = sorted({*range(0, end, most), *(leg.first for leg in self._legs), end})
+        last, restarts = self._charge.last, (tick for tick, _ in self._charge.restarts)
+        end = len(self._schedule.time) if last is None else last
+        cuts = sorted({*range(0, end, most), *(leg.first for leg in self._legs), *restarts, end})
         return list(pairwise(cuts))
 
     def fly(self, first: int, last: int, record: Tensor = _NONE) -> None:
         """Fly from a tick to before another, all with one law; see lane_loop for the record."""
+        for tick, name in self._charge.restarts:
+            begun = self._begun.get(name)
+            if tick == first and begun is not None:
+                begun[0] = tick
         if self._next < len(self._legs) and first == self._legs[self._next].first:
             self._hand_over()
         drawn = _NONE if self._heard is None else self._heard.drawn(last - first)

@@ -17,20 +17,21 @@ from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compi
 from flexslew_plant.faults import Timed
 from flexslew_plant.faults.actuators import ActuatorGain, ActuatorStuck, CommandDelay
 from flexslew_plant.faults.effects import Names
-from flexslew_plant.faults.sensors import SensorBias, SensorDropout, SensorFreeze
+from flexslew_plant.faults.sensors import SensorBias, SensorDropout, SensorFreeze, SensorNan
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 Flags: TypeAlias = NDArray[np.bool_]
-BIAS, DROPOUT, FREEZE, STUCK, GAIN, DELAY = range(6)
+BIAS, DROPOUT, FREEZE, NAN, STUCK, GAIN, DELAY = range(7)
 _KINDS: dict[type[Any], int] = {
     SensorBias: BIAS,
     SensorDropout: DROPOUT,
     SensorFreeze: FREEZE,
+    SensorNan: NAN,
     ActuatorStuck: STUCK,
     ActuatorGain: GAIN,
     CommandDelay: DELAY,
 }
-_OF_SENSORS = FREEZE  # kinds up to this one
+_OF_SENSORS = NAN  # kinds up to this one
 _CHANNELS = ("joint_position", "joint_velocity", "tip_deflection")  # that a law may read
 
 
@@ -152,7 +153,9 @@ def spoil(k: int, lane: int, faults: LaneFaults, place: int, values: Vector) -> 
             if kind == BIAS:
                 values[i - place] += number[lane, f]
             elif kind == DROPOUT:
-                values[i - place] *= 0.0 if strikes[lane, f, k] else 1.0
+                values[i - place] = 0.0 if strikes[lane, f, k] else values[i - place]
+            elif kind == NAN:
+                values[i - place] = np.nan
             else:
                 if k == begin[lane, f]:
                     memory[lane, f, i - first] = values[i - place]

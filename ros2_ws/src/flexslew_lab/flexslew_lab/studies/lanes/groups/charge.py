@@ -1,11 +1,16 @@
 """Who is in charge of a trial, and which answers are lost: it is known before the flight."""
 
 from collections.abc import Sequence
+from itertools import pairwise
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexslew_control.controllers.controller import NOT_FINITE
+from flexslew_lab.studies.flight import braked
+from flexslew_lab.studies.lanes.groups.blindness import Blindness
 from flexslew_lab.studies.lanes.groups.strikes import struck
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
@@ -36,36 +41,48 @@ class Charge(NamedTuple):
     legs: tuple[tuple[int, str], ...]  # controllers, each with the tick from which on it leads
     missed: NDArray[np.bool_] | None  # ticks without an answer; None: there are none
     events: tuple[Event, ...]  # that metrics count
+    blinded: frozenset[str] = frozenset()  # controllers that are without an estimate at times
+    restarts: tuple[tuple[int, str], ...] = ()  # tick from which on one of them has one again
+    last: int | None = None  # tick from which on nobody answers until the brake; None: to the end
+    failure: str = ""  # why the trial fails
 
 
-def charge_of(trial: Trial, faults: Sequence[Timed] = ()) -> Charge | Way:
+def charge_of(
+    trial: Trial, faults: Sequence[Timed] = (), blind: Blindness = MappingProxyType({})
+) -> Charge | Way:
     """Return who is in charge of a trial when; a way where only the bench can tell.
 
     Args:
         trial: with switches and fallbacks.
         faults: of its schedule.
+        blind: which controllers have no estimate when.
     """
     end = round(trial.duration / trial.period)
     switches = [(round(e.at / trial.period), e.switch) for e in trial.schedule if e.switch]
     due = sorted((switch for switch in switches if switch[0] < end), key=lambda s: s[0])
-    legs, facts = [(0, trial.active)], list[Fact]()
+    turns, facts, last = [(0, trial.active)], list[Fact](), None
     missed, fallen = np.zeros(end, np.bool_), set[str]()  # silent since the last answer
     losing = [t for t in faults if isinstance(t.fault, (*_LOSING, ControllerSilent))]
     lost = _lost([t for t in losing if isinstance(t.fault, _LOSING)], trial.seed, end)
-    while legs[-1][0] < end:
-        first, name = legs[-1]
+    never = np.zeros(end, np.bool_)
+    while turns[-1][0] < end:
+        first, name = turns[-1]
         until = due[0][0] if due else end
         silent = missed[first:until]
-        silent[:] = _silenced(lost, losing, name)[first:until]
-        count = _in_a_row(silent, trial.max_missed) if losing else None
+        silent[:] = (_silenced(lost, losing, name) | blind.get(name, never))[first:until]
+        count = _in_a_row(silent, trial.max_missed) if losing or blind else None
         if count is not None:
             fallen = {name} | (fallen if silent[:count].all() else set())
-            heir = next((heir for heir in trial.fallback if heir not in fallen), None)
-            if heir is None:
-                return Way.BRAKE
+            unfit = fallen | {one for one, when in blind.items() if when[first + count - 1]}
+            heir = next((heir for heir in trial.fallback if heir not in unfit), None)
             silent[count:] = False
+            if heir is None and due:
+                return Way.BRAKE
+            if heir is None:
+                last = first + count - trial.max_missed
+                break
             facts.append(FallbackTookOver(heir, name, Cause.NO_ANSWER))
-            legs.append((first + count, heir))
+            turns.append((first + count, heir))
             continue
         if not due:
             break
@@ -74,20 +91,56 @@ def charge_of(trial: Trial, faults: Sequence[Timed] = ()) -> Charge | Way:
         if set(newcomers) == {name}:
             continue
         if first == until:  # nor does the heir
-            legs.pop()
-        led = legs[-1][1] if legs else newcomer
+            turns.pop()
+        led = turns[-1][1] if turns else newcomer
         if newcomer in (name, led) or _silenced(lost, losing, newcomer)[until]:
             return Way.SCHEDULE  # who goes on does so with a step
+        if any(blind.get(one, never)[until - 1 : until + 1].any() for one in newcomers):
+            return Way.SCHEDULE  # it is not ready, or gives no answer
         facts.append(Switched(name, newcomer, 0.0))
-        legs.append((until, newcomer))
+        turns.append((until, newcomer))
     if missed.any():
         facts.append(AnswerMissed(ticks=int(missed.sum())))
     facts += [FaultChanged(True) for timed in faults if timed.start <= end]
+    until, failure = end, ""
+    if last is not None:
+        until = last
+        failure = braked(
+            [(c, str(NOT_FINITE)) for c in trial.controllers if blind.get(c, never)[-1]]
+        )
     return Charge(
-        tuple(leg for leg in legs if leg[0] < end),
+        _legs(turns, blind, max(1, until)),
         missed if missed.any() else None,
         tuple(event_of(fact, 0, 0.0, 0, "") for fact in facts),
+        frozenset(name for name, when in blind.items() if when[:until].any()),
+        _restarts(blind, until),
+        last,
+        failure,
     )
+
+
+def _legs(
+    turns: Sequence[tuple[int, str]], blind: Blindness, end: int
+) -> tuple[tuple[int, str], ...]:
+    """Return who computes efforts from which tick on: anew after each time without an estimate."""
+    legs = list[tuple[int, str]]()
+    for (first, name), (until, _) in pairwise([*turns, (end, "")]):
+        sees = np.ones(max(0, min(until, end) - first), np.bool_)
+        if name in blind:
+            sees = ~blind[name][first : first + sees.size]
+        begins = np.flatnonzero(sees & ~np.concatenate(([False], sees[:-1])))
+        legs += [(first + int(tick), name) for tick in begins]
+    return tuple(legs) if legs and legs[0][0] == 0 else (turns[0], *legs)
+
+
+def _restarts(blind: Blindness, end: int) -> tuple[tuple[int, str], ...]:
+    """Return at which ticks who has an estimate again."""
+    found = [
+        (int(tick) + 1, name)
+        for name, when in blind.items()
+        for tick in np.flatnonzero(when[:end][:-1] & ~when[:end][1:])
+    ]
+    return tuple(sorted(found))
 
 
 def _lost(faults: Sequence[Timed], seed: int, ticks: int) -> NDArray[np.bool_]:

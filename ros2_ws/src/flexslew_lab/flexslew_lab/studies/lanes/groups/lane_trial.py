@@ -12,6 +12,7 @@ from flexslew_control.controllers import CONTROLLERS, LawEntry, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
+from flexslew_lab.studies.lanes.groups.blindness import Blindness, blindness, unread
 from flexslew_lab.studies.lanes.groups.charge import Charge, charge_of
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -113,6 +114,8 @@ class LaneIntake:
         outside = model.outside and (model.outside.add, model.outside.numbers.size)
         bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor, window, outside)
         hold = None if trial.plan is not None else _first_measured(trial, model, happens.faults)
+        if hold is not None and not np.isfinite(hold).all():
+            return Way.NAN
         held = b"" if hold is None else hold.tobytes()
         law, together = (common.law, held, *bench), (common.course, *bench)
         own = trial, common.asked, model, kernel, steps, hold
@@ -127,18 +130,20 @@ class LaneIntake:
         if known is not None and known[0] == source:
             return known[1]
         injected = injections_of(trial, model)
-        charge = charge_of(trial, injected.faults)
+        blind = _blind(trial, model, injected.faults)
+        charge = blind if isinstance(blind, Way) else charge_of(trial, injected.faults, blind)
         found = charge if isinstance(charge, Way) else Happening(charge, *injected)
-        if not any(getattr(timed.fault, "probability", 1.0) < 1.0 for timed in injected.faults):
-            self._happens[variant] = source, found  # no chance, which is the seed's
+        chance = any(getattr(timed.fault, "probability", 1.0) < 1.0 for timed in injected.faults)
+        if not (chance or blind):  # chance is the seed's, who listens a matter of all keys
+            self._happens[variant] = source, found
         return found
 
     def _said(self, variant: int, trial: Trial, charge: Charge, asked: str) -> _Common:
         testbed = trial.testbed
         known_before = _known_before(trial)
-        source: tuple[Any, ...] = (trial.plan, trial.controllers, charge.legs, known_before)
+        course = charge.legs, charge.restarts, charge.last
+        source: tuple[Any, ...] = (trial.plan, trial.controllers, course, known_before)
         source += (trial.period, trial.duration, trial.metrics, trial.plausibility, trial.actuator)
-        source += (tuple(type(entry.fault) for entry in trial.schedule),)
         source += (trial.sensors, type(testbed), testbed.effort_limit, testbed.initial)
         known = self._common.get(variant)
         if known is not None and known.source == source:
@@ -151,7 +156,7 @@ class LaneIntake:
         law, own = law_of(trial.active, trial.controllers[trial.active] or {})
         gains, believes = CONTROLLERS[law].lane_gains, True
         asked = asked or plan_key(trial)
-        shared = [law, trial.duration, charge.legs, plain(known_before), testbed.kind]
+        shared = [law, trial.duration, course, plain(known_before), testbed.kind]
         legs = {name: trial.controllers[name] for _, name in charge.legs}
         if len(legs) > 1:  # each law is made for each trial
             own = legs
@@ -202,6 +207,19 @@ def injections_of(trial: Trial, model: Model) -> Injected:
     return Injected(disturbances, tuple(one for one in found if isinstance(one, Timed)))
 
 
+def _blind(trial: Trial, model: Model, faults: Sequence[Timed]) -> Blindness | Way:
+    """Return which controllers of a trial have no estimate when."""
+    if not any(isinstance(timed.fault, SensorNan) for timed in faults):
+        return {}
+    names = Names(model.joint_names, model.appendages.names, ())
+    nan = unread(names, faults, trial.seed, round(trial.duration / trial.period))
+    controllers = [controller_of(trial, name) for name in trial.controllers]
+    found = blindness(controllers, model, initial_state(trial.testbed), nan)
+    if isinstance(found, Way):
+        return found
+    return {name: when for name, when in found.items() if when.any()}
+
+
 def _known_before(trial: Trial) -> tuple[ScheduleEntry, ...]:
     """Return what plans and laws know of the schedule before the flight; see plant_of."""
     return tuple(e for e in trial.schedule if e.at <= 0.0 and isinstance(e.fault, CommandDelay))
@@ -234,7 +252,6 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
     known = all(law in CONTROLLERS and CONTROLLERS[law].linear for law in laws)
     later = known and all(CONTROLLERS[law].takes_over for law in laws[1:])
     obstacles = (
-        (any(isinstance(entry.fault, SensorNan) for entry in trial.schedule), Way.NAN),
         (not known, Way.LAW),  # its entry's `linear` has the last word
         (not later, Way.SWITCH),
     )

@@ -25,7 +25,7 @@ from flexslew_lab.studies.lanes.laws.on_model import (
     steady,
 )
 from flexslew_lab.studies.lanes.laws.small_motions import LaneMotions, small_motions
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Indices, Vector
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
@@ -38,6 +38,7 @@ class Beginning(NamedTuple):
     constants: tuple[Any, ...]
     z: Vector  # flat
     memory: Vector  # what it keeps besides, flat
+    begun: Indices | None = None  # tick at which it began, (1,); None: it cannot begin anew
 
 
 def beginning(found: Observer, observers: Sequence[Any]) -> Beginning:
@@ -49,13 +50,16 @@ def beginning(found: Observer, observers: Sequence[Any]) -> Beginning:
     """
     if isinstance(found, LinearObserver):
         k = found.constant.shape[-1]
-        return Beginning(linear(k), _linear(observers), _room(k), _room(k))
+        begun, whole = _at_first(), found.state.ndim == 2  # else each tick has its own gains
+        given = begun, _linear(observers)
+        return Beginning(linear(k), given, _room(k), _room(k), begun if whole else None)
     if isinstance(found, SmallMotionForm):
         return _small_motions(found, observers)
     if isinstance(found, GainedFilter):
         outputs, k = found.output.shape
         filtered = GainedFilter(*map(np.ascontiguousarray, found))
-        return Beginning(gained(k), filtered, _room(k + outputs), _room(k + outputs))
+        room, begun = (_room(k + outputs), _room(k + outputs)), _at_first()
+        return Beginning(gained(k), (begun, filtered), *room, begun)
     if isinstance(found, KalmanForm):
         k, outputs = len(found.matrices.origin), len(found.matrices.c)
         belief = FilterBelief(*_stacked((one.model.packed, *one.matrices) for one in observers))
@@ -76,6 +80,10 @@ def _of(model: Model) -> tuple[Kernels, int, int]:
     return model.kernels, model.before_modes, model.coordinates
 
 
+def _at_first() -> Indices:
+    return np.zeros(1, np.int64)
+
+
 def _room(rows: int) -> Vector:
     return np.zeros(rows * LANES)
 
@@ -93,7 +101,8 @@ def _small_motions(first: SmallMotionForm, forms: Sequence[SmallMotionForm]) -> 
     motions = LaneMotions(beliefs, _linear([form.behind for form in forms]))
     observe = small_motions(model.kernels, n, model.before_modes, behind)
     memory = np.zeros((model.positions + 3 * n + behind) * LANES)
-    return Beginning(observe, motions, np.zeros((2 * n + behind) * LANES), memory)
+    room = np.zeros((2 * n + behind) * LANES)
+    return Beginning(observe, (_at_first(), motions), room, memory)
 
 
 def _linear(observers: Sequence[LinearObserver]) -> LinearObserver:

@@ -12,12 +12,13 @@ import numpy as np
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman_tick import FilterBelief, kalman_tick, stated_variance
 from flexslew_control.linear_form import LinearObserver
-from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, compiled, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
 
 # (k, t, dt, constants, Signals, z, memory, filled): takes z to tick k at t [s], at least in the
-# first `filled` lanes; where z has an innovation, its variances stand at the end of the memory
+# first `filled` lanes; where z has an innovation, its variances stand at the end of the memory.
+# Of those that may begin anew in flight the constants are (the tick at which they did, (1,); ...)
 Observe: TypeAlias = Callable[..., None]
 
 
@@ -79,7 +80,7 @@ def linear(states: int) -> Observe:
         k: int,
         t: float,
         dt: float,
-        law: LinearObserver,
+        given: tuple[Indices, LinearObserver],
         signals: LaneSignals,
         z: Vector,
         after: Vector,
@@ -87,7 +88,8 @@ def linear(states: int) -> Observe:
     ) -> None:
         if states == 0:  # known to the compiler
             return
-        if k == 0:
+        law = given[1]
+        if k == given[0][0]:
             for i in range(states * LANES):
                 after[i] = 0.0
             _add_all(law.start, 0, signals.y, after)
@@ -144,7 +146,7 @@ def gained(states: int) -> Observe:
         k: int,
         t: float,
         dt: float,
-        law: GainedFilter,
+        given: tuple[Indices, GainedFilter],
         signals: LaneSignals,
         z: Vector,
         memory: Vector,
@@ -152,9 +154,10 @@ def gained(states: int) -> Observe:
     ) -> None:
         x, innovation = z[: states * LANES], z[states * LANES :]
         ahead, variance = memory[: states * LANES], memory[states * LANES :]
+        law, age = given[1], k - given[0][0]
         for i in range(variance.size):
-            variance[i] = law.variance[k, i // LANES]
-        if k == 0:
+            variance[i] = law.variance[age, i // LANES]
+        if age == 0:
             for i in range(z.size):
                 z[i] = 0.0
             _add_product(law.start, signals.y, x)
@@ -170,7 +173,7 @@ def gained(states: int) -> Observe:
         for i in range(innovation.size):
             innovation[i] = signals.y[i]
         _add_product(law.output, ahead, innovation)
-        _add_product(law.gains[k], innovation, x)
+        _add_product(law.gains[age], innovation, x)
 
     return cast(Observe, observe)
 
@@ -211,8 +214,9 @@ def kalman(kernels: Kernels, before: int, n: int) -> Observe:
                 read[i] = signals.y[i * LANES + lane]
             for i in range(m):
                 held[i] = signals.effort[i * LANES + lane]
-            if k == 0:
+            if k == 0 or not np.isfinite(x).all():  # a reading that is no number was taken in
                 x[:] = 0.0
+                innovation[:] = 0.0
                 for i in range(m):
                     x[i], x[n + i] = read[i], read[m + i]
                 for i in range(states):

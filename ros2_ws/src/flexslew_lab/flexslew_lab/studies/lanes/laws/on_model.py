@@ -60,13 +60,14 @@ def steady(kernels: Kernels, before: int, n: int) -> Observe:
         for lane in range(filled):
             one = lane if count > 1 else 0
             gain, output = lanes.gain[one], lanes.output[one]
-            if k == 0:
+            for i in range(states):
+                x[i] = z[i * LANES + lane]
+            if k == 0 or not np.isfinite(x).all():  # a reading that is no number was taken in
+                x[:] = 0.0
                 for i in range(m):
                     x[i] = signals.y[i * LANES + lane]
                     x[n + i] = signals.y[(m + i) * LANES + lane]
             else:
-                for i in range(states):
-                    x[i] = z[i * LANES + lane]
                 for i in range(outputs):
                     y[i] = signals.earlier[i * LANES + lane]
                 for i in range(m):
@@ -138,6 +139,10 @@ def on_model(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
                 x[i] = z[i * LANES + lane]
             for i in range(outputs):
                 innovation[i] = z[(states + i) * LANES + lane]
+            if not (np.isfinite(x).all() and np.isfinite(innovation).all()):
+                for i in range(m):
+                    z[(states + outputs + i) * LANES + lane] = np.nan
+                continue
             drift = derivative(packed, 0.0, x, nothing)
             jacobian(packed, 0.0, x, nothing, dx, du)
             asked = lanes.demand[one, tick] - surface @ drift

@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_control.estimators.small_motion_observer import MotionBelief, take_in
 from flexslew_control.linear_form import LinearObserver
 from flexslew_lab.studies.lanes.laws.observers import LaneSignals, Observe, linear
-from flexslew_plant.arrays import Vector, compiled, put
+from flexslew_plant.arrays import Indices, Vector, compiled, put
 from flexslew_plant.testbeds.compiled import interface
 from flexslew_plant.testbeds.compiled.bound import bound
 from flexslew_plant.testbeds.compiled.lanes import LANES
@@ -43,12 +43,13 @@ def small_motions(kernels: Kernels, n: int, before: int, behind: int) -> Observe
         k: int,
         t: float,
         dt: float,
-        motions: LaneMotions,
+        given: tuple[Indices, LaneMotions],
         signals: LaneSignals,
         z: Vector,
         memory: Vector,
         filled: int,
     ) -> None:
+        begun, motions = given
         beliefs = motions.beliefs
         positions, outputs = beliefs.rest.shape[1], beliefs.gain.shape[2]
         m, each, unit = outputs // 2, positions + n, 1 if len(beliefs.rest) > 1 else 0
@@ -73,6 +74,6 @@ def small_motions(kernels: Kernels, n: int, before: int, behind: int) -> Observe
             for i in range(2 * n):
                 z[i * LANES + lane] = found[i]
         seen = LaneSignals(z[:rows], earlier, signals.effort, signals.demand)
-        read_estimate(k, t, dt, motions.behind, seen, z[rows:], after, filled)
+        read_estimate(k, t, dt, (begun, motions.behind), seen, z[rows:], after, filled)
 
     return cast(Observe, observe)
