@@ -14,9 +14,10 @@ from flexslew_plant.extras import EXTRAS, how_to_install
 ROOT = Path(__file__).parents[3]
 
 
-def without(package: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+def without(packages: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     program = (
-        f"import sys; sys.modules[{package!r}] = None; sys.argv = ['flexslew', *{arguments!r}]\n"
+        f"import sys; sys.modules |= dict.fromkeys({packages.split()!r})\n"
+        f"sys.argv = ['flexslew', *{arguments!r}]\n"
         "from flexslew_lab.cli.main import main\nmain()"
     )
     environment = {**os.environ, "COLUMNS": "80"}
@@ -63,6 +64,12 @@ def test_an_extra_that_is_missing_is_named_with_the_command_that_installs_it() -
     assert done.stderr.splitlines() == [
         "error: this needs the package pyarrow, which is not installed: ./flexslew extras"
     ]
+
+
+def test_gains_names_the_package_whose_extra_brings_all_that_it_needs() -> None:
+    done = without("optuna pyarrow", "gains", "m1")
+    assert done.returncode == 2
+    assert "needs the package optuna" in done.stderr
 
 
 def test_outside_of_a_checkout_it_is_the_command_of_pip(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import for_people, link, print_table, say
 from flexslew_lab.trial.outputs import new_file, writable_file
 from flexslew_plant.errors import BadInput
+from flexslew_plant.extras import required
 
 
 def gains(
@@ -49,6 +50,7 @@ def gains(
 
     Example: `./flexslew gains m1 --trials 400 --journal m1_gains.log`
     """
+    required("optuna")  # its extra brings pyarrow, too
     from flexslew_lab.gains.ensemble import GainEnsemble, gains_of
     from flexslew_lab.gains.page import columns, gains_page, summary_rows, verdict
     from flexslew_lab.gains.search import searched
