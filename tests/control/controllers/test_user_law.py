@@ -225,11 +225,21 @@ def test_a_broken_estimator_is_named_too() -> None:
     assert only(events, "fallback").tick == 20 + MAX_MISSED - 1
 
 
-@pytest.mark.parametrize("law", ["pd_feedforward", "output_feedback", "proportional_integral"])
-def test_a_law_is_silent_while_a_sensor_reads_nan_and_is_back_after_it(law: str) -> None:
-    fault = {"kind": "sensor_nan", "channel": "joint_position"}
+@pytest.mark.parametrize(
+    ("law", "channel", "keys"),
+    [
+        ("pd_feedforward", "joint_position", {}),
+        ("output_feedback", "joint_position", {}),
+        ("proportional_integral", "joint_position", {}),
+        ("lqr", "tip_deflection", {"filter": {"tip_sigma": 1e-4}}),  # begins without tips
+    ],
+)
+def test_a_law_is_silent_while_a_sensor_reads_nan_and_is_back_after_it(
+    law: str, channel: str, keys: dict[str, Any]
+) -> None:
+    fault = {"kind": "sensor_nan", "channel": channel}
     entries = [{"at": 0.2, "until": 0.23, "fault": fault}]
-    mine = controller("mine", law)
+    mine = controller("mine", law, **keys)
     bench, events = flown(mine, schedule=entries, allow_faults=True)
     assert [e.tick for e in events if e.kind == "missed"] == [20, 21, 22]
     said = [e for e in events if e.data.get("controller") == "mine"]

@@ -170,6 +170,15 @@ def test_who_listens_to_what_reads_no_numbers_is_known_before_the_flight(
     require_equal(prepare(study), [0, 3])
 
 
+def test_a_filter_that_hears_tips_is_silent_while_they_read_no_numbers(
+    study_of: Callable[..., Study],
+) -> None:
+    switches = [{"at": 0.7, "until": 0.9, "fault": NAN_TIPS}]
+    laws = {"lqr": {"filter": {"tip_sigma": 1e-4}}}
+    study = faulty(study_of, [], active="lqr", controllers=laws, switches=switches, max_missed=30)
+    require_equal(prepare(study), [0, 3])
+
+
 @pytest.mark.parametrize(
     "switches",
     [
@@ -202,14 +211,10 @@ def test_faults_of_one_study_fly_beside_each_other(study_of: Callable[..., Study
     assert groups == [12]
 
 
-HEARS_TIPS = {"active": "lqr", "controllers": {"lqr": {"filter": {"tip_sigma": 1e-4}}}}
-
-
 @pytest.mark.parametrize(
     ("way", "keys"),
     [
         (Way.BRAKE, {"switches": [SILENT, {"at": 1.5, "switch": "pid"}]}),
-        (Way.NAN, {"switches": [{"at": 1.0, "fault": NAN_TIPS}], **HEARS_TIPS}),
         (Way.SCHEDULE, {"switches": [blind(1.19, 1.23), {"at": 1.2, "switch": "pid"}]}),
         (Way.SCHEDULE, {"switches": [LOST, {"at": 1.2, "switch": "lqr"}], "max_missed": 100}),
     ],

@@ -268,8 +268,7 @@ class Controller:
                 self._predecessor = None
             self._estimate = handed_out_estimate(self._estimator.update(seen))
             if self._blind:  # a filter that has swallowed NaN keeps it: start it afresh
-                self._estimator.reset(seen)
-                self._estimate = handed_out_estimate(self._estimator.update(seen))
+                self._begin_again(seen)
             self._blind = not _finite(self._estimate)
             if self._monitor is not None and not (self._blind or self._doubt):
                 self._judge(self._monitor, measurement)
@@ -280,6 +279,18 @@ class Controller:
             self._answer = self._compute_answer(seen, self._estimate)
             self._answered, self._led = tick, True
         return self._answer
+
+    def _begin_again(self, seen: Measurement) -> None:
+        """Start the estimator afresh, unless it reads a sensor that is still no number.
+
+        It begins with fewer sensors than it then reads: it is asked from a tick before.
+        """
+        before = seen._replace(tick=seen.tick - 1, time=seen.time - self.period)
+        for begin in (before, seen):
+            self._estimator.reset(begin)
+            self._estimate = handed_out_estimate(self._estimator.update(seen))
+            if not _finite(self._estimate):
+                return
 
     def _about_reference(self, measurement: Measurement) -> Measurement:
         """Return the measurement with positions whose differences from the reference are errors."""
