@@ -4,10 +4,8 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
-from typing import Annotated
 
 from flexslew_msgs import msg
-from pydantic import AfterValidator
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_writer import BagWriter
@@ -15,6 +13,7 @@ from flexslew_lab.log.recording.recording import Recording
 from flexslew_lab.log.recording.recording_order import RecordingOrder
 from flexslew_lab.ros.intake import QUESTIONS, Intake
 from flexslew_lab.ros.rebroadcast import Rebroadcast
+from flexslew_lab.ros.recorder_settings import RecorderSettings
 from flexslew_plant import topics
 from flexslew_plant.events import Fact, RecordingEnded, RecordingStarted, StrayMessage, event_of
 from flexslew_plant.ros.dead_nodes import DeadNodes
@@ -25,34 +24,12 @@ from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
-from flexslew_plant.settings import section
 
 _TAKE_EVERY = 0.005  # [wall s]
 _BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 
 _STRANGER = "whoever sent it is not the plant of this bench"
-
-
-def _object(words: str) -> str:
-    """Return JSON that is an object; a ValueError says that it is not."""
-    try:
-        given = json.loads(words)
-    except ValueError:
-        given = None
-    if not isinstance(given, dict):
-        raise ValueError('a JSON object of texts, for example {"operator": "ann"}')
-    return words
-
-
-@section
-class RecorderSettings:
-    """The parameters of the node."""
-
-    folder: str = "flexslew_bag"  # of the bag; must not hold one yet
-    # of the run (trial, versions, ...), JSON, text to text
-    metadata: Annotated[str, AfterValidator(_object)] = "{}"
-    exit_with_plant: bool = False  # close the bag and end the process when the plant is gone
 
 
 class Recorder:
