@@ -214,7 +214,8 @@ def kalman(kernels: Kernels, before: int, n: int) -> Observe:
                 read[i] = signals.y[i * LANES + lane]
             for i in range(m):
                 held[i] = signals.effort[i * LANES + lane]
-            if k == 0 or not np.isfinite(x).all():  # a reading that is no number was taken in
+            # after a reading that was no number it begins anew, with one that is
+            if k == 0 or (not np.isfinite(x).all() and np.isfinite(read).all()):
                 x[:] = 0.0
                 innovation[:] = 0.0
                 for i in range(m):

@@ -62,12 +62,7 @@ def steady(kernels: Kernels, before: int, n: int) -> Observe:
             gain, output = lanes.gain[one], lanes.output[one]
             for i in range(states):
                 x[i] = z[i * LANES + lane]
-            if k == 0 or not np.isfinite(x).all():  # a reading that is no number was taken in
-                x[:] = 0.0
-                for i in range(m):
-                    x[i] = signals.y[i * LANES + lane]
-                    x[n + i] = signals.y[(m + i) * LANES + lane]
-            else:
+            if k > 0 and np.isfinite(x).all():
                 for i in range(outputs):
                     y[i] = signals.earlier[i * LANES + lane]
                 for i in range(m):
@@ -75,6 +70,11 @@ def steady(kernels: Kernels, before: int, n: int) -> Observe:
                 step(lanes.packed[one], gain, output, y, held, dt, x)
             for i in range(outputs):
                 y[i] = signals.y[i * LANES + lane]
+            # after a reading that was no number it begins anew, with one that is
+            if k == 0 or (not np.isfinite(x).all() and np.isfinite(y).all()):
+                x[:] = 0.0
+                for i in range(m):
+                    x[i], x[n + i] = y[i], y[m + i]
             innovation = y - output @ x
             for i in range(states):
                 z[i * LANES + lane] = x[i]
