@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from flexslew_lab.cli.missing import remedy
+from flexslew_lab.run.domain import own_domain
 from flexslew_plant import extras
 from flexslew_plant.extras import EXTRAS, how_to_install
 
@@ -30,8 +31,12 @@ def without(packages: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     "arguments",
     [["trial"], ["controllers"], ["switch", "pd_feedforward"], ["live"], ["play", str(ROOT)]],
 )
-def test_without_ros_one_line_says_what_to_do(arguments: list[str]) -> None:
-    done = without("rclpy", *arguments)
+def test_without_ros_one_line_says_what_to_do(
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    with own_domain(), own_domain():  # nor is anybody asked before which of two benches is meant
+        done = without("rclpy", *arguments)
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
         "error: ROS 2 is not installed here: fly with --in-process, or use ./flexslew of a "

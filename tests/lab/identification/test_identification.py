@@ -223,8 +223,14 @@ def test_a_second_run_proves_the_first_and_another_bench_does_not() -> None:
 def test_a_mode_below_the_band_is_told_with_a_doubt() -> None:
     told = identify_modes(oscillator(0)[1].record.cut(0, 40_000), (0.1, 1.0))
     assert [mode for mode in told.modes if mode.frequency.value < 0.05]
-    assert "which nothing shook" in told.doubts[0]
+    assert any("which nothing shook" in words for words in told.doubts)
     assert not found(0).doubts
+
+
+def test_what_the_model_lacks_is_told_with_a_doubt() -> None:
+    told = identify_modes(oscillator(0)[1].record.cut(0, 12_000), (0.1, 1.0))  # its mode is beyond
+    assert not all(one.white for one in told.whiteness)
+    assert any("is not white" in words for words in told.doubts)
 
 
 def test_what_cannot_tell_is_refused_with_the_numbers() -> None:

@@ -58,7 +58,7 @@ def faulty(study_of: Callable[..., Study], faults: list[dict[str, Any]], **keys:
 
 
 NAN = {"kind": "sensor_nan", "channel": "joint_position"}
-NAN_TIPS = {"kind": "sensor_nan", "channel": "tip_deflection"}  # without which a filter begins
+NAN_TIPS = {"kind": "sensor_nan", "channel": "tip_deflection"}
 ZERO = {"kind": "sensor_dropout", "channel": "joint_position"}
 LOST = {"at": 1.1, "until": 1.22, "fault": {"kind": "command_lost"}}
 KINDS: list[dict[str, Any]] = [

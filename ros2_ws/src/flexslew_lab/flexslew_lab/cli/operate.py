@@ -113,7 +113,7 @@ def controllers(as_json: Json = False, namespace: Namespace = "") -> None:
 
     Example: `./flexslew controllers`
     """
-    which = bench_to_operate()
+    which = _meant()
     with _bench(namespace, which) as bench:
         active, rows = bench.controllers()
     if as_json:
@@ -156,9 +156,16 @@ def _bench(namespace: str, which: RunningBench) -> Iterator["Operator"]:
             raise FlexslewError(f"{error}{'' if which.known else hint}") from None
 
 
+def _meant() -> RunningBench:
+    """Return the bench that is meant; who has no ROS is told that before they have to choose."""
+    import flexslew_lab.ros.operator  # noqa: F401
+
+    return bench_to_operate()
+
+
 def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
     """Print what the bench answers, and which it is; leave with exit code 1 if it refuses."""
-    which = bench_to_operate()
+    which = _meant()
     with _bench(namespace, which) as bench:
         reply = ask(bench)
     if not _told(reply, which):

@@ -100,7 +100,9 @@ class ModalModel:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Modes that fade so fast, or swing so slowly, that they may be none, in words."""
+        """What the model lacks, and modes that may be none, as they fade fast or swing slowly."""
+        coloured = ", ".join(w.output for w in self.whiteness if not w.white)
+        lacks = f"the residual of {coloured} is not white: something moves that the model lacks"
         slow = tuple(
             f"mode {k} swings at {mode.frequency.value:.3g} rad/s, which nothing shook: it may "
             f"stand for what lies outside of the band of {self.band[0]:.3g} to "
@@ -108,13 +110,14 @@ class ModalModel:
             for k, mode in enumerate(self.modes, 1)
             if mode.frequency.value < _BELOW * self.band[0]
         )
-        return slow + tuple(
+        fast = tuple(
             f"mode {k} has a damping ratio of {mode.damping_ratio.value:.2g}: it may be friction "
             "of the motors, of which the rigid motion that is assumed has none, and inertias may "
             "be further off than their intervals"
             for k, mode in enumerate(self.modes, 1)
             if mode.damping_ratio.value > _FADING
         )
+        return ((lacks,) if coloured else ()) + slow + fast
 
 
 def identify_modes(

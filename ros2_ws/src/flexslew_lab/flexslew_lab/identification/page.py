@@ -92,12 +92,8 @@ def verdict(found: Identification) -> str:
         f"{counted(len(model.modes), 'mode')} between {model.band[0]:.3g} and "
         f"{model.band[1]:.3g} rad/s from {model.record.duration:.4g} s"
     ]
-    coloured = [w.output for w in model.whiteness if not w.white]
-    words.append(
-        f"the residual of {', '.join(coloured)} is not white: something moves that the model lacks"
-        if coloured
-        else "what is left is white noise"
-    )
+    if all(w.white for w in model.whiteness):
+        words.append("what is left is white noise")
     words += model.doubts
     words += [
         f"{100.0 * float(v.explained.min()):.2f} % or more of {v.source} explained"

@@ -280,9 +280,7 @@ def _words(model: ModalModel) -> list[str]:
         f"inertia, {name}: {shown(row[k])}"
         for k, (name, row) in enumerate(zip(model.record.inputs, model.inertia, strict=False))
     ]
-    rows += model.doubts
-    coloured = ", ".join(w.output for w in model.whiteness if not w.white)
-    return [*rows, f"the residual of {coloured} is not white"] if coloured else rows
+    return [*rows, *model.doubts]
 
 
 def _refusal(error: BaseException) -> RequestResult:

@@ -83,8 +83,7 @@ def blindness(
 def _blinded(controller: Controller, model: Model, x: Vector, sensor: int) -> bool | Way:
     """Return whether a controller gives no answer for as long as a sensor reads NaN, and then does.
 
-    A way where it is neither: a filter that begins anew without that sensor, say, answers every
-    other question.
+    A way where it is neither.
     """
     joints, tips = model.joints, np.zeros(len(model.appendages.names))
     position, velocity = model.joint_states(x[None])
