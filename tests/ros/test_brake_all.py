@@ -1,8 +1,7 @@
 """An emergency is everybody's: which benches `brake --all` finds."""
 
-import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -10,7 +9,6 @@ import rclpy
 from flexslew_msgs import srv
 from rclpy.executors import SingleThreadedExecutor
 
-from flexslew_lab.cli.main import main
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant.ros.start import start_ros
 
@@ -42,15 +40,8 @@ def _two_benches(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.mark.usefixtures("_two_benches")
 def test_every_bench_is_braked_in_whatever_namespace(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, call: Callable[..., tuple[Any, str]]
 ) -> None:
-    def call(*words: str) -> tuple[Any, str]:
-        monkeypatch.setattr(sys, "argv", ["flexslew", *words])
-        with pytest.raises(SystemExit) as end:
-            main()
-        said = capsys.readouterr()
-        return end.value.code, (said.out + said.err).strip()
-
     for patience in ("ros.operator._OTHERS", "cli.operate._BY_HAND"):
         monkeypatch.setattr(f"flexslew_lab.{patience}", 5.0)  # of a busy machine
     monkeypatch.setattr("flexslew_lab.cli.operate.running_benches", list)

@@ -24,7 +24,6 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from flexslew_lab.cli.main import main
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.ros.operator import connected
@@ -599,15 +598,8 @@ def test_a_dead_controller_is_not_ready_and_no_switch_to_it_is_taken(operator: O
 
 
 def test_the_command_line_operates_the_bench(
-    operator: Operator, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    operator: Operator, monkeypatch: pytest.MonkeyPatch, call: Callable[..., tuple[Any, str]]
 ) -> None:
-    def call(*words: str) -> tuple[Any, str]:
-        monkeypatch.setattr(sys, "argv", ["flexslew", *words])
-        with pytest.raises(SystemExit) as end:
-            main()
-        said = capsys.readouterr()
-        return end.value.code, (said.out + said.err).strip()
-
     for patience in ("ros.operator.PATIENCE", "cli.operate._BY_HAND"):
         monkeypatch.setattr(f"flexslew_lab.{patience}", WAIT)
     rclpy.shutdown()  # a command is a process of its own
