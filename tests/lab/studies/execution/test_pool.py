@@ -105,7 +105,7 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
     failed = {k: result.reason for k, result in found.items() if result.status != "ok"}
     assert sorted(failed) == [3, 5, 7]
     assert failed[3] == "its process died 2 times (SIGKILL)"
-    assert "no controller answered any more" in failed[5]
+    assert "the brake takes over" in failed[5]
     assert failed[7] == "no end after 8 s"
 
 

@@ -187,14 +187,23 @@ def test_a_filter_that_hears_tips_is_silent_while_they_read_no_numbers(
         [blind(0.9, 1.1), {"at": 0.5, "until": 1.0, "fault": NAN_TIPS}],
         [blind(0.0, 0.2)],
         [{"at": 0.4, "switch": "lqr"}, blind(0.9, 5.0)],
+        [SILENT, {"at": 1.5, "until": 2.5, "disturbance": {"base_yaw": 1e30}}],
     ],
-    ids=["silent", "blind", "blind-for-a-while", "first", "filter"],
+    ids=["silent", "blind", "blind-for-a-while", "first", "filter", "lost-under-the-brake"],
 )
 def test_a_trial_that_ends_in_the_brake_fails_for_the_reason_of_the_bench(
     study_of: Callable[..., Study], switches: list[dict[str, Any]]
 ) -> None:
-    study = faulty(study_of, [], switches=switches, fallback=["pid"] * (switches != [SILENT]))
+    study = faulty(study_of, [], switches=switches, fallback=["pid"] * (SILENT not in switches))
     require_equal(prepare(study), [0, 3], "failed")
+
+
+def test_who_was_blind_when_the_brake_took_over_is_told_though_all_see_again(
+    study_of: Callable[..., Study],
+) -> None:
+    ready = prepare(faulty(study_of, [], switches=[blind(0.9, 1.1)]))
+    found = flown(ready.study, case_of(ready.study, ready.samples, 0), ready.plans)
+    assert found.reason == "pd is silent: the brake takes over; pd: its estimate is not finite"
 
 
 def test_a_switch_at_the_tick_of_a_fallback_takes_effect(study_of: Callable[..., Study]) -> None:
@@ -296,5 +305,6 @@ def test_what_the_drive_finds_implausible_is_left_to_the_bench_and_nothing_else(
         case = case_of(ready.study, ready.samples, k)
         found = flown(ready.study, case, ready.plans)
         left = found.status != "ok" or bool(found.metrics["fallbacks"])  # the brake at last
+        assert found.status == "ok" or "uses implausible sensors" in found.reason
         assert left == (way is Way.JUDGED), k
     require_equal(ready, [k for k, way in enumerate(ways) if way is Way.LANES])

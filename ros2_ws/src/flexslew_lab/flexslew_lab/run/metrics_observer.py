@@ -49,7 +49,7 @@ class MetricsObserver(Observer):
             "applied_effort": np.empty((_BLOCK, joints)),
             "tip_deflection": np.empty((_BLOCK, bench.truth().tip_deflection.size)),
         }
-        self._events: list[Event] = []
+        self.events: list[Event] = []  # of the flight so far
 
     def truth(self, truth: Truth) -> None:
         """Take the state at a tick."""
@@ -65,12 +65,12 @@ class MetricsObserver(Observer):
 
     def event(self, event: Event) -> None:
         """Take an event."""
-        self._events.append(event)
+        self.events.append(event)
 
     def result(self) -> dict[str, Any]:
         """Return the content of metrics.json for what has been seen."""
         self._measure()
-        return self._epoch.result(Ending(self._events, [], True))
+        return self._epoch.result(Ending(self.events, [], True))
 
     def _measure(self) -> None:
         if self._rows:

@@ -1,7 +1,7 @@
 """One trial of a study flown in process: its metrics, or why there are none."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, NamedTuple
 
@@ -27,6 +27,7 @@ from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import command_delays
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
+from flexslew_plant.events import BecameReady, BecameUnready, BrakeTookOver, Event
 from flexslew_plant.own_code import one_line
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, initial_positions
@@ -152,23 +153,37 @@ def _flown(
     own = own_metrics(trial.metrics, f"{source}: metrics", trial.trust)
     observer = MetricsObserver(bench, plan, own)
     fly(bench, controllers, observer)
+    if bench.drive.active == "":  # whatever became of it under the brake
+        return {}, None, _why_braked(observer.events)
     if bench.failure:
         return {}, None, bench.failure
-    if bench.drive.active == "":
-        why = [(c.name, str(c.reason)) for c in controllers.values() if c.reason is not None]
-        return {}, None, braked(why)
     metrics = observer.result()
     return columns_of(metrics, keys_of(own)), str(metrics["trajectory_hash"]), ""
 
 
-def braked(why: Sequence[tuple[str, str]]) -> str:
+def braked(takeover: BrakeTookOver, unready: Mapping[str, str]) -> str:
     """Return why a trial has failed that ends in the brake.
 
     Args:
-        why: controllers that could not take charge, each with its reason.
+        takeover: of the brake.
+        unready: why controllers could not take charge then, by name.
     """
-    words = (f"{name}: {reason}" for name, reason in why)
-    return "; ".join(("no controller answered any more: the brake took over", *words))
+    words = (f"{name}: {reason}" for name, reason in sorted(unready.items()))
+    return "; ".join((takeover.message, *words))
+
+
+def _why_braked(events: Iterable[Event]) -> str:
+    """Return the same from the events of a trial."""
+    unready, found = dict[str, str](), ""
+    for event in events:
+        match event.what:
+            case BecameUnready():
+                unready[event.what.controller] = event.what.reason
+            case BecameReady():
+                del unready[event.what.controller]
+            case BrakeTookOver():
+                found = braked(event.what, unready)
+    return found
 
 
 def columns_of(

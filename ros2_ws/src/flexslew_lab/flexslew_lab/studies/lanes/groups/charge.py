@@ -16,6 +16,7 @@ from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.events import (
     AnswerMissed,
+    BrakeTookOver,
     Event,
     Fact,
     FallbackTookOver,
@@ -60,7 +61,7 @@ def charge_of(
     end = round(trial.duration / trial.period)
     switches = [(round(e.at / trial.period), e.switch) for e in trial.schedule if e.switch]
     due = sorted((switch for switch in switches if switch[0] < end), key=lambda s: s[0])
-    turns, facts, last = [(0, trial.active)], list[Fact](), None
+    turns, facts, last, failure = [(0, trial.active)], list[Fact](), None, ""
     missed, fallen = np.zeros(end, np.bool_), set[str]()  # silent since the last answer
     losing = [t for t in faults if isinstance(t.fault, (*_LOSING, ControllerSilent))]
     lost = _lost([t for t in losing if isinstance(t.fault, _LOSING)], trial.seed, end)
@@ -73,13 +74,16 @@ def charge_of(
         count = _in_a_row(silent, trial.max_missed) if losing or blind else None
         if count is not None:
             fallen = {name} | (fallen if silent[:count].all() else set())
-            unfit = fallen | {one for one, when in blind.items() if when[first + count - 1]}
-            heir = next((heir for heir in trial.fallback if heir not in unfit), None)
+            blinded = {one for one, when in blind.items() if when[first + count - 1]}
+            heirs = (heir for heir in trial.fallback if heir not in fallen | blinded)
+            heir = next(heirs, None)
             silent[count:] = False
             if heir is None and due:
                 return Way.BRAKE
             if heir is None:
                 last = first + count - trial.max_missed
+                unready = dict.fromkeys(blinded, str(NOT_FINITE))
+                failure = braked(BrakeTookOver("", name, Cause.NO_ANSWER), unready)
                 break
             facts.append(FallbackTookOver(heir, name, Cause.NO_ANSWER))
             turns.append((first + count, heir))
@@ -102,12 +106,7 @@ def charge_of(
     if missed.any():
         facts.append(AnswerMissed(ticks=int(missed.sum())))
     facts += [FaultChanged(True) for timed in faults if timed.start <= end]
-    until, failure = end, ""
-    if last is not None:
-        until = last
-        failure = braked(
-            [(c, str(NOT_FINITE)) for c in trial.controllers if blind.get(c, never)[-1]]
-        )
+    until = end if last is None else last
     return Charge(
         _legs(turns, blind, max(1, until)),
         missed if missed.any() else None,
