@@ -158,3 +158,13 @@ def test_replicates_never_show_more_than_as_many_independent_trials() -> None:
     low = replicated.success(kept, 0.9).low
     assert low is not None
     assert low < success_bound(452, 512, 0.9)
+
+
+@pytest.mark.parametrize("unit", [2.0**-1020, 2.0**-600, 2.0**600, 2.0**1020])
+@pytest.mark.parametrize("parts", [None, np.repeat(np.arange(4, dtype=np.int32), 5)])
+def test_a_mean_has_the_same_bounds_in_units_whose_squares_are_no_numbers(
+    unit: float, parts: Any
+) -> None:
+    values = np.random.default_rng(1).normal(1.0, 0.5, size=20)
+    plain, large = (Population(size * values, parts).mean(0.9) for size in (1.0, unit))
+    assert [end / unit for end in large if end is not None] == list(plain)

@@ -54,13 +54,16 @@ class Population:
         if not np.isfinite(self.values).all() or not len(self.values):
             return Bounds(None, None, None)
         low, high = -inf, inf
-        mean = float(np.mean(self.values))
+        # a power of two, by which sums and squares are finite, and above zero, in any unit
+        unit = 2.0 ** (np.frexp(np.abs(self.values).max())[1] - 1)
+        values = self.values / unit
+        mean = float(np.mean(values))
         if self._bounded and self._parts is not None:
-            margin = replicates.scatter(self.values, self._parts).margin(confidence)
+            margin = replicates.scatter(values, self._parts).margin(confidence)
             low, high = mean - margin, mean + margin
         elif self._bounded:
-            low, high = statistics.mean_bounds(self.values, confidence)
-        return _bounds(low, mean, high)
+            low, high = statistics.mean_bounds(values, confidence)
+        return _bounds(*(float(end) * unit for end in (low, mean, high)))
 
     def success(self, kept: NDArray[np.bool_], confidence: float) -> Bounds:
         """Return the share of samples that kept to a criterion, each bound with the confidence.
