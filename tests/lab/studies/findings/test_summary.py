@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from flexslew_lab.cli.study_words import tell
 from flexslew_lab.studies.cases import sample_table
 from flexslew_lab.studies.findings.criteria import Verdict, needed, verdict_of
 from flexslew_lab.studies.findings.figures import distribution
@@ -182,8 +183,8 @@ def test_what_has_no_number_keeps_to_no_criterion(
         confidence = asked.get("confidence", 0.9)
         if "probability" not in asked:
             assert row["lower_bound"] is None
-            assert row["passed"] == (kept == len(own))
-            assert row["verdict"] == ("passed" if row["passed"] else "refuted")
+            whole = "passed" if loss != "not all flown" else "undecided"
+            assert row["verdict"] == (whole if kept == len(own) else "refuted")
             continue
         assert row["needed"] == trials_needed(asked["probability"], confidence, len(own) - kept)
         exact, most = success_bounds(kept, len(own), confidence)
@@ -205,15 +206,37 @@ def test_what_has_no_number_keeps_to_no_criterion(
         assert "show no probability, however many" in said[0]
 
 
+def test_what_all_trials_must_keep_to_is_undecided_until_all_have_flown(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    """Or until the study has stopped."""
+    study, store = told(
+        [{NAME: 0.1}] * 3, sampling={"method": "random", "n": 9}, criteria={NAME: {"below": 1.0}}
+    )
+    for flights, verdict in (({}, "undecided"), ({"stopped": {"samples": 3}}, "passed")):
+        found = summary(study, store, flights)
+        assert [row["verdict"] for row in found["criteria"]] == [verdict]
+        assert passed(found) == (verdict == "passed")
+
+
+def test_the_terminal_tells_how_many_trials_have_no_number(
+    told: Callable[..., tuple[Study, Store]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, store = told([{NAME: 0.1}, {NAME: None}, {NAME: None}, None])
+    tell(summary(study, store, {"wall_time": 1.0, "trials_per_second": 4.0}), False)
+    (line,) = (one for one in capsys.readouterr().out.splitlines() if one.strip().startswith(NAME))
+    assert line.split()[-2:] == ["1", "2"]  # failed, missing
+
+
 def test_129_of_200_refute_a_probability_of_nine_tenths() -> None:
     below = Criterion(below=0.5, probability=0.9, confidence=0.9)
     kept = np.arange(200) < 129
     bound = Population(np.zeros(200)).success(kept, 0.9)
-    assert verdict_of(below, kept, bound) is Verdict.REFUTED
+    assert verdict_of(below, kept, bound, 200) is Verdict.REFUTED
     for successes, verdict in ((179, Verdict.UNDECIDED), (200, Verdict.PASSED)):
         kept = np.arange(200) < successes
         bound = Population(np.zeros(200)).success(kept, 0.9)
-        assert verdict_of(below, kept, bound) is verdict
+        assert verdict_of(below, kept, bound, 200) is verdict
 
 
 @pytest.mark.parametrize("side", ["below", "above"])

@@ -114,8 +114,11 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
     print_table(("", found["study"]), rows)
     for label, lines in metric_tables(found).items():
         print_table(
-            (label or "metric", "unit", "mean", *QUANTILE_NAMES),
-            [(row.name, row.unit, row.mean, *row.quantiles) for row in lines],
+            (label or "metric", "unit", "mean", *QUANTILE_NAMES, "failed", "missing"),
+            [
+                (*row[:3], *row.quantiles, row.failed or "", row.missing or "")  # name, unit, mean
+                for row in lines
+            ],
         )
     if found["paired"]:
         against = found["paired"][0]["against"]

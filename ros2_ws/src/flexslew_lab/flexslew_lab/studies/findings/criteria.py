@@ -25,8 +25,18 @@ class Verdict(StrEnum):
     UNDECIDED = "undecided"
 
 
-def judged(study: Study, store: Store, name: str, c: Criterion) -> list[dict[str, Any]]:
-    """Return one row per variant: a failed trial and one without a number do not keep to it."""
+def judged(
+    study: Study, store: Store, name: str, c: Criterion, planned: int
+) -> list[dict[str, Any]]:
+    """Return one row per variant: a failed trial and one without a number do not keep to it.
+
+    Args:
+        study: its file.
+        store: its folder, with the table.
+        name: of the metric.
+        c: what is asked of it.
+        planned: trials of a variant, all of which a criterion without a probability needs.
+    """
     lines = []
     confidence = at_every_look(study, store.samples, c.confidence)
     for k, variant in enumerate(study.variants):
@@ -36,7 +46,7 @@ def judged(study: Study, store: Store, name: str, c: Criterion) -> list[dict[str
         whole = population(study, counted, rows["replicate"].to_numpy())
         bound = whole.success(kept, confidence)
         probable = c.probability is not None
-        verdict = verdict_of(c, kept, bound)
+        verdict = verdict_of(c, kept, bound, planned)
         lines.append(
             {
                 "metric": name,
@@ -46,6 +56,7 @@ def judged(study: Study, store: Store, name: str, c: Criterion) -> list[dict[str
                 "probability": c.probability,
                 "confidence": c.confidence,
                 "trials": len(kept),
+                "planned": planned,
                 "successes": int(kept.sum()),
                 "failed": found.failed,
                 "missing": found.missing,
@@ -72,12 +83,12 @@ def _kept(found: Column, c: Criterion) -> NDArray[np.bool_]:
     return kept
 
 
-def verdict_of(c: Criterion, kept: NDArray[np.bool_], bound: Bounds) -> Verdict:
+def verdict_of(c: Criterion, kept: NDArray[np.bool_], bound: Bounds, planned: int) -> Verdict:
     """Return what is shown: by the bounds of the probability, or by one counterexample."""
     if c.probability is None:
         if not kept.all():
             return Verdict.REFUTED
-        return Verdict.PASSED if len(kept) else Verdict.UNDECIDED
+        return Verdict.PASSED if len(kept) >= planned else Verdict.UNDECIDED
     if bound.low is not None and bound.low >= c.probability:
         return Verdict.PASSED
     if bound.high is not None and bound.high < c.probability:

@@ -42,14 +42,17 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
         name: _metric(study, store, name) | {"unit": unit_among(name, joints, own) or "-"}
         for name in chosen
     }
+    samples, stopped = store.samples.num_rows, flights.get("stopped")
+    planned = samples if stopped is None else stopped["samples"]
     criteria = [
-        row for name, c in study.settings.criteria.items() for row in judged(study, store, name, c)
+        row
+        for name, c in study.settings.criteria.items()
+        for row in judged(study, store, name, c, planned)
     ]
-    total = store.samples.num_rows * len(study.variants)
     return {
         "study": study.settings.study,
         "trials": rows.num_rows,
-        "planned": total,
+        "planned": samples * len(study.variants),
         "failed": pc.sum(failed).as_py() or 0,
         "wall_time": flights.get("wall_time"),
         "trials_per_second": flights.get("trials_per_second"),
@@ -69,7 +72,7 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
         "sensitivity": _sensitivity(study, store, list(study.settings.criteria) or chosen[:1]),
         "damaged": store.damaged,
         "check": flights.get("check"),
-        "stopped": flights.get("stopped"),
+        "stopped": stopped,
     }
 
 

@@ -75,7 +75,7 @@ def criterion_words(row: dict[str, Any]) -> str:
     who = f" ({row['variant']})" if row["variant"] else ""
     words = f"{row['metric']} {side}{who}: {row['successes']} of {row['trials']}"
     if row["probability"] is None:
-        return f"{words}, required of all"
+        return f"{words}, required of all {row['planned']}"
     if row["lower_bound"] is None:
         return f"{words}, no bounds by this sampling, required {row['probability']:g}"
     return (
