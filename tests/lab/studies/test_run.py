@@ -20,6 +20,7 @@ from flexslew_lab.studies.flight import Flown, flown
 from flexslew_lab.studies.identity import require_same
 from flexslew_lab.studies.merge import merged
 from flexslew_lab.studies.run import Preparation, Shard, prepare, run_study
+from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE
@@ -204,6 +205,29 @@ def test_files_that_trials_run_or_read_are_part_of_a_study(
         require_same(before, after, tmp_path)
 
 
+def test_what_flew_while_a_file_changed_is_not_kept(
+    study_of: Callable[..., Study], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Edited(OneByOne):
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+            for k, results in enumerate(super().fly(cases)):
+                if k == 3:
+                    panel.write_text(text + "# another\n")
+                yield results
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("flexslew_lab.studies.run._PART_TIME", 0.0)
+    panel, text = tmp_path / "own.yaml", (SHIPPED / "solar_panel.yaml").read_text()
+    panel.write_text(text)
+    ready = prepare(study_of(CRAFT, vary=MASS))
+    with pytest.raises(BadInput, match=r"own\.yaml: has changed while trials flew"):
+        run_study(ready, tmp_path / "s", Edited(ready.job))
+    assert np.count_nonzero(Store(tmp_path / "s").statuses(ready.trials)) == 3
+    panel.write_text(text)
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
+    assert (store.statuses(ready.trials) == 1).all()
+
+
 def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) -> None:
     whole = run_study(ready, tmp_path / "whole", InThisProcess(ready.job))
     for k in (1, 2, 3):
@@ -345,9 +369,11 @@ def test_a_study_stops_when_a_quantile_is_known(
 
 
 LAW = """
+from pathlib import Path
+
 class Tired:
     def __init__(self, settings, period, effort_limit):
-        if {begins}:
+        if Path(__file__).with_name("tired_today").exists():
             raise KeyError("no gains today")
 
     def update(self, measurement, estimate, reference):
@@ -363,10 +389,11 @@ def test_a_failed_trial_keeps_the_exception_of_its_law(
     study_of: Callable[..., Study], tmp_path: Path, begins: bool, words: str
 ) -> None:
     law = tmp_path / "tired.py"
-    law.write_text(LAW.format(begins=False))
+    law.write_text(LAW)
     study = study_of({"controllers": {"mine": {"law": f"{law}:Tired"}}, "active": "mine"})
     ready = prepare(study)
-    law.write_text(LAW.format(begins=begins))
+    if begins:
+        (tmp_path / "tired_today").touch()
     store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     reasons = finished(study, store)["reasons"]
     assert sum(reasons.values()) == 12

@@ -88,6 +88,22 @@ def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> No
         )
 
 
+def require_files(study: Study, identity: dict[str, Any]) -> None:
+    """Check that what trials run or read is still what it was when the study was prepared.
+
+    Raises:
+        BadInput: names the first file that has changed.
+    """
+    now = _files(study)
+    changed = next((name for name, old in identity["files"].items() if now.get(name) != old), None)
+    if changed is not None:
+        words = (
+            "has changed while trials flew; the newest of them are not kept: restore it and run "
+            "the study again, or choose another folder with --out"
+        )
+        raise BadInput(words, changed)
+
+
 def _differences(place: str, old: Any, new: Any) -> list[tuple[str, Any, Any]]:
     if isinstance(old, dict) and isinstance(new, dict):
         keys = [*old, *(key for key in new if key not in old)]

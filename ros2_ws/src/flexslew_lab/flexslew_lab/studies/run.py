@@ -15,7 +15,7 @@ from flexslew_lab.studies.cases import Case, Cases, case_of, case_trial, sample_
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.findings.stopping import interim_sizes, settled
 from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
-from flexslew_lab.studies.identity import identity_of, require_same
+from flexslew_lab.studies.identity import identity_of, require_files, require_same
 from flexslew_lab.studies.seals import opened_json
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, known_metric
@@ -137,7 +137,8 @@ def run_study(
         progress: called with the trials that are done and those requested.
 
     Raises:
-        BadInput: the folder holds another study; nothing was changed.
+        BadInput: the folder holds another study, and nothing was changed; or what trials run or
+            read has changed on the way.
         RunFault: the disk is full.
         KeyboardInterrupt: what was flown until then is written.
     """
@@ -210,7 +211,7 @@ def _fly_missing(
         for look in interim_sizes(ready.study, ready.samples):
             numbers = np.flatnonzero(missing[start * variants : look * variants])
             cases = Cases(ready.study, ready.samples, (numbers + start * variants).tolist())
-            for count in _written(executor.fly(cases), store):
+            for count in _written(executor.fly(cases), store, ready):
                 flown += count
                 progress(before + flown, before + requested)
             start = look
@@ -221,8 +222,17 @@ def _fly_missing(
         _account(store, flown, monotonic() - started, stopped)
 
 
-def _written(results: Iterator[list[Flown]], store: Store) -> Iterator[int]:
-    """Write results as parts and yield how many came; what came is written whatever happens."""
+def _written(results: Iterator[list[Flown]], store: Store, ready: Preparation) -> Iterator[int]:
+    """Write results as parts and yield how many came; what came is written whatever happens.
+
+    Raises:
+        BadInput: what they run or read has changed; those since the last part are not written.
+    """
+
+    def write() -> None:
+        require_files(ready.study, ready.identity)
+        store.add(waiting)
+
     waiting: list[Flown] = []
     last = monotonic()
     try:
@@ -230,10 +240,11 @@ def _written(results: Iterator[list[Flown]], store: Store) -> Iterator[int]:
             waiting += some
             yield len(some)
             if monotonic() - last > _PART_TIME or len(waiting) > _PART_ROWS:
-                store.add(waiting)
+                write()
                 waiting, last = [], monotonic()
     finally:
-        store.add(waiting)
+        if waiting:
+            write()
 
 
 def _account(store: Store, flown: int, seconds: float, stopped: dict[str, Any] | None) -> None:
