@@ -33,6 +33,8 @@ def test_studies_of_one_name_are_told_apart(
     words = ["study", "report", str(first), str(second), "--out", str(page)]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
+    assert "peak_tip_deflection" in result.output
+    assert "largest_effort_step" not in result.output  # which no trial has
     text = re.sub("<wbr>", "", page.read_text(encoding="utf-8")).replace("\\u002f", "/")
     for name in called or (f"small ({first})", f"small ({second})"):
         assert f"mean, {name}" in text  # heads of the table

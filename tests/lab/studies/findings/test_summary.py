@@ -27,7 +27,7 @@ from flexslew_lab.studies.findings.statistics import (
 )
 from flexslew_lab.studies.findings.stopping import at_every_look, interim_sizes, settled
 from flexslew_lab.studies.findings.summary import passed, summary
-from flexslew_lab.studies.findings.tables import metric_tables, overall_rows
+from flexslew_lab.studies.findings.tables import metric_tables, overall_rows, pair_rows
 from flexslew_lab.studies.flight import Flown, failed
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -226,6 +226,20 @@ def test_the_terminal_tells_how_many_trials_have_no_number(
     tell(summary(study, store, {"wall_time": 1.0, "trials_per_second": 4.0}), False)
     (line,) = (one for one in capsys.readouterr().out.splitlines() if one.strip().startswith(NAME))
     assert line.split()[-2:] == ["1", "2"]  # failed, missing
+
+
+def test_where_no_pair_has_two_numbers_there_is_no_difference(
+    told: Callable[..., tuple[Study, Store]],
+) -> None:
+    study, store = told(
+        [{NAME: 0.1}, {NAME: None}] * 3,
+        compare={"active": ["pd_feedforward", "lqr"]},
+        sampling={"method": "random", "n": 3},
+        criteria={NAME: {"below": 1.0}},
+    )
+    (row,) = pair_rows(summary(study, store, {}))
+    assert (row.mean, row.median) == ("-", "-")  # not "unbounded", as of a number beyond all
+    assert row.pairs == "0, 3 without a number left out"
 
 
 def test_129_of_200_refute_a_probability_of_nine_tenths() -> None:

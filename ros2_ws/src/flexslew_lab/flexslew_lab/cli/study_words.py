@@ -131,13 +131,8 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
 
 def side_by_side(names: Sequence[str], found: list[dict[str, Any]]) -> None:
     """Print the 99 % quantiles of two studies beside each other."""
-    from flexslew_lab.studies.findings.tables import bounded
+    from flexslew_lab.studies.findings.tables import overall_rows
 
-    first, second = found
-    lines = []
-    for name, metric in first["metrics"].items():
-        if "." in name or name not in second["metrics"]:
-            continue
-        q = [m["quantiles"]["0.99"] for m in (metric, second["metrics"][name])]
-        lines.append((name, bounded(q[0]), bounded(q[1])))
+    first, second = ({row.name: row.quantiles[-1] for row in overall_rows(one)} for one in found)
+    lines = [(name, value, second[name]) for name, value in first.items() if name in second]
     print_table(("99 % of", *names), lines)

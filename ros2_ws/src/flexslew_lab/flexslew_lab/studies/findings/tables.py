@@ -60,8 +60,8 @@ def pair_rows(found: dict[str, Any]) -> list[PairRow]:
             row["variant"],
             row["verdict"],
             f"{_percent(row['smaller'])} / {_percent(row['larger'])}",
-            bounded(row["mean"]),
-            bounded(row["median"]),
+            _mean(row["mean"]),
+            bounded(row["median"]) if row["pairs"] else "-",
             short(row["p_value"], 2),
             _pairs(row),
         )
@@ -100,10 +100,14 @@ def bounded(bounds: list[float | None]) -> str:
 
 def _row(name: str, unit: str, metric: dict[str, Any]) -> MetricRow:
     quantiles = tuple(bounded(b) for b in metric["quantiles"].values())
-    mean = bounded([metric["mean_bounds"][0], metric["mean"], metric["mean_bounds"][1]])
-    if metric["mean"] is None:
-        mean = "-"
+    low, high = metric["mean_bounds"]
+    mean = _mean([low, metric["mean"], high])
     return MetricRow(name, unit, mean, quantiles, metric["failed"], metric["missing"])
+
+
+def _mean(bounds: list[float | None]) -> str:
+    """Return a mean with its bounds; there is none with a failure, or without a number."""
+    return "-" if bounds[1] is None else bounded(bounds)
 
 
 def _nothing(metric: dict[str, Any]) -> bool:
