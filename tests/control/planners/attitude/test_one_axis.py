@@ -77,6 +77,29 @@ def test_a_step_of_a_free_platform_promises_nothing_and_flies(name: str, tmp_pat
     assert metrics_of(tmp_path / "run" / "bag")["ticks"] == 1.0 / trial.period
 
 
+@pytest.mark.parametrize("askew", [0.4, 2.2])
+def test_a_drive_askew_to_the_turn_reads_its_share_of_it(askew: float) -> None:
+    """The efforts alone fly the reference of both, which in two axes tell no attitude."""
+    along = [np.cos(askew), 0.6 * np.sin(askew), 0.8 * np.sin(askew)]
+    craft = {
+        "kind": "spacecraft",
+        "platform": {"mass": 200.0, "inertia": {"xx": 40.0, "yy": 45.0, "zz": 50.0}},
+        "wheels": {"one": {"axis": [1.0, 0.0, 0.0], "inertia": 0.05, "limit": 6.0}},
+        "actuators": {"two": {"kind": "torque", "direction": along, "limit": 6.0}},
+    }
+    testbed = read_testbed(craft, "here")
+    bench = PlantDescription(testbed, 0.02, np.array([6.0, 6.0]))
+    settings = {"method": "start_coast_stop", "goal": {"one": 0.4}, "duration": 30.0}
+    assert bench.joint_names == ("two", "one")
+    plan = make_plan(plan_settings(settings, "here"), bench)
+    np.testing.assert_allclose(plan.position[-1], [0.4 * np.cos(askew), 0.4], atol=1e-12)
+    model = testbed.model()
+    x = np.concatenate((model.rest({}), np.zeros(model.coordinates)))
+    position, rate = model.joint_states(model.path(x, plan.effort, 0.02))
+    np.testing.assert_allclose(position, plan.position[1:], atol=1e-5)
+    np.testing.assert_allclose(rate, plan.velocity[1:], atol=1e-5)
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.9])
 @pytest.mark.parametrize("goal", [{"pitch": 0.5}, {"axis": [1.0, 2.0, -1.0], "angle": 0.6}])
 def test_a_driven_hinge_stays_where_it_starts_held_by_its_motor(goal: Any, angle: float) -> None:

@@ -153,7 +153,7 @@ class RigidTurn(NamedTuple):
     inertia: float  # about the axis [kg m^2]
     tangential: Vector  # a, (joints,)
     centrifugal: Vector  # b, (joints,)
-    carried: Vector  # how far the turn carries what reads the platform's place, (joints,) [m/rad]
+    carried: Vector  # what the joints on the platform read of it, (joints,) [1, or m/rad]
 
 
 @runtime_checkable

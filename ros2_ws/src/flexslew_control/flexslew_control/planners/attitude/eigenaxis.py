@@ -165,8 +165,14 @@ def eigenaxis(
 
 
 def carried_by(whole: ThreeAxes) -> Matrix:
-    """Return how far a turn about each body axis carries the joints, shape (3, joints) [m/rad]."""
-    return np.array([whole.rigid_turn_about(axis).carried for axis in np.eye(3)])
+    """Return how far a turn about each body axis carries the joints, shape (3, joints) [m/rad].
+
+    Zero for those that read the attitude.
+    """
+    testbed: Any = whole
+    attitude = testbed.model().attitude
+    carried = np.array([whole.rigid_turn_about(axis).carried for axis in np.eye(3)])
+    return np.where(attitude.axes.any(axis=1), 0.0, carried)
 
 
 def reduced_to(whole: ThreeAxes, bench: Model) -> Model:

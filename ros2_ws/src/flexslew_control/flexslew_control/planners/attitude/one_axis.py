@@ -44,7 +44,8 @@ class OneAxis(NamedTuple):
     def embedded(self, plan: Plan) -> Plan:
         """Return the plan for all joints: what stays at rest, and the efforts that hold it there.
 
-        Joints that read the place of a point beside the axis go with the platform.
+        Joints that read the place of a point beside the axis go with the platform, as do those that
+        read the turn along an axis askew to it.
 
         The efforts are those of (44) to (46) in Sung and Joo; the joint that moves has what the
         plan gives it besides. While an appendage turns they are those of the whole model, which

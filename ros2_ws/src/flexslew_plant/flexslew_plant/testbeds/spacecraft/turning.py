@@ -50,10 +50,10 @@ def rigid_turn(craft: Spacecraft, axis: Vector) -> RigidTurn:
     centre = turning_point(craft)
     about = inertia - mass * (_square(first / mass) - _square(first / mass - centre))
     offset = first - mass * centre
-    force, torque = platform_inputs(craft)
+    force, moment = platform_inputs(craft)
     held = any(d.what == at.FORCE for d in craft.drives)
-    if not held:  # thrusters push a free craft off, so their torque is about its centre of mass
-        torque = drive_map(craft).torque
+    # thrusters push a free craft off, so their torque is about its centre of mass
+    torque = moment if held else drive_map(craft).torque
     rows = np.vstack((force, torque)) if held else torque
     inverse = np.linalg.pinv(rows)
 
@@ -67,17 +67,8 @@ def rigid_turn(craft: Spacecraft, axis: Vector) -> RigidTurn:
         float(axis @ about @ axis),
         efforts(np.cross(axis, offset), about @ axis) + holding,
         efforts(np.cross(axis, np.cross(axis, offset)), np.cross(axis, about @ axis)) + pulled,
-        _carried(craft, axis, centre),
+        axis @ moment,  # forces read the place of their points; where there are some, it is held
     )
-
-
-def _carried(craft: Spacecraft, axis: Vector, centre: Vector) -> Vector:
-    """Return the velocity along each force on the platform per rate of the turn, (drives,) [m]."""
-    along = np.zeros(len(craft.drives))
-    for k, d in enumerate(craft.drives):
-        if d.what == at.FORCE and d.spot is not None:
-            along[k] = d.direction @ np.cross(axis, d.spot.place - centre)
-    return along
 
 
 def _held_hinges(craft: Spacecraft, axis: Vector, centre: Vector) -> tuple[Vector, Vector]:
