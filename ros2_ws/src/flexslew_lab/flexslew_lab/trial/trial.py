@@ -80,8 +80,10 @@ class Trial(BenchSettings, PaceSettings):
 
     def __repr__(self) -> str:
         """Return one line: what stands on the bench, how long, the plan and who flies it."""
-        plan = self.plan.file if isinstance(self.plan, SavedPlan) else self.plan and self.plan.method
-        what = f"{self.testbed.kind}, {self.duration:g} s, {plan or 'no plan'}"
+        plan = "no plan"
+        if self.plan is not None:
+            plan = self.plan.file if isinstance(self.plan, SavedPlan) else self.plan.method
+        what = f"{self.testbed.kind}, {self.duration:g} s, {plan}"
         return f"<Trial {self.name}: {what}; {', '.join(self.controllers)}>"
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -111,8 +111,10 @@ def _joint_units(study: Study) -> dict[str, str]:
     """Return the units of the joints by name, of all benches that are compared."""
     changes = [v.changes for v in study.variants if any(k[:7] == "testbed" for k in v.changes)]
     sections = [overridden(study.base, change)["testbed"] for change in ({}, *changes)]
-    benches = [read_testbed(one, study.source, study.trust) for one in sections]
-    return {joint: unit for bench in benches for joint, unit in bench.model().units_by_joint.items()}
+    units: dict[str, str] = {}
+    for one in sections:
+        units |= read_testbed(one, study.source, study.trust).model().units_by_joint
+    return units
 
 
 def _confidence(study: Study, store: Store, name: str) -> float:
