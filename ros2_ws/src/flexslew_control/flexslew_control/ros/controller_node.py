@@ -11,7 +11,7 @@ from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller,
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.law import described
 from flexslew_control.message_fields import published_plan
-from flexslew_control.ros.announcer import Announcer
+from flexslew_control.ros.announcer import SILENT, Announcer
 from flexslew_control.ros.answering import Answering
 from flexslew_control.ros.controller_settings import ControllerNodeSettings
 from flexslew_control.ros.tuning import Tuning
@@ -44,13 +44,14 @@ class ControllerNode:
         given = parameters_of(node)
         own = {k: given.pop(k) for k in ControllerNodeSettings.__annotations__ if k in given}
         self._settings = declared(node, ControllerNodeSettings, {"law": law, **own})
+        self._alive = loop.live(node, "controller")
+        self._await_turn(loop)
         given = with_file(self._settings.law, given, f"node {node.get_name()}")
         self._host = ControllerHost(node.get_name(), given)
         self._next_look, self._state, self._realtime = 0.0, "", RealTime()  # [wall s]; of the bench
         outlets = loop.outlets(node)
         self._events = EventLog(node, outlets)
         self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
-        self._alive = loop.live(node, "controller")
         self._announcer = Announcer(
             node,
             self._host,
@@ -76,6 +77,21 @@ class ControllerNode:
             self.answering.look(now)
             self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
         return min(self._next_look - now, self.answering.fly())
+
+    def _await_turn(self, loop: Loop) -> None:
+        """Stay silent while another one of this name lives, or until the plant leaves."""
+        heard = subscription(self.node, topics.TESTBED, lambda _: None)
+        watch, told = PlantWatch(loop, heard, self._settings.exit_with_plant), False
+
+        def look() -> None:
+            nonlocal told
+            watch.look()
+            if not told and (older := self._alive.older):
+                told = True
+                self.node.get_logger().error(f"{older}; {SILENT}")
+
+        loop.begin(self._alive, look)
+        self.node.destroy_subscription(heard)
 
     def _on_testbed(self, message: msg.Testbed) -> None:
         trust = Trust.of((self._settings.law, *self._settings.trust))
@@ -107,7 +123,7 @@ class ControllerNode:
         except BadInput as error:
             self.node.get_logger().warning(str(error))
             return
-        if refused is not None:
+        if refused is not None and not self.answering.silent:
             self._events.tell(self._host.plan_refused(message.hash))
         self._announcer.announce(always=True)
 

@@ -27,6 +27,7 @@ from flexslew_plant.ros.plant.report import PlantReport
 from flexslew_plant.ros.plant.services import Services
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.ros.realtime import NONE, PLANT, RealTime
+from flexslew_plant.ros.statuses import Statuses
 from flexslew_plant.ros.told_lines import tell
 
 
@@ -41,9 +42,11 @@ class Plant:
     def __init__(self, loop: Loop, neighbour: Neighbour | None = None) -> None:
         self.loop = loop
         self.node = node = new_node("plant")
-        self._alive, self._outlets = loop.live(node, "plant"), loop.outlets(node)
+        self._alive = loop.live(node, "plant")
         self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
-        self.statuses: dict[str, msg.ControllerStatus] = {}
+        loop.begin(self._alive, lambda: self._alive.is_second(monotonic()))
+        self._outlets = loop.outlets(node)
+        self.statuses = Statuses(self._alive.presence, self._on_status)
         bench = Bench(self._settings.bench)
         self.session = Session(
             bench,
@@ -60,11 +63,11 @@ class Plant:
         self._events, self._realtime = EventLog(node, self._outlets), RealTime()
         self.display = Display(node, self._outlets, bench, self._settings.display_rate)
         self.session.watched = lambda: self._said() or self.display.due(bench.tick)
-        subscription(node, topics.CONTROLLER_STATUS, self._on_status)
+        subscription(node, topics.CONTROLLER_STATUS, self.statuses.hear)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         progress, heard = self._settings.progress, [self._exchange.questions, self._truth]
         self._report = PlantReport(node, self.session, self._alive, progress, heard)
-        self._services = Services(node, self.session, self.statuses, loop)
+        self._services = Services(node, self.session, self.statuses.counted, loop)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(node, self.session, self.display, loop)
         fields = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
@@ -76,6 +79,7 @@ class Plant:
         if self._alive.is_second(now):
             return NOTICE / 4
         self._exchange.look(now)
+        self.statuses.poll(now)
         wait = self.session.poll(now)
         self._realtime.want(PLANT if self.session.pacing.paced else NONE)
         self._send()
@@ -130,12 +134,13 @@ class Plant:
         return hurry
 
     def _on_status(self, message: msg.ControllerStatus) -> None:
-        self.statuses[message.controller] = message
         self._exchange.known(message.controller)
         self.session.hear(message.controller, message.ready, message.reason)
         self.session.backlog.heard(message.controller, message.last_tick, message.epoch)
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:
+        if not self.session.presence.counts(message.recorder, message.instance, monotonic()):
+            return
         self.session.backlog.heard(message.recorder, message.tick, message.epoch, recorder=True)
         self.loop.hurry()  # the bench may wait for just this
 
