@@ -135,3 +135,20 @@ def test_a_second_one_takes_over_when_the_first_has_gone(recorded: Recorded) -> 
     recorded.until(lambda: not recorded.runs("recorder"))
     assert [e.kind for e in BagReader(recorded.bag).overview.events].count("began") == 1
     assert resim(recorded.bag).identical
+
+
+def test_a_recorder_that_is_killed_and_started_again_goes_on_in_its_bag(recorded: Recorded) -> None:
+    recorded.ask("start")
+    recorded.until(lambda: recorded.state.tick > 50)
+    recorded.end("recorder", signal.SIGKILL)
+    recorded.start("recorder", RECORDER, folder=str(recorded.bag), exit_with_plant="true")
+    recorded.until(lambda: recorded.log("recorder").count("recording into") == 2)
+    tick = recorded.state.tick
+    recorded.until(lambda: recorded.state.tick > tick + 100)
+    recorded.end("plant")
+    recorded.until(lambda: not recorded.runs("recorder"))
+    events = BagReader(recorded.bag).overview.events
+    assert [event.kind for event in events].count("started") == 1
+    again = resim(recorded.bag)
+    assert set(again.largest.values()) == {0.0}
+    assert "in between are missing" in again.missing

@@ -8,9 +8,9 @@ from time import monotonic
 from flexslew_msgs import msg
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recording.recording import Recording
 from flexslew_lab.log.recording.recording_order import RecordingOrder
+from flexslew_lab.log.recording.unfinished import begun_bag
 from flexslew_lab.ros.intake import QUESTIONS, Intake
 from flexslew_lab.ros.namesakes import Namesakes
 from flexslew_lab.ros.rebroadcast import Rebroadcast
@@ -42,8 +42,8 @@ class Recorder:
         self._alive = loop.live(node, "recorder")
         self._dead = DeadNodes(node, self._alive.presence)
         self._settings: RecorderSettings = settings_of(node, RecorderSettings)
-        writer = BagWriter(Path(self._settings.folder), json.loads(self._settings.metadata))
-        self._recording = Recording(writer, self._failed)
+        begun = begun_bag(Path(self._settings.folder), json.loads(self._settings.metadata))
+        self._recording = Recording(begun, self._failed)
         self._events = EventLog(node)
         self._status = publisher(node, topics.RECORDER_STATUS)
         self._rebroadcast = Rebroadcast(node)
