@@ -10,6 +10,7 @@ from rclpy.subscription import Subscription
 
 from flexslew_control.controllers import settings_text
 from flexslew_control.controllers.host import ControllerHost
+from flexslew_control.ros.turn import SILENT
 from flexslew_plant import topics
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.alive import Alive
@@ -17,7 +18,6 @@ from flexslew_plant.ros.graph import publishers_of, unmatched
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
 
-SILENT = "this one is silent while that one lives"
 _RENEW = 100  # ticks between two statuses
 
 

@@ -11,10 +11,11 @@ from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller,
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.law import described
 from flexslew_control.message_fields import published_plan
-from flexslew_control.ros.announcer import SILENT, Announcer
+from flexslew_control.ros.announcer import Announcer
 from flexslew_control.ros.answering import Answering
 from flexslew_control.ros.controller_settings import ControllerNodeSettings
 from flexslew_control.ros.tuning import Tuning
+from flexslew_control.ros.turn import await_turn
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import RUNNING
 from flexslew_plant.errors import BadInput
@@ -44,22 +45,17 @@ class ControllerNode:
         given = parameters_of(node)
         own = {k: given.pop(k) for k in ControllerNodeSettings.__annotations__ if k in given}
         self._settings = declared(node, ControllerNodeSettings, {"law": law, **own})
-        self._alive = loop.live(node, "controller")
-        self._await_turn(loop)
+        self._alive = await_turn(loop, node, self._settings.exit_with_plant)
         given = with_file(self._settings.law, given, f"node {node.get_name()}")
         self._host = ControllerHost(node.get_name(), given)
         self._next_look, self._state, self._realtime = 0.0, "", RealTime()  # [wall s]; of the bench
         outlets = loop.outlets(node)
         self._events = EventLog(node, outlets)
         self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
+        runs, listeners = self._settings.law, self._settings.wait_for
+        sent = [offer.publisher for offer in self.answering.sent]
         self._announcer = Announcer(
-            node,
-            self._host,
-            self._settings.law,
-            self._alive,
-            [offer.publisher for offer in self.answering.sent],
-            lambda: self.answering.heard,
-            self._settings.wait_for,
+            node, self._host, runs, self._alive, sent, lambda: self.answering.heard, listeners
         )
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
@@ -77,21 +73,6 @@ class ControllerNode:
             self.answering.look(now)
             self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
         return min(self._next_look - now, self.answering.fly())
-
-    def _await_turn(self, loop: Loop) -> None:
-        """Stay silent while another one of this name lives, or until the plant leaves."""
-        heard = subscription(self.node, topics.TESTBED, lambda _: None)
-        watch, told = PlantWatch(loop, heard, self._settings.exit_with_plant), False
-
-        def look() -> None:
-            nonlocal told
-            watch.look()
-            if not told and (older := self._alive.older):
-                told = True
-                self.node.get_logger().error(f"{older}; {SILENT}")
-
-        loop.begin(self._alive, look)
-        self.node.destroy_subscription(heard)
 
     def _on_testbed(self, message: msg.Testbed) -> None:
         trust = Trust.of((self._settings.law, *self._settings.trust))

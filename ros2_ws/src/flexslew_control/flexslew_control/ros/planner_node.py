@@ -42,10 +42,9 @@ class Planner:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("planner")
-        self._alive = alive = loop.live(node, "planner")
+        self._alive = alive = loop.only(node, "planner")
         self._presence = alive.presence
         self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
-        loop.begin(alive, lambda: alive.is_second(monotonic()))
         self._job = PlanJob(loop, soon=not self._settings.file)
         self._next_look = self._due = 0.0
         s = self._settings

@@ -57,6 +57,16 @@ class Loop:
         self.add(node)
         return self._alive[node]
 
+    def only(self, node: Node, role: str) -> Alive:
+        """Serve and beat for a node of a role that a bench has once, as soon as it is that one.
+
+        Raises:
+            BadInput: another one was here before, and stays.
+        """
+        alive = self.live(node, role)
+        self.begin(alive, lambda: alive.is_second(monotonic()))
+        return alive
+
     def begin(self, alive: Alive, look: Callable[[], object] = lambda: None) -> None:
         """Serve the node of this life until it is the first of its name, or the loop is stopped.
 

@@ -42,11 +42,9 @@ class Plant:
     def __init__(self, loop: Loop, neighbour: Neighbour | None = None) -> None:
         self.loop = loop
         self.node = node = new_node("plant")
-        self._alive = loop.live(node, "plant")
-        self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
-        loop.begin(self._alive, lambda: self._alive.is_second(monotonic()))
-        self._outlets = loop.outlets(node)
+        self._alive, outlets = loop.only(node, "plant"), loop.outlets(node)
         self.statuses = Statuses(self._alive.presence, self._on_status)
+        self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
         bench = Bench(self._settings.bench)
         self.session = Session(
             bench,
@@ -57,21 +55,20 @@ class Plant:
             self._missing,
             lambda: self._exchange.arrived(),
         )
-        self._exchange = Exchange(node, self._outlets, loop, self.session, self._take, neighbour)
-        self.session.presence = self._alive.presence
-        self._truth = self._outlets.publisher(topics.TRUTH)
-        self._events, self._realtime = EventLog(node, self._outlets), RealTime()
-        self.display = Display(node, self._outlets, bench, self._settings.display_rate)
+        self._exchange = Exchange(node, outlets, loop, self.session, self._take, neighbour)
+        self.session.presence, self._realtime = self._alive.presence, RealTime()
+        self._truth, self._events = outlets.publisher(topics.TRUTH), EventLog(node, outlets)
+        self.display = Display(node, outlets, bench, self._settings.display_rate)
         self.session.watched = lambda: self._said() or self.display.due(bench.tick)
         subscription(node, topics.CONTROLLER_STATUS, self.statuses.hear)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         progress, heard = self._settings.progress, [self._exchange.questions, self._truth]
         self._report = PlantReport(node, self.session, self._alive, progress, heard)
-        self._services = Services(node, self.session, self.statuses.counted, loop)
+        self._services = Services(node, self.session, self.statuses, loop)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(node, self.session, self.display, loop)
-        fields = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
-        publisher(node, topics.TESTBED).publish(message_of(msg.Testbed, fields))
+        said = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
+        publisher(node, topics.TESTBED).publish(message_of(msg.Testbed, said))
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
@@ -79,7 +76,6 @@ class Plant:
         if self._alive.is_second(now):
             return NOTICE / 4
         self._exchange.look(now)
-        self.statuses.poll(now)
         wait = self.session.poll(now)
         self._realtime.want(PLANT if self.session.pacing.paced else NONE)
         self._send()
@@ -139,9 +135,8 @@ class Plant:
         self.session.backlog.heard(message.controller, message.last_tick, message.epoch)
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:
-        if not self.session.presence.counts(message.recorder, message.instance, monotonic()):
-            return
-        self.session.backlog.heard(message.recorder, message.tick, message.epoch, recorder=True)
+        if self.session.presence.counts(message.recorder, message.instance, monotonic()):
+            self.session.backlog.heard(message.recorder, message.tick, message.epoch, recorder=True)
         self.loop.hurry()  # the bench may wait for just this
 
 
