@@ -388,6 +388,14 @@ def test_a_flight_is_short_to_look_at_and_shows_no_markup_of_others(flight: fs.F
     assert "N m or N" not in page  # both joints turn
 
 
+def test_a_trial_is_one_line_to_look_at(tmp_path: Path) -> None:
+    assert repr(fs.trial("m1")).startswith("<Trial m1: csa, 100 s, ")
+    held = fs.trial({"name": "held", "testbed": {"kind": "identified"}, "plan": None})
+    assert repr(held) == "<Trial held: identified, 100 s, no plan; pd_feedforward>"
+    given = fs.trial(SHORT, law=push, plan=cubic(100, 0.2, 0.1))
+    assert len(repr(given)) < 200, repr(given)
+
+
 def test_a_flight_becomes_a_dataset_with_units(
     flight: fs.Flight, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ are the commands of these names; save_law keeps a design of python-control for a
 from flexslew_control import controllers as laws
 from flexslew_control import planners
 from flexslew_control.analysis.save_law import save_law
+from flexslew_control.law import Estimate, Reference
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight
 from flexslew_lab.front import analyse, bench, study
@@ -22,7 +23,7 @@ from flexslew_lab.trial.trial import Trial
 from flexslew_plant import testbeds
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
-from flexslew_plant.measurement import EffortCommand
+from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.version import VERSION
 
 __version__ = VERSION
@@ -31,10 +32,13 @@ __all__ = [
     "BadInput",
     "Bench",
     "EffortCommand",
+    "Estimate",
     "FlexslewError",
     "Flight",
+    "Measurement",
     "Plan",
     "PlanFailed",
+    "Reference",
     "Sweep",
     "Trial",
     "analyse",

@@ -34,7 +34,7 @@ def require_units_of_joints(kind: Any, values: Any, testbed: Testbed, source: st
         if not pairs:
             continue
         model = model or testbed.model()
-        units = dict(zip(model.joint_names, model.joint_units, strict=True))
+        units = model.units_by_joint
         told = [*reversed(path), *(name for name in beside.values() if isinstance(name, str))]
         joint = next((name for name in told if name in units), None)
         if "channel" in beside:

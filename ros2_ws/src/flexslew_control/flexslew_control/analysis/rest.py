@@ -50,7 +50,7 @@ def rest_of(
         BadInput: a name is no joint of the testbed, or a position is no finite number.
     """
     model = testbed.model()
-    units = dict(zip(model.joint_names, model.joint_units, strict=True))
+    units = model.units_by_joint
     given = {
         name: number_in(position, (units.get(name, "rad"),), f"rest of {name}")
         for name, position in (joints or {}).items()

@@ -87,7 +87,6 @@ def trial(
     from dataclasses import replace
 
     from flexslew_lab.cli.summary import metric_rows
-    from flexslew_lab.metrics.goal import joint_units
     from flexslew_lab.metrics.own import keys_of, own_metrics
     from flexslew_lab.report.verdict import verdict
     from flexslew_lab.run.run_trial import run_trial
@@ -113,7 +112,7 @@ def trial(
     if as_json:
         print(json.dumps(result.metrics, indent=2))
     else:
-        units = joint_units(requested.testbed)
+        units = requested.testbed.model().units_by_joint
         own = keys_of(own_metrics(requested.metrics, f"{source}: metrics", requested.trust))
         print_table(("metric", "value", "unit"), metric_rows(result.metrics, units, own))
         words = verdict(

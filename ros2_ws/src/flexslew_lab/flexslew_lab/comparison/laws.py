@@ -123,8 +123,7 @@ def _curves(seen: FlightLog, truths: Sequence[Truth]) -> Matrix:
 
 def _curve_names(trial: Trial) -> list[tuple[str, str]]:
     """Return names and units of _curves."""
-    model = trial.testbed.model()
-    named = list(zip(model.joint_names, model.joint_units, strict=True))
+    named = list(trial.testbed.model().units_by_joint.items())
     if isinstance(trial.testbed, Pointing):
         named = [(f"platform, {axis}", "m") for axis in "xyz"]
         named += [(f"platform, attitude about {axis}", "rad") for axis in "xyz"]

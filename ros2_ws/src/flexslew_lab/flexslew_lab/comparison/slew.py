@@ -43,8 +43,7 @@ class SlewComparison:
     @property
     def named(self) -> list[tuple[str, str]]:
         """Names and units of the joints."""
-        model = self.trial.testbed.model()
-        return list(zip(model.joint_names, model.joint_units, strict=True))
+        return list(self.trial.testbed.model().units_by_joint.items())
 
     @property
     def least_time(self) -> float | None:

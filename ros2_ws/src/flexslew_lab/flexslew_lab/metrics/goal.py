@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-from flexslew_plant.testbeds import Testbed
-
 
 def missed_goal(metrics: Mapping[str, Any], tolerance: float, units: Mapping[str, str]) -> str:
     """Return by how much a run has missed its goal; empty where it has not, or had none.
@@ -23,12 +21,6 @@ def missed_goal(metrics: Mapping[str, Any], tolerance: float, units: Mapping[str
         f"goal missed by {100.0 * error:.3g} % of the commanded move "
         f"(goal_tolerance {100.0 * tolerance:g} %); final error: {each}"
     )
-
-
-def joint_units(testbed: Testbed) -> dict[str, str]:
-    """Return the units of a testbed's joints by name."""
-    model = testbed.model()
-    return dict(zip(model.joint_names, model.joint_units, strict=True))
 
 
 def with_unit(joint: str, value: float, units: Mapping[str, str]) -> str:

@@ -17,7 +17,7 @@ from flexslew_lab.log.files.read_limits import MIB, most
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.metrics.from_bag import metrics_from
-from flexslew_lab.metrics.goal import joint_units, missed_goal
+from flexslew_lab.metrics.goal import missed_goal
 from flexslew_lab.metrics.keep_out import looked_inside
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.own import own_metrics
@@ -129,7 +129,7 @@ def run_trial(
     words = prediction_gap(trial, prepared.plan, result.metrics)
     if words:
         warned(words)
-    missed = missed_goal(result.metrics, trial.goal_tolerance, joint_units(trial.testbed))
+    missed = missed_goal(result.metrics, trial.goal_tolerance, trial.testbed.model().units_by_joint)
     failed = (missed, looked_inside(result.metrics))
     if any(failed) and not result.exit_code:
         words = "; ".join(filter(None, failed))

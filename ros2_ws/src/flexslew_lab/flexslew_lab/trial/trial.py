@@ -78,6 +78,14 @@ class Trial(BenchSettings, PaceSettings):
     metrics: tuple[str, ...] = ()
     trust: NotAKey[Trust] = Field(default=NO_CODE, exclude=True, repr=False)
 
+    def __repr__(self) -> str:
+        """Return one line: what stands on the bench, how long, the plan and who flies it."""
+        plan = "no plan"
+        if self.plan is not None:
+            plan = self.plan.file if isinstance(self.plan, SavedPlan) else self.plan.method
+        what = f"{self.testbed.kind}, {self.duration:g} s, {plan}"
+        return f"<Trial {self.name}: {what}; {', '.join(self.controllers)}>"
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel to another process as its keys: it finds there what a file holds by its name."""
         return trial_of_values, (plain(self), self.name, self.trust)

@@ -93,6 +93,11 @@ class Model:
         return len(self.joint_names)
 
     @cached_property
+    def units_by_joint(self) -> dict[str, str]:
+        """The unit of each joint by its name, rad or m."""
+        return dict(zip(self.joint_names, self.joint_units, strict=True))
+
+    @cached_property
     def efforts(self) -> int:
         """How many actuators."""
         return self.joints if self.actuators is None else self.actuators

@@ -14,7 +14,7 @@ from flexslew_control.planners.trajectories import rounded_up
 from flexslew_plant.errors import PlanFailed
 
 _CLOSE = 5e-4  # of the duration, to which the shortest is found [-]
-_ROUGH = 0.01  # the same of the least that is feasible on a plant that is not linear [-]
+_ROUGH = 0.03  # the same of the least that is feasible on a plant that is not linear [-]
 _TIMES = 3  # that a duration is lengthened by half before none is said to meet a bound
 _STEPS = 12  # at least, of a search for what the limits allow
 _TRIED, _A_LITTLE = 6, 1.05  # durations from the least on, and from one to the next
@@ -51,7 +51,7 @@ def least_duration(question: Question) -> float | None:
     linear = all(is_linear(member.model) for member in members)
     period, close = question.slew.period, _CLOSE if linear else _ROUGH
     low = int(question.duration / period)
-    if question.turn is not None:  # a search for what cannot be is long
+    if not linear:  # a search for what cannot be is long
         low = max(low, int(question.too_short / period))
     high = max(2 * low, int(np.ceil(question.rigid / period)), 2)
     for _ in range(_LONGER):

@@ -6,7 +6,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from flexslew_lab.metrics.goal import joint_units
 from flexslew_lab.metrics.rows import unit_among
 from flexslew_lab.studies.findings.columns import CONFIDENCE, Column, column, population, worst_of
 from flexslew_lab.studies.findings.criteria import judged
@@ -112,8 +111,10 @@ def _joint_units(study: Study) -> dict[str, str]:
     """Return the units of the joints by name, of all benches that are compared."""
     changes = [v.changes for v in study.variants if any(k[:7] == "testbed" for k in v.changes)]
     sections = [overridden(study.base, change)["testbed"] for change in ({}, *changes)]
-    benches = [read_testbed(one, study.source, study.trust) for one in sections]
-    return {joint: unit for bench in benches for joint, unit in joint_units(bench).items()}
+    units: dict[str, str] = {}
+    for one in sections:
+        units |= read_testbed(one, study.source, study.trust).model().units_by_joint
+    return units
 
 
 def _confidence(study: Study, store: Store, name: str) -> float:
