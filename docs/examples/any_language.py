@@ -25,14 +25,15 @@ class Controller(Node):
     def __init__(self) -> None:
         super().__init__("any_language")
         self.limit: list[float] = []
+        instance = random.getrandbits(63)
         self.status = ControllerStatus(
-            controller=self.get_name(), law="docs/examples/any_language.py", reason="no testbed yet"
+            controller=self.get_name(),
+            law="docs/examples/any_language.py",
+            reason="no testbed yet",
+            instance=instance,
         )
         self.beat = Alive(
-            node=self.get_name(),
-            role="controller",
-            instance=random.getrandbits(63),
-            since=time.time_ns(),
+            node=self.get_name(), role="controller", instance=instance, since=time.time_ns()
         )
         self.effort = self.create_publisher(EffortCommand, "effort_command", LOOP)
         self.told = self.create_publisher(ControllerStatus, "controller_status", LATCHED)

@@ -64,13 +64,13 @@ def test_our_own_nodes_keep_every_rule(law: str) -> None:
     node = [sys.executable, "-P", "-m", "flexslew_control.ros.controller_node"]
     code, wrong = examined(*node, "--ros-args", "-r", f"__node:={law}", "-p", f"law:={law}")
     assert wrong == dict.fromkeys(wrong, "")
-    assert (code, len(wrong)) == (0, 10)
+    assert (code, len(wrong)) == (0, 12)
 
 
 def test_the_example_of_the_docs_keeps_every_rule(tmp_path: Path) -> None:
     code, wrong = examined(*of_example(tmp_path))
     assert wrong == dict.fromkeys(wrong, "")
-    assert (code, len(wrong)) == (0, 10)
+    assert (code, len(wrong)) == (0, 12)
 
 
 def test_a_program_in_c_is_built_as_the_page_says_and_joins_a_graph(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_each_broken_rule_is_told(tmp_path: Path) -> None:
     code, wrong = examined(*of_example(tmp_path, *changes))
     assert code == 1
     assert {rule for rule, words in wrong.items() if words} == {
-        "heartbeat", "repeat", "swap", "pause", "reset",
+        "heartbeat", "repeat", "swap", "pause", "reset", "backlog", "start",
     }  # fmt: skip
     assert wrong["repeat"].endswith("asked again: another effort than the first time")
     assert "no heartbeat of any_language" in wrong["heartbeat"]
@@ -135,17 +135,43 @@ def test_what_is_kept_over_a_reset_and_who_beats_as_another_are_told(tmp_path: P
     other = ('role="controller"', 'role="law"')
     code, wrong = examined(*of_example(tmp_path, INTEGRAL, *once, other))
     assert code == 1
-    assert {rule for rule, words in wrong.items() if words} == {"heartbeat", "pause", "reset"}
+    assert {rule for rule, words in wrong.items() if words} == {
+        "heartbeat", "pause", "reset", "backlog",
+    }  # fmt: skip
     assert wrong["heartbeat"] == "its role on alive is 'law'; it must be 'controller'"
     assert wrong["reset"].startswith("tick 0 of the new epoch: another effort than at the start")
 
 
+def test_who_loses_questions_or_draws_no_number_is_told(tmp_path: Path) -> None:
+    """Of 200 questions that come at once, a subscription of depth 1 keeps the last."""
+    shallow = ("measurement, LOOP)", "measurement, 1)")
+    undrawn = ("instance = random.getrandbits(63)", "instance = 7")
+    once = integrating("if self.key != (m.epoch, m.tick): ")
+    begin = (SEEN, f"{SEEN}; self.integral *= m.tick > 0")
+    busy = ("joints = zip", "time.sleep(0.001)\n        joints = zip")
+    code, wrong = examined(*of_example(tmp_path, shallow, undrawn, INTEGRAL, *once, begin, busy))
+    assert code == 1
+    assert {rule for rule, words in wrong.items() if words} == {"backlog", "start"}
+    assert wrong["backlog"].endswith("measurement is heard with a depth of 4000")
+    assert wrong["start"].startswith("its instance on alive is 7 after a new start")
+
+
+def test_who_tells_another_number_in_its_status_is_told(tmp_path: Path) -> None:
+    code, wrong = examined(
+        *of_example(tmp_path, ("            instance=instance,\n        )", "        )"))
+    )
+    assert code == 1
+    assert "0 in its controller_status" in wrong["heartbeat"]
+
+
 def test_who_is_ready_only_in_charge_or_shares_a_number_with_others_is_told(tmp_path: Path) -> None:
     modest = (SEEN, f"{SEEN}; self.status.ready = not ({NAMED})")
-    undrawn = ("instance=random.getrandbits(63)", "instance=0")
+    undrawn = ("instance = random.getrandbits(63)", "instance = 0")
     code, wrong = examined(*of_example(tmp_path, modest, undrawn))
     assert code == 1
-    assert {rule for rule, words in wrong.items() if words} == {"heartbeat", "swap", "pause"}
+    assert {rule for rule, words in wrong.items() if words} == {
+        "heartbeat", "swap", "pause", "start",
+    }  # fmt: skip
     assert wrong["heartbeat"].startswith("its instance on alive is 0")
     assert wrong["swap"].startswith("not ready to take over from questions that name somebody else")
 

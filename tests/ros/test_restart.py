@@ -17,6 +17,7 @@ from flexslew_lab.run.domain import own_domain
 from flexslew_plant.bench import message_fields
 from flexslew_plant.bench.bench import Bench as Plant
 from flexslew_plant.bench.records import BenchSettings
+from flexslew_plant.direct.names import SETTING
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import (
@@ -40,7 +41,8 @@ class Bench:
     """Nodes that are started one by one, and what their controllers say."""
 
     def __init__(self, folder: Path, domain: int) -> None:
-        self._folder, self._domain = folder, domain
+        self._folder = folder
+        self._environment = {"ROS_DOMAIN_ID": str(domain), SETTING: os.environ[SETTING]}
         self.statuses: dict[str, Any] = {}
         self.node = rclpy.create_node("bystander")
         status = qos(TOPICS[CONTROLLER_STATUS], 10)
@@ -58,7 +60,7 @@ class Bench:
         arguments += [word for pair in words for word in ("-p", pair)]
         with (self._folder / f"{name}.log").open("ab") as said:
             self.pids[name] = fork_server().start(
-                module, arguments, {"ROS_DOMAIN_ID": str(self._domain)}, said.fileno()
+                module, arguments, self._environment, said.fileno()
             )
 
     def until(self, condition: Callable[[], bool]) -> None:

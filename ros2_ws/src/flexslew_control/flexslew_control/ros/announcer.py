@@ -10,6 +10,7 @@ from rclpy.subscription import Subscription
 
 from flexslew_control.controllers import settings_text
 from flexslew_control.controllers.host import ControllerHost
+from flexslew_control.ros.turn import SILENT
 from flexslew_plant import topics
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.alive import Alive
@@ -62,8 +63,8 @@ class Announcer:
         """
         before, self.older = self.older, self._alive.older
         if self.older and not before:
-            self._node.get_logger().error(f"{self.older}; this one is silent")
-        self.announce()
+            self._node.get_logger().error(f"{self.older}; {SILENT}")
+        self.announce(always=bool(before and not self.older))
 
     def describe(self, another_bench: bool = False) -> None:
         """Announce what is computed from the settings that hold now."""
@@ -100,6 +101,7 @@ class Announcer:
                 plan_number=host.plans_taken,
                 plan_epoch=host.plan_from[0],
                 plan_tick=host.plan_from[1],
+                instance=self._alive.beat.instance,
             )
         )
 

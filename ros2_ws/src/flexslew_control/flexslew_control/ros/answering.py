@@ -40,7 +40,7 @@ class Answering:
 
     Attributes:
         period: of the bench [s].
-        silent: observe only.
+        silent: another one of this name is asked; questions are none to this one.
         heard: the questions; None: they come by calls or on the line.
         sent: the commands, then the states.
     """
@@ -165,8 +165,10 @@ class Answering:
     def _answered(
         self, question: Measurement, at: Stamp | None, line: Calling | None
     ) -> EffortCommand | None:
+        if self.silent:
+            return None
         answer, command = self._host.observe(question), None
-        if answer is not None and not self.silent:
+        if answer is not None:
             command, (commands, states) = answer.command, self.sent
             if line is not None or commands.heard or states.heard:
                 at = at or stamp_of(question.time)

@@ -17,6 +17,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.events import PlanRefused, fact_of
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import subscription
+from flexslew_plant.ros.statuses import Statuses
 
 
 class _Pending(NamedTuple):
@@ -43,7 +44,8 @@ class ControllerAnswers:
         self._node, self._loop, self._presence = node, loop, presence
         self._on_refusal = on_refusal
         self._answers, self._pending = PlanAnswers(), list[_Pending]()
-        subscription(node, topics.CONTROLLER_STATUS, self._answers.status)
+        self._statuses = Statuses(presence, self._answers.status)
+        subscription(node, topics.CONTROLLER_STATUS, self._statuses.hear)
         subscription(node, topics.EVENTS, self._on_event)
 
     @property
@@ -69,6 +71,7 @@ class ControllerAnswers:
 
     def poll(self, now: float) -> bool:
         """Tell those who wait; return whether somebody still does."""
+        self._statuses.poll(now)
         for pending in list(self._pending):
             found = self.of(pending.digest)
             answered = not found.silent and self._met

@@ -15,6 +15,7 @@ from flexslew_control.ros.announcer import Announcer
 from flexslew_control.ros.answering import Answering
 from flexslew_control.ros.controller_settings import ControllerNodeSettings
 from flexslew_control.ros.tuning import Tuning
+from flexslew_control.ros.turn import await_turn
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import RUNNING
 from flexslew_plant.errors import BadInput
@@ -44,21 +45,17 @@ class ControllerNode:
         given = parameters_of(node)
         own = {k: given.pop(k) for k in ControllerNodeSettings.__annotations__ if k in given}
         self._settings = declared(node, ControllerNodeSettings, {"law": law, **own})
+        self._alive = await_turn(loop, node, self._settings.exit_with_plant)
         given = with_file(self._settings.law, given, f"node {node.get_name()}")
         self._host = ControllerHost(node.get_name(), given)
         self._next_look, self._state, self._realtime = 0.0, "", RealTime()  # [wall s]; of the bench
         outlets = loop.outlets(node)
         self._events = EventLog(node, outlets)
         self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
-        self._alive = loop.live(node, "controller")
+        runs, listeners = self._settings.law, self._settings.wait_for
+        sent = [offer.publisher for offer in self.answering.sent]
         self._announcer = Announcer(
-            node,
-            self._host,
-            self._settings.law,
-            self._alive,
-            [offer.publisher for offer in self.answering.sent],
-            lambda: self.answering.heard,
-            self._settings.wait_for,
+            node, self._host, runs, self._alive, sent, lambda: self.answering.heard, listeners
         )
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
@@ -107,7 +104,7 @@ class ControllerNode:
         except BadInput as error:
             self.node.get_logger().warning(str(error))
             return
-        if refused is not None:
+        if refused is not None and not self.answering.silent:
             self._events.tell(self._host.plan_refused(message.hash))
         self._announcer.announce(always=True)
 

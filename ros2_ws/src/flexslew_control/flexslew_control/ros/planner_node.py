@@ -42,7 +42,7 @@ class Planner:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("planner")
-        self._alive = alive = loop.live(node, "planner")
+        self._alive = alive = loop.only(node, "planner")
         self._presence = alive.presence
         self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
         self._job = PlanJob(loop, soon=not self._settings.file)

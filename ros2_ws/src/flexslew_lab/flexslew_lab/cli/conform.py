@@ -27,8 +27,8 @@ def conform(
     """Run any controller's process through the lock-step and say what it gets wrong.
 
     COMMAND starts the controller, in whatever language: first question, repeats, a swap, late
-    answers, a stray question, a pause and a reset. The rules are those of the page "A controller in
-    any language". Exit code 1: a rule is broken.
+    answers, a stray question, a pause, a reset, a backlog and a new start. The rules are those of
+    the page "A controller in any language". Exit code 1: a rule is broken.
 
     Example: `./flexslew conform -- python docs/examples/any_language.py`
     """
@@ -43,24 +43,22 @@ def conform(
     bench = Bench(bench_settings(read_trial(trial)[0]))
     with own_domain("conform", bench=False) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
+        process = _started(context.args)
+
+        def start_again() -> None:
+            nonlocal process
+            _end(process)
+            process = _started(context.args)
+
         try:
-            process = subprocess.Popen(context.args)
-        except OSError as error:
-            raise BadInput(f"COMMAND: {context.args[0]}: {error.strerror}") from None
-        try:
-            examiner = Examiner(bench, patience, lambda: process.poll() is None)
+            examiner = Examiner(bench, patience, lambda: process.poll() is None, start_again)
             try:
                 with for_people.status(f"asking {' '.join(context.args)}"):
                     findings = examiner.examine()
             finally:
                 examiner.close()
         finally:
-            process.terminate()
-            try:
-                process.wait(_LEAVING)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            _end(process)
     wrong = sum(not finding.ok for finding in findings)
     if as_json:
         print(json.dumps([{"rule": f.rule, "wrong": f.wrong} for f in findings], indent=2))
@@ -69,3 +67,24 @@ def conform(
         say(f"{len(findings) - wrong} of {len(findings)} rules kept")
     if wrong:
         raise typer.Exit(1)
+
+
+def _started(command: list[str]) -> "subprocess.Popen[bytes]":
+    """Return the process of a controller.
+
+    Raises:
+        BadInput: there is no such command.
+    """
+    try:
+        return subprocess.Popen(command)
+    except OSError as error:
+        raise BadInput(f"COMMAND: {command[0]}: {error.strerror}") from None
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    process.terminate()
+    try:
+        process.wait(_LEAVING)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

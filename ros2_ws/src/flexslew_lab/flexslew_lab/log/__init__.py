@@ -7,5 +7,5 @@ files.read_limits, files.whole_file, flown_testbed, info, joints_flown, messages
 messages.cdr_layout, messages.logged_event, messages.logged_text, messages.record_schema,
 messages.schemas,
 recording.bag_observer, recording.bag_writer, recording.recording, recording.recording_order,
-recover, truth_columns.
+recording.unfinished, recover, truth_columns.
 """

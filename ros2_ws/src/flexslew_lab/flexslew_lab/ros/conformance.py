@@ -64,10 +64,18 @@ class Examiner:
         bench: whose testbed is announced.
         patience: for anything that must come [wall s].
         running: whether the controller's process still is.
+        start_again: ends the process and starts another one.
     """
 
-    def __init__(self, bench: Bench, patience: float, running: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        bench: Bench,
+        patience: float,
+        running: Callable[[], bool],
+        start_again: Callable[[], None],
+    ) -> None:
         self._bench, self._patience, self._running = bench, patience, running
+        self._start_again = start_again
         # the arguments of this process are those of the controller
         start_ros(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = node = rclpy.create_node("plant")
@@ -80,7 +88,7 @@ class Examiner:
         self._answers: list[tuple[EffortCommand, float]] = []  # with the stamp [s]
         self._status: msg.ControllerStatus | None = None
         self._beats: dict[str, list[tuple[msg.Alive, float]]] = {}  # by node, with the wall time
-        self._before: list[np.ndarray] = []  # efforts of the first ticks
+        self._before: list[np.ndarray] = []  # efforts of the first epoch in lock-step, by tick
         self._answered_last = -1  # tick of this epoch
         subscription(node, topics.EFFORT_COMMAND, self._on_command, raw=True)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
@@ -111,6 +119,8 @@ class Examiner:
             ("stray: a question from elsewhere changes nothing", self._stray),
             ("pause: nothing is said but signs of life", self._pause),
             ("reset: a new epoch begins at tick 0", self._reset),
+            (f"backlog: {_QUESTIONS} questions at once, all of them taken", self._backlog),
+            ("start: another process is another one", self._another),
         )
         found = []
         for rule, look in rules:
@@ -174,6 +184,11 @@ class Examiner:
             raise Wrong("its instance on alive changes; a process draws it once")
         if drawn == {0}:
             raise Wrong("its instance on alive is 0; a process draws it, or two count as one")
+        if self._status is not None and self._status.instance not in drawn:
+            raise Wrong(
+                f"its instance is {min(drawn)} on alive, {self._status.instance} in its "
+                "controller_status; it must be the same"
+            )
         longest = float(np.diff([began, *(at for _, at in beats), monotonic()]).max())
         if longest > SILENT_AFTER:
             raise Wrong(f"silent for {longest:.2f} s; after {SILENT_AFTER:g} s it counts as gone")
@@ -183,9 +198,7 @@ class Examiner:
 
     def _lock_step(self) -> None:
         for tick in range(1, _QUESTIONS):
-            effort = self._answered(tick).effort
-            if tick < _AFRESH:
-                self._before.append(effort)
+            self._before.append(self._answered(tick).effort)
         self._nothing_more("after the last question")
         self._tells_what_it_has_seen(1)
 
@@ -248,17 +261,55 @@ class Examiner:
         self._answered(self._tick + 1)
 
     def _reset(self) -> None:
-        self._epoch += 1
-        self._tick = self._answered_last = -1
-        self._tell_state("running")
+        self._begin_epoch()
         for tick in range(_AFRESH):
             effort = self._answered(tick).effort
-            if len(self._before) == _AFRESH and not np.array_equal(effort, self._before[tick]):
+            if tick < len(self._before) and not np.array_equal(effort, self._before[tick]):
                 raise Wrong(
                     f"tick {tick} of the new epoch: another effort than at the start, where the "
                     "question was the same; a controller begins anew"
                 )
         self._tells_what_it_has_seen(0)
+
+    def _backlog(self) -> None:
+        """Ask as in lock-step, but at once: what has memory answers the last one alike."""
+        self._begin_epoch()
+        self._answered(0)
+        self._answers.clear()
+        last = _QUESTIONS - 1
+        for tick in range(1, _QUESTIONS):
+            self._say(tick)
+        self._until(
+            lambda: any(c.tick == last for c, _ in self._answers),
+            f"no answer to tick {last}, the last of {_QUESTIONS} asked one after the other",
+        )
+        effort = next(c.effort for c, _ in self._answers if c.tick == last)
+        if len(self._before) == _QUESTIONS and not np.array_equal(effort, self._before[last]):
+            raise Wrong(
+                f"tick {last} of questions that piled up: another effort than where each was "
+                "waited for; an estimator takes every question, so measurement is heard with a "
+                f"depth of {topics.LOOP_DEPTH}"
+            )
+
+    def _another(self) -> None:
+        """Compare what two processes of the same command have drawn."""
+        drawn = {beat.instance for beat, _ in self._beats.get(self._who, [])}
+        if not drawn:
+            raise Wrong(f"no heartbeat of {self._who} on alive")
+        self._start_again()
+        self._spin(_QUIET)  # the last ones of the process that has ended
+        self._beats.clear()
+        self._until(lambda: self._who in self._beats, f"no heartbeat of {self._who} after a start")
+        if again := drawn & {beat.instance for beat, _ in self._beats[self._who]}:
+            raise Wrong(
+                f"its instance on alive is {min(again)} after a new start, too; each process draws "
+                "its own, or one that comes back counts as its predecessor"
+            )
+
+    def _begin_epoch(self) -> None:
+        self._epoch += 1
+        self._tick = self._answered_last = -1
+        self._tell_state("running")
 
     def _tells_what_it_has_seen(self, least: int) -> None:
         """Ask on until the status has a tick of this epoch, from `least` on."""

@@ -8,10 +8,11 @@ from time import monotonic
 from flexslew_msgs import msg
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recording.recording import Recording
 from flexslew_lab.log.recording.recording_order import RecordingOrder
+from flexslew_lab.log.recording.unfinished import begun_bag
 from flexslew_lab.ros.intake import QUESTIONS, Intake
+from flexslew_lab.ros.namesakes import Namesakes
 from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_lab.ros.recorder_settings import RecorderSettings
 from flexslew_plant import topics
@@ -38,10 +39,11 @@ class Recorder:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("recorder")
-        self._dead = DeadNodes(node, loop.live(node, "recorder").presence)
+        self._alive = loop.live(node, "recorder")
+        self._dead = DeadNodes(node, self._alive.presence)
         self._settings: RecorderSettings = settings_of(node, RecorderSettings)
-        writer = BagWriter(Path(self._settings.folder), json.loads(self._settings.metadata))
-        self._recording = Recording(writer, self._failed)
+        begun = begun_bag(Path(self._settings.folder), json.loads(self._settings.metadata))
+        self._recording = Recording(begun, self._failed)
         self._events = EventLog(node)
         self._status = publisher(node, topics.RECORDER_STATUS)
         self._rebroadcast = Rebroadcast(node)
@@ -49,7 +51,7 @@ class Recorder:
         self._told = self._recording.safe
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_look = 0.0  # for the plant [wall s]
-        self._intake = Intake(node, loop)
+        self._intake, self._namesakes = Intake(node, loop), Namesakes(self._alive.presence)
         serve_changes(node, lambda changes: "")
         questions = self._intake.subscriptions[QUESTIONS]
         self._watch = PlantWatch(loop, questions, self._settings.exit_with_plant)
@@ -101,7 +103,8 @@ class Recorder:
         return len(messages)
 
     def _arrived(self, now: float, last: bool) -> Iterator[tuple[str, bytes]]:
-        for topic, data in self._intake.arrived(now, last):
+        heard = self._intake.arrived(now, last)
+        for topic, data in self._namesakes.admit(heard, now, last):
             self._watch.seen = self._watch.seen or topic == QUESTIONS
             self._rebroadcast.hear(topic, data)
             yield topic, data
@@ -118,6 +121,7 @@ class Recorder:
                 tick=tick,
                 epoch=epoch,
                 messages=self._recording.messages,
+                instance=self._alive.beat.instance,
             )
         )
 

@@ -23,7 +23,8 @@ def _object(words: str) -> str:
 class RecorderSettings:
     """The parameters of the node."""
 
-    folder: str = "flexslew_bag"  # of the bag; must not hold one yet
+    # of the bag; must not hold one yet, but one that a killed recorder of this run left goes on
+    folder: str = "flexslew_bag"
     # of the run (trial, versions, ...), JSON, text to text
     metadata: Annotated[str, AfterValidator(_object)] = "{}"
     exit_with_plant: bool = False  # close the bag and end the process when the plant is gone

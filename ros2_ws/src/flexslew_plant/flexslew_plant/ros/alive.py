@@ -7,13 +7,16 @@ from flexslew_msgs import msg
 from rclpy.node import Node
 
 from flexslew_plant import topics
-from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat, Presence
+from flexslew_plant.bench.operation.presence import BEAT_EVERY, SILENT_AFTER, Beat, Presence
 from flexslew_plant.errors import BadInput
 from flexslew_plant.process_identity import own_identity, started
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.offers import publisher, subscription
 
 NOTICE = 1.0  # for an older one to hear of a newer one, or to leave [wall s]
+# what nobody else publishes, of the roles that a bench has once
+_OWN = {"plant": topics.MEASUREMENT, "planner": topics.PLAN}
+_PREFIX = 12  # of a GUID of DDS, the part of its participant, which is one of a process [B]
 
 
 class Alive:
@@ -25,13 +28,14 @@ class Alive:
     """
 
     def __init__(self, node: Node, role: str) -> None:
-        self.presence = Presence()
+        self._node, self.presence = node, Presence()
         self.beat = Beat(node.get_name(), role, random.getrandbits(63), time_ns(), own_identity())
         self._message = msg.Alive(**self.beat._asdict())
         self._publisher = publisher(node, topics.ALIVE)
         subscription(node, topics.ALIVE, self._hear)
         self._next = 0.0
         self._met = 0.0  # an older one [wall s]
+        self._born, self._doubted = monotonic(), 0.0  # since when one is there unheard [wall s]
         self._since: dict[tuple[int, int], int] = {}  # of others, see _dated
 
     @property
@@ -54,6 +58,30 @@ class Alive:
         if older and now - self._met > NOTICE:
             raise BadInput(f"{older}; give this bench a namespace or a ROS_DOMAIN_ID of its own")
         return older is not None
+
+    def is_first(self, now: float) -> bool:
+        """Return whether nobody was here before: asked before a node publishes or serves anything.
+
+        Whom the graph shows and no sign of life was heard of yet may be one who was, unless it
+        stays silent: then it has died.
+        """
+        if self.older or now < self._born + BEAT_EVERY:
+            return False
+        unheard = self._rivals_on_graph() > len(self.presence.younger(self.beat, now))
+        self._doubted = (self._doubted or now) if unheard else 0.0
+        return not unheard or now - self._doubted > SILENT_AFTER
+
+    def _rivals_on_graph(self) -> int:
+        """Return how many others have its name, or its role if that is had once."""
+        node, own = self._node, _OWN.get(self.beat.role)
+        here = [
+            info
+            for topic in (topics.ALIVE, *([own] if own else []))
+            for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+            if info.node_namespace == node.get_namespace()
+            and (topic == own or info.node_name == self.beat.node)
+        ]
+        return len({bytes(info.endpoint_gid)[:_PREFIX] for info in here}) - 1
 
     def poll(self, now: float) -> float:
         """Beat if it is time; return when it is time again [wall s]."""

@@ -21,6 +21,7 @@ from flexslew_plant.ros.told_lines import tell
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
+_BEGINNING = 0.02  # between two looks at who was here before [wall s]
 _LEAVING = 10  # until a process that DDS does not let go is ended [wall s]
 
 
@@ -55,6 +56,37 @@ class Loop:
         self._alive[node] = Alive(node, role)
         self.add(node)
         return self._alive[node]
+
+    def only(self, node: Node, role: str) -> Alive:
+        """Serve and beat for a node of a role that a bench has once, as soon as it is that one.
+
+        Raises:
+            BadInput: another one was here before, and stays.
+        """
+        alive = self.live(node, role)
+        self.begin(alive, lambda: alive.is_second(monotonic()))
+        return alive
+
+    def begin(self, alive: Alive, look: Callable[[], object] = lambda: None) -> None:
+        """Serve the node of this life until it is the first of its name, or the loop is stopped.
+
+        So a second one publishes nothing, answers nobody and hears nothing that it would act upon.
+
+        Args:
+            alive: of a node that has published nothing yet.
+            look: is called now and then meanwhile.
+        """
+        while not (alive.is_first(monotonic()) or self.stopped):
+            look()
+            if self._abandoned:
+                self.stop(130)
+            self._serve(_BEGINNING)
+
+    @property
+    def _abandoned(self) -> bool:
+        """Nobody would ever end this process."""
+        supervisor = int(os.environ.get(SUPERVISOR, "0"))
+        return not rclpy.ok() or bool(supervisor and os.getppid() != supervisor)
 
     def outlets(self, node: Node) -> Outlets:
         """Return outlets of a node of this loop, which are looked after with it."""
@@ -127,7 +159,6 @@ class Loop:
             poll: called between events, returns after how many wall seconds it wants to be called
                 again.
         """
-        supervisor = int(os.environ.get(SUPERVISOR, "0"))
         next_look = 0.0
         while self._code is None:
             now = monotonic()
@@ -142,7 +173,7 @@ class Loop:
                 outlets.send()
             self._serve(self._due - now)
             if now >= next_look:
-                if not rclpy.ok() or (supervisor and os.getppid() != supervisor):
-                    return 130  # nobody would ever end this process
+                if self._abandoned:
+                    return 130
                 next_look = now + 0.5
         return self._code

@@ -27,6 +27,7 @@ from flexslew_plant.ros.plant.report import PlantReport
 from flexslew_plant.ros.plant.services import Services
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.ros.realtime import NONE, PLANT, RealTime
+from flexslew_plant.ros.statuses import Statuses
 from flexslew_plant.ros.told_lines import tell
 
 
@@ -41,9 +42,9 @@ class Plant:
     def __init__(self, loop: Loop, neighbour: Neighbour | None = None) -> None:
         self.loop = loop
         self.node = node = new_node("plant")
-        self._alive, self._outlets = loop.live(node, "plant"), loop.outlets(node)
+        self._alive, outlets = loop.only(node, "plant"), loop.outlets(node)
+        self.statuses = Statuses(self._alive.presence, self._on_status)
         self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
-        self.statuses: dict[str, msg.ControllerStatus] = {}
         bench = Bench(self._settings.bench)
         self.session = Session(
             bench,
@@ -54,21 +55,20 @@ class Plant:
             self._missing,
             lambda: self._exchange.arrived(),
         )
-        self._exchange = Exchange(node, self._outlets, loop, self.session, self._take, neighbour)
-        self.session.presence = self._alive.presence
-        self._truth = self._outlets.publisher(topics.TRUTH)
-        self._events, self._realtime = EventLog(node, self._outlets), RealTime()
-        self.display = Display(node, self._outlets, bench, self._settings.display_rate)
+        self._exchange = Exchange(node, outlets, loop, self.session, self._take, neighbour)
+        self.session.presence, self._realtime = self._alive.presence, RealTime()
+        self._truth, self._events = outlets.publisher(topics.TRUTH), EventLog(node, outlets)
+        self.display = Display(node, outlets, bench, self._settings.display_rate)
         self.session.watched = lambda: self._said() or self.display.due(bench.tick)
-        subscription(node, topics.CONTROLLER_STATUS, self._on_status)
+        subscription(node, topics.CONTROLLER_STATUS, self.statuses.hear)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         progress, heard = self._settings.progress, [self._exchange.questions, self._truth]
         self._report = PlantReport(node, self.session, self._alive, progress, heard)
         self._services = Services(node, self.session, self.statuses, loop)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(node, self.session, self.display, loop)
-        fields = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
-        publisher(node, topics.TESTBED).publish(message_of(msg.Testbed, fields))
+        said = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
+        publisher(node, topics.TESTBED).publish(message_of(msg.Testbed, said))
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
@@ -130,13 +130,13 @@ class Plant:
         return hurry
 
     def _on_status(self, message: msg.ControllerStatus) -> None:
-        self.statuses[message.controller] = message
         self._exchange.known(message.controller)
         self.session.hear(message.controller, message.ready, message.reason)
         self.session.backlog.heard(message.controller, message.last_tick, message.epoch)
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:
-        self.session.backlog.heard(message.recorder, message.tick, message.epoch, recorder=True)
+        if self.session.presence.counts(message.recorder, message.instance, monotonic()):
+            self.session.backlog.heard(message.recorder, message.tick, message.epoch, recorder=True)
         self.loop.hurry()  # the bench may wait for just this
 
 

@@ -3,23 +3,31 @@
 from collections.abc import Callable
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
+from flexslew_lab.log.recording.bag_writer import RecordingStopped
 from flexslew_lab.log.recording.recording_order import Ordered, tick_and_epoch
+from flexslew_lab.log.recording.unfinished import Begun
 
 # A kill loses what the OS does not have: at most this, plus messages in transit.
 _FLUSH_AFTER, _FLUSH_TICKS = 0.5, 25  # [wall s], ticks
+_NOTHING = 0, -1  # epoch and tick before all others
+_OTHER_RUN = "holds the log of a run that was another one; choose another folder"
 
 
 class Recording:
     """Writes ordered messages and hands them to the system often enough.
 
+    A bag that a killed recorder left goes on with what the same run says next: until a question
+    tells that it is the same one, all waits.
+
     Args:
-        writer: of the bag.
+        begun: the bag.
         failed: told once, in one line, when the disk takes no more; the run goes on.
     """
 
-    def __init__(self, writer: BagWriter, failed: Callable[[str], None]) -> None:
-        self._writer, self._failed = writer, failed
+    def __init__(self, begun: Begun, failed: Callable[[str], None]) -> None:
+        self._writer, self._failed = begun.writer, failed
+        self._before, self._heard = begun.last, begun.heard
+        self._undecided: list[Ordered] | None = [] if begun.last > _NOTHING else None
         self.stopped = False  # the disk takes no more
         self.safe = self._written = 0, -1  # (epoch, tick) flushed to the OS; put in a chunk
         self._offset = 0, 0  # epoch that is written, and when it began in log time [ns]
@@ -32,6 +40,24 @@ class Recording:
 
     def write(self, message: Ordered) -> None:
         """Write a message; in log time, an epoch begins where the one before has ended."""
+        if self._undecided is None:
+            self._put(message)
+            return
+        self._undecided.append(message)
+        if message.topic == "/measurement":
+            tick, epoch = tick_and_epoch(message.data)
+            if (epoch, tick) < self._before:
+                self._stop(RecordingStopped(f"{self._writer.folder}: {_OTHER_RUN}"))
+            self._decide()
+
+    def _decide(self) -> None:
+        waiting, self._undecided = self._undecided or [], None
+        for message in waiting:
+            self._put(message)
+
+    def _put(self, message: Ordered) -> None:
+        if (message.topic, message.data) in self._heard:
+            return
         if message.epoch > self._offset[0]:
             self._offset = message.epoch, self._writer.last - message.at
         topic, at = message.topic, message.at + self._offset[1]
@@ -58,6 +84,7 @@ class Recording:
         Raises:
             RecordingStopped: there is no room for it.
         """
+        self._decide()
         self._writer.close({"messages": str(self._writer.messages)})
 
     def _flush(self) -> None:

@@ -54,6 +54,28 @@ class Presence:
                 found[beat.node] = beat
         return found
 
+    def counts(self, name: str, instance: int, now: float) -> bool:
+        """Return whether what an instance says is said by the node of this name.
+
+        Of two the older one's counts. Where nobody of the name is alive, or the instance is not
+        told (0), there is nothing else to go by.
+        """
+        first = self.alive(now).get(name)
+        return not instance or first is None or first.instance == instance
+
+    def contradicted(self, name: str, instance: int, since: float, now: float) -> bool:
+        """Return whether the one whose name it is has lived on after another one spoke.
+
+        Args:
+            name: of both.
+            instance: that spoke.
+            since: when it did [wall s].
+            now: [wall s].
+        """
+        first = self.alive(now).get(name)
+        beats = {beat.instance: at for beat, at in self._heard.values()}
+        return first is not None and first.instance != instance and beats[first.instance] > since
+
     def silent(self, name: str, now: float) -> bool:
         """Return whether a node that gave signs of life gives none any more."""
         return name in self._known and name not in self.alive(now)

@@ -1,6 +1,6 @@
 """The services of the plant: what an operator may ask of the bench while it runs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
@@ -23,6 +23,7 @@ from flexslew_plant.ros.parameters import requested_text
 from flexslew_plant.ros.plant.requests import offer
 from flexslew_plant.ros.plant.simulation_services import simulation_services
 from flexslew_plant.ros.plant.switch_service import SwitchService
+from flexslew_plant.ros.statuses import Statuses
 
 _START = 2.0  # until somebody who starts the bench hears whom it waits for [wall s]
 _RENEW = 0.5  # between two states of the bench, if nothing changes [wall s]
@@ -34,7 +35,7 @@ class Services:
     Args:
         node: of the plant.
         session: what is operated.
-        statuses: the last one of every controller.
+        statuses: of the controllers.
         loop: that serves the node.
     """
 
@@ -42,7 +43,7 @@ class Services:
         self,
         node: Node,
         session: Session,
-        statuses: Mapping[str, msg.ControllerStatus],
+        statuses: Statuses,
         loop: Loop,
     ) -> None:
         self._node, self._loop, self._session = node, loop, session
@@ -81,6 +82,7 @@ class Services:
 
     def poll(self, now: float) -> float:
         """Answer those who wait for a switch, show the state; return when to do so again [s]."""
+        self._statuses.poll(now)
         self._show(now)
         self._look_at_starts(now)
         if self._simulation is not None:
@@ -183,7 +185,7 @@ class Services:
         return self._done(reply, self._session.note(request.text, request.who))
 
     def _on_list(self, _: Any, reply: Any) -> Any:
-        for name, status in sorted(self._statuses.items()):
+        for name, status in sorted(self._statuses.counted.items()):
             reason = self._session.reason(name, monotonic())
             status.ready, status.reason = reason is None, str(reason or "")
             reply.controllers.append(status)
@@ -197,7 +199,7 @@ class Services:
         except BadInput as error:
             reply.message, reply.tick, reply.number = str(error), self._bench.tick, -1
             return reply
-        here = sorted(self._statuses)  # who has ever said how it stands
+        here = sorted(self._statuses.counted)  # who has ever said how it stands
         result = self._bench.inject(text, tick, request.who, here)
         self._loop.hurry()
         reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick

@@ -1,0 +1,78 @@
+"""The bag of a recorder that was killed, in which one that is started again goes on."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from flexslew_lab.log.bag_layout import METADATA_FILE, TOPICS
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.files.bag_lock import lock_folder, unlock_folder
+from flexslew_lab.log.recording.bag_writer import BagWriter
+from flexslew_lab.log.recording.recording_order import tick_and_epoch
+from flexslew_plant.errors import BadInput
+
+_LEFT = ".mcap.left"  # suffix of what was left, while it is copied
+
+
+class Begun(NamedTuple):
+    """What a bag holds already."""
+
+    writer: BagWriter
+    last: tuple[int, int] = (0, -1)  # epoch and tick of the newest question in it
+    heard: frozenset[tuple[str, bytes]] = frozenset()  # what late listeners hear again: topic, CDR
+
+
+def begun_bag(folder: Path, metadata: Mapping[str, str]) -> Begun:
+    """Return the writer of a new bag, or of one that a recorder of the same run left unfinished.
+
+    What was left is copied, up to its last whole chunk; a bag that was finished stays as it is.
+
+    Args:
+        folder: of the bag.
+        metadata: of the run, see BagWriter.
+
+    Raises:
+        BadInput: the folder holds another bag, or another recorder writes there.
+        RecordingStopped: it cannot be written.
+    """
+    path = folder / f"{folder.resolve().name}_0.mcap"
+    left = path.with_suffix(_LEFT)
+    copying = left.exists()  # killed again, while it was copied
+    if (folder / METADATA_FILE).exists() or not (copying or _is_of(path, metadata)):
+        return Begun(BagWriter(folder, metadata))
+    handle = lock_folder(folder)
+    try:
+        if copying:
+            path.unlink(missing_ok=True)
+        else:
+            path.rename(left)
+    finally:
+        unlock_folder(handle, folder)
+    begun = _copied(left, BagWriter(folder, metadata))
+    left.unlink()
+    return begun
+
+
+def _is_of(path: Path, metadata: Mapping[str, str]) -> bool:
+    """Return whether a file is of a run with this metadata, and was not finished."""
+    try:
+        reader = BagReader(path, foreign=True)
+        for _ in reader.messages(()):
+            pass
+    except BadInput:
+        return False
+    known = {k: v for k, v in reader.metadata.items() if k not in ("format", "checksum")}
+    return reader.cut is not None and known == dict(metadata)
+
+
+def _copied(left: Path, writer: BagWriter) -> Begun:
+    last, heard = (0, -1), set[tuple[str, bytes]]()
+    for topic, kind, stamp, _, data in BagReader(left, foreign=True).messages():
+        writer.write(topic, kind, data, stamp)
+        if topic == "/measurement":
+            tick, epoch = tick_and_epoch(data)
+            last = max(last, (epoch, tick))
+        elif TOPICS[topic].latched:
+            heard.add((topic, data))
+    writer.flush()
+    return Begun(writer, last, frozenset(heard))

@@ -1,0 +1,64 @@
+"""Statuses of controllers that are left out of a log: of those whose name is another one's."""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.messages import cdr
+from flexslew_plant.bench.operation.presence import Presence
+from flexslew_plant.errors import BadInput
+
+_STATUS = "/controller_status"
+
+
+class _Held(NamedTuple):
+    since: float  # [wall s]
+    name: str
+    instance: int
+    data: bytes  # CDR
+
+
+class Namesakes:
+    """Lets in what the controller says whose name it is, and everything on other topics.
+
+    One that was started again is heard while its predecessor still counts as alive: what it says
+    waits until that one is silent, or lives on.
+
+    Args:
+        presence: signs of life.
+    """
+
+    def __init__(self, presence: Presence) -> None:
+        self._presence = presence
+        self._held: list[_Held] = []
+
+    def admit(
+        self, messages: Iterable[tuple[str, bytes]], now: float, last: bool = False
+    ) -> Iterator[tuple[str, bytes]]:
+        """Yield topic and CDR of what is let in.
+
+        Args:
+            messages: topic and CDR.
+            now: [wall s].
+            last: nothing will come any more, no signs of life either.
+        """
+        held, self._held = self._held, []
+        for one in held:
+            if last or self._presence.counts(one.name, one.instance, now):
+                yield _STATUS, one.data
+            elif not self._presence.contradicted(one.name, one.instance, one.since, now):
+                self._held.append(one)
+        for topic, data in messages:
+            status = _status(now, data) if topic == _STATUS else None
+            if status is None or self._presence.counts(status.name, status.instance, now):
+                yield topic, data
+            else:
+                self._held.append(status)
+
+
+def _status(now: float, data: bytes) -> _Held | None:
+    try:
+        status = cdr.decode(TOPICS[_STATUS].type, data)
+    except BadInput:
+        return None  # left out later, with a word
+    return _Held(now, status.controller, status.instance, data)
