@@ -220,8 +220,11 @@ def test_what_all_trials_must_keep_to_is_undecided_until_all_have_flown(
 
 
 def test_the_terminal_tells_how_many_trials_have_no_number(
-    told: Callable[..., tuple[Study, Store]], capsys: pytest.CaptureFixture[str]
+    told: Callable[..., tuple[Study, Store]],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "200")  # a narrow one folds the name
     study, store = told([{NAME: 0.1}, {NAME: None}, {NAME: None}, None])
     tell(summary(study, store, {"wall_time": 1.0, "trials_per_second": 4.0}), False)
     (line,) = (one for one in capsys.readouterr().out.splitlines() if one.strip().startswith(NAME))
