@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import rclpy
 from flexslew_msgs.msg import BenchState
 from std_srvs.srv import Trigger
 
 from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.run.domain import own_domain
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
 from flexslew_plant.direct.names import SETTING
 from flexslew_plant.ros.offers import qos
@@ -21,7 +19,7 @@ from flexslew_plant.topics import BENCH_STATE, TOPICS
 from tests.present import present
 
 from .flight import SLEW
-from .test_restart import CONTROLLER, PLANNER, PLANT, Bench
+from .one_by_one import CONTROLLER, PLANNER, PLANT, Bench, standing
 
 # who comes second is silent once discovery has shown the first one: busy processors delay that
 pytestmark = pytest.mark.alone
@@ -86,16 +84,8 @@ class Recorded(Bench):
 @pytest.fixture
 def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Recorded]:
     monkeypatch.setenv(SETTING, "dds")  # where the plant cannot tell two of a name by their sockets
-    with own_domain() as domain:
-        rclpy.init(domain_id=domain)
-        one = Recorded(tmp_path, domain)
-        try:
-            yield one
-        finally:
-            for name in one.pids:
-                one.end(name)
-            one.node.destroy_node()
-            rclpy.shutdown()
+    with standing(Recorded, tmp_path) as one:
+        yield one
 
 
 def test_a_second_one_of_each_changes_neither_flight_nor_log(recorded: Recorded) -> None:

@@ -1,28 +1,24 @@
 """A plant that comes slowly, or leaves and comes back; a listener that asks for too much."""
 
-import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import pytest
 import rclpy
-from flexslew_msgs.msg import BenchState, ControllerStatus, Event, Measurement, Plan, Testbed
+from flexslew_msgs.msg import BenchState, Event, Plan, Testbed
 from rclpy.duration import Duration
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from flexslew_lab.run.domain import own_domain
 from flexslew_plant.bench import message_fields
 from flexslew_plant.bench.bench import Bench as Plant
 from flexslew_plant.bench.records import BenchSettings
-from flexslew_plant.direct.names import SETTING
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import (
     BENCH_STATE,
-    CONTROLLER_STATUS,
     EVENTS,
     JOINT_TRAJECTORY,
     PLAN,
@@ -31,54 +27,7 @@ from flexslew_plant.topics import (
 )
 
 from .flight import fork_server
-
-WAIT = 200.0  # on a busy machine
-PLANT, CONTROLLER = "flexslew_plant.ros.plant_node", "flexslew_control.ros.controller_node"
-PLANNER = "flexslew_control.ros.planner_node"
-
-
-class Bench:
-    """Nodes that are started one by one, and what their controllers say."""
-
-    def __init__(self, folder: Path, domain: int) -> None:
-        self._folder = folder
-        self._environment = {"ROS_DOMAIN_ID": str(domain), SETTING: os.environ[SETTING]}
-        self.statuses: dict[str, Any] = {}
-        self.node = rclpy.create_node("bystander")
-        status = qos(TOPICS[CONTROLLER_STATUS], 10)
-        self.node.create_subscription(ControllerStatus, CONTROLLER_STATUS, self._hear, status)
-        latched = qos(TOPICS[PLAN])  # more than is offered: it will never be served
-        self.node.create_subscription(Measurement, "measurement", print, latched)
-        self.pids: dict[str, int] = {}
-
-    def _hear(self, status: Any) -> None:
-        self.statuses[status.controller] = status
-
-    def start(self, name: str, module: str, **parameters: str) -> None:
-        words = [f"{key}:={value}" for key, value in parameters.items()]
-        arguments = ["--ros-args", "-r", f"__node:={name}"]
-        arguments += [word for pair in words for word in ("-p", pair)]
-        with (self._folder / f"{name}.log").open("ab") as said:
-            self.pids[name] = fork_server().start(
-                module, arguments, self._environment, said.fileno()
-            )
-
-    def until(self, condition: Callable[[], bool]) -> None:
-        end = monotonic() + WAIT
-        while not condition():
-            assert monotonic() < end, "it never happened"
-            rclpy.spin_once(self.node, timeout_sec=0.05)
-
-    def runs(self, name: str) -> bool:
-        return fork_server().exit_code(self.pids[name]) is None
-
-    def end(self, name: str, number: int = signal.SIGINT) -> None:
-        if self.runs(name):
-            os.kill(self.pids[name], number)
-        self.until(lambda: not self.runs(name))
-
-    def log(self, name: str) -> str:
-        return (self._folder / f"{name}.log").read_text()
+from .one_by_one import CONTROLLER, PLANNER, PLANT, WAIT, Bench, standing
 
 
 def announcement() -> Testbed:
@@ -89,16 +38,8 @@ def announcement() -> Testbed:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
-    with own_domain() as domain:
-        rclpy.init(domain_id=domain)
-        one = Bench(tmp_path, domain)
-        try:
-            yield one
-        finally:
-            for name in one.pids:
-                one.end(name)
-            one.node.destroy_node()
-            rclpy.shutdown()
+    with standing(Bench, tmp_path) as one:
+        yield one
 
 
 def test_controllers_stand_before_the_testbed_of_a_plant_that_came_back(bench: Bench) -> None:

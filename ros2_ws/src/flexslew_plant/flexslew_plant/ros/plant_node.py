@@ -67,8 +67,8 @@ class Plant:
         self._services = Services(node, self.session, self.statuses, loop)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(node, self.session, self.display, loop)
-        said = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
-        publisher(node, topics.TESTBED).publish(message_of(msg.Testbed, said))
+        fields = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
+        publisher(node, topics.TESTBED).publish(message_of(msg.Testbed, fields))
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""

@@ -5,11 +5,10 @@ from collections.abc import Callable
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_writer import RecordingStopped
 from flexslew_lab.log.recording.recording_order import Ordered, tick_and_epoch
-from flexslew_lab.log.recording.unfinished import Begun
+from flexslew_lab.log.recording.unfinished import NOTHING, Begun
 
 # A kill loses what the OS does not have: at most this, plus messages in transit.
 _FLUSH_AFTER, _FLUSH_TICKS = 0.5, 25  # [wall s], ticks
-_NOTHING = 0, -1  # epoch and tick before all others
 _OTHER_RUN = "holds the log of a run that was another one; choose another folder"
 
 
@@ -27,9 +26,9 @@ class Recording:
     def __init__(self, begun: Begun, failed: Callable[[str], None]) -> None:
         self._writer, self._failed = begun.writer, failed
         self._before, self._heard = begun.last, begun.heard
-        self._undecided: list[Ordered] | None = [] if begun.last > _NOTHING else None
+        self._undecided: list[Ordered] | None = [] if begun.last > NOTHING else None
         self.stopped = False  # the disk takes no more
-        self.safe = self._written = 0, -1  # (epoch, tick) flushed to the OS; put in a chunk
+        self.safe = self._written = NOTHING  # (epoch, tick) flushed to the OS; put in a chunk
         self._offset = 0, 0  # epoch that is written, and when it began in log time [ns]
         self._next_flush = 0.0  # [wall s]
 

@@ -11,6 +11,7 @@ from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recording.recording_order import tick_and_epoch
 from flexslew_plant.errors import BadInput
 
+NOTHING = (0, -1)  # epoch and tick before all others
 _LEFT = ".mcap.left"  # suffix of what was left, while it is copied
 
 
@@ -18,7 +19,7 @@ class Begun(NamedTuple):
     """What a bag holds already."""
 
     writer: BagWriter
-    last: tuple[int, int] = (0, -1)  # epoch and tick of the newest question in it
+    last: tuple[int, int] = NOTHING  # epoch and tick of the newest question in it
     heard: frozenset[tuple[str, bytes]] = frozenset()  # what late listeners hear again: topic, CDR
 
 
@@ -66,7 +67,7 @@ def _is_of(path: Path, metadata: Mapping[str, str]) -> bool:
 
 
 def _copied(left: Path, writer: BagWriter) -> Begun:
-    last, heard = (0, -1), set[tuple[str, bytes]]()
+    last, heard = NOTHING, set[tuple[str, bytes]]()
     for topic, kind, stamp, _, data in BagReader(left, foreign=True).messages():
         writer.write(topic, kind, data, stamp)
         if topic == "/measurement":
