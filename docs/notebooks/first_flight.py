@@ -9,10 +9,10 @@
 # Plan a slew of the two-motor testbed, fly it in this process, look at what the beams do.
 
 # %%
-from flexslew_lab.notebook import fly, trial
+import flexslew as fs
 
-m1 = trial("m1", {"duration": 60.0})
-flight = fly(m1)
+m1 = fs.trial("m1", {"duration": 60.0})
+flight = fs.fly(m1)
 flight.plot("position", "tip", "effort")
 
 # %% [markdown]
@@ -27,7 +27,7 @@ for name in ("position.base_yaw", "velocity.mode_1", "effort.hub_pitch", "energy
 
 # %%
 plan = {"goal": {"base_yaw": 1.0, "hub_pitch": 0.5}, "duration": 25.0, "method": "reference_only"}
-bare = fly(trial({"name": "bare", "duration": 60.0, "plan": plan}))
+bare = fs.fly(fs.trial({"name": "bare", "duration": 60.0, "plan": plan}))
 
 for label, run in (("planned", flight), ("without feedforward", bare)):
     print(f"{label:20} {run.metrics['residual_tip_deflection']:8.4f} m at the tip after the end")

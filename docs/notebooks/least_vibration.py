@@ -14,21 +14,17 @@
 import numpy as np
 from plotly.graph_objects import Figure, Scatter
 
-from flexslew_control.plan import Plan
-from flexslew_control.planners import make_plan, plan_settings
-from flexslew_lab.notebook import fly, trial
-from flexslew_lab.trial.trial import plant_of
+import flexslew as fs
 
 PD = {"kp": [0.5], "kd": [1.0]}
 SECTION = {"method": "minimax_feedforward", "goal": {"mass": 1.0}, "feedback": PD}
 KEYS = {"testbed": {"kind": "floating_oscillator"}, "period": 0.01}
 KEYS |= {"plan": SECTION, "controllers": {"pd_feedforward": PD}, "active": "pd_feedforward"}
-BENCH = plant_of(trial(KEYS))
 
 
-def planned(**keys: object) -> Plan:
+def planned(**keys: object) -> fs.Plan:
     """Return the plan with some keys of its section."""
-    return make_plan(plan_settings({**SECTION, **keys}, "notebook"), BENCH)
+    return fs.plan(fs.trial(KEYS, {f"plan.{key}": value for key, value in keys.items()}))
 
 
 # %% [markdown]
@@ -80,7 +76,7 @@ changes = {
     "plan.duration": 10.0,
     "duration": 40.0,
 }
-flight = fly(trial(KEYS, changes))
+flight = fs.fly(fs.trial(KEYS, changes))
 promised = planned(duration=10.0).summary["worst_residual"]
 print(f"promised {promised:.3g} m, flown {flight.metrics['residual_tip_deflection']:.3g} m")
 assert flight.metrics["residual_tip_deflection"] <= 1.01 * promised

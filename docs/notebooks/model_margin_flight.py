@@ -17,10 +17,7 @@ from pathlib import Path
 import control
 import numpy as np
 
-from flexslew_control.analysis.save_law import save_law
-from flexslew_lab.analysis.analysis import analysed
-from flexslew_lab.analysis.proof import proved
-from flexslew_lab.notebook import fly, linear_model, trial
+import flexslew as fs
 
 keys = {
     "name": "designed",
@@ -34,7 +31,7 @@ keys = {
         "feedback": {"kp": [0.5], "kd": [1.0]},
     },
 }
-plant = linear_model(trial(keys), sampled=True)
+plant = fs.linear_model(fs.trial(keys), sampled=True)
 plant.input_labels, plant.output_labels, abs(np.log(plant.poles())) / plant.dt
 
 # %% [markdown]
@@ -51,7 +48,7 @@ observer, _, _ = control.dlqe(a, b, c, np.eye(1), 0.1 * np.eye(1))
 law = control.ss(a - b @ regulator - observer @ c, -observer, -regulator, 0, plant.dt)
 
 file = Path(tempfile.mkdtemp()) / "law.npz"
-save_law(law, file, inputs=["error.mass"], outputs=["effort.mass"])
+fs.save_law(law, file, inputs=["error.mass"], outputs=["effort.mass"])
 
 # %% [markdown]
 # ## Its margins
@@ -59,8 +56,8 @@ save_law(law, file, inputs=["error.mass"], outputs=["effort.mass"])
 # Not of the matrices above but of the controller as it ticks, perturbed number by number.
 
 # %%
-mine = trial({**keys, "controllers": {"linear": {"file": str(file)}}, "active": "linear"})
-found = analysed(mine, "notebook")
+mine = fs.trial({**keys, "controllers": {"linear": {"file": str(file)}}, "active": "linear"})
+found = fs.analyse(mine)
 (margins,) = found.efforts
 print(f"gain {margins.gain_down:.2f} to {margins.gain_up:.2f}, delay {margins.delay:.3f} s")
 print(f"disk margin {found.disks['input'].alpha:.2f}; worst over +-20 %: {found.worst.alpha:.2f}")
@@ -72,7 +69,7 @@ assert found.stable
 # The non-linear bench flies just inside and just outside of each.
 
 # %%
-proof = proved(mine, found)
+proof = fs.prove(mine, found)
 for margin in proof.margins:
     print(f"{margin.kind:9} predicted {margin.predicted:.4f}, flown {margin.flown:.4f}")
 assert proof.holds
@@ -81,7 +78,7 @@ assert proof.holds
 # ## The flight
 
 # %%
-flight = fly(mine)
+flight = fs.fly(mine)
 flight.plot("position", "tip", "effort")
 
 # %%

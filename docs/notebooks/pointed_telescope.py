@@ -19,9 +19,7 @@ import numpy as np
 from IPython.display import HTML
 
 import flexslew as fs
-from flexslew_control.planners import make_plan
 from flexslew_lab.report.sky_map import drawn_sky
-from flexslew_lab.trial.trial import law_in_charge, plant_of
 
 # %% [markdown]
 # ## 1. The panel
@@ -127,19 +125,13 @@ print(model.ninputs, "wheels,", model.nstates, "states")
 # The fastest turn about the eigenaxis would look into the Sun: it is refused, with the moment and
 # the depth. With `drives: all` the programs go round, and bring all modes to rest.
 
-
 # %%
-def planned(trial: fs.Trial) -> fs.Plan:
-    """Return the plan of a trial."""
-    return make_plan(trial.plan, plant_of(trial), law=law_in_charge(trial))
-
-
 try:
-    planned(fs.trial(KEYS, {"plan.drives": "moving"}))
+    fs.plan(fs.trial(KEYS, {"plan.drives": "moving"}))
 except fs.PlanFailed as refused:
     print(refused)
 
-plan = planned(telescope)
+plan = fs.plan(telescope)
 print(
     f"{plan.duration:.2f} s; rigid, with the Sun elsewhere {plan.summary['rigid_duration']:.2f} s"
 )

@@ -13,16 +13,13 @@
 import tempfile
 from pathlib import Path
 
-from flexslew_lab.identification.identification import experiment_of, identify
-from flexslew_lab.identification.model_file import testbed_of
-from flexslew_lab.notebook import fly, trial
-from flexslew_plant.settings import plain
+import flexslew as fs
 
 BENCH = {"testbed.parameters.stiffness": 0.85, "testbed.parameters.free_mass": 1.2}  # the truth
-NOMINAL = plain(trial("replan_oscillator").testbed)
+NOMINAL = fs.trial("replan_oscillator").testbed
 
 # %%
-first = fly(trial("replan_oscillator", BENCH | {"plan.model": NOMINAL}))
+first = fs.fly(fs.trial("replan_oscillator", BENCH | {"plan.model": NOMINAL}))
 first.plot("position", "tip", "effort")
 
 # %% [markdown]
@@ -41,7 +38,7 @@ shake = {
     },
 }
 folder = Path(tempfile.mkdtemp()) / "shake"
-shaken = fly(trial("replan_oscillator", BENCH | shake), folder)
+shaken = fs.fly(fs.trial("replan_oscillator", BENCH | shake), folder)
 shaken.plot("position", "tip", "effort")
 
 # %% [markdown]
@@ -49,24 +46,23 @@ shaken.plot("position", "tip", "effort")
 # truth with 95 %.
 
 # %%
-found = identify([experiment_of(folder)]).model
-for mode in found.modes:
+found = fs.identify(folder)
+for mode in found.model.modes:
     w, zeta = mode.frequency, mode.damping_ratio
     print(f"frequency {w.value:.5f} rad/s, from {w.low:.5f} to {w.high:.5f}")
     print(f"damping   {zeta.value:.5f}, from {zeta.low:.5f} to {zeta.high:.5f}")
 true = (0.85 * (1.0 + 1.0 / 1.2)) ** 0.5
-print(f"truth     {true:.5f} rad/s; inertia {found.inertia[0][0].value:.4f} of 2.2 kg")
+print(f"truth     {true:.5f} rad/s; inertia {found.model.inertia[0][0].value:.4f} of 2.2 kg")
 
 # %% [markdown]
 # Plan on what was found, and fly the same bench.
 
 # %%
-model = plain(testbed_of(found))
-second = fly(trial("replan_oscillator", BENCH | {"plan.model": model}))
-known = fly(trial("replan_oscillator", BENCH))
+second = fs.fly(fs.trial("replan_oscillator", BENCH | {"plan.model": found.believed}))
+known = fs.fly(fs.trial("replan_oscillator", BENCH))
 for label, flight in (("nominal", first), ("identified", second), ("truth", known)):
     print(f"plan on {label:10} {flight.metrics['residual_tip_deflection']:.5f} m after the end")
 
-assert abs(found.modes[0].frequency.value / true - 1.0) < 2e-3
+assert abs(found.model.modes[0].frequency.value / true - 1.0) < 2e-3
 assert second.metrics["residual_tip_deflection"] < 1.5 * known.metrics["residual_tip_deflection"]
 assert second.metrics["residual_tip_deflection"] < 0.2 * first.metrics["residual_tip_deflection"]

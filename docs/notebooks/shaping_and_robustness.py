@@ -12,7 +12,7 @@
 import numpy as np
 from plotly.graph_objects import Figure, Scatter
 
-from flexslew_lab.notebook import fly, trial
+import flexslew as fs
 
 NOMINAL = 1500.0  # bending stiffness that every plan believes in [N m^2]
 GOAL = {"base_yaw": 1.0, "hub_pitch": 0.5}
@@ -35,7 +35,7 @@ def residual(plan: dict[str, str], factor: float) -> float:
             "model": {"modes": 1, "parameters": {"bending_stiffness": NOMINAL}},
         },
     }
-    return fly(trial(keys)).metrics["residual_tip_deflection"]
+    return fs.fly(fs.trial(keys)).metrics["residual_tip_deflection"]
 
 
 # %% [markdown]

@@ -14,13 +14,12 @@ import control
 import ctrlsys
 import numpy as np
 
-from flexslew_control.analysis.save_law import save_law
-from flexslew_lab.notebook import linear_model, trial
+import flexslew as fs
 
 kind, file = (sys.argv[1:] + ["robust", "robust.npz"][len(sys.argv) - 1 :])[:2]
 stiffness = {"robust": 1.0, "plain": 1.25}[kind]
-plant = linear_model(
-    trial("time_optimal_oscillator", {"testbed.parameters.stiffness": stiffness, "plan": None})
+plant = fs.linear_model(
+    fs.trial("time_optimal_oscillator", {"testbed.parameters.stiffness": stiffness, "plan": None})
 )
 names = plant.output_labels
 stretch = plant.C[[names.index("tip:spring")]]
@@ -65,7 +64,7 @@ while high / low > 1.0001:
     low, high = (middle, high) if designed(middle) is None else (low, middle)
 law = designed(off * high)
 
-save_law(
+fs.save_law(
     control.ss(law.A, law.B @ np.ones((1, 2)), law.C, law.D @ np.ones((1, 2))),  # y is their sum
     file,
     inputs=["position.mass", "tip.spring"],

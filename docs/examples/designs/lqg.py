@@ -9,10 +9,9 @@ import sys
 import control
 import numpy as np
 
-from flexslew_control.analysis.save_law import save_law
-from flexslew_lab.notebook import linear_model, trial
+import flexslew as fs
 
-plant = linear_model(trial("m1"), sampled=True, hub_pitch=0.5)
+plant = fs.linear_model(fs.trial("m1"), sampled=True, hub_pitch=0.5)
 joints = ["base_yaw", "hub_pitch"]
 rows = [plant.output_labels.index(f"position:{joint}") for joint in joints]
 a, b, c = plant.A, plant.B, plant.C[rows]
@@ -23,7 +22,7 @@ regulator, _, _ = control.dlqr(a, b, c.T @ c / 0.1**2, np.eye(2) / 100.0**2)
 filter_gain, _, _ = control.dlqe(a, b, c, np.eye(2), 1e-3**2 * np.eye(2))
 
 law = control.ss(a - b @ regulator - filter_gain @ c, -filter_gain, -regulator, 0, plant.dt)
-save_law(
+fs.save_law(
     law,
     sys.argv[1] if len(sys.argv) > 1 else "lqg.npz",
     inputs=[f"error.{joint}" for joint in joints],

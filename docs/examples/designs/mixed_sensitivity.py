@@ -13,10 +13,9 @@ import control
 import ctrlsys
 import numpy as np
 
-from flexslew_control.analysis.save_law import save_law
-from flexslew_lab.notebook import linear_model, trial
+import flexslew as fs
 
-bench = linear_model(trial("m1"), sampled=True, hub_pitch=0.5)
+bench = fs.linear_model(fs.trial("m1"), sampled=True, hub_pitch=0.5)
 joints = ["base_yaw", "hub_pitch"]
 rows = [bench.output_labels.index(f"position:{joint}") for joint in joints]
 half = np.linalg.inv(bench.A + np.eye(bench.nstates))
@@ -53,7 +52,7 @@ poles = control.ss(big_a, big_b, big_c, big_d).lft(law).poles()
 if info or poles.real.max() >= 0.0:
     raise SystemExit(f"no law with a gamma of {gamma}")
 
-save_law(
+fs.save_law(
     control.ss(law.A, -law.B, law.C, -law.D),
     sys.argv[1] if len(sys.argv) > 1 else "mixed_sensitivity.npz",
     inputs=[f"error.{joint}" for joint in joints],

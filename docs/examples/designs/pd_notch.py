@@ -8,10 +8,9 @@ import sys
 import control
 import numpy as np
 
-from flexslew_control.analysis.save_law import save_law
-from flexslew_lab.notebook import linear_model, trial
+import flexslew as fs
 
-plant = linear_model(trial("m1"), hub_pitch=0.5)
+plant = fs.linear_model(fs.trial("m1"), hub_pitch=0.5)
 elastic = np.unique(np.round(abs(plant.poles()), 6))
 w = float(elastic[elastic > 1.0][0])  # the first above the PD's own bandwidth [rad/s]
 
@@ -21,7 +20,7 @@ pd = 460.0 + 920.0 * s / (1 + s / 30.0)  # N m/rad and N m s/rad as shipped, rat
 
 joints = ["base_yaw", "hub_pitch"]
 one = control.ss(pd * notch)
-save_law(
+fs.save_law(
     control.append(one, one),
     sys.argv[1] if len(sys.argv) > 1 else "pd_notch.npz",
     inputs=[f"error.{joint}" for joint in joints],

@@ -10,10 +10,9 @@ import sys
 import control
 import numpy as np
 
-from flexslew_control.analysis.save_law import save_law
-from flexslew_lab.notebook import linear_model, trial
+import flexslew as fs
 
-plant = linear_model(trial("m1"), hub_pitch=0.5)
+plant = fs.linear_model(fs.trial("m1"), hub_pitch=0.5)
 elastic = np.unique(np.round(abs(plant.poles()), 6))
 w = float(elastic[elastic > 1.0][0])  # the first above the PD's own bandwidth [rad/s]
 z, g = 0.1, 20.0  # [-], [N m per m]
@@ -24,7 +23,7 @@ law = control.ss(
     [[g, 0], [0, 0]],
     [[460, 0, 920, 0, 0], [0, 460, 0, 920, 0]],
 )
-save_law(
+fs.save_law(
     law,
     sys.argv[1] if len(sys.argv) > 1 else "positive_position_feedback.npz",
     inputs=["error.base_yaw", "error.hub_pitch", "error_rate.base_yaw", "error_rate.hub_pitch",

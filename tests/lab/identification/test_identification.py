@@ -13,7 +13,7 @@ from tests.present import present
 
 from flexslew_lab.identification.foreign import foreign_record
 from flexslew_lab.identification.frequency_response import frequency_response
-from flexslew_lab.identification.identification import identify, summary, validated_on
+from flexslew_lab.identification.identification import identify, validated_on
 from flexslew_lab.identification.model_file import file_text, modal_data
 from flexslew_lab.identification.model_file import testbed_of as found_testbed
 from flexslew_lab.identification.modes import identify_modes, whiteness_of
@@ -216,7 +216,7 @@ def test_a_second_run_proves_the_first_and_another_bench_does_not() -> None:
     assert both.validation[0].over_noise == pytest.approx(np.ones(3), rel=0.02)
     assert both.validation[0].explained.min() > 0.98
     assert validated_on(both.model, other.record).over_noise.max() > 2.0
-    told = summary(both)
+    told = both.plain()
     assert told["modes"][0]["frequency"]["low"] < told["modes"][0]["frequency"]["high"]
 
 

@@ -6,8 +6,9 @@ flight = fs.fly(fs.trial("m1", {"testbed.modes": 5}))
 flight["tip"], flight.metrics["residual_tip_deflection"]
 
 trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws, planners and
-testbeds are the families; bench puts a trial on a Bench that is stepped by hand; study and analyse
-are the commands of these names; save_law keeps a design of python-control for a trial file.
+testbeds are the families; bench puts a trial on a Bench that is stepped by hand; plan, analyse,
+identify and study are the commands of these names, prove is `analyse --prove`; save_law keeps a
+design of python-control for a trial file.
 """
 
 from flexslew_control import controllers as laws
@@ -16,7 +17,7 @@ from flexslew_control.analysis.save_law import save_law
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight
-from flexslew_lab.front import analyse, bench, study
+from flexslew_lab.front import analyse, bench, identify, plan, prove, study
 from flexslew_lab.notebook import fly, linear_model, nonlinear_model, read, trial
 from flexslew_lab.sweep import Sweep, sweep
 from flexslew_lab.trial.trial import Trial
@@ -44,10 +45,13 @@ __all__ = [
     "analyse",
     "bench",
     "fly",
+    "identify",
     "laws",
     "linear_model",
     "nonlinear_model",
+    "plan",
     "planners",
+    "prove",
     "read",
     "save_law",
     "study",

@@ -1,22 +1,25 @@
-"""Bench, analysis and study as functions: what `import flexslew` offers beside flying."""
+"""The commands as functions: what `import flexslew` offers beside flying."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexslew_control.plan import Plan
 from flexslew_lab.given_objects import require_in_files
 from flexslew_lab.notebook import What, plain_data, trial_from
-from flexslew_lab.trial.trial import Trial, bench_settings
+from flexslew_lab.trial.trial import Trial, bench_settings, plan_of_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
-from flexslew_plant.own_code import ANY_CODE
+from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust
 
 if TYPE_CHECKING:
     from flexslew_lab.analysis.analysis import Analysis
+    from flexslew_lab.analysis.proof import Proof
+    from flexslew_lab.identification.identification import Identification
     from flexslew_lab.studies.study import Study
 
 
@@ -30,6 +33,23 @@ def bench(what: What = "m1") -> Bench:
         BadInput: no such trial, or one of its values is not allowed.
     """
     return Bench(bench_settings(trial_from(what)))
+
+
+def plan(what: What = "m1") -> Plan:
+    """Return the plan of a trial without flying it; `trial(..., plan=it)` is flown by it.
+
+    Args:
+        what: as from `trial`, or what `trial` takes.
+
+    Raises:
+        BadInput: no such trial, one of its values is not allowed, or it has no plan.
+        PlanFailed: there is no such plan; it says why.
+    """
+    given = trial_from(what)
+    made = plan_of_trial(given)
+    if made is None:
+        raise BadInput(f"{given.name} has no plan: is missing", key="plan")
+    return made
 
 
 def analyse(
@@ -49,6 +69,49 @@ def analyse(
     from flexslew_lab.analysis.analysis import analysed
 
     return analysed(trial_from(what), "trial", controller, at, joints)
+
+
+def prove(what: What, found: Analysis) -> Proof:
+    """Return poles and margins of an analysis beside those of the bench, flown to their edges.
+
+    Args:
+        what: that was analysed.
+        found: by `analyse`.
+
+    Raises:
+        BadInput: the loop is not stable, or its plant changes with time.
+    """
+    from flexslew_lab.analysis.proof import proved
+
+    return proved(trial_from(what), found)
+
+
+def identify(
+    *runs: Path | str,
+    band: tuple[float, float] | None = None,
+    fit: Sequence[str] = (),
+    start: Mapping[str, float] | None = None,
+    trust: Trust = NO_CODE,
+) -> Identification:
+    """Return the modes, inertias and parameters that recorded runs tell of their bench.
+
+    Args:
+        runs: their folders or bags, at least one; the first gives the model, the others prove it.
+        band: that was shaken, low and high [rad/s]; None: that of the excitation.
+        fit: keys of the testbed to fit, as `parameters.bending_stiffness`.
+        start: key to number, where a fit begins.
+        trust: which class of the user's own their testbed may be.
+
+    Raises:
+        BadInput: there is no such run, or it cannot tell; it says why, with the numbers.
+    """
+    from flexslew_lab.identification.identification import experiment_of
+    from flexslew_lab.identification.identification import identify as identified
+
+    if not runs:
+        raise BadInput("give the folder of a run")
+    experiments = [experiment_of(Path(run), trust) for run in runs]
+    return identified(experiments, band, tuple(fit), dict(start or {}))
 
 
 def study(

@@ -36,6 +36,7 @@ from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust
+from flexslew_plant.settings import is_section, plain
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 if TYPE_CHECKING:
@@ -55,7 +56,8 @@ def trial(
 
     Args:
         source: the name of a shipped trial, a file, or the keys of a trial file.
-        changes: path to value, for example {"testbed.modes": 5, "plan.duration": 30.0}.
+        changes: path to value, for example {"testbed.modes": 5, "plan.duration": 30.0}; a section
+            of another Trial, as its testbed, is a value.
         trust: which classes it may name; for keys that come from somebody else's log: NO_CODE.
         law: that flies it in place of the trial's: a class as in own_controller.md, a function of
             (measurement, reference) that returns the efforts, a state space or transfer function
@@ -162,7 +164,9 @@ def trial_from(what: What) -> Trial:
 
 
 def plain_data(value: Any) -> Any:
-    """Return a value with arrays and numbers of NumPy, pandas and xarray as lists and floats."""
+    """Return a value as YAML holds it: arrays of NumPy, pandas and xarray, sections of a Trial."""
+    if is_section(value):
+        return plain(value)
     if isinstance(value, Mapping):
         return {str(key): plain_data(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | range):

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any, TypeAlias, TypeVar, dataclass_transform
 
 from pydantic import BeforeValidator, ConfigDict, Field, InstanceOf, TypeAdapter, ValidationError
-from pydantic.dataclasses import dataclass
+from pydantic.dataclasses import dataclass, is_pydantic_dataclass
 from pydantic.errors import PydanticUndefinedAnnotation, PydanticUserError
 from pydantic.json_schema import SkipJsonSchema
 
@@ -102,6 +102,11 @@ def _at(values: Any, place: _Place) -> Any:
         except (LookupError, TypeError):
             return None
     return values
+
+
+def is_section(value: Any) -> bool:
+    """Return whether a value is an instance of a section."""
+    return is_pydantic_dataclass(type(value))
 
 
 def plain(section_value: Any) -> Any:

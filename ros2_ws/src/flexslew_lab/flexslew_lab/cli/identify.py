@@ -69,7 +69,6 @@ def identify(
     Example: `./flexslew identify runs/shake --fit parameters.bending_stiffness`
     """
     from flexslew_lab.identification.identification import identify as identified
-    from flexslew_lab.identification.identification import summary
     from flexslew_lab.identification.model_file import (
         appendage_file_text,
         file_text,
@@ -106,7 +105,7 @@ def identify(
         save_system(found.model, system)
     if as_json:
         told = {"next_plan": None if better is None else better._asdict()}
-        print(json.dumps(summary(found) | told, indent=2))
+        print(json.dumps(found.plain() | told, indent=2))
     else:
         print_table(("", runs[0].name), summary_rows(found))
         say(verdict(found), "bold")

@@ -15,6 +15,7 @@ from flexslew_lab.identification.flights import nested
 from flexslew_lab.identification.frequency_response import FrequencyResponse, frequency_response
 from flexslew_lab.identification.from_bag import bag_of, record_of
 from flexslew_lab.identification.modal_fit import prediction_error
+from flexslew_lab.identification.model_file import testbed_of
 from flexslew_lab.identification.modes import Interval, ModalModel, identify_modes
 from flexslew_lab.identification.physical_fit import PhysicalFit, fit_parameters
 from flexslew_lab.identification.record import Record
@@ -22,6 +23,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, initial_positions, read_testbed, varied
 
 _BELOW, _ABOVE = 0.4, 2.5  # band of a slew, in parts of the modes that its plan believed
@@ -46,7 +48,7 @@ class Validation:
     over_noise: Vector
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Identification:
     """All that runs have told.
 
@@ -63,6 +65,66 @@ class Identification:
     without_response: str
     physical: PhysicalFit | None
     validation: tuple[Validation, ...]
+
+    def __repr__(self) -> str:
+        """Return one line: how many modes, where."""
+        modes = ", ".join(f"{mode.frequency.value:.4g}" for mode in self.model.modes)
+        return f"<Identification of {self.model.record.source}: modes at {modes or 'none'} rad/s>"
+
+    @property
+    def believed(self) -> dict[str, Any]:
+        """What `plan.model` and a law's `model` believe: the keys of a testbed.
+
+        Raises:
+            BadInput: see testbed_of.
+        """
+        return plain(testbed_of(self.model)) if self.physical is None else self.physical.changes
+
+    def plain(self) -> dict[str, Any]:
+        """Return the numbers as JSON holds them."""
+        model = self.model
+        physical = self.physical
+        return {
+            "source": model.record.source,
+            "duration": model.record.duration,
+            "band": list(model.band),
+            "modes": [
+                {
+                    "frequency": _plain(mode.frequency),
+                    "damping_ratio": _plain(mode.damping_ratio),
+                    "periods": mode.periods,
+                    "participation": dict(
+                        zip(model.record.inputs, mode.participation.tolist(), strict=True)
+                    ),
+                    "shape": mode.shape.tolist(),
+                }
+                for mode in model.modes
+            ],
+            "inertia": [[_plain(entry) for entry in row] for row in model.inertia],
+            "noise": dict(
+                zip((o.name for o in model.record.outputs), model.fit.noise.tolist(), strict=True)
+            ),
+            "white": {w.output: w.white for w in model.whiteness},
+            "frequency_response": None
+            if self.response is None
+            else {
+                "lines": len(self.response.frequency),
+                "periods": self.response.periods,
+                "least_coherence": float(self.response.coherence.min()),
+            },
+            "parameters": None
+            if physical is None
+            else {p.key: _plain(p.value) for p in physical.parameters},
+            "warnings": [*model.doubts, *(() if physical is None else physical.warnings)],
+            "validation": [
+                {
+                    "source": v.source,
+                    "explained": dict(zip(v.outputs, v.explained.tolist(), strict=True)),
+                    "over_noise": dict(zip(v.outputs, v.over_noise.tolist(), strict=True)),
+                }
+                for v in self.validation
+            ],
+        }
 
 
 @dataclass(frozen=True)
@@ -203,53 +265,6 @@ def validated_on(model: ModalModel, record: Record) -> Validation:
         1.0 - (size / np.where(spread > 0.0, spread, 1.0)) ** 2,
         size / model.fit.noise,
     )
-
-
-def summary(found: Identification) -> dict[str, Any]:
-    """Return the numbers as plain data, as --json prints them."""
-    model = found.model
-    physical = found.physical
-    return {
-        "source": model.record.source,
-        "duration": model.record.duration,
-        "band": list(model.band),
-        "modes": [
-            {
-                "frequency": _plain(mode.frequency),
-                "damping_ratio": _plain(mode.damping_ratio),
-                "periods": mode.periods,
-                "participation": dict(
-                    zip(model.record.inputs, mode.participation.tolist(), strict=True)
-                ),
-                "shape": mode.shape.tolist(),
-            }
-            for mode in model.modes
-        ],
-        "inertia": [[_plain(entry) for entry in row] for row in model.inertia],
-        "noise": dict(
-            zip((o.name for o in model.record.outputs), model.fit.noise.tolist(), strict=True)
-        ),
-        "white": {w.output: w.white for w in model.whiteness},
-        "frequency_response": None
-        if found.response is None
-        else {
-            "lines": len(found.response.frequency),
-            "periods": found.response.periods,
-            "least_coherence": float(found.response.coherence.min()),
-        },
-        "parameters": None
-        if physical is None
-        else {p.key: _plain(p.value) for p in physical.parameters},
-        "warnings": [*model.doubts, *(() if physical is None else physical.warnings)],
-        "validation": [
-            {
-                "source": v.source,
-                "explained": dict(zip(v.outputs, v.explained.tolist(), strict=True)),
-                "over_noise": dict(zip(v.outputs, v.over_noise.tolist(), strict=True)),
-            }
-            for v in found.validation
-        ],
-    }
 
 
 def _plain(one: Interval) -> dict[str, float]:
