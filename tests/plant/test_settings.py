@@ -39,6 +39,7 @@ def refusal(kind: Any, values: Any) -> Any:
             {"initial": {"xyz": 3.0}},
             ["initial.xyz", "allowed here: base_yaw, hub_pitch"],
         ),
+        (BenchSettings, {"schedule": [{"switsh": "lqr"}]}, ["schedule.0.switsh: unknown key"]),
         (Bed, {"kind": "moon"}, ["moon", "csa"]),
         (Bed, {"variant": "half"}, ["variant", "'half'", "'printed' or 'complete'"]),
         (Bed, {"modes": 0}, ["modes: 0", "greater than or equal to 1"]),
@@ -88,9 +89,18 @@ def test_a_key_of_another_testbed_is_not_offered() -> None:
     assert "bending_stiffness" not in text
 
 
-def test_further_errors_are_counted() -> None:
+def test_further_errors_are_named() -> None:
     text = refusal(Bed, {"modes": 0, "damping_ratio": -1.0})
-    assert "(and 1 more)" in text
+    assert text.endswith("(wrong or missing, too: damping_ratio)")
+    many = {"schedule": [{"switsh": "lqr"}], "period": 0.0, "seed": "x", "duration": -1.0}
+    assert refusal(BenchSettings, many).endswith("too: duration, seed, schedule.0.at and 1 more)")
+
+
+def test_a_misspelled_key_is_told_before_the_one_that_is_missing() -> None:
+    entry = {"switsh": "lqr", "att": 3.0, "retargt": {}}
+    text = refusal(BenchSettings, {"schedule": [entry]})
+    assert text.startswith("trial.yaml: schedule.0.switsh: unknown key; did you mean switch?")
+    assert text.endswith("(wrong or missing, too: at, att, retargt)")
 
 
 def test_long_values_are_cut() -> None:

@@ -17,24 +17,38 @@ class Placed(ValueError):
 
 
 def refusal_of(error: ValidationError, kind: Any, values: Any, source: str) -> Refusal:
-    """Return the first error; a key of nothing is the whole file."""
-    first = error.errors()[0]
+    """Return the first error; a key of nothing is the whole file.
+
+    Where a key is missing and one beside it is unknown, that one is misspelled and comes first.
+    """
+    errors = error.errors()
+    beside = (one for one in errors if one["loc"][:-1] == errors[0]["loc"][:-1])
+    first = next((one for one in beside if one["type"] == _UNKNOWN), errors[0])
     place = [str(part) for part in first["loc"]]
     written = _written(first, values)
     key = ".".join(written) or WHOLE
-    if first["type"] == "unexpected_keyword_argument":
+    more = _others(written, [_written(one, values) for one in errors])
+    if first["type"] == _UNKNOWN:
         known = _known_keys(error, kind, place[:-1])
         hint = did_you_mean(place[-1], known)
         allowed = f"allowed here: {', '.join(known)}" if known else "remove it"
-        return Refusal(f"unknown key; {hint}{allowed}", key, source=source)
-    others = {_written(one, values) for one in error.errors()} - {_written(first, values)}
-    more = f" (and {len(others)} more)" if others else ""
+        return Refusal(f"unknown key; {hint}{allowed}{more}", key, source=source)
     if first["type"] in _MISSING and not isinstance(first["loc"][-1], int):
         return Refusal(f"is missing{more}", key, source=source)
     if first["type"] == "value_error" and isinstance(first["input"], dict):  # checked as a whole
         placed = not written or isinstance(first["ctx"]["error"], Placed)
         return Refusal(f"{_reason(first)}{more}", "" if placed else key, source=source)
     return Refusal(f"{_reason(first)}{more}", key, first["input"], source)
+
+
+def _others(first: tuple[str, ...], wrong: list[tuple[str, ...]]) -> str:
+    """Return words about further keys that are wrong; of those beside the first one the names."""
+    paths = [path for path in dict.fromkeys(wrong) if path != first]
+    names = [path[-1] if path[:-1] == first[:-1] else ".".join(path) for path in paths if path]
+    if not names:
+        return ""
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f" (wrong or missing, too: {', '.join(names[:_NAMED])}{more})"
 
 
 def untrusted(error: ValidationError) -> str:
@@ -51,6 +65,8 @@ def quantities(error: ValidationError, values: Any) -> list[tuple[str, ...]]:
 
 
 _NO_NUMBERS = ("float_type", "float_parsing", "int_type", "int_parsing", "tuple_type", "list_type")
+_NAMED = 3  # further keys that are wrong
+_UNKNOWN = "unexpected_keyword_argument"
 _MISSING = ("missing", "missing_argument", "missing_keyword_only_argument")
 _REASONS = {  # by pydantic's type of an error; the rest of its words are plain enough
     "tuple_type": "give a list, for example [1.0, 2.0]",
