@@ -39,6 +39,7 @@ def shaken(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_plan_without_a_flight_is_the_one_that_flies() -> None:
     plan = fs.plan(SLEW)
+    assert repr(plan) == "<Plan reference_only of mass: 3 s from 0 s on>"
     planned, given = fs.fly(SLEW), fs.fly(fs.trial(SLEW, plan=plan))
     assert np.array_equal(plan.position, planned["reference"][: len(plan.position)])
     assert planned.metrics["trajectory_hash"] == given.metrics["trajectory_hash"]
@@ -53,6 +54,9 @@ def test_the_margins_that_are_analysed_are_flown() -> None:
     found = fs.analyse(SLEW)
     proof = fs.prove(SLEW, found)
     assert proof.holds
+    poles, margins = len(proof.poles), len(proof.margins)
+    words = f"{poles} of {poles} poles and {margins} of {margins} margins flown as predicted"
+    assert repr(proof) == f"<Proof: {words}>"
     assert [m.predicted for m in proof.margins if m.kind == "delay"] == [found.efforts[0].delay]
 
 

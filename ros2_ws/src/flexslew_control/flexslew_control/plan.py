@@ -10,7 +10,7 @@ from flexslew_control.law import Reference
 from flexslew_plant.arrays import NOTHING, Matrix, Vector, handed_out, kept
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)  # as an array, two are the same by plan_hash
 class Plan:
     """Reference and feedforward at every tick from start to end; at rest before and after.
 
@@ -56,6 +56,11 @@ class Plan:
         """Take what another process sent, whose arrays may be written when they arrive."""
         self.__dict__.update(state)
         self.__post_init__()
+
+    def __repr__(self) -> str:
+        """Return one line: what moves, when."""
+        joints = ", ".join(self.joint_names)
+        return f"<Plan {self.method} of {joints}: {self.duration:g} s from {self.start:g} s on>"
 
     @property
     def ticks(self) -> int:

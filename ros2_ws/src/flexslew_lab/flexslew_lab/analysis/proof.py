@@ -74,12 +74,18 @@ class ProvedMargin:
     agrees: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Proof:
     """What was predicted, and what was flown."""
 
     poles: tuple[ProvedPole, ...]
     margins: tuple[ProvedMargin, ...]
+
+    def __repr__(self) -> str:
+        """Return one line: how many of what was predicted were flown."""
+        poles = f"{sum(pole.agrees for pole in self.poles)} of {len(self.poles)} poles"
+        margins = f"{sum(margin.agrees for margin in self.margins)} of {len(self.margins)} margins"
+        return f"<Proof: {poles} and {margins} flown as predicted>"
 
     @property
     def verdicts(self) -> list[bool]:
