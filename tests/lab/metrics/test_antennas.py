@@ -109,6 +109,20 @@ def test_a_vibration_settles_when_its_envelope_has_decayed_to_a_twentieth(decay:
     assert measured(Vibration, testbed, q)["vibration_settling_time"]["membrane"] is None
 
 
+@pytest.mark.parametrize("phase", np.linspace(0.0, np.pi, 24, endpoint=False))
+@pytest.mark.parametrize("decay", [0.0, 0.3, 4.0])
+def test_a_vibration_that_swings_through_zero_at_the_end_has_not_settled(
+    decay: float, phase: float
+) -> None:
+    testbed = craft()
+    q = still(testbed)
+    swings = np.cos(6.0 * (TIME - 3.0) + phase) * np.exp(-decay * np.maximum(TIME - 3.0, 0.0))
+    q[:, -10] = swings
+    found = measured(Vibration, testbed, q)["vibration_settling_time"]["membrane"]
+    assert (found is not None) == (decay > 1.0)
+    assert found is None or math.log(20.0) / decay - np.pi / 6.0 < found < math.log(20.0) / decay
+
+
 def test_a_vibration_that_nothing_is_before_settles_from_its_largest_deflection() -> None:
     testbed = shipped("own_spacecraft").testbed  # its panels do not turn; a step, or no plan
     q = still(testbed)

@@ -239,7 +239,7 @@ def _columns(found: SlewComparison) -> list[TableColumn]:
         return f"{duration / bound:.2f}" if bound > 0.0 and duration > 0.0 else NO_VALUE
 
     def tip(kind: str, k: int) -> Callable[[ComparedEntry], str]:
-        return lambda entry: f"{tip_of(entry.by(kind)[k]):.4f}"
+        return lambda entry: f"{tip_of(entry.by(kind)[k]):.3g}"
 
     tips = [
         TableColumn(f"tip, {words} {getattr(flight, kind):+.0%} [m]", tip(kind, k))
@@ -247,7 +247,7 @@ def _columns(found: SlewComparison) -> list[TableColumn]:
         for k, flight in enumerate(found.flown[0].by(kind) if found.flown else ())
         if kind == STIFFNESS or flight.carried
     ]
-    peaks = [(f"peak {n} [{unit}]", _cell(".3f", "peak_position", n)) for n, unit in found.named]
+    peaks = [(f"peak {n} [{unit}]", _cell(".3g", "peak_position", n)) for n, unit in found.named]
     overs = [(f"overshoot {name} [%]", _cell(".1%", "overshoot", name)) for name in names]
     efforts = [
         (f"peak effort on {name} [{torque}]", _cell(".4g", "peak_effort", k))
@@ -269,8 +269,8 @@ def _short(found: SlewComparison) -> list[TableColumn]:
     return [
         TableColumn("time [s]", lambda entry: _step_or(entry, ".2f")),
         TableColumn("settled [s]", _cell(".1f", "settling_time")),
-        TableColumn("tip [m]", _cell(".4f", "residual_tip")),
-        TableColumn("worst tip [m]", lambda entry: f"{worst_residual(entry):.4f}"),
+        TableColumn("tip [m]", _cell(".3g", "residual_tip")),
+        TableColumn("worst tip [m]", lambda entry: f"{worst_residual(entry):.3g}"),
         *(TableColumn(f"{n} over [%]", _cell(".1%", "overshoot", n)) for n, _ in found.named),
     ]
 

@@ -22,7 +22,8 @@ class Vibration:
             False,
             "by appendage: from the end of its last turn (without one, of the manoeuvre) until its "
             "tip stays within 5 % of the largest distance before, of the run where nothing is "
-            "before; null: never",
+            "before; null: never, or at the end of the run not yet for longer than it had last "
+            "been within before it left again",
             never="peak_platform_attitude",
         ),
     }
@@ -39,6 +40,8 @@ class Vibration:
         self._without = setup.manoeuvre.end  # of an appendage that does not turn [s]
         self._peak: dict[str, float] = {}  # until then, where it ends at the start of the run [m]
         self._outside: dict[str, float] = {}  # last time outside of the band [s]
+        self._tick: dict[str, int] = {}  # of that time
+        self._within: dict[str, float] = {}  # from the time outside before that one to it [s]
         self._first_time, self._last_time = np.inf, 0.0
 
     def add(self, block: Block) -> None:
@@ -57,7 +60,12 @@ class Vibration:
             self._peak[name] = float(peaks[-1])
             outside = np.flatnonzero(before | (distance > BAND * peaks))
             if outside.size:
-                self._outside[name] = float(block.time[outside[-1]])
+                ticks, times = block.tick[outside], block.time[outside]
+                ticks = np.insert(ticks, 0, self._tick.get(name, ticks[0]))
+                times = np.insert(times, 0, self._outside.get(name, times[0]))
+                if (left := np.flatnonzero(np.diff(ticks) > 1)).size:
+                    self._within[name] = float(np.diff(times)[left[-1]])
+                self._tick[name], self._outside[name] = int(ticks[-1]), float(times[-1])
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the value by appendage."""
@@ -67,7 +75,8 @@ class Vibration:
         for name in self._peak:
             last = self._outside.get(name, -np.inf)
             end = self._end.get(name, self._without)
-            settled[name] = max(last - end, 0.0) if last < self._last_time else None
+            stays = self._last_time - last > self._within.get(name, 0.0)
+            settled[name] = max(last - end, 0.0) if stays else None
         return {"vibration_settling_time": settled}
 
 
