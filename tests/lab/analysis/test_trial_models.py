@@ -56,9 +56,20 @@ def test_the_command_writes_a_file_and_says_what_is_in_it(tmp_path: Any) -> None
     assert loadmat(out)["A"].shape == (10, 10)
 
 
+def test_the_command_leaves_out_what_nothing_moves_or_sees(tmp_path: Any) -> None:
+    out = tmp_path / "plant.mat"
+    words = ["model", "own_spacecraft", "--minimal", "--outputs", "position.roll, rate.roll"]
+    done = CliRunner().invoke(app, [*words, "--to", str(out)])
+    assert done.exit_code == 0, done.output
+    found = loadmat(out)
+    assert found["A"].shape == (6, 6)
+    assert found["C"].shape == (2, 6)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["--outputs", "position.hub"], "--outputs: no 'position.hub'; did you mean position.hub_"),
         (["--rest", "elbow=0.5"], "elbow is not a joint"),
         (["--rest", "hub_pitch"], "--rest: hub_pitch: give joint=position"),
         (["--rest", "hub_pitch=nan"], "rest of hub_pitch: nan is not allowed: a finite number"),

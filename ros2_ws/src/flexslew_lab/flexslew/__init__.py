@@ -8,11 +8,12 @@ flight["tip"], flight.metrics["residual_tip_deflection"]
 trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws, planners and
 testbeds are the families; bench puts a trial on a Bench that is stepped by hand; plan, analyse,
 identify and study are the commands of these names, prove is `analyse --prove`; save_law keeps a
-design of python-control for a trial file.
+design of python-control for a trial file, minimal leaves out what nothing moves or sees.
 """
 
 from flexslew_control import controllers as laws
 from flexslew_control import planners
+from flexslew_control.analysis.minimal import minimal
 from flexslew_control.analysis.save_law import save_law
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.plan import Plan
@@ -48,6 +49,7 @@ __all__ = [
     "identify",
     "laws",
     "linear_model",
+    "minimal",
     "nonlinear_model",
     "plan",
     "planners",

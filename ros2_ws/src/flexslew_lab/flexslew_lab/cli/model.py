@@ -9,6 +9,7 @@ from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.terminal import print_table, say
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
+from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.units import is_quantity
 
 At = Annotated[
@@ -32,11 +33,18 @@ def model(
     sampled: Annotated[
         bool, typer.Option("--sampled", help="As the bench ticks: hold, delay, motor lag.")
     ] = False,
+    outputs: Annotated[
+        str | None, typer.Option(help="These alone: position.yaw,rate.yaw; default: all.")
+    ] = None,
+    minimal: Annotated[
+        bool, typer.Option("--minimal", help="Without states that nothing moves or sees.")
+    ] = False,
 ) -> None:
     """Write the small motions of a trial's testbed about a rest, with named signals, to a file.
 
     Example: `./flexslew model m1 --at 25 --sampled --to plant.mat`
     """
+    from flexslew_control.analysis.minimal import minimal_part
     from flexslew_control.analysis.model_file import save_model
     from flexslew_lab.analysis.trial_models import model_of, point_of
     from flexslew_lab.trial.sources import read_trial
@@ -45,6 +53,10 @@ def model(
     requested, _ = read_trial(file, sets)
     point = point_of(requested, at, joints_of(rest))
     system = model_of(point, sampled)
+    if outputs is not None:
+        system = system.rows(_known([name.strip() for name in outputs.split(",")], system.outputs))
+    if minimal:
+        system = minimal_part(system)
     save_model(system, to)
     for kind in point.left_out:
         say(f"left out: {kind}")
@@ -55,6 +67,14 @@ def model(
         ("Ts [s]", f"{system.period:g}" if sampled else "0 (continuous)"),
     ]
     print_table(("", str(to)), rows)
+
+
+def _known(names: list[str], outputs: tuple[str, ...]) -> list[str]:
+    for name in names:
+        if name not in outputs:
+            hint = did_you_mean(name, outputs)
+            raise BadInput(f"--outputs: no {name!r}; {hint}allowed: {', '.join(outputs)}")
+    return names
 
 
 def joints_of(assignments: list[str] | None) -> dict[str, float | str]:
