@@ -227,6 +227,19 @@ def test_an_object_that_does_not_fit_is_refused_in_one_line(given: Any, words: s
         fs.fly(fs.trial(SHORT, **given))
 
 
+def test_a_trial_is_changed_as_its_keys_are(flight: fs.Flight) -> None:
+    given = fs.trial(SLEW, {"testbed.modes": 2})
+    changes = {"plan.duration": 1.5, "controllers.pd_feedforward.kp": [500.0]}
+    changed, whole = fs.trial(given, changes), fs.trial(SLEW, {"testbed.modes": 2, **changes})
+    assert changed == whole
+    assert fs.trial(given) == given
+    pushed = fs.trial(fs.trial(SHORT, law=push), {"seed": 1}, plan=cubic(100, 0.2, 0.1))
+    assert fs.fly(pushed).metrics["trajectory_hash"] == flight.metrics["trajectory_hash"]
+    axes = {"plan.duration": [1.0, 1.5]}
+    one, other = fs.sweep(given, axes), fs.sweep(SLEW, axes, {"testbed.modes": 2})
+    np.testing.assert_equal(one["residual_tip_deflection"], other["residual_tip_deflection"])
+
+
 def test_a_sweep_has_an_axis_per_path_and_the_numbers_of_single_flights() -> None:
     found = fs.sweep(SLEW, {"testbed.modes": np.array([1, 2]), "plan.duration": [0.5, 1.0, 1.5]})
     tips = found["residual_tip_deflection"]

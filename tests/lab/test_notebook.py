@@ -78,7 +78,6 @@ def test_what_numpy_takes_for_an_array_is_a_list(kp: Any) -> None:
     [
         (SHORT, {"duration": 1.0 + 0.0j}, "(1+0j) is not allowed: give numbers"),
         (SHORT, {1: 2}, "1: unknown key"),
-        (trial("m1"), {}, "a Trial is not allowed here"),
         ("x" * 300, {}, "is neither a file nor a shipped trial"),
         ("no_such_trial", {}, "m1"),
         (SHORT, {"testbed.wings": 2}, "testbed.wings"),

@@ -46,7 +46,7 @@ What = Trial | str | Path | Mapping[str, Any]
 
 
 def trial(
-    source: str | Path | Mapping[str, Any] = "m1",
+    source: What = "m1",
     changes: Mapping[str, Any] | None = None,
     trust: Trust = ANY_CODE,
     law: Given | None = None,
@@ -55,10 +55,12 @@ def trial(
     """Return a trial, validated as the command line does it.
 
     Args:
-        source: the name of a shipped trial, a file, or the keys of a trial file.
+        source: the name of a shipped trial, a file, the keys of a trial file, or a Trial, whose
+            defaults and files are as they were read.
         changes: path to value, for example {"testbed.modes": 5, "plan.duration": 30.0}; a section
             of another Trial, as its testbed, is a value.
-        trust: which classes it may name; for keys that come from somebody else's log: NO_CODE.
+        trust: which classes it may name, of a Trial those that it trusts; for keys that come from
+            somebody else's log: NO_CODE.
         law: that flies it in place of the trial's: a class as in own_controller.md, a function of
             (measurement, reference) that returns the efforts, a state space or transfer function
             of python-control, whose inputs and outputs are signals by name as for save_law, or a
@@ -71,6 +73,7 @@ def trial(
         BadInput: no such trial, or one of its values is not allowed.
     """
     label, values = _keys(source)
+    trust = source.trust if isinstance(source, Trial) else trust
     values = overridden(values, plain_data(dict(changes or {})))
     if law is not None:
         values = with_law(values, law)
@@ -180,12 +183,12 @@ def plain_data(value: Any) -> Any:
     return np.asarray(value).tolist() if hasattr(value, "__array__") else value
 
 
-def _keys(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+def _keys(source: What) -> tuple[str, dict[str, Any]]:
     """Return a name for messages and the keys of a trial."""
+    if isinstance(source, Trial):
+        return source.name, plain(source)
     if isinstance(source, Mapping):
         return "trial", dict(source)
-    if isinstance(source, Trial):
-        raise BadInput("a Trial is not allowed here: give its name, its file or its keys")
     path = trial_path(source)
     values = load_yaml(text_of(path), str(path))
     if not isinstance(values, dict):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexslew_lab.metrics.rows import flat
-from flexslew_lab.notebook import plain_data, trial
+from flexslew_lab.notebook import What, plain_data, trial
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.errors import BadInput
@@ -74,7 +74,7 @@ class Sweep:
 
 
 def sweep(
-    source: str | Path | Mapping[str, Any] = "m1",
+    source: What = "m1",
     axes: Mapping[str, Sequence[Any] | np.ndarray[Any, Any]] | None = None,
     changes: Mapping[str, Any] | None = None,
     **given: Any,
