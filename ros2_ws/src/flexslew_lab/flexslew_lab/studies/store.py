@@ -147,12 +147,12 @@ class Store:
         return self.folder / _DESCRIPTION[0]
 
     def create(self, identity: dict[str, Any], samples: pa.Table) -> None:
-        """Write the samples and what they are of, before anything is flown."""
+        """Write the samples and what they are of, before anything of them is flown."""
         self._parts.make()
         content = written(samples)
         put(self.folder / _SAMPLES, content)
-        kept = KeptIdentity(identity, hashlib.sha256(content).hexdigest())
-        put(self.folder / IDENTITY, identity_text(kept).encode())
+        self._kept = KeptIdentity(identity, hashlib.sha256(content).hexdigest())
+        put(self.folder / IDENTITY, identity_text(self._kept).encode())
 
     @contextmanager
     def locked(self) -> Iterator[None]:
