@@ -90,3 +90,18 @@ def test_a_plan_in_flight_begins_where_the_reference_is(planning: Planning, meth
     assert plan.position[-1] == pytest.approx([0.8, -0.2])
     if method != "none":
         assert plan.position[0] == pytest.approx([0.7, -0.2])
+
+
+def test_a_start_with_a_unit_begins_where_the_reference_is_then() -> None:
+    def rest_at(start: float) -> dict[str, float]:
+        return {"base_yaw": start}
+
+    for start in ("6 s", "0.1 min", 6):
+        made = plan_request({"method": "none", "start": start}, "", 0.01, [150.0], rest_at=rest_at)
+        assert isinstance(made, PlanRequest)
+        assert made.rest_at is not None
+        assert made.rest_at["base_yaw"] == pytest.approx(6.0)
+    for wrong in ("6 m", "soon", None, math.nan):
+        made = plan_request({"method": "none", "start": wrong}, "", 0.01, [150.0])
+        assert isinstance(made, Refusal)
+        assert str(made).startswith("start: ")

@@ -603,5 +603,25 @@ def test_a_rest_may_have_a_unit_and_one_of_another_kind_is_refused() -> None:
     for wrong in ("3 cm", "soon", None, [1.0, 2.0]):
         with pytest.raises(fs.BadInput, match=r"^rest of hub_pitch: "):
             fs.linear_model(SHORT, hub_pitch=wrong)  # type: ignore[arg-type]
-    with pytest.raises(fs.BadInput, match=r"^--at: 'soon' is not allowed"):
-        fs.linear_model(SHORT, at="soon")  # type: ignore[arg-type]
+    assert fs.analyse(SHORT, at="20 ms").point.rest.time == pytest.approx(0.02)
+    for ask in (fs.linear_model, fs.analyse):
+        with pytest.raises(fs.BadInput, match=r"^--at: 'soon' is not allowed"):
+            ask(SHORT, at="soon")
+
+
+def test_what_is_no_place_no_number_and_no_keys_is_refused_in_one_line() -> None:
+    given: Any = fs
+    wrong: Any
+    for wrong in (3, ["runs"], SHORT, b"runs", None):
+        with pytest.raises(fs.BadInput, match=r"^run: .* is not allowed: give a path"):
+            given.read(wrong)
+    with pytest.raises(fs.BadInput, match=r"^folder: 3 is not allowed: give a path"):
+        given.fly(SHORT, 3)
+    for wrong in (0, 1.5, "2", None):
+        with pytest.raises(fs.BadInput, match=r"^workers: .* a whole number, at least 1"):
+            given.study("acc_benchmark", workers=wrong)
+    for wrong in ("duration", 5.0, [1.0]):
+        with pytest.raises(fs.BadInput, match=r"^changes: .* is not allowed: give keys"):
+            given.trial("m1", wrong)
+        with pytest.raises(fs.BadInput, match=r"^axes: .* is not allowed: give keys"):
+            given.sweep("m1", wrong)

@@ -106,7 +106,7 @@ def test_a_finished_study_flies_nothing_again(ready: Preparation, tmp_path: Path
     ("keys", "words"),
     [
         ({"seed": 4}, "study.seed: 3 there, 4 here"),
-        ({"sampling": {"method": "random", "n": 13}}, "study.sampling.n: 12 there, 13 here"),
+        ({"sampling": {"method": "random", "n": 11}}, "study.sampling.n: 12 there, 11 here"),
         ({"flown": {"duration": 2.0}}, "trial.duration: 1.0 there, 2.0 here"),
         ({"compare": {"active": ["collocated_pid"]}}, "study.compare.active: None there"),
     ],
@@ -228,6 +228,61 @@ def test_what_flew_while_a_file_changed_is_not_kept(
     assert (store.statuses(ready.trials) == 1).all()
 
 
+@pytest.mark.parametrize("sampling", [{"method": "random"}, {"method": "sobol", "replicates": 1}])
+def test_a_study_with_more_samples_goes_on_from_the_one_with_fewer(
+    sampling: dict[str, Any], study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    def of(n: int, **keys: Any) -> Preparation:
+        return prepare(study_of(sampling=sampling | {"n": n}, **keys))
+
+    fewer, more, folder = of(8), of(16), tmp_path / "s"
+    run_study(fewer, folder, InThisProcess(fewer.job))
+    flew = list[Case]()
+
+    class Counted(InThisProcess[Case, Flown]):
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+            flew.extend(cases)
+            return super().fly(iter(flew))
+
+    store = run_study(more, folder, Counted(more.job))
+    assert [case.number for case in flew] == [*range(8, 16)]
+    whole = run_study(more, tmp_path / "whole", InThisProcess(more.job))
+    assert store.table_path.read_bytes() == whole.table_path.read_bytes()
+    with pytest.raises(BadInput, match=r"study\.sampling\.n: 16 there, 8 here"):
+        run_study(fewer, folder, InThisProcess(fewer.job))
+    other = of(32, seed=4)
+    with pytest.raises(BadInput, match="holds another study"):
+        run_study(other, folder, InThisProcess(other.job))
+
+
+def test_samples_that_lie_elsewhere_with_more_of_them_are_another_study(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    fewer, more = (
+        prepare(study_of(sampling={"method": "lhs", "replicates": 1, "n": n})) for n in (6, 12)
+    )
+    run_study(fewer, tmp_path / "s", InThisProcess(fewer.job))
+    with pytest.raises(BadInput, match=r"study\.sampling\.n: 6 there, 12 here"):
+        run_study(more, tmp_path / "s", InThisProcess(more.job))
+
+
+def test_of_two_studies_that_begin_in_one_folder_at_once_the_second_is_refused(
+    study_of: Callable[..., Study], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, other = (prepare(study_of(seed=seed)) for seed in (3, 4))
+    locked = Store.locked
+
+    def late(store: Store) -> Any:
+        """Let the other one go first, after this one has found the folder empty."""
+        monkeypatch.setattr(Store, "locked", locked)
+        run_study(other, store.folder, InThisProcess(other.job))
+        return locked(store)
+
+    monkeypatch.setattr(Store, "locked", late)
+    with pytest.raises(BadInput, match=r"holds another study, study\.seed: 4 there, 3 here"):
+        run_study(one, tmp_path / "s", InThisProcess(one.job))
+
+
 def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) -> None:
     whole = run_study(ready, tmp_path / "whole", InThisProcess(ready.job))
     for k in (1, 2, 3):
@@ -248,7 +303,7 @@ def test_the_library_does_what_the_command_does(
     assert found["check"]["trials"] == 2
     (worst,) = (tmp_path / "s" / "worst").iterdir()
     assert int(worst.name) == found["metrics"]["residual_tip_deflection"]["worst"][0]["index"]
-    with pytest.raises(BadInput, match="workers: 0 is not allowed: at least 1"):
+    with pytest.raises(BadInput, match="workers: 0 is not allowed: a whole number, at least 1"):
         fs.study(tmp_path / "study.yaml", tmp_path / "s", workers=0)
 
 

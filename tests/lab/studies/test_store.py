@@ -1,8 +1,10 @@
+import sys
 from pathlib import Path
 
 import pytest
 
 from flexslew_lab.studies.flight import Flown, failed
+from flexslew_lab.studies.parts import read_written
 from flexslew_lab.studies.run import Preparation
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.ways import Way
@@ -18,6 +20,17 @@ def store(ready: Preparation, tmp_path: Path) -> Store:
     store = Store(tmp_path / "store")
     store.create(ready.identity, ready.samples)
     return store
+
+
+def test_no_other_thread_holds_the_bytes_of_a_part_that_was_read(store: Store) -> None:
+    """One that lets them go when Python has ended aborts the process."""
+    store.add([result(k, 0.1 * k) for k in range(12)])
+    (part,) = (store.folder / "parts").iterdir()
+    content = part.read_bytes()
+    held = sys.getrefcount(content)
+    for _ in range(100):
+        assert read_written(content).num_rows == 12
+        assert sys.getrefcount(content) == held
 
 
 def test_the_table_is_sorted_and_the_last_result_of_a_trial_counts(store: Store) -> None:

@@ -135,5 +135,5 @@ def test_a_wheel_keeps_to_its_momentum(tmp_path: Path) -> None:
     values["testbed"]["wheels"]["roll"]["momentum_limit"] = 0.5 * free
     # half of the momentum does not take it to its goal, which is a failed check
     tied = flown(values, tmp_path / "tied", exit_code=1)["peak_wheel_momentum"]["roll"]
-    # one tick at the motor's limit more, as the limit is looked at once a step
-    assert 0.5 * free < tied <= 0.5 * free + 0.01 * 0.5
+    # and what the turn of the platform, of 35 kg m^2, changes the speed of its .02 kg m^2 by
+    assert 0.5 * free < tied <= 0.5 * free * (1.0 + 0.02 / 35.0)

@@ -18,6 +18,7 @@ from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds import default_testbed, varied
+from flexslew_plant.units import number_in
 from flexslew_plant.yaml_data import load_yaml
 
 MOST_TICKS = 1_000_000  # of a manoeuvre
@@ -134,7 +135,7 @@ def plan_request(
     try:
         values = load_yaml(section, "request") if isinstance(section, str) else section
         start = values.get("start", 0.0) if isinstance(values, dict) else 0.0
-        begins = rest_at(float(start)) if isinstance(start, int | float) else {}
+        begins = rest_at(number_in(start, ("s",), "start"))
         return PlanRequest(values, bench, period, limit, *gains, begins, trust)
     except BadInput as error:
         return error.refusal

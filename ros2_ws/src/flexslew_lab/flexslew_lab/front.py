@@ -7,9 +7,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flexslew_control.plan import Plan
 from flexslew_lab.given_objects import require_in_files
-from flexslew_lab.notebook import What, plain_data, trial_from
+from flexslew_lab.notebook import What, place, plain_data, trial_from
 from flexslew_lab.trial.trial import Trial, bench_settings, plan_of_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
@@ -53,14 +55,17 @@ def plan(what: What = "m1") -> Plan:
 
 
 def analyse(
-    what: What = "m1", controller: str | None = None, at: float | None = None, **joints: float | str
+    what: What = "m1",
+    controller: str | None = None,
+    at: float | str | None = None,
+    **joints: float | str,
 ) -> Analysis:
     """Return modes, poles, margins and responses of a trial's loop about a rest.
 
     Args:
         what: as from `trial`, or what `trial` takes.
         controller: of the trial; None: the one that its schedule has put in charge then.
-        at: simulated time [s]: the rest that the plan passes then; None: the start.
+        at: simulated time [s], or with a unit: the rest that the plan passes then; None: the start.
         joints: where joints rest instead, by name [rad or m], or with a unit: `30 deg`.
 
     Raises:
@@ -110,7 +115,7 @@ def identify(
 
     if not runs:
         raise BadInput("give the folder of a run")
-    experiments = [experiment_of(Path(run), trust) for run in runs]
+    experiments = [experiment_of(place(run, "runs"), trust) for run in runs]
     return identified(experiments, band, tuple(fit), dict(start or {}))
 
 
@@ -141,13 +146,13 @@ def study(
     from flexslew_lab.studies.run import default_folder, prepare, run_study
     from flexslew_lab.trial.outputs import writable_folder
 
-    if workers < 1:
-        raise BadInput("at least 1", key="workers", value=workers)
+    if not isinstance(workers, int | np.integer) or workers < 1:
+        raise BadInput("a whole number, at least 1", key="workers", value=workers)
     asked = _study_from(what)
-    place = writable_folder(Path(folder or default_folder(asked)), "folder")
+    kept = writable_folder(place(folder or default_folder(asked), "folder"), "folder")
     ready = prepare(asked)
     with closing(Pool(ready.job, workers)) as executor:
-        store = run_study(ready, place, executor)
+        store = run_study(ready, kept, executor)
     if asked.settings.lanes:
         with closing(Pool(bench_job(ready), workers)) as executor:
             check_lanes(ready, store, executor)

@@ -74,7 +74,7 @@ def trial(
     """
     label, values = _keys(source)
     trust = source.trust if isinstance(source, Trial) else trust
-    values = overridden(values, plain_data(dict(changes or {})))
+    values = overridden(values, plain_data(by_path(changes, "changes")))
     if law is not None:
         values = with_law(values, law)
     if plan is not None:
@@ -102,7 +102,7 @@ def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
     what = trial_from(what)
     warn = partial(warnings.warn, stacklevel=3)
     if folder is not None:
-        result = run_trial(what, "notebook", Path(folder), in_process=True, warn=warn)
+        result = run_trial(what, "notebook", place(folder, "folder"), in_process=True, warn=warn)
         return read(result.folder, what.trust)
     with tempfile.TemporaryDirectory() as passing:
         run = Path(passing, "run")
@@ -121,8 +121,7 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
     Raises:
         BadInput: there is no bag, or it is damaged.
     """
-    path = Path(run)
-    bag = BagReader(bag_folder(path), trust=trust)
+    bag = BagReader(bag_folder(place(run, "run")), trust=trust)
     signals = read_signals(bag)
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events
@@ -132,7 +131,7 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
 
 
 def linear_model(
-    what: What, at: float | None = None, sampled: bool = False, **joints: float | str
+    what: What, at: float | str | None = None, sampled: bool = False, **joints: float | str
 ) -> control.StateSpace:
     """Return the small motions of a trial's testbed about a rest, from efforts to sensors.
 
@@ -140,7 +139,7 @@ def linear_model(
 
     Args:
         what: as from `trial`, or what `trial` takes.
-        at: simulated time [s]: the rest that the plan passes then; None: the start.
+        at: simulated time [s], or with a unit: the rest that the plan passes then; None: the start.
         sampled: as the bench ticks, with hold, delay and motor lag; else continuous.
         joints: where joints rest instead, by name [rad or m], or with a unit: `30 deg`.
 
@@ -181,6 +180,34 @@ def plain_data(value: Any) -> Any:
     if isinstance(value, Fraction | Decimal):
         return float(value)
     return np.asarray(value).tolist() if hasattr(value, "__array__") else value
+
+
+def place(given: Any, key: str) -> Path:
+    """Return a path of the file system.
+
+    Args:
+        given: a text, or a path.
+        key: that holds it, for the error.
+
+    Raises:
+        BadInput: it is neither.
+    """
+    if not isinstance(given, str | os.PathLike):
+        raise BadInput("give a path", key=key, value=given)
+    return Path(given)
+
+
+def by_path(given: Any, key: str) -> dict[str, Any]:
+    """Return values by path of a trial; of None none.
+
+    Raises:
+        BadInput: they have no paths; with the key that holds them.
+    """
+    try:
+        return dict(given if given is not None else {})
+    except (TypeError, ValueError):
+        words = "give keys, for example {'testbed.modes': 5}"
+        raise BadInput(words, key=key, value=given) from None
 
 
 def _keys(source: What) -> tuple[str, dict[str, Any]]:

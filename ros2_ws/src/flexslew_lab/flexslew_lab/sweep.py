@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexslew_lab.metrics.rows import flat
-from flexslew_lab.notebook import What, plain_data, trial
+from flexslew_lab.notebook import What, by_path, plain_data, trial
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.errors import BadInput
@@ -93,10 +93,11 @@ def sweep(
         BadInput: an axis has no values, or a point is not allowed; before anything is flown.
         PlanFailed: a point has no plan; the message names its number.
     """
-    grid = {path: _values(path, values) for path, values in (axes or {}).items()}
-    _require_apart(changes or {}, grid)
+    grid = {path: _values(path, values) for path, values in by_path(axes, "axes").items()}
+    fixed = by_path(changes, "changes")
+    _require_apart(fixed, grid)
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
-    trials = [trial(source, {**(changes or {}), **point}, **given) for point in points]
+    trials = [trial(source, {**fixed, **point}, **given) for point in points]
     rows, told = [], dict[str, list[int]]()
     for number, one in enumerate(trials):
         with tempfile.TemporaryDirectory() as passing:

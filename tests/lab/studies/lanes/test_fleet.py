@@ -217,6 +217,7 @@ def test_a_spacecraft_flies_in_lanes_as_on_the_bench(
     vary = {"testbed.platform.mass": {"uniform": [100.0, 200.0]}}
     if what == "speed limit":
         testbed["wheels"]["roll"]["momentum_limit"] = 1.0
+        vary["testbed.wheels.roll.momentum_limit"] = {"uniform": [0.5, 1.5]}
     elif what == "driven hinge":
         boom["hinge"] |= {"kind": "driven", "spring": 20.0}
         gains = {"kp": [30.0, 0.0], "kd": [60.0, 1.0]}

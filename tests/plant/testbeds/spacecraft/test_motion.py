@@ -123,20 +123,6 @@ def test_a_wheel_takes_the_momentum_that_the_platform_loses() -> None:
     assert after[7] > 5.0  # the wheel has turned
 
 
-def test_a_wheel_at_its_speed_limit_takes_no_more() -> None:
-    craft = random_craft(2, 0)
-    wheel = craft.wheels[0]._replace(largest_speed=20.0)
-    craft = replace(craft, wheels=(wheel,))
-    effort = np.array([-0.05 if d.what == at.WHEEL else 0.0 for d in craft.drives])
-    x = np.zeros(sum(craft.sizes))
-    x[6] = 1.0
-    after = fly(packed(craft), 0.0, x, effort, craft.sizes[1], 0.01, 4000)
-    speed = after[-1]
-    assert 20.0 <= speed < 20.1
-    back = fly(packed(craft), 0.0, after, -effort, craft.sizes[1], 0.01, 1000)
-    assert back[-1] < 15.0
-
-
 @pytest.mark.parametrize("motion", [at.FREE, at.HELD, at.PIVOT])
 @pytest.mark.parametrize("seed", range(5))
 def test_the_mass_matrix_is_symmetric_and_positive_definite(seed: int, motion: int) -> None:

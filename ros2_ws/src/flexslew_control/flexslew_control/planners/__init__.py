@@ -34,6 +34,7 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.own_code import PLANNERS as GROUP
 from flexslew_plant.settings import plain, validated
+from flexslew_plant.testbeds import initial_positions, joints_together
 from flexslew_plant.yaml_data import require_short, yaml_text
 
 # isort: split
@@ -140,14 +141,20 @@ def _require_near(settings: PlanSettings, source: str) -> None:
 
 
 def _by_joint(settings: PlanSettings, plant: PlantDescription) -> PlanSettings:
-    """Return a section whose goal is given by joint."""
+    """Return a section whose goal is given by joint, and which attitudes have as it stands."""
     given: Any = settings
-    goal = getattr(given, "goal", None)
-    if not isinstance(goal, AttitudeGoal):
-        return settings
-    by_joint = joint_goal(goal, plant, getattr(given, "initial", None))
-    asked: PlanSettings = replace(given, goal=by_joint)
-    return asked
+    goal, initial = (getattr(given, key, None) for key in ("goal", "initial"))
+    if isinstance(goal, AttitudeGoal):
+        asked: PlanSettings = replace(given, goal=joint_goal(goal, plant, initial))
+        return asked
+    model, first = plant.testbed.model(), initial_positions(plant.testbed)
+    for key, named in (("initial", initial), ("goal", goal)):
+        if isinstance(named, dict) and set(named) <= set(first):  # who plans refuses other names
+            there = joints_together(model, first | named, named, f"plan.{key}", first)
+            if there != first | named:
+                given = replace(given, **{key: there})
+            first = there
+    return given  # type: ignore[no-any-return]
 
 
 def planner_of(settings: PlanSettings) -> PlannerEntry:

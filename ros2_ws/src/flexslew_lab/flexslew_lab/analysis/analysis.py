@@ -28,7 +28,7 @@ from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import RunningLaw, running_law
 from flexslew_control.plan import Plan
-from flexslew_lab.analysis.trial_models import Point, in_charge, point_of
+from flexslew_lab.analysis.trial_models import Point, in_charge, moment_of, point_of
 from flexslew_lab.trial.trial import Trial, law_of, plan_of_trial, plant_of
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -130,7 +130,7 @@ def analysed(
     trial: Trial,
     source: str,
     controller: str | None = None,
-    at: float | None = None,
+    at: float | str | None = None,
     joints: Mapping[str, float | str] | None = None,
     plan: Plan | None = None,
 ) -> Analysis:
@@ -148,7 +148,7 @@ def analysed(
         BadInput: no such controller, or it has no linear form there.
         PlanFailed: there is no plan.
     """
-    name = controller or in_charge(trial, at or 0.0)
+    name = controller or in_charge(trial, moment_of(at))
     if name not in trial.controllers:
         known = ", ".join(trial.controllers)
         raise BadInput(f"{source}: --controller: {name} is not in controllers; allowed: {known}")

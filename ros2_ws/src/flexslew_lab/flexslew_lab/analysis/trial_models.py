@@ -35,9 +35,21 @@ class Point:
     left_out: tuple[str, ...] = ()
 
 
+def moment_of(at: float | str | None) -> float:
+    """Return the simulated time that is asked about [s]; None: the start.
+
+    Raises:
+        BadInput: it is none.
+    """
+    time = 0.0 if at is None else number_in(at, ("s",), "--at")
+    if time < 0.0:
+        raise BadInput("simulated seconds, 0 or more", key="--at", value=time)
+    return time
+
+
 def point_of(
     trial: Trial,
-    at: float | None = None,
+    at: float | str | None = None,
     joints: Mapping[str, float | str] | None = None,
     plan: Plan | None = None,
 ) -> Point:
@@ -45,7 +57,8 @@ def point_of(
 
     Args:
         trial: what flies.
-        at: simulated time [s]: the joints stand where the plan wants them then; None: the start.
+        at: simulated time [s], or with a unit: the joints stand where the plan wants them then;
+            None: the start.
         joints: positions by name, instead of the plan's [rad or m], or with a unit.
         plan: of the trial; None: made where it is needed.
 
@@ -53,9 +66,7 @@ def point_of(
         BadInput: the time is none, a name is no joint, or a position is not finite.
         PlanFailed: there is no plan.
     """
-    time = 0.0 if at is None else number_in(at, ("s",), "--at")
-    if not 0.0 <= time < np.inf:
-        raise BadInput("simulated seconds, 0 or more", key="--at", value=time)
+    time = moment_of(at)
     plant = plant_of(trial)
     if at is not None and not joints:
         plan = plan or plan_of_trial(trial, predict=False)

@@ -88,6 +88,30 @@ def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> No
         )
 
 
+def extended(there: dict[str, Any], here: dict[str, Any], samples: pa.Table) -> bool:
+    """Return whether one study is another one with more samples, those of that come first.
+
+    A `stop` counts looks at fewer samples, so such a study is another one.
+
+    Args:
+        there: identity of the one.
+        here: identity of the other one.
+        samples: of the other one.
+    """
+    before, now = (one["study"].get("sampling") or {} for one in (there, here))
+    old, new = before.get("n"), now.get("n")
+    if not (isinstance(old, int) and isinstance(new, int) and 0 < old < new):
+        return False
+    if here["study"].get("stop") is not None:
+        return False
+    first = samples.slice(0, samples.num_rows * old // new)
+    longer = there | {
+        "study": there["study"] | {"sampling": before | {"n": new}},
+        "samples": here["samples"],
+    }
+    return longer == here and there["samples"] == _samples_digest(first)
+
+
 def require_files(study: Study, identity: dict[str, Any]) -> None:
     """Check that what trials run or read is still what it was when the study was prepared.
 

@@ -38,7 +38,9 @@ def merged(folders: list[Path], out: Path, trust: Trust) -> tuple[Study, Store]:
         raise BadInput(f"--out: {out} is not empty and holds no study; choose another folder")
     with whole.locked():
         whole.clean()
-        if not whole.exists:
+        if whole.exists:
+            require_same(whole.identity, shards[0].identity, out)
+        else:
             whole.create(shards[0].identity, shards[0].samples)
         for name in ("study.yaml", "trial.yaml", "samples.csv"):
             if (shards[0].folder / name).is_file():

@@ -108,12 +108,21 @@ def written(rows: pa.Table) -> bytes:
     return bytes(sink.getvalue())
 
 
+def read_written(content: bytes) -> pa.Table:
+    """Return the table of a Parquet file, read by this thread alone.
+
+    Where others of pyarrow read they may hold the bytes for a while: those that still do when
+    Python ends abort it.
+    """
+    return pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
+
+
 def _span(path: Path) -> tuple[int, int] | None:
     try:
         content = path.read_bytes()
         if not is_sound(path.name, content):
             return None
-        rows = pq.read_table(pa.BufferReader(content))
+        rows = read_written(content)
         numbers = rows["index"].to_numpy()
     except (OSError, KeyError, pa.ArrowException):
         return None

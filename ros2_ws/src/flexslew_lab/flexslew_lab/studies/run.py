@@ -15,7 +15,7 @@ from flexslew_lab.studies.cases import Case, Cases, case_of, case_trial, sample_
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.findings.stopping import interim_sizes, settled
 from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
-from flexslew_lab.studies.identity import identity_of, require_files, require_same
+from flexslew_lab.studies.identity import extended, identity_of, require_files, require_same
 from flexslew_lab.studies.seals import opened_json
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, known_metric
@@ -130,7 +130,7 @@ def run_study(
 
     Args:
         ready: the study.
-        folder: new, empty, or with a part of the same study.
+        folder: new, empty, or with a part of the same study, or of one with fewer samples.
         executor: who flies.
         shard: which samples are requested here.
         retry_failed: fly failed trials again.
@@ -145,18 +145,32 @@ def run_study(
     study, store = ready.study, Store(folder)
     if shard.of > 1 and study.settings.stop is not None:
         raise BadInput("stop: is not allowed for a shard, which sees a part only", study.source)
-    if store.exists:
-        require_same(store.identity, ready.identity, folder)
-    elif store.strangers:
-        raise BadInput("is not empty and holds no study; choose another --out", folder)
+    _is_begun(Store(folder), ready)
     with store.locked():
+        begun = _is_begun(store, ready)  # another run may have begun one meanwhile
         store.clean()
-        if not store.exists:
+        if not begun:
             store.create(ready.identity, ready.samples)
         _describe(study, store)
         _fly_missing(ready, store, executor, shard, retry_failed, progress)
         store.write_table()
     return store
+
+
+def _is_begun(store: Store, ready: Preparation) -> bool:
+    """Return whether a folder holds the study, with all of its samples.
+
+    Raises:
+        BadInput: it holds something else.
+    """
+    if not store.exists:
+        if store.strangers:
+            raise BadInput("is not empty and holds no study; choose another --out", store.folder)
+        return False
+    if extended(store.identity, ready.identity, ready.samples):
+        return False
+    require_same(store.identity, ready.identity, store.folder)
+    return True
 
 
 def flights_of(store: Store) -> dict[str, Any]:

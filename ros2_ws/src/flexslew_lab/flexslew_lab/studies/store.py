@@ -26,7 +26,7 @@ from flexslew_lab.studies.identity_file import (
     identity_text,
     kept_identity,
 )
-from flexslew_lab.studies.parts import Parts, readable, written
+from flexslew_lab.studies.parts import Parts, read_written, readable, written
 from flexslew_lab.studies.seals import check_text, sealed_json, sealed_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.file_lock import lock_file
@@ -103,7 +103,7 @@ class Store:
             path = self.folder / _SAMPLES
             try:
                 content = path.read_bytes()
-                found = pq.read_table(pa.BufferReader(content))
+                found = read_written(content)
             except (OSError, pa.ArrowException):
                 found, content = None, b""
             digest = hashlib.sha256(content).hexdigest()
@@ -147,12 +147,12 @@ class Store:
         return self.folder / _DESCRIPTION[0]
 
     def create(self, identity: dict[str, Any], samples: pa.Table) -> None:
-        """Write the samples and what they are of, before anything is flown."""
+        """Write the samples and what they are of, before anything of them is flown."""
         self._parts.make()
         content = written(samples)
         put(self.folder / _SAMPLES, content)
-        kept = KeptIdentity(identity, hashlib.sha256(content).hexdigest())
-        put(self.folder / IDENTITY, identity_text(kept).encode())
+        self._kept = KeptIdentity(identity, hashlib.sha256(content).hexdigest())
+        put(self.folder / IDENTITY, identity_text(self._kept).encode())
 
     @contextmanager
     def locked(self) -> Iterator[None]:

@@ -43,6 +43,7 @@ from flexslew_plant.hardware.drive import Drive
 from flexslew_plant.hardware.friction import friction_of
 from flexslew_plant.hardware.plausibility import Plausibility
 from flexslew_plant.hardware.sensors import Readings, Sensors, exact_readings
+from flexslew_plant.hardware.spin_limits import spin_limits_of
 from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
@@ -113,6 +114,7 @@ class Bench:
         self.actuator = Actuator(
             settings.actuator, self.limit, settings.period, thrusters, self.model.one_way
         )
+        self._spins = spin_limits_of(self.model, settings.period)
         chosen = settings.plausibility
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None
         q, _ = self.model.split(self._start)
@@ -274,9 +276,12 @@ class Bench:
             self.handover.missed()
         demand = drive.effort(self._velocity)
         if faults.at_work:
-            applied = kept(faults.effort(self.actuator.apply(faults.demand(demand))))
+            applied = faults.effort(self.actuator.apply(faults.demand(demand)))
         else:
-            applied = kept(self.actuator.apply(demand))
+            applied = self.actuator.apply(demand)
+        if self._spins is not None:
+            applied = self._spins.apply(applied, self._x)
+        applied = kept(applied)
         extra = self._injections.disturbance(self.tick)
         total = applied + extra
         after = kept(self._moved(total))

@@ -1,4 +1,5 @@
 """Motors with friction, the drive, the sensors, and what disturbs the joints.
 
-Offers: actuator, disturbances, drive, friction, plausibility, sensors, thrusters.
+Offers: actuator, disturbances, drive, friction, plausibility, sensors, spin_limits,
+thrusters.
 """

@@ -11,7 +11,7 @@ robot_model, scene, spacecraft.assembly.packing, spacecraft.clamped, spacecraft.
 spacecraft.motions, spacecraft.shapes.shape, spacecraft.sky, spacecraft.testbed, spacecraft.units.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeGuard
 
@@ -195,12 +195,19 @@ def initial_positions(testbed: Testbed) -> dict[str, float]:
     """Return where each joint rests at the start, by name [rad or m].
 
     One that `initial` leaves out may read where the others put it.
+
+    Raises:
+        BadInput: no attitude has those that it names.
     """
     given, model = testbed.initial, testbed.model()
     values = given if isinstance(given, dict) else vars(given)
     names = model.joint_names
     first = {name: float(values.get(name, 0.0)) for name in names}
-    if not any(first.values()) or set(names) <= set(values):
+    if not any(first.values()):
+        return first
+    if model.attitude is not None:
+        first = joints_together(model, first, [n for n in names if n in values], "initial")
+    if set(names) <= set(values):
         return first
     import numpy as np
 
@@ -210,6 +217,39 @@ def initial_positions(testbed: Testbed) -> dict[str, float]:
         name: float(at) if other else first[name]
         for name, at, other in zip(names, read, off, strict=True)
     }
+
+
+def joints_together(
+    model: Model,
+    asked: Mapping[str, float],
+    named: Collection[str],
+    key: str,
+    first: Mapping[str, float] | None = None,
+) -> dict[str, float]:
+    """Return positions by joint that one attitude has; see AttitudeJoints.together.
+
+    Args:
+        model: whose joints they are.
+        asked: position of each joint [rad or m].
+        named: those that somebody named.
+        key: that asks for them, for an error.
+        first: where each joint is [rad or m]; None: at zero.
+
+    Raises:
+        BadInput: no attitude has the named ones.
+    """
+    import numpy as np
+
+    if model.attitude is None:
+        return dict(asked)
+    names = model.joint_names
+    begin, end = (np.array([at.get(name, 0.0) for name in names]) for at in (first or {}, asked))
+    try:
+        found = model.attitude.together(end, np.array([name in named for name in names]), begin)
+    except BadInput as error:
+        given = {name: asked[name] for name in names if name in named}
+        raise BadInput(error.refusal.why, key=key, value=given) from None
+    return dict(zip(names, found.tolist(), strict=True))
 
 
 def initial_state(testbed: Testbed) -> Vector:

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Indices, Matrix, Vector, called, compiled_once
+from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.quaternions import Turn, multiplied, of_turn, turn_of, way
 
+_ROUNDED = 1e-3  # what positions of joints may lie apart that one attitude has [rad or m]
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of x, y, z in a cross product
 _BACK = np.array([-1.0, -1.0, -1.0, 1.0])  # what turns a quaternion x y z w round
 
@@ -203,6 +205,36 @@ class AttitudeJoints:
         """From the joints' positions to the rotation vector, shape (3, joints)."""
         inverse: Matrix = np.asarray(np.linalg.pinv(self.axes), dtype=np.float64)
         return inverse
+
+    def together(self, position: Vector, named: NDArray[np.bool_], first: Vector) -> Vector:
+        """Return positions that one attitude has, with the named joints where they are asked to be.
+
+        More joints than axes do not stand wherever one likes. Those that nobody named then follow,
+        by the least turn from `first`.
+
+        Args:
+            position: asked for, shape (joints,) [rad or m].
+            named: which of them somebody named, shape (joints,).
+            first: where the joints are, shape (joints,).
+
+        Raises:
+            BadInput: no attitude has the named ones.
+        """
+        if not self._apart(self.axes @ self.turn_of(position), position, self.reads):
+            return position
+        asked, start = named & self.reads, self.turn_of(first)
+        rows = self.axes[asked]
+        turn = start + np.linalg.pinv(rows) @ (position[asked] - rows @ start)
+        there: Vector = np.where(self.reads, self.axes @ turn, position)
+        if self._apart(there, position, asked):
+            nearest = ", ".join(f"{at:.6g}" for at in there[asked])
+            raise BadInput(f"no attitude has these joints there; the nearest has {nearest}")
+        return there
+
+    @staticmethod
+    def _apart(there: Vector, position: Vector, which: NDArray[np.bool_]) -> bool:
+        """Return whether positions differ by more than their rounding in a file."""
+        return bool(abs(there - position)[which].max(initial=0.0) > _ROUNDED)
 
     def error(self, measured: Vector, goal: Vector) -> Vector:
         """Return what is left to turn or move, along each joint, shape of measured [rad or m].

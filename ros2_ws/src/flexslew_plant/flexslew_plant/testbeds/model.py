@@ -30,6 +30,18 @@ class Motors(NamedTuple):
     sign: Vector  # of the coordinate along the effort: -1 for a wheel, which reacts, shape (k,)
 
 
+class DrivenWheels(NamedTuple):
+    """Reaction wheels, each with a motor that drives it up to a speed."""
+
+    efforts: Indices  # which of the actuators, shape (k,)
+    rate: Indices  # where their speeds stand in a state, shape (k,)
+    inertia: Vector  # about their axes, shape (k,) [kg m^2]
+    fastest: Vector  # up to which they are driven, shape (k,) [rad/s]; infinite: no limit
+
+
+NO_WHEELS = DrivenWheels(np.arange(0), np.arange(0), np.zeros(0), np.zeros(0))
+
+
 class Coordinate(NamedTuple):
     """An entry of q or of v."""
 
@@ -59,6 +71,7 @@ class Model:
         placed: from joint positions by name to q at rest; None: the first entries.
         motors: those of the actuators; None: all, one in each joint, unless the kernels say
             what the efforts act on.
+        spins: the wheels among them.
         attitude: the joints that read a platform's attitude; None: all errors are differences.
         outside: the forces that bench and lanes alone apply; None: there are none.
         one_way: which actuators push in their positive direction alone.
@@ -81,6 +94,7 @@ class Model:
     reading: Callable[[Vector], tuple[Vector, Vector]] | None = None
     placed: Callable[[Mapping[str, float]], Vector] | None = None
     motors: Motors | None = None
+    spins: DrivenWheels = NO_WHEELS
     attitude: AttitudeJoints | None = None
     outside: Outside | None = None
     one_way: tuple[int, ...] = ()
@@ -213,7 +227,7 @@ class Model:
         return np.array(columns).T
 
     def generalised_forces(self, x: Vector, effort: Vector, t: float = 0.0) -> Vector:
-        """Return B(q, t) u, shape (n,), without what a wheel at its speed limit refuses."""
+        """Return B(q, t) u, shape (n,)."""
         self._require(x, effort)
         out = np.zeros(self.coordinates)
         if self.kernels.actuation is None:

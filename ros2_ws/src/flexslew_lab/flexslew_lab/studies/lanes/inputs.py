@@ -120,14 +120,14 @@ def aim_of(lane: LaneTrial, plan: Plan | None) -> tuple[Vector, FlownManoeuvre]:
 
 
 def drives_of(lanes: list[LaneTrial]) -> Matrix:
-    """Return of every lane limits, least efforts and shortest impulses, then row `motor`."""
-    found: list[Vector] = []
-    for before, lane in zip([None, *lanes], lanes, strict=False):
-        one = lane.trial.actuator, lane.trial.testbed.effort_limit
-        if before and one == (before.trial.actuator, before.trial.testbed.effort_limit):
-            found.append(found[-1])
-        else:
-            found.append(_drives(lane.trial, lane.model))
+    """Return of every lane limits, least efforts, shortest impulses, rows `motor` and `spin`."""
+    found, known = list[Vector](), tuple[Any, ...]()
+    for lane in lanes:
+        own = lane.model.spins
+        spins = own.inertia.tobytes(), own.fastest.tobytes()
+        one = lane.trial.actuator, lane.trial.testbed.effort_limit, spins
+        found.append(found[-1] if one == known else _drives(lane.trial, lane.model))
+        known = one
     return np.array(found)
 
 
@@ -139,9 +139,23 @@ def _drives(trial: Trial, model: Model) -> Vector:
     thrusters = thrusters_of(motor.shortest_pulse, model.joint_names, limit, trial.period)
     pulses = 0.0 * limit if thrusters is None else thrusters.least_impulse
     rises = Actuator(motor, limit, trial.period).rises
+    own, spins = model.spins, np.zeros((2, limit.size))
+    spins[:, own.efforts] = own.inertia / trial.period, own.fastest
     return np.concatenate(
-        (limit, least, pulses, (motor.lag, motor.slew_rate, motor.quantisation, *rises))
+        (limit, least, pulses, (motor.lag, motor.slew_rate, motor.quantisation, *rises), *spins)
     )
+
+
+def spun_by(lanes: Sequence[LaneTrial]) -> tuple[int, ...]:
+    """Return which entry of the state is the speed of each joint's wheel, -1 of what has none.
+
+    Where no wheel of any lane has a limit it is empty.
+    """
+    wheels = lanes[0].model.spins
+    limited = np.isfinite([lane.model.spins.fastest for lane in lanes]).any(axis=0)
+    rates = np.full(lanes[0].model.joints, -1)
+    rates[wheels.efforts[limited]] = wheels.rate[limited]
+    return tuple(rates.tolist()) if limited.any() else ()
 
 
 def gains_of(controller: Controller) -> Vector:

@@ -23,6 +23,7 @@ from flexslew_lab.studies.lanes.inputs import (
     numbers_of,
     positions_of,
     quanta_of,
+    spun_by,
     troubles_of,
 )
 from flexslew_lab.studies.lanes.laws.beginning import Beginning, beginning
@@ -219,6 +220,7 @@ class LaneFlight:
             k > 0,
             self._troubles.faults is not None,
             self._troubles.disturbance.shape[2] > 1,
+            spun_by(self._lanes),
         )
 
     def _at_rest(self, aim: Vector, moved: float) -> Vector:

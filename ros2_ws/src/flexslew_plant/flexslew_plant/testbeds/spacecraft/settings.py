@@ -199,8 +199,9 @@ class WheelSettings:
     axis: Triple  # in body axes; a positive effort turns the platform about it
     inertia: Positive  # about its axis
     limit: Positive  # of its motor
-    # inertia times speed of a wheel from which on its motor drives it no further, but for what the
-    # tick adds in which it gets there
+    # inertia times speed of a wheel up to which its motor drives it: the tick in which it gets
+    # there has the impulse that is left, and the efforts of the log are those that acted; what
+    # the platform's own turn, or a disturbance, adds to the speed is held by nobody
     momentum_limit: Positive | None = None
     speed_limit: Positive | None = None  # the same for its speed [rad/s]
     place: Triple = (0.0, 0.0, 0.0)  # of the wheel in body axes, where its imbalance pushes

@@ -25,7 +25,7 @@ from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn, unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
-from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of
+from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of, spins_of
 from flexslew_plant.testbeds.spacecraft.assembly.packing import begun_at, packed, stiffened
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
 from flexslew_plant.testbeds.spacecraft.channels import channels
@@ -440,7 +440,7 @@ def _model(same: _Same) -> Model:
     p = packed(craft)
     drives = craft.drives
     free = craft.motion == at.FREE
-    axes = turning_axes(craft)
+    axes, motors = turning_axes(craft), motors_of(craft)
     around = same.testbed.orbit, same.testbed.wheels, UNITS[same.testbed.units]
     return Model(
         FLOATING if free else GROUNDED,
@@ -456,7 +456,8 @@ def _model(same: _Same) -> Model:
         known_as=coordinates(craft),
         reading=lambda x: _read(p, x, len(drives)),
         placed=lambda positions: placed(craft, axes, positions),
-        motors=motors_of(craft),
+        motors=motors,
+        spins=spins_of(craft, motors),
         attitude=attitude_joints(axes) if free else None,
         outside=outside_of(craft, *around) if free else None,
         one_way=tuple(k for k, d in enumerate(drives) if d.what == at.THRUSTER),

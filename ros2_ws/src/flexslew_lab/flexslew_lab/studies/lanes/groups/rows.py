@@ -29,6 +29,7 @@ class Sizes(NamedTuple):
     taken: bool  # the law took over from another one
     broken: bool  # there are faults
     apart: bool  # each lane has disturbances of its own
+    spun: tuple[int, ...]  # entries of the state with the speed of each joint's wheel; -1: none
 
     @property
     def doubtful(self) -> bool:
@@ -65,6 +66,7 @@ class Rows(NamedTuple):
     least: int  # effort of the drives
     pulse: int  # impulse of their shortest pulse
     motor: int  # lag, slew rate, quantum, parts of a step gone: at a tick's end, in its mean
+    spin: int  # inertia over a tick of each joint's wheel, then its largest speed
     quantum: int  # of each reading; 0: none
     doubt: int  # 1: something was too near to an edge, see quanta; 2: see judge and watch
     squares: int  # of innovations over their variances, added up in a window
@@ -87,6 +89,6 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     seen, products, taken = n * sizes.shared, n * n * sizes.quadratic, m * sizes.taken
     law = (read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
     doubts = read * sizes.quantised, int(sizes.doubtful), sizes.watched
-    drives = (tip, m, m, m, n, m, m, m, 5, *doubts)  # to squares
+    drives = (tip, m, m, m, n, m, m, m, 5, 2 * m, *doubts)  # to squares
     counts = (m, m, m * sizes.broken, *law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))

@@ -256,6 +256,7 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     follow, stepped, doubt = _follow(rows, sizes), sizes.stepped, rows.doubt
     quantum = rows.motor + 2 * LANES
     apart, ask, give = sizes.apart, broken_demand(rows, sizes), broken_motors(rows, sizes)
+    spin = _spin(rows, sizes)
 
     @vectorised
     def disturb(k: int, i: int, troubles: Troubles, w: Vector) -> None:
@@ -290,9 +291,30 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
             w[effort + at] = applied
         follow(i, dt, w)
         give(k, i, troubles.faults, w, filled)
+        spin(i, w)
         disturb(k, i, troubles, w)
 
     return cast(Callable[..., None], drive)
+
+
+def _spin(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what motors of wheels near their largest speed give; see SpinLimits."""
+    effort, share, fastest = rows.applied, rows.spin, rows.spin + sizes.joints * LANES
+    spun = sizes.spun
+
+    def nothing(i: int, w: Vector) -> None:
+        pass
+
+    def hold(i: int, w: Vector) -> None:
+        if spun[i] < 0:
+            return
+        for lane in range(LANES):
+            at, speed = i * LANES + lane, w[spun[i] * LANES + lane]
+            most = max(w[share + at] * (w[fastest + at] + speed), 0.0)
+            least = min(w[share + at] * (speed - w[fastest + at]), 0.0)
+            w[effort + at] = min(max(w[effort + at], least), most)
+
+    return vectorised(hold if spun else nothing)
 
 
 def _follow(rows: Rows, sizes: Sizes) -> Callable[..., None]:

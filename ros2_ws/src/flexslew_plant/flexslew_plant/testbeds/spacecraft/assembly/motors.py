@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_plant.testbeds.model import Motors
+from flexslew_plant.testbeds.model import DrivenWheels, Motors
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
@@ -27,4 +27,21 @@ def motors_of(craft: Spacecraft) -> Motors:
         positions - others + turned,
         positions + coordinates - others + turned,
         np.array([-1.0 if d.what == at.WHEEL else 1.0 for d in drives]),
+    )
+
+
+def spins_of(craft: Spacecraft, motors: Motors) -> DrivenWheels:
+    """Return the wheels.
+
+    Args:
+        craft: the spacecraft.
+        motors: its motors, see motors_of.
+    """
+    wheels = motors.sign < 0.0
+    owners = [craft.wheels[craft.drives[k].owner] for k in motors.efforts[wheels]]
+    return DrivenWheels(
+        motors.efforts[wheels],
+        motors.rate[wheels],
+        np.array([wheel.inertia for wheel in owners]),
+        np.array([wheel.largest_speed for wheel in owners]),
     )

@@ -115,10 +115,9 @@ def _drive(craft: Spacecraft, d: CraftDrive, places: list[int]) -> Vector:
     head = np.zeros(at.SHAPES)
     direction = np.asarray(d.direction, dtype=float)
     spot = d.spot
-    head[at.WHAT], head[at.WHOSE], head[at.BOUND] = d.what, -1, np.inf
+    head[at.WHAT], head[at.WHOSE] = d.what, -1
     if d.what == at.WHEEL:
-        wheel = craft.wheels[d.owner]
-        head[at.INDEX], head[at.BOUND], direction = d.owner, wheel.largest_speed, wheel.axis
+        head[at.INDEX], direction = d.owner, craft.wheels[d.owner].axis
     elif d.what == at.GYRO:
         head[at.INDEX] = len(craft.wheels) + d.owner
         direction = craft.gyros[d.owner].across

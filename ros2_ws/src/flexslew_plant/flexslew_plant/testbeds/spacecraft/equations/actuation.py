@@ -1,7 +1,6 @@
 """Generalised forces B(q, t) u of a spacecraft's actuators; of gyros B depends on gimbal angles."""
 
 from flexslew_plant.arrays import Vector, called, compiled_once
-from flexslew_plant.testbeds.kernels import chosen
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import hinge_frame, offsets, rotor
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
@@ -14,12 +13,6 @@ from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     triple,
 )
 from flexslew_plant.testbeds.spacecraft.equations.rigid_block import put
-
-
-@called
-def _speed_limited(u: float, speed: float, limit: float) -> float:
-    """Return a wheel's torque on the platform: none that would drive it beyond its limit."""
-    return chosen((abs(speed) >= limit) & (u * speed < 0.0), 0.0, u)
 
 
 @called
@@ -97,8 +90,7 @@ def actuation(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> No
             out[own_v + index] += u
             continue
         if p[d + at.WHAT] == at.WHEEL:
-            at_wheel = own_v + hinges + index
-            out[at_wheel] -= _speed_limited(u, x[nq + at_wheel], p[d + at.BOUND])
+            out[own_v + hinges + index] -= u
             continue
         if p[d + at.WHAT] == at.GYRO:
             gimbal = own_v + hinges + index

@@ -39,5 +39,5 @@ SUMS = 35  # P (3 n), then [J1 (6 n), H (3 n)], T (n, 9 n), mass, stiffness (n),
 BEGIN, LENGTH, ANGLE, PROFILE, TABLE_AT, ROWS, TURN_AXIS, FROM_AXES = 0, 1, 2, 3, 4, 5, 6, 9
 MANOEUVRE_SIZE = 18
 
-# an actuator: kind, appendage's block, index, place, direction, limit; then Phi (3 n), share (n)
-WHAT, WHOSE, INDEX, AT, DIRECTION, BOUND, SHAPES = 0, 1, 2, 3, 6, 9, 10
+# an actuator: kind, appendage's block, index, place, direction; then Phi (3 n), share (n)
+WHAT, WHOSE, INDEX, AT, DIRECTION, SHAPES = 0, 1, 2, 3, 6, 9
