@@ -60,6 +60,28 @@ def test_the_margins_that_are_analysed_are_flown() -> None:
     assert [m.predicted for m in proof.margins if m.kind == "delay"] == [found.efforts[0].delay]
 
 
+def test_gains_that_were_found_are_flown() -> None:
+    found = fs.gains(SLEW, keys=["kp"], trials=8, octaves=1.0)
+    assert repr(found) == f"<FoundGains of pd_feedforward: {found.verdict}>"
+    (kp,) = found.changes["controllers.pd_feedforward.kp"]
+    assert 1.0 <= kp <= 4.0
+    flown = fs.fly(fs.trial(SLEW, found.changes))
+    assert flown.metrics["residual_tip_deflection"] <= found.best.outcome.residual
+    with pytest.raises(fs.BadInput, match=r"^trials: 0 is not allowed: a whole number"):
+        fs.gains(SLEW, trials=0)
+
+
+def test_planners_and_laws_are_compared_as_by_the_command() -> None:
+    by_law = fs.compare(SLEW, laws=True)
+    assert repr(by_law).startswith("<Comparison by law: pd_feedforward, ")
+    rows = {row["law"]: row for row in by_law.rows()}
+    flown = fs.fly(SLEW).metrics
+    assert rows["pd_feedforward"]["residual_tip"] == flown["residual_tip_deflection"]
+    pushed = fs.trial(SLEW, law=lambda measurement, reference: -measurement.joint_velocity)
+    with pytest.raises(fs.BadInput, match="other processes need it in a file"):
+        fs.compare(pushed, workers=2)
+
+
 def test_runs_tell_of_their_bench_what_the_command_prints(shaken: Path) -> None:
     found = fs.identify(shaken, str(shaken))
     truth = np.sqrt(1.0 + 1.0 / 1.3)

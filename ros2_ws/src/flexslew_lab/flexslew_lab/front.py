@@ -21,6 +21,8 @@ from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust
 if TYPE_CHECKING:
     from flexslew_lab.analysis.analysis import Analysis
     from flexslew_lab.analysis.proof import Proof
+    from flexslew_lab.comparison.comparison import Comparison
+    from flexslew_lab.gains.search import FoundGains
     from flexslew_lab.identification.identification import Identification
     from flexslew_lab.studies.study import Study
 
@@ -91,6 +93,61 @@ def prove(what: What, found: Analysis) -> Proof:
     return proved(trial_from(what), found)
 
 
+def gains(
+    what: What = "m1",
+    controller: str | None = None,
+    keys: Sequence[str] = (),
+    margin: float | None = None,
+    trials: int = 200,
+    octaves: float = 2.0,
+    seed: int = 1,
+) -> FoundGains:
+    """Return the gains with the least worst residual that keep a disk margin.
+
+    Args:
+        what: as from `trial`, or what `trial` takes.
+        controller: of it; None: the one in charge.
+        keys: of its section; none: those that its law names as gains.
+        margin: disk margin at the plant's input to be kept; None: that of the trial's own gains.
+        trials: how many choices are flown, on benches with errors of stiffness and payload.
+        octaves: each gain is multiplied by 2^-octaves to 2^octaves.
+        seed: of the search.
+
+    Raises:
+        BadInput: no such trial, controller or gains, no manoeuvre, or no choice keeps the margin.
+        ModuleNotFoundError: optuna or pyarrow is not installed.
+    """
+    required("optuna")
+    from flexslew_lab.gains.ensemble import GainEnsemble, gains_of
+    from flexslew_lab.gains.search import searched
+
+    given = trial_from(what)
+    varied = gains_of(given, given.name, controller, keys)
+    ensemble = GainEnsemble(given, given.name, varied)
+    return searched(ensemble, varied, _count(trials, "trials"), octaves, margin, seed=seed)
+
+
+def compare(what: What = "m1", laws: bool = False, workers: int = 1) -> Comparison:
+    """Return what every planner does with the manoeuvre of a trial, also on other benches.
+
+    Args:
+        what: as from `trial`, or what `trial` takes.
+        laws: what every law does instead.
+        workers: processes that plan and fly, at least 1.
+
+    Raises:
+        BadInput: no such trial, or it has no manoeuvre that can be compared.
+    """
+    from flexslew_lab.comparison.comparison import compared
+    from flexslew_lab.comparison.laws import laws as by_laws
+    from flexslew_lab.comparison.planners import planners
+
+    given = trial_from(what)
+    if _count(workers, "workers") > 1:
+        require_in_files(given)
+    return compared((by_laws if laws else planners)(given, given.name), workers=workers)
+
+
 def identify(
     *runs: Path | str,
     band: tuple[float, float] | None = None,
@@ -146,8 +203,7 @@ def study(
     from flexslew_lab.studies.run import default_folder, prepare, run_study
     from flexslew_lab.trial.outputs import writable_folder
 
-    if not isinstance(workers, int | np.integer) or workers < 1:
-        raise BadInput("a whole number, at least 1", key="workers", value=workers)
+    _count(workers, "workers")
     asked = _study_from(what)
     kept = writable_folder(place(folder or default_folder(asked), "folder"), "folder")
     ready = prepare(asked)
@@ -159,6 +215,12 @@ def study(
     found = finished(asked, store)
     keep_worst(asked, store, lambda words: None)  # why a trial has no log, its row says
     return found
+
+
+def _count(given: Any, key: str) -> int:
+    if not isinstance(given, int | np.integer) or given < 1:
+        raise BadInput("a whole number, at least 1", key=key, value=given)
+    return int(given)
 
 
 def _study_from(what: str | Path | Mapping[str, Any]) -> Study:

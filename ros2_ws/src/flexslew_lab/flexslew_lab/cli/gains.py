@@ -52,7 +52,7 @@ def gains(
     """
     required("optuna")  # its extra brings pyarrow, too
     from flexslew_lab.gains.ensemble import GainEnsemble, gains_of
-    from flexslew_lab.gains.page import columns, gains_page, summary_rows, verdict
+    from flexslew_lab.gains.page import columns, gains_page, summary_rows
     from flexslew_lab.gains.search import searched
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
@@ -72,7 +72,7 @@ def gains(
         print(json.dumps(found.plain(), indent=2))
     else:
         print_table(columns(found), summary_rows(found))
-        say(verdict(found))
+        say(found.verdict)
     if out is not None or not as_json:
         say(f"written {link(write_page(gains_page(found, requested.name), target))}")
     if found.gain <= 0.0:

@@ -111,7 +111,7 @@ class TableColumn(NamedTuple):
     cell: Callable[[ComparedEntry], str]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """What was found, as tables and pages show it."""
 
@@ -125,6 +125,11 @@ class Comparison:
     short: Sequence[TableColumn]  # for a terminal
     columns: Sequence[TableColumn]
     groups: Sequence[Group]
+
+    def __repr__(self) -> str:
+        """Return one line: who flew."""
+        flown = ", ".join(entry.name for entry in self.flown)
+        return f"<Comparison by {self.word}: {flown or 'nothing'} flown of {len(self.entries)}>"
 
     @property
     def flown(self) -> Entries:

@@ -18,21 +18,10 @@ def gains_page(found: FoundGains, name: str) -> str:
     return tables_page(
         "gains",
         title=f"{name}: gains of {found.gains.controller}",
-        about=verdict(found),
+        about=found.verdict,
         tables=[_compared(found), _front(found)],
         groups=[_trade_off(found)],
     )
-
-
-def verdict(found: FoundGains) -> str:
-    """Return in a sentence what is gained over the gains of the trial."""
-    words = (
-        f"worst residual {found.best.outcome.residual:.4g} m instead of "
-        f"{found.shipped.residual:.4g} m: {100.0 * found.gain:.1f} % less"
-    )
-    if found.gain <= 0.0:
-        words = f"nothing better than the trial's own gains, {found.shipped.residual:.4g} m"
-    return f"{words}, at a disk margin of at least {found.least:.4g}"
 
 
 def summary_rows(found: FoundGains) -> list[tuple[str, ...]]:

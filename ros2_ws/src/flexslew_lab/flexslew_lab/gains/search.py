@@ -27,7 +27,7 @@ class Tried(NamedTuple):
     outcome: MemberOutcome
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FoundGains:
     """What a search has found.
 
@@ -45,6 +45,21 @@ class FoundGains:
     best: Tried
     tried: tuple[Tried, ...]
 
+    def __repr__(self) -> str:
+        """Return one line: what is gained over the gains of the trial."""
+        return f"<FoundGains of {self.gains.controller}: {self.verdict}>"
+
+    @property
+    def verdict(self) -> str:
+        """In a sentence what is gained over the gains of the trial."""
+        words = (
+            f"worst residual {self.best.outcome.residual:.4g} m instead of "
+            f"{self.shipped.residual:.4g} m: {100.0 * self.gain:.1f} % less"
+        )
+        if self.gain <= 0.0:
+            words = f"nothing better than the trial's own gains, {self.shipped.residual:.4g} m"
+        return f"{words}, at a disk margin of at least {self.least:.4g}"
+
     @property
     def front(self) -> tuple[Tried, ...]:
         """Those than which none has both a smaller residual and a larger margin."""
@@ -54,6 +69,12 @@ class FoundGains:
                 best = one.outcome.residual
                 out.append(one)
         return tuple(out)
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """The best gains by path of the trial, for `trial(..., changes)`."""
+        best = self.gains.times(self.best.factors)
+        return {f"controllers.{self.gains.controller}.{key}": gain for key, gain in best.items()}
 
     def plain(self) -> dict[str, Any]:
         """Return it as plain data."""
