@@ -2,6 +2,6 @@
 
 Import it where it is used: its modules load python-control, which takes more than a second.
 
-Offers: linear_plant, loop, loop_margins, lti, model_file, modes, nonlinear_plant, numeric_state,
-rest, ring_down, save_law, signals.
+Offers: linear_plant, loop, loop_margins, lti, minimal, model_file, modes, nonlinear_plant,
+numeric_state, rest, ring_down, save_law, signals.
 """
