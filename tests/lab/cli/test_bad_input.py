@@ -58,7 +58,7 @@ def call(
         ),
         (
             ("trial", "--in-process", "--set", "testbed.kind=hub_with_appendages"),
-            "testbed.modes: 3 is not allowed: must be 1 (and 1 more); the file's testbed is for",
+            "(wrong or missing, too: modes); the file's testbed is for another kind: give all of it",
         ),
         (("trial", "--in-process", "--set", "controllers={}"), "controllers: give at least one"),
         (("trial", "--in-process", "--out", "/proc/x"), "--out: /proc/x cannot be written"),
