@@ -1,5 +1,6 @@
 """Benches with errors that the experiment does not know are found again, with honest intervals."""
 
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -225,6 +226,15 @@ def test_a_mode_below_the_band_is_told_with_a_doubt() -> None:
     assert [mode for mode in told.modes if mode.frequency.value < 0.05]
     assert any("which nothing shook" in words for words in told.doubts)
     assert not found(0).doubts
+
+
+def test_steps_of_sensors_that_no_noise_blurs_are_told_with_a_doubt() -> None:
+    record = oscillator(0, ratio=0.0)[1].record.cut(0, 20_000)
+    steps = 0.05 * record.measured.std(axis=0)
+    stepped = replace(record, measured=steps * np.round(record.measured / steps))
+    told = identify_modes(stepped, (0.1, 6.0))
+    assert not any(one.white for one in told.whiteness)
+    assert any("steps of a sensor" in words for words in told.doubts)
 
 
 def test_what_the_model_lacks_is_told_with_a_doubt() -> None:

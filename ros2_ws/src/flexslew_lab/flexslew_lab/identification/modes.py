@@ -102,7 +102,10 @@ class ModalModel:
     def doubts(self) -> tuple[str, ...]:
         """What the model lacks, and modes that may be none, as they fade fast or swing slowly."""
         coloured = ", ".join(w.output for w in self.whiteness if not w.white)
-        lacks = f"the residual of {coloured} is not white: something moves that the model lacks"
+        lacks = (
+            f"the residual of {coloured} is not white: something moves that the model lacks, or "
+            "the steps of a sensor are coarser than its noise; intervals are too narrow"
+        )
         slow = tuple(
             f"mode {k} swings at {mode.frequency.value:.3g} rad/s, which nothing shook: it may "
             f"stand for what lies outside of the band of {self.band[0]:.3g} to "

@@ -18,9 +18,12 @@ from tests.control.planners.time_optimal.three_axes.reorientations import (
     transcribed,
 )
 
+from flexslew_control.law import PlantDescription
+from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.testbeds import read_testbed
 
 
 def test_a_sphere_turns_half_round_as_fast_as_bilimoria_and_wie_found() -> None:
@@ -99,3 +102,29 @@ def test_what_cannot_be_turned_by_all_drives_is_refused() -> None:
         planned(SPHERE, UNIT, (0.0, 0.0, 0.0))
     with pytest.raises(PlanFailed, match=r"takes 3\.2431 s, 3 s allowed"):
         planned(SPHERE, UNIT, HALF_ROUND, longest=3.0)
+
+
+def test_a_craft_that_one_drive_makes_tumble_is_turned_or_refused() -> None:
+    """Its roll has 270 times the acceleration of its yaw: efforts at random spin it up."""
+    platform = {"mass": 100.0, "inertia": {"xx": 9.5, "yy": 161.5, "zz": 162.5}}
+    wheels = {
+        name: {"axis": axis, "inertia": 0.01, "limit": limit}
+        for name, axis, limit in (
+            ("roll", [1.0, 0.0, 0.0], 4.02),
+            ("pitch", [0.0, 1.0, 0.0], 0.24),
+            ("yaw", [0.0, 0.0, 1.0], 0.15),
+        )
+    }
+    keys = {"appendages": {}, "actuators": {}, "platform": platform, "wheels": wheels}
+    testbed = read_testbed({"kind": "spacecraft", **keys}, "here")
+    plant = PlantDescription(testbed, 0.1, np.array(testbed.effort_limit))
+
+    def plan(drives: str, axis: list[float], angle: float) -> Plan:
+        goal = {"axis": axis, "angle": angle}
+        asked = plan_settings({"method": "time_optimal", "drives": drives, "goal": goal}, "here")
+        return make_plan(asked, plant, predict=False)
+
+    about_eigenaxis = plan("moving", [1.0, 1.0, 1.0], 1.0)
+    assert plan("all", [1.0, 1.0, 1.0], 1.0).duration < about_eigenaxis.duration
+    with pytest.raises(PlanFailed, match="none of 12 starts led to a slew"):
+        plan("all", [0.0, 1.0, 1.0], 1.5)

@@ -84,21 +84,35 @@ def from_starts(
         PlanFailed: none leads to one.
     """
     rng, found, starts = np.random.default_rng(_SEED), list[LocalArcs](), [*more]
+    # where drives far stronger than others make it tumble, as far aside as each has a share
+    sizes = (np.ones_like(slew.shares), np.abs(slew.shares))
+    tried = 0
+    for size in sizes:
+        starts += [_start_aside(slew, rng, size) for _ in range(_STARTS)]
+        for start in starts[tried:]:
+            local = fastest_near(slew, *start, STEPS)
+            if local.missed < _MET:
+                found.append(local)
+            tried += 1
+            least = min((one.duration for one in found), default=np.inf)
+            progress(Update(tried, least, np.nan, np.nan, np.nan, True))
+        if found:
+            return sorted(found, key=lambda one: one.duration)
+    raise PlanFailed(f"none of {tried} starts led to a slew; use another goal or limits")
+
+
+def _start_aside(slew: Reorientation, rng: np.random.Generator, size: Vector) -> Start:
+    """Return efforts beside those of the eigenaxis.
+
+    Args:
+        slew: what is turned.
+        rng: draws them.
+        size: of what each drive may give aside, shape (joints,), in parts of _ASIDE.
+    """
     half = np.where(np.arange(PIECES) < PIECES // 2, 1.0, -1.0)
-    for _ in range(_STARTS):
-        levels = rng.uniform(-1.0, 1.0, (_LEVELS, slew.amplitude.size))
-        aside = _ASIDE * np.repeat(levels, PIECES // _LEVELS, axis=0)
-        shares = np.clip(np.outer(half, slew.shares) + aside, -1.0, 1.0)
-        starts.append(Start(shares, slew.duration))
-    for k, start in enumerate(starts):
-        local = fastest_near(slew, *start, STEPS)
-        if local.missed < _MET:
-            found.append(local)
-        least = min((one.duration for one in found), default=np.inf)
-        progress(Update(k + 1, least, np.nan, np.nan, np.nan, True))
-    if not found:
-        raise PlanFailed(f"none of {len(starts)} starts led to a slew; use another goal or limits")
-    return sorted(found, key=lambda one: one.duration)
+    levels = rng.uniform(-1.0, 1.0, (_LEVELS, slew.amplitude.size))
+    aside = _ASIDE * size * np.repeat(levels, PIECES // _LEVELS, axis=0)
+    return Start(np.clip(np.outer(half, slew.shares) + aside, -1.0, 1.0), slew.duration)
 
 
 def _exact(slew: Reorientation, local: LocalArcs) -> tuple[Matrix, Vector] | None:

@@ -198,6 +198,8 @@ def _step(here: _About, price: float, radius: float) -> tuple[Matrix, float, flo
     below = np.hstack((limited, np.zeros((g, 2 * r)), -np.eye(g)))
     bounds: Any = np.vstack((np.column_stack((low, high)), np.tile([0.0, np.inf], (2 * r + g, 1))))
     right = here.by_share @ now - missed
+    if not np.isfinite(np.column_stack((ends, right))).all():  # it tumbles beyond any number
+        return None
     found = linprog(cost, below, most, rows, right, bounds, method="highs-ds", options=_PROGRAM)
     if found.x is None or found.fun is None:
         return None
