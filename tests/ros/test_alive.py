@@ -3,13 +3,18 @@
 import subprocess
 import sys
 from collections.abc import Iterator
+from socket import AF_INET, SOCK_DGRAM, socket
+from time import monotonic
 from typing import Any
 
 import pytest
+import rclpy
 
+from flexslew_lab.run.domain import own_domain
 from flexslew_plant.bench.operation.presence import Beat
 from flexslew_plant.process_identity import own_identity
 from flexslew_plant.ros.alive import Alive
+from flexslew_plant.rtps import ports
 
 HOUR = 3_600_000_000_000  # [ns]
 
@@ -43,3 +48,31 @@ def test_where_the_machine_cannot_tell_the_wall_clock_does(process: str) -> None
     first = Beat("plant", "plant", 1, 2 * HOUR, own_identity())
     second = Beat("plant", "plant", 2, HOUR, process)
     assert alive(first)._dated(second) == second
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    with own_domain() as number:
+        rclpy.init(domain_id=number)
+        yield number
+        rclpy.shutdown()
+
+
+def test_one_listens_until_it_has_discovered_who_has_a_socket_on_this_machine(domain: int) -> None:
+    one = Alive(rclpy.create_node("plant"), "plant")
+    with socket(AF_INET, SOCK_DGRAM) as undiscovered:
+        undiscovered.bind(("127.0.0.1", ports(domain)[-1]))
+        now = monotonic()
+        assert not one.is_first(now + 0.3)
+        assert not one.is_first(now + 0.7)
+    assert not one.is_first(now + 0.8)  # whoever it was may only now be heard
+    assert one.is_first(now + 1.0)
+
+
+def test_one_that_stays_undiscovered_is_waited_for_as_one_that_is_silent(domain: int) -> None:
+    one = Alive(rclpy.create_node("plant"), "plant")
+    with socket(AF_INET, SOCK_DGRAM) as undiscovered:
+        undiscovered.bind(("127.0.0.1", ports(domain)[-1]))
+        now = monotonic()
+        assert not one.is_first(now)
+        assert one.is_first(now + 0.9)
