@@ -18,6 +18,9 @@ from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.rtps import participants_here
 
 NOTICE = 1.0  # for an older one to hear of a newer one, or to leave [wall s]
+_LOOK = 0.05  # that counts between two looks at who was here before [wall s]
+# for one whose process lives, and was not heard, on processors that are busy [wall s]
+_UNHEARD = 3.0
 # what nobody else publishes, of the roles that a bench has once
 _OWN = {"plant": topics.MEASUREMENT, "planner": topics.PLAN}
 _PARTICIPANTS = "ros_discovery_info"  # each publishes there (rmw_dds_common), in no namespace
@@ -40,8 +43,9 @@ class Alive:
         subscription(node, topics.ALIVE, self._hear)
         self._next = 0.0
         self._met = 0.0  # an older one [wall s]
-        # since when nobody is there unheard, and since when somebody is [wall s]
-        self._certain, self._doubted = monotonic(), 0.0
+        # for how long it has looked while nobody was there unheard, and while somebody was [wall s]
+        self._certain = self._doubted = 0.0
+        self._looked = monotonic()  # [wall s]
         self._since: dict[tuple[int, int], int] = {}  # of others, see _dated
 
     @property
@@ -71,14 +75,24 @@ class Alive:
         Whoever is there, and was not heard of yet, may be one who was, unless it stays silent: then
         it has died, or gives no signs of life at all.
         """
+        passed = min(
+            now - self._looked, _LOOK
+        )  # one that is held up itself hears nothing meanwhile
+        self._looked = now
         if self.older:
             return False
-        unheard = self._rivals_on_graph() > len(self.presence.younger(self.beat, now))
-        if unheard or self._undiscovered():
-            self._certain, self._doubted = now, self._doubted or now
-            return now > self._doubted + SILENT_AFTER
-        self._doubted = 0.0
-        return now >= self._certain + BEAT_EVERY
+        node = self._node
+        shown = _participants(node.get_publishers_info_by_topic(_PARTICIPANTS, no_mangle=True))
+        here = participants_here(node.context.get_domain_id())
+        if len(shown) < here or self._unheard(now):
+            self._certain, self._doubted = 0.0, self._doubted + passed
+            return self._doubted > (SILENT_AFTER if len(shown) > here else _UNHEARD)
+        self._certain, self._doubted = self._certain + passed, 0.0
+        return self._certain >= BEAT_EVERY
+
+    def _unheard(self, now: float) -> bool:
+        """Return whether the graph shows others of its name or role that gave no sign of life."""
+        return self._rivals_on_graph() > len(self.presence.younger(self.beat, now))
 
     def _rivals_on_graph(self) -> int:
         """Return how many others have its name, its role if that is had once, or no name yet."""
@@ -94,12 +108,6 @@ class Alive:
             )
         ]
         return len(_participants(here)) - 1
-
-    def _undiscovered(self) -> bool:
-        """Return whether the graph does not show all yet that have a socket on this machine."""
-        node = self._node
-        shown = _participants(node.get_publishers_info_by_topic(_PARTICIPANTS, no_mangle=True))
-        return len(shown) < participants_here(node.context.get_domain_id())
 
     def poll(self, now: float) -> float:
         """Beat if it is time; return when it is time again [wall s]."""
