@@ -1,4 +1,4 @@
-"""A liar on `effort_command`: wrong sender, stale ticks, wrong sizes, no numbers."""
+"""A liar on `effort_command`: wrong sender, stale ticks, wrong sizes, no numbers; no messages."""
 
 from array import array
 from typing import Any
@@ -16,6 +16,7 @@ class Intruder(Guest):
     def __init__(self, loop: Any) -> None:
         super().__init__(loop, "intruder", self._lie)
         self._lies = publisher(self.node, topics.EFFORT_COMMAND)
+        self._noisy: list[Any] = []
 
     def _lie(self, question: Any) -> None:
         if question.tick % 20:
@@ -30,6 +31,11 @@ class Intruder(Guest):
             msg.EffortCommand(tick=question.tick, effort=array("d", [float("nan")] * 2), **asked),
         ):
             self._lies.publish(lie)
+        if not self._noisy:  # before the flight it would be taken for another plant
+            noisy = (topics.MEASUREMENT, topics.ALIVE, topics.CONTROLLER_STATUS)
+            self._noisy = [self._lies, *(publisher(self.node, topic) for topic in noisy)]
+        for topic in self._noisy:
+            topic.publish(b"\x00\x01\x00\x00" + b"\xff" * 40)
 
 
 def main() -> None:

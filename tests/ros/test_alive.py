@@ -3,15 +3,21 @@
 import subprocess
 import sys
 from collections.abc import Iterator
+from math import inf
+from socket import AF_INET, SOCK_DGRAM, socket
 from typing import Any
 
 import pytest
+import rclpy
 
+from flexslew_lab.run.domain import own_domain
 from flexslew_plant.bench.operation.presence import Beat
 from flexslew_plant.process_identity import own_identity
 from flexslew_plant.ros.alive import Alive
+from flexslew_plant.rtps import ports
 
 HOUR = 3_600_000_000_000  # [ns]
+LOOK = 0.02  # between two looks [wall s]
 
 
 @pytest.fixture
@@ -43,3 +49,39 @@ def test_where_the_machine_cannot_tell_the_wall_clock_does(process: str) -> None
     first = Beat("plant", "plant", 1, 2 * HOUR, own_identity())
     second = Beat("plant", "plant", 2, HOUR, process)
     assert alive(first)._dated(second) == second
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    with own_domain() as number:
+        rclpy.init(domain_id=number)
+        yield number
+        rclpy.shutdown()
+
+
+def first_after(one: Alive, patience: float) -> float:
+    """Return for how long it listens before it is the first [wall s]; inf: for longer."""
+    begin, looks = one._looked, int(patience / LOOK)
+    done = (LOOK * k for k in range(1, looks + 1) if one.is_first(begin + LOOK * k))
+    return next(done, inf)
+
+
+def test_one_listens_until_it_has_discovered_who_has_a_socket_on_this_machine(domain: int) -> None:
+    one = Alive(rclpy.create_node("plant"), "plant")
+    with socket(AF_INET, SOCK_DGRAM) as undiscovered:
+        undiscovered.bind(("127.0.0.1", ports(domain)[-1]))
+        assert first_after(one, 2.0) == inf
+    assert first_after(one, 1.0) == pytest.approx(0.25, abs=LOOK)  # it may only now be heard
+
+
+def test_one_that_stays_undiscovered_is_not_waited_for_for_ever(domain: int) -> None:
+    one = Alive(rclpy.create_node("plant"), "plant")
+    with socket(AF_INET, SOCK_DGRAM) as undiscovered:
+        undiscovered.bind(("127.0.0.1", ports(domain)[-1]))
+        assert first_after(one, 5.0) == pytest.approx(3.0, abs=2 * LOOK)
+
+
+def test_one_that_was_held_up_itself_has_not_listened_meanwhile(domain: int) -> None:
+    one = Alive(rclpy.create_node("plant"), "plant")
+    assert not one.is_first(one._looked + 10.0)
+    assert first_after(one, 1.0) > 0.1

@@ -168,15 +168,19 @@ def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("transport", "reasons"),
+    ("transport", "reasons", "strays"),
     [
         # where answers come on a socket the tick is over before a lie about it arrives
-        ("auto", {"sender", "stale"}),
-        ("dds", {"sender", "stale", "size", "finite"}),
+        ("auto", {"sender", "stale"}, {"plant"}),
+        ("dds", {"sender", "stale", "size", "finite"}, {"plant", "pd_feedforward"}),
     ],
 )
 def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(
-    transport: str, reasons: set[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    transport: str,
+    reasons: set[str],
+    strays: set[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv(SETTING, transport)
     intruder = NodeProcess("intruder", "tests", "intruder", {})
@@ -184,6 +188,7 @@ def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(
     assert flight.outcome.exit_code == 0
     events = BagReader(flight.bag).overview.events
     assert {event.data["reason"] for event in events if event.kind == "rejected"} >= reasons
+    assert {event.data["node"] for event in events if event.kind == "stray"} >= strays
     assert flight.metrics["missed_ticks"] == 0
 
 

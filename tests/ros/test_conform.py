@@ -187,6 +187,7 @@ HEARD = "self.on_measurement, LOOP"
     ("effort=effort", "effort=[float('nan')] * 2", "first tick", "an effort is not finite"),
     ("stamp=m.header.stamp", LATER, "first tick", "its stamp is 7 s"),
     (TOLD, TOLD.replace("self", "for _ in '12': self"), "lock-step", "is answered twice"),
+    (TOLD, TOLD + "bytes(44) or ", "first tick", "no EffortCommand in little-endian"),
     (READY, "pass", "status", "not ready: no testbed"),
     ('reason="no testbed yet"', "ready=True", "status", "ready before there is a testbed"),
     ('status", LATCHED', 'status", LOOP', "status", "offers controller_status as volatile"),

@@ -103,3 +103,31 @@ def test_a_frame_in_the_header_shifts_nothing() -> None:
     question, _ = measurement_from(bytes(serialize_message(message)), 0.01)
     assert (question.tick, question.controller) == (9, "x")
     assert question.joint_position.tolist() == [1.0]
+
+
+def test_whatever_bytes_come_they_are_understood_or_refused() -> None:
+    rng = np.random.default_rng(1)
+    question = Measurement(1234, 5, 12.34, "pd_feedforward", *[np.array([-0.1, 0.9])] * len(ARRAYS))
+    command = EffortCommand(7, 1, "pd_feedforward", np.array([0.3, 0.6]))
+    asked, answered = measurement_bytes(question), command_bytes(command, Stamp(3, 4))
+    refused = 0
+    for _ in range(2000):
+        damaged = bytearray(asked if rng.random() < 0.5 else answered)
+        for at in rng.integers(0, len(damaged), rng.integers(1, 9)):
+            damaged[at] = (0, 255, int(rng.integers(256)))[rng.integers(3)]
+        data = bytes(damaged[: rng.integers(len(damaged) + 1)] if rng.random() < 0.3 else damaged)
+        for understand in (command_from, lambda data: measurement_from(data, 0.01)):
+            try:
+                understand(data)
+            except ValueError:
+                refused += 1
+        again, _ = measurement_from(asked, 0.01)  # whose size was that of the damaged one
+        assert again[:4] == (1234, 5, 1234 * 0.01, "pd_feedforward")
+        assert again.applied_effort.tolist() == question.applied_effort.tolist()
+    assert refused > 1000
+
+
+def test_numbers_in_the_other_order_are_refused() -> None:
+    data = command_bytes(EffortCommand(7, 1, "a", np.zeros(2)), Stamp(3, 4))
+    with pytest.raises(ValueError, match="EffortCommand in little-endian CDR"):
+        command_from(b"\x00\x00" + data[2:])

@@ -1,7 +1,8 @@
-"""The one message of RTPS that Fast DDS offers no call for: another participant leaves."""
+"""Of RTPS what Fast DDS offers no call for: who is on this machine, and that another one leaves."""
 
 import struct
 from contextlib import suppress
+from pathlib import Path
 from socket import AF_INET, SOCK_DGRAM, socket
 
 FAST_DDS = b"\x01\x0f"  # its number as a vendor of RTPS; a GUID begins with it
@@ -26,10 +27,27 @@ def dispose(prefix: bytes) -> bytes:
     return b"RTPS" + b"\x02\x03" + FAST_DDS + prefix + data
 
 
+def ports(domain: int) -> range:
+    """Return where the participants of a domain hear announcements (DDSI-RTPS 2.3, 9.6.1.1)."""
+    first = 7400 + 250 * domain + 10
+    return range(first, min(first + 2 * _PARTICIPANTS, 1 << 16), 2)
+
+
+def participants_here(domain: int) -> int:
+    """Return how many participants of a domain have a socket on this machine; 0: nobody says.
+
+    That of a process that was killed is closed with it, and it is there before anything is said.
+    """
+    try:
+        rows = Path("/proc/net/udp").read_text().splitlines()[1:]
+    except OSError:
+        return 0
+    bound = {int(row.split()[1].partition(":")[2], 16) for row in rows}
+    return len(bound.intersection(ports(domain)))
+
+
 def tell_all(message: bytes, domain: int) -> None:
-    """Send to every participant that may be on this machine (DDSI-RTPS 2.3, 9.6.1.1)."""
+    """Send to every participant that may be on this machine."""
     with socket(AF_INET, SOCK_DGRAM) as sender, suppress(OSError):  # no loopback: nobody is there
-        for number in range(_PARTICIPANTS):
-            port = 7400 + 250 * domain + 10 + 2 * number
-            if port < 1 << 16:
-                sender.sendto(message, ("127.0.0.1", port))
+        for port in ports(domain):
+            sender.sendto(message, ("127.0.0.1", port))

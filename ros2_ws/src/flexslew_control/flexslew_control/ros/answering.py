@@ -1,6 +1,5 @@
 """A host between the questions that its node hears and the answers that it publishes."""
 
-import struct
 from collections.abc import Callable
 from math import inf
 from time import monotonic
@@ -145,14 +144,20 @@ class Answering:
         line = self._calling
         if line is not None and line.begun:
             return
-        self._answered(*measurement_from(data, self.period), None)
+        try:
+            question, at = measurement_from(data, self.period)
+        except ValueError as error:
+            self._host.ignored(topics.MEASUREMENT, str(error))
+            self._observed(self._host.last_tick)
+            return
+        self._answered(question, at, None)
         if line is not None and line.open:
             self._begin()
 
     def _hear_on_line(self, data: bytes, line: Calling) -> None:
         try:
             question, at = measurement_from(data, self.period)
-        except (ValueError, struct.error):  # nothing that a plant says
+        except ValueError:  # nothing that a plant says
             line.close()
             return
         if self._heard_before is not None:

@@ -5,6 +5,7 @@ for: what is examined is who answers what and when, and not how well.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from struct import Struct
 from time import monotonic
 from typing import NamedTuple
@@ -86,6 +87,7 @@ class Examiner:
         self._ask = publisher(node, topics.MEASUREMENT)
         self._state = publisher(node, topics.BENCH_STATE)
         self._answers: list[tuple[EffortCommand, float]] = []  # with the stamp [s]
+        self._unreadable = ""  # what is wrong with the newest answer
         self._status: msg.ControllerStatus | None = None
         self._beats: dict[str, list[tuple[msg.Alive, float]]] = {}  # by node, with the wall time
         self._before: list[np.ndarray] = []  # efforts of the first epoch in lock-step, by tick
@@ -135,7 +137,8 @@ class Examiner:
             if wrong == _ENDED or (wrong and len(found) == 1):
                 break
             if wrong:  # what still comes is not taken for an answer to the next rule
-                self._spin(_QUIET)
+                with suppress(Wrong):
+                    self._spin(_QUIET)
         return found
 
     def _becomes_ready(self) -> None:
@@ -419,10 +422,18 @@ class Examiner:
         self._alive.poll(monotonic())
         with atomic:  # as a node's loop does
             self._executor.spin_once(timeout_sec=timeout)
+        if self._unreadable:
+            words, self._unreadable = self._unreadable, ""
+            raise Wrong(f"a bench cannot read its answer: {words}")
 
     def _on_command(self, data: bytes) -> None:
+        try:
+            command = command_from(data)
+        except ValueError as error:
+            self._unreadable = str(error)
+            return
         sec, nanosec = _STAMP.unpack_from(data, _HEAD)
-        self._answers.append((command_from(data), sec + 1e-9 * nanosec))
+        self._answers.append((command, sec + 1e-9 * nanosec))
 
     def _on_status(self, message: msg.ControllerStatus) -> None:
         self._status = message

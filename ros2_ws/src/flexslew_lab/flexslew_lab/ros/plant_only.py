@@ -4,10 +4,9 @@ from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from flexslew_msgs.msg import Alive
-from rclpy.serialization import deserialize_message
-
+from flexslew_lab.log.messages import cdr
 from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
 
 SIGN_OF_LIFE = "/" + topics.ALIVE
 # Frames and markers are anybody's.
@@ -48,7 +47,7 @@ class PlantOnly:
         for topic, data, info in taken:
             who = _participant(info)
             if topic == SIGN_OF_LIFE:
-                if who not in self._plants and deserialize_message(data, Alive).role == "plant":
+                if who not in self._plants and _is_of_plant(data):
                     self._plants.add(who)
             elif topic in _OF_PLANT and who and self._plants and who not in self._plants:
                 self._undecided[who].append((now, topic, data))
@@ -66,6 +65,13 @@ class PlantOnly:
         fresh = [topic for topic, told in self._strangers.items() if not told]
         self._strangers.update(dict.fromkeys(fresh, True))
         return fresh
+
+
+def _is_of_plant(sign_of_life: bytes) -> bool:
+    try:
+        return bool(cdr.decode(topics.TOPICS[topics.ALIVE].type, sign_of_life).role == "plant")
+    except BadInput:
+        return False  # anything at all
 
 
 def _participant(info: Mapping[str, Any]) -> bytes:

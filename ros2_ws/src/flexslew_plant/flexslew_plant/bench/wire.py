@@ -7,7 +7,7 @@ little-endian CDR: alignment counts from behind the four bytes of encapsulation.
 
 from collections.abc import Iterable
 from functools import lru_cache
-from struct import Struct
+from struct import Struct, error
 from typing import NamedTuple
 
 import numpy as np
@@ -145,18 +145,33 @@ def measurement_from(data: bytes, period: float) -> tuple[Measurement, Stamp]:
     """Return the question and its stamp; its time is that of the tick to the last bit.
 
     Raises:
-        ValueError, struct.error: these bytes are none.
+        ValueError: these bytes are none.
     """
-    data = data[4:]  # where its numbers are aligned
-    places = _places.get(len(data)) or _places_of(data)
-    sec, nanosec, frame, tick, epoch, length, name, *counts = places.words.unpack_from(data)
-    if (frame, length, *counts) != places.lengths:  # another one of the same size
-        places = _places_of(data)
-        sec, nanosec, _, tick, epoch, _, name, *_ = places.words.unpack_from(data)
-    first = places.first
-    numbers = np.frombuffer(data, np.float64, (len(data) - first) // 8, first)
-    vectors = [numbers[part] for part in places.vectors]
-    return Measurement(tick, epoch, tick * period, name.decode(), *vectors), Stamp(sec, nanosec)
+    try:
+        body = _body(data)  # where its numbers are aligned
+        places = _places.get(len(body)) or _places_of(body)
+        sec, nanosec, frame, tick, epoch, length, name, *counts = places.words.unpack_from(body)
+        if (frame, length, *counts) != places.lengths:  # another one of the same size
+            places = _places_of(body)
+            sec, nanosec, _, tick, epoch, _, name, *_ = places.words.unpack_from(body)
+        first = places.first
+        numbers = np.frombuffer(body, np.float64, (len(body) - first) // 8, first)
+        vectors = [numbers[part] for part in places.vectors]
+        word = name.decode()
+    except (ValueError, error):
+        raise _none_of(data, "Measurement") from None
+    return Measurement(tick, epoch, tick * period, word, *vectors), Stamp(sec, nanosec)
+
+
+def _body(data: bytes) -> bytes:
+    """Return what follows the encapsulation, which must be that of little-endian CDR."""
+    if data[:2] != HEAD[:2]:
+        raise ValueError
+    return data[4:]
+
+
+def _none_of(data: bytes, kind: str) -> ValueError:
+    return ValueError(f"{len(data)} bytes are no {kind} in little-endian CDR (XCDR1)")
 
 
 def _places_of(data: bytes) -> _Places:
@@ -177,6 +192,8 @@ def _places_of(data: bytes) -> _Places:
         layout += f"{pad}xI{after}x"
         at += after
         lengths.append(count)
+    if at > len(data):
+        raise ValueError
     places = _Places(Struct(layout), tuple(lengths), first, tuple(vectors))
     if len(_places) < _SIZES or len(data) in _places:
         _places[len(data)] = places
@@ -196,11 +213,16 @@ def command_from(data: bytes) -> EffortCommand:
     """Return the answer, whose effort may only be read.
 
     Raises:
-        ValueError, struct.error: these bytes are none.
+        ValueError: these bytes are none.
     """
-    data = data[4:]
-    _, _, tick, epoch, length = _ANSWER.unpack_from(data)
-    at = 24 + length + -length % 4
-    (count,) = _LENGTH.unpack_from(data, at)
-    effort = np.frombuffer(data, np.float64, count, at + 4 + -(at + 4) % 8) if count else NOTHING
-    return EffortCommand(tick, epoch, data[24 : 23 + length].decode(), effort)
+    try:
+        body = _body(data)
+        _, _, tick, epoch, length = _ANSWER.unpack_from(body)
+        at = 24 + length + -length % 4
+        (count,) = _LENGTH.unpack_from(body, at)
+        first = at + 4 + -(at + 4) % 8
+        effort = np.frombuffer(body, np.float64, count, first) if count else NOTHING
+        name = body[24 : 23 + length].decode()
+    except (ValueError, error):
+        raise _none_of(data, "EffortCommand") from None
+    return EffortCommand(tick, epoch, name, effort)

@@ -1,6 +1,5 @@
 """The plant's ends of all lines."""
 
-import struct
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from typing import TypeAlias
@@ -83,7 +82,7 @@ class Lines:
                 if len(self._answers) > LOOP_DEPTH:
                     self._answers.popitem(last=False)
                 return command
-        except (ValueError, struct.error):
+        except ValueError:
             pass
         if facts(data).get(ANSWERS) is True:
             self.answering.add(name)

@@ -1,7 +1,9 @@
 """The signs of life of the nodes: each beats on `alive` and hears the others."""
 
 import random
+from collections.abc import Iterable
 from time import monotonic, time_ns
+from typing import Any
 
 from flexslew_msgs import msg
 from rclpy.node import Node
@@ -11,11 +13,17 @@ from flexslew_plant.bench.operation.presence import BEAT_EVERY, SILENT_AFTER, Be
 from flexslew_plant.errors import BadInput
 from flexslew_plant.process_identity import own_identity, started
 from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.ros.graph import UNNAMED
 from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.rtps import participants_here
 
 NOTICE = 1.0  # for an older one to hear of a newer one, or to leave [wall s]
+_LOOK = 0.05  # that counts between two looks at who was here before [wall s]
+# for one whose process lives, and was not heard, on processors that are busy [wall s]
+_UNHEARD = 3.0
 # what nobody else publishes, of the roles that a bench has once
 _OWN = {"plant": topics.MEASUREMENT, "planner": topics.PLAN}
+_PARTICIPANTS = "ros_discovery_info"  # each publishes there (rmw_dds_common), in no namespace
 _PREFIX = 12  # of a GUID of DDS, the part of its participant, which is one of a process [B]
 
 
@@ -35,7 +43,9 @@ class Alive:
         subscription(node, topics.ALIVE, self._hear)
         self._next = 0.0
         self._met = 0.0  # an older one [wall s]
-        self._born, self._doubted = monotonic(), 0.0  # since when one is there unheard [wall s]
+        # for how long it has looked while nobody was there unheard, and while somebody was [wall s]
+        self._certain = self._doubted = 0.0
+        self._looked = monotonic()  # [wall s]
         self._since: dict[tuple[int, int], int] = {}  # of others, see _dated
 
     @property
@@ -62,26 +72,42 @@ class Alive:
     def is_first(self, now: float) -> bool:
         """Return whether nobody was here before: asked before a node publishes or serves anything.
 
-        Whom the graph shows and no sign of life was heard of yet may be one who was, unless it
-        stays silent: then it has died.
+        Whoever is there, and was not heard of yet, may be one who was, unless it stays silent: then
+        it has died, or gives no signs of life at all.
         """
-        if self.older or now < self._born + BEAT_EVERY:
+        passed = min(
+            now - self._looked, _LOOK
+        )  # one that is held up itself hears nothing meanwhile
+        self._looked = now
+        if self.older:
             return False
-        unheard = self._rivals_on_graph() > len(self.presence.younger(self.beat, now))
-        self._doubted = (self._doubted or now) if unheard else 0.0
-        return not unheard or now - self._doubted > SILENT_AFTER
+        node = self._node
+        shown = _participants(node.get_publishers_info_by_topic(_PARTICIPANTS, no_mangle=True))
+        here = participants_here(node.context.get_domain_id())
+        if len(shown) < here or self._unheard(now):
+            self._certain, self._doubted = 0.0, self._doubted + passed
+            return self._doubted > (SILENT_AFTER if len(shown) > here else _UNHEARD)
+        self._certain, self._doubted = self._certain + passed, 0.0
+        return self._certain >= BEAT_EVERY
+
+    def _unheard(self, now: float) -> bool:
+        """Return whether the graph shows others of its name or role that gave no sign of life."""
+        return self._rivals_on_graph() > len(self.presence.younger(self.beat, now))
 
     def _rivals_on_graph(self) -> int:
-        """Return how many others have its name, or its role if that is had once."""
+        """Return how many others have its name, its role if that is had once, or no name yet."""
         node, own = self._node, _OWN.get(self.beat.role)
         here = [
             info
             for topic in (topics.ALIVE, *([own] if own else []))
             for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-            if info.node_namespace == node.get_namespace()
-            and (topic == own or info.node_name == self.beat.node)
+            if info.node_name == UNNAMED
+            or (
+                info.node_namespace == node.get_namespace()
+                and (topic == own or info.node_name == self.beat.node)
+            )
         ]
-        return len({bytes(info.endpoint_gid)[:_PREFIX] for info in here}) - 1
+        return len(_participants(here)) - 1
 
     def poll(self, now: float) -> float:
         """Beat if it is time; return when it is time again [wall s]."""
@@ -107,3 +133,8 @@ class Alive:
             known = None not in (here, there) and here != there
             self._since[key] = self.beat.since + (there or 0) - (here or 0) if known else beat.since
         return beat._replace(since=self._since[key])
+
+
+def _participants(found: Iterable[Any]) -> set[bytes]:
+    """Return whose publishers these are, as a graph shows them."""
+    return {bytes(info.endpoint_gid)[:_PREFIX] for info in found}

@@ -16,7 +16,7 @@ from flexslew_plant.bench.wire import command_from, measurement_bytes
 from flexslew_plant.direct.line import SLICE
 from flexslew_plant.direct.lines import Lines
 from flexslew_plant.direct.names import DDS, SOCKET, address, direct
-from flexslew_plant.events import TransportChosen
+from flexslew_plant.events import StrayMessage, TransportChosen
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
@@ -72,7 +72,7 @@ class Exchange:
         self._told: dict[str, str] = {}  # how each controller is asked, as told
         self._since: dict[str, float] = {}  # when each was on a line, or seen at first [wall s]
         self._next_look = self._next_graph = 0.0  # [wall s]
-        self._asked = ""
+        self._asked, self._stray = "", False  # a strange message was told of
         self._outlets, self.questions = outlets, outlets.publisher(topics.MEASUREMENT)
         self._topic = node.resolve_topic_name(topics.EFFORT_COMMAND)
         self._lines: Lines | None = None
@@ -150,8 +150,7 @@ class Exchange:
         with self._commands.handle:
             take, kind = self._commands.handle.take_message, self._commands.msg_type
             while (taken := take(kind, True)) is not None:
-                if not self._copied(taken[0]):
-                    yield command_from(taken[0])
+                yield from self._understood(taken[0])
 
     def known(self, controller: str) -> None:
         """Listen to the answers of this controller, too."""
@@ -210,9 +209,17 @@ class Exchange:
         self._commands = subscription(self._node, topic, hear, raw=True)
 
     def _hear(self, data: bytes) -> None:
-        if not self._copied(data):
-            self._take(command_from(data))
+        for command in self._understood(data):
+            self._take(command)
 
-    def _copied(self, data: bytes) -> bool:
-        """Return whether an answer is the copy of one that came on a line."""
-        return self._lines is not None and self._lines.copied(data)
+    def _understood(self, data: bytes) -> Iterator[EffortCommand]:
+        """Yield what was answered over DDS, unless it is the copy of what came on a line."""
+        if self._lines is not None and self._lines.copied(data):
+            return
+        try:
+            yield command_from(data)
+        except ValueError as error:
+            if not self._stray:
+                self._stray = True
+                what = StrayMessage(topics.EFFORT_COMMAND, self._node.get_name(), str(error))
+                self._session.bench.tell(what)
