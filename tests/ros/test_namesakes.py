@@ -21,6 +21,9 @@ from tests.present import present
 from .flight import SLEW
 from .one_by_one import CONTROLLER, PLANNER, PLANT, Bench, standing
 
+# a bench of four processes and as many second ones: on busy processors it takes minutes
+pytestmark = pytest.mark.alone
+
 RECORDER = "flexslew_lab.ros.recorder_node"
 # without a plan it would take charge before it hears the one that is flown
 GAINS = {"kp": "[460.0, 460.0]", "kd": "[920.0, 920.0]", "requires_plan": "true"}

@@ -75,9 +75,7 @@ class Alive:
         Whoever is there, and was not heard of yet, may be one who was, unless it stays silent: then
         it has died, or gives no signs of life at all.
         """
-        passed = min(
-            now - self._looked, _LOOK
-        )  # one that is held up itself hears nothing meanwhile
+        passed = min(now - self._looked, _LOOK)  # held up itself it hears nothing meanwhile
         self._looked = now
         if self.older:
             return False
