@@ -30,7 +30,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import stamp_of
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.run.domain import own_domain
-from flexslew_plant.topics import TOPICS, TRUTH
+from flexslew_plant.graph.topics import TOPICS, TRUTH
 
 SECONDS = float(os.environ.get("FLEXSLEW_BENCH_SECONDS", "60"))  # of each run [wall s]
 SETTLE = 5.0  # before the start, and between it and what is measured [wall s]

@@ -36,7 +36,7 @@ def ping_pong(side: str, raw: bool) -> None:
     from rclpy.experimental import EventsExecutor
     from rclpy.serialization import serialize_message
 
-    from flexslew_plant.topics import LOOP_DEPTH
+    from flexslew_plant.graph.topics import LOOP_DEPTH
 
     rclpy.init()
     node = rclpy.create_node(side)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import mkdocs_gen_files
 
-from flexslew_plant import topics
-from flexslew_plant.settings_fields import own_meanings
+from flexslew_plant.graph import topics
+from flexslew_plant.keys.settings_fields import own_meanings
 
 SOURCES = Path("ros2_ws/src")
 MESSAGES = SOURCES / "flexslew_msgs"

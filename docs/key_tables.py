@@ -19,7 +19,7 @@ from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from flexslew_plant.settings_fields import FieldMeaning, own_meanings
+from flexslew_plant.keys.settings_fields import FieldMeaning, own_meanings
 from flexslew_plant.yaml_data import yaml_text
 
 DOCS = Path(__file__).parent

@@ -66,7 +66,7 @@ def shipped_plan(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], "P
     def planned(name: str) -> "Plan | None":
         from flexslew_lab.trial.sources import read_trial
         from flexslew_lab.trial.trial import plan_of_trial
-        from flexslew_plant.file_lock import hold
+        from flexslew_plant.processes.file_lock import hold
 
         kept = folder / f"{name}.plan"
         handle = os.open(folder / f"{name}.lock", os.O_RDWR | os.O_CREAT)

@@ -224,7 +224,7 @@ def test_no_kind_of_event_stands_as_a_text_outside_of_its_file(
 STATED = {
     ("flexslew_plant/bench/records.py", "pd_feedforward"): "the default of who is in charge",
     ("flexslew_control/planners/retargeting.py", "disturbance_minimisation"): "an option of a plan",
-    ("flexslew_plant/topics.py", "joint_trajectory"): "a topic of the same name",
+    ("flexslew_plant/graph/topics.py", "joint_trajectory"): "a topic of the same name",
     ("flexslew_control/ros/trajectories.py", "joint_trajectory"): "what a message asks for: its "
     "node leaves the import of all planners to the process that plans",
 }

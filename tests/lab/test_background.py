@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from flexslew_lab.background import wait_for
-from flexslew_plant.file_lock import lock_file
+from flexslew_plant.processes.file_lock import lock_file
 
 PROGRAM = """
 import os, sys

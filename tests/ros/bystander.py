@@ -15,8 +15,8 @@ from flexslew_msgs.msg import Measurement
 from flexslew_msgs.srv import SwitchController
 
 from flexslew_lab.log.recording.recording_order import tick_and_epoch
+from flexslew_plant.graph.topics import MEASUREMENT, TOPICS
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import MEASUREMENT, TOPICS
 
 PATIENCE = 200.0  # on a busy machine [wall s]
 _BUSY = "import os\nwhile os.getppid() == {}: pass"

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import new_node

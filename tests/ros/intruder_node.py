@@ -5,7 +5,7 @@ from typing import Any
 
 from flexslew_msgs import msg
 
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import publisher
 

@@ -13,8 +13,8 @@ from flexslew_msgs.msg import ControllerStatus, Measurement
 
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant.direct.names import SETTING
+from flexslew_plant.graph.topics import CONTROLLER_STATUS, PLAN, TOPICS
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import CONTROLLER_STATUS, PLAN, TOPICS
 
 from .flight import fork_server
 

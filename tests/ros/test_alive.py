@@ -12,9 +12,9 @@ import rclpy
 
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant.bench.operation.presence import Beat
-from flexslew_plant.process_identity import own_identity
+from flexslew_plant.graph.rtps import ports
+from flexslew_plant.processes.process_identity import own_identity
 from flexslew_plant.ros.alive import Alive
-from flexslew_plant.rtps import ports
 
 HOUR = 3_600_000_000_000  # [ns]
 LOOK = 0.02  # between two looks [wall s]

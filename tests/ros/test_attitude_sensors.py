@@ -14,8 +14,8 @@ from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_of_values
+from flexslew_plant.graph.topics import SENSORS_ATTITUDE, SENSORS_IMU, TOPICS
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import SENSORS_ATTITUDE, SENSORS_IMU, TOPICS
 
 from .bystander import beside
 from .flight import Flight, patient

@@ -26,8 +26,8 @@ from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_fi
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import parse_trial
-from flexslew_plant import topics
 from flexslew_plant.direct.names import SETTING
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.offers import publisher, subscription
 
 from .bystander import beside

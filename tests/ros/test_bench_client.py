@@ -4,7 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from flexslew_lab.ros.bench_client import BenchClient
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 
 
 class Planner:

@@ -11,7 +11,7 @@ import rclpy
 from rclpy.node import Node
 
 from flexslew_lab.run.domain import own_domain
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.loop import Loop
 
 from .bystander import Bystander, beside

@@ -18,8 +18,8 @@ from flexslew_lab.log.recording.bag_writer import RecordingStopped
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.run.run_trial import run_trial
+from flexslew_plant.graph.topics import EVENTS, TOPICS
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import EVENTS, TOPICS
 
 from .flight import Flight, slew
 

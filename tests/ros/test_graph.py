@@ -10,7 +10,7 @@ import rclpy
 from flexslew_msgs.msg import Measurement
 
 from flexslew_lab.run.domain import own_domain
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.graph import UNNAMED, is_published, unmatched
 from flexslew_plant.ros.offers import publisher, qos
 

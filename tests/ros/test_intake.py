@@ -10,11 +10,11 @@ from flexslew_msgs import msg
 
 from flexslew_lab.ros.intake import QUESTIONS, Intake
 from flexslew_lab.run.domain import own_domain
+from flexslew_plant.graph.topics import EFFORT_COMMAND, MEASUREMENT, TOPICS
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.ros.parameters import new_node
 from flexslew_plant.ros.start import start_ros
-from flexslew_plant.topics import EFFORT_COMMAND, MEASUREMENT, TOPICS
 
 PATIENCE = 60.0  # of a busy machine [wall s]
 

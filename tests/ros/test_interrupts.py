@@ -17,9 +17,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from flexslew_lab.run.domain import own_domain
+from flexslew_plant.graph.topics import ALIVE, TOPICS
 from flexslew_plant.ros.interrupts import Interrupts
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import ALIVE, TOPICS
 from tests.present import present
 
 

@@ -24,9 +24,9 @@ from flexslew_lab.run.supervisor import Supervisor
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Noted
 from flexslew_plant.events.event import event_of
+from flexslew_plant.graph.topics import CONTROLLER_STATUS, EVENTS, RECORDED, TESTBED, TRUTH
 from flexslew_plant.ros.messages import event_message
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.topics import CONTROLLER_STATUS, EVENTS, RECORDED, TESTBED, TRUTH
 
 from .flight import Flight, fork_server, slew
 

@@ -14,8 +14,8 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
 from flexslew_plant.direct.names import SETTING
+from flexslew_plant.graph.topics import BENCH_STATE, TOPICS
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import BENCH_STATE, TOPICS
 from tests.present import present
 
 from .flight import SLEW

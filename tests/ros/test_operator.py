@@ -28,13 +28,13 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.ros.operator import connected
 from flexslew_lab.run.domain import RunningBench, bench_to_operate, own_domain
-from flexslew_plant.policies import OWN_SERVICES, OWN_TOPICS, ROLES
+from flexslew_plant.graph.policies import OWN_SERVICES, OWN_TOPICS, ROLES
+from flexslew_plant.graph.topics import EVENTS, PLAN, RECORDER_STATUS, TOPICS
 from flexslew_plant.refusal import NO_TESTBED
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
-from flexslew_plant.topics import EVENTS, PLAN, RECORDER_STATUS, TOPICS
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 from tests.present import present
 

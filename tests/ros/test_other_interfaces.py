@@ -17,10 +17,10 @@ from trajectory_msgs.msg import JointTrajectory
 from flexslew_control.ros import follow_trajectory
 from flexslew_control.tracking import TrackingCode
 from flexslew_lab.replay.resim import resim
+from flexslew_plant.graph.topics import FOLLOW_JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
 from flexslew_plant.ros.messages import seconds_of
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.ros.plant import simulation_services
-from flexslew_plant.topics import FOLLOW_JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
 
 from .bystander import PATIENCE, Bystander, beside
 from .flight import Flight, slew

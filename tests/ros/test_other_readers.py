@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode, encode
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 
 from .flight import Flight, slew
 

@@ -20,10 +20,10 @@ from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.inbox import PART, Inbox
 from flexslew_plant.direct.line import LARGEST
 from flexslew_plant.direct.names import RECORDER, SETTING, address
+from flexslew_plant.graph.topics import TOPICS, TRUTH
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.ros.outlet import Outlet, Turns
 from flexslew_plant.ros.outlets import Outlets
-from flexslew_plant.topics import TOPICS, TRUTH
 
 from .bystander import beside
 from .flight import Flight, slew

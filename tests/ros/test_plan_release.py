@@ -13,8 +13,8 @@ from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_lab.run.domain import own_domain
 from flexslew_lab.trial.trial import Trial, plant_of
-from flexslew_plant import topics
 from flexslew_plant.events import PlanRefused, event_of
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import stamp

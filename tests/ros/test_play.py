@@ -18,8 +18,8 @@ from flexslew_lab.run.domain import own_domain
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
+from flexslew_plant.graph.topics import EVENTS, TOPICS
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import EVENTS, TOPICS
 
 from .flight import fork_server, slew
 

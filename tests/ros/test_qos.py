@@ -4,7 +4,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from flexslew_lab.log.bag_layout import TOPICS, qos_profile
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.offers import qos
 
 RECORDED = {name if name.startswith("/") else f"/{name}": name for name in topics.TOPICS}

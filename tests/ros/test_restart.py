@@ -15,9 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from flexslew_plant.bench import message_fields
 from flexslew_plant.bench.bench import Bench as Plant
 from flexslew_plant.bench.records import BenchSettings
-from flexslew_plant.ros.messages import message_of, stamp
-from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import (
+from flexslew_plant.graph.topics import (
     BENCH_STATE,
     EVENTS,
     JOINT_TRAJECTORY,
@@ -25,6 +23,8 @@ from flexslew_plant.topics import (
     TESTBED,
     TOPICS,
 )
+from flexslew_plant.ros.messages import message_of, stamp
+from flexslew_plant.ros.offers import qos
 
 from .flight import fork_server
 from .one_by_one import CONTROLLER, PLANNER, PLANT, WAIT, Bench, standing

@@ -20,9 +20,9 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.trial.trial import trial_of_values
+from flexslew_plant.graph.topics import EVENTS, JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import EVENTS, JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
 
 from .bystander import beside
 from .flight import Flight, slew

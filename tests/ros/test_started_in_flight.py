@@ -13,8 +13,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
+from flexslew_plant.graph.topics import JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
 
 from .bystander import beside
 from .flight import Flight, fork_server, slew

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from flexslew_plant.topics import TOPICS
+from flexslew_plant.graph.topics import TOPICS
 
 SOURCES = Path(__file__).parents[2] / "ros2_ws" / "src"
 PACKAGES = ["flexslew_plant", "flexslew_control", "flexslew_lab"]

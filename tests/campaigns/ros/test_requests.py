@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.yaml_data import yaml_text
 from tests.campaigns.test_texts import FAULTS, ODD, changed
 from tests.ros.bystander import Bystander, beside

@@ -17,11 +17,11 @@ from flexslew_lab.console.link import Drafted, Iterate, RequestResult
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.view import BenchView, Joints
 from flexslew_lab.identification.measurements import FIELDS
-from flexslew_plant import topics
 from flexslew_plant.bench.wire import measurement_bytes
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.topics import TOPICS
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.topics import TOPICS
 from flexslew_plant.yaml_data import load_yaml
 
 START, PERIOD = 2.0, 0.02

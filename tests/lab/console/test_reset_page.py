@@ -14,9 +14,9 @@ from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import bench_settings, build_controllers, parse_trial, trial_text
-from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench
-from flexslew_plant.topics import TOPICS
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.topics import TOPICS
 
 RESET = 150  # tick at which the bench goes back to 0 [-]
 TRIAL = "{name: twice, duration: 3.0, testbed: {initial: {hub_pitch: 0.1}}, display_rate: 0.0}"

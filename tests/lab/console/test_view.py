@@ -4,8 +4,8 @@ import pytest
 
 from flexslew_lab.console.view import BenchView
 from flexslew_lab.log.messages.cdr import encode
-from flexslew_plant import topics
-from flexslew_plant.topics import TOPICS
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.topics import TOPICS
 
 NOTE = {"kind": "note", "data": '{"text": "it rings"}'}
 

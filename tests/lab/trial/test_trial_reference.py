@@ -12,7 +12,7 @@ from flexslew_control.controllers import CONTROLLERS, CommonSettings
 from flexslew_control.planners import PLANNERS
 from flexslew_lab.studies.study_settings import StudySettings
 from flexslew_lab.trial.trial import Trial, parse_trial
-from flexslew_plant.settings_fields import own_meanings
+from flexslew_plant.keys.settings_fields import own_meanings
 
 DOCS = Path(__file__).parents[3] / "docs"
 TEXT = (DOCS / "trial.md").read_text()

@@ -10,7 +10,7 @@ from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.inbox import BOTH, PART, Inbox
 from flexslew_plant.direct.line import DirectLine, call, facts
 from flexslew_plant.direct.names import RECORDER, address
-from flexslew_plant.topics import LOOP_DEPTH
+from flexslew_plant.graph.topics import LOOP_DEPTH
 
 numbers = count(1000 * os.getpid())  # of benches that nobody else has
 HEARD = {"/b/truth": "/truth", "/b/events": "/events"}

@@ -15,8 +15,8 @@ from flexslew_plant.direct.line import DirectLine, call, facts
 from flexslew_plant.direct.lines import Lines
 from flexslew_plant.direct.names import address, direct
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph.topics import LOOP_DEPTH
 from flexslew_plant.measurement import EffortCommand
-from flexslew_plant.topics import LOOP_DEPTH
 
 numbers = count(1000 * os.getpid())  # of benches that nobody else has
 NOBODY = 65534  # uid of a user without rights

@@ -15,10 +15,10 @@ from flexslew_control.law import ActiveLaw, PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.joint_quantities import require_units_of_joints
+from flexslew_plant.keys.units import number_in
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds import default_testbed, varied
-from flexslew_plant.units import number_in
 from flexslew_plant.yaml_data import load_yaml
 
 MOST_TICKS = 1_000_000  # of a manoeuvre

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from flexslew_plant.file_lock import hold
+from flexslew_plant.processes.file_lock import hold
 
 _MACHINE_CODE = "set_up.log"  # in the cache: of the set-up, which compiles for later runs
 

@@ -8,9 +8,9 @@ import numpy as np
 from llvmlite.binding import set_option
 from numpy.typing import NDArray
 
-from flexslew_plant.cache_names import recognised
-from flexslew_plant.compile_lock import one_at_a_time
-from flexslew_plant.read_only import for_all_access
+from flexslew_plant.machine_code.cache_names import recognised
+from flexslew_plant.machine_code.compile_lock import one_at_a_time
+from flexslew_plant.machine_code.read_only import for_all_access
 
 Vector: TypeAlias = NDArray[np.float64]  # one index
 Matrix: TypeAlias = NDArray[np.float64]  # two indices

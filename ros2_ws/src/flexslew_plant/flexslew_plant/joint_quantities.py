@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.keys.units import in_si, is_quantity, units_at
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.model import Model
-from flexslew_plant.units import in_si, is_quantity, units_at
 
 # of each kind, that of a joint that turns and of one that slides
 _KINDS = (("rad", "m"), ("rad/s", "m/s"), ("N m", "N"))

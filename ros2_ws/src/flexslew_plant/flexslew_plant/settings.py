@@ -9,9 +9,9 @@ from pydantic.errors import PydanticUndefinedAnnotation, PydanticUserError
 from pydantic.json_schema import SkipJsonSchema
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.keys.refused_keys import quantities, refusal_of, untrusted
+from flexslew_plant.keys.units import replaced
 from flexslew_plant.own_code import NO_CODE, Trust, Untrusted
-from flexslew_plant.refused_keys import quantities, refusal_of, untrusted
-from flexslew_plant.units import replaced
 from flexslew_plant.yaml_data import yaml_text
 
 _T = TypeVar("_T")

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.recording.bag_writer import BagWriter
-from flexslew_plant.atomic import atomic
+from flexslew_plant.processes.atomic import atomic
 
 RECORDING = str(Path(sys.modules[BagWriter.__module__].__file__ or "").parent)
 DATA = b"\0\1\0\0" + bytes(16)

@@ -8,9 +8,9 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.hardware.friction import coefficients
+from flexslew_plant.keys.units import number_in
 from flexslew_plant.testbeds import Testbed, initial_positions
 from flexslew_plant.testbeds.model import Model
-from flexslew_plant.units import number_in
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.question_thread import QuestionThread
-from flexslew_plant import topics
 from flexslew_plant.bench.due_ticks import past, too_late
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
@@ -26,6 +25,7 @@ from flexslew_plant.events import (
     StrayMessage,
     event_of,
 )
+from flexslew_plant.graph import topics
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.refusal import NO_TESTBED, Cause, Refusal
 from flexslew_plant.yaml_data import LONGEST

@@ -11,7 +11,7 @@ from rclpy.subscription import Subscription
 from flexslew_control.controllers import settings_text
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.ros.turn import SILENT
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.graph import publishers_of, unmatched

@@ -11,8 +11,8 @@ from rclpy.subscription import Subscription
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.message_fields import state_bytes
 from flexslew_control.ros.calling import Calling
-from flexslew_plant import topics
 from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, stamp_of
+from flexslew_plant.graph import topics
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import subscription

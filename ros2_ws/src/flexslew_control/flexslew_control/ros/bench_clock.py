@@ -7,7 +7,7 @@ from time import monotonic
 from flexslew_msgs import msg
 from rclpy.node import Node
 
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.messages import seconds_of
 from flexslew_plant.ros.offers import subscription
 

@@ -5,10 +5,10 @@ from math import inf
 
 from rclpy.node import Node
 
-from flexslew_plant import topics
 from flexslew_plant.direct.line import SLICE, DirectLine, call, facts
 from flexslew_plant.direct.lines import ANSWERS, CALLER, EPOCH, TICK
 from flexslew_plant.direct.names import address, direct
+from flexslew_plant.graph import topics
 
 _AGAIN = 0.2  # until the plant is called again [wall s]
 _CATCHING_UP = 1.0  # for the questions before those of the line [wall s]

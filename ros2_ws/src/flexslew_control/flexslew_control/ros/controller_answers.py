@@ -11,10 +11,10 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from flexslew_control.planned_course import PATIENCE, Answered, PlanAnswers
-from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import Presence
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import PlanRefused, fact_of
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.statuses import Statuses

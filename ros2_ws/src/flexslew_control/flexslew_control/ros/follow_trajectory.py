@@ -23,8 +23,8 @@ from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_control.ros.plan_result import BUSY, CANCELED
 from flexslew_control.ros.trajectories import trajectory_section
 from flexslew_control.tracking import Tolerance, Tracked, Tracking, TrackingCode, TrackingEnd
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp

@@ -6,7 +6,7 @@ from rclpy.node import Node
 from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.ros.trajectories import trajectory_message
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.testbeds.attitude import AttitudeJoints

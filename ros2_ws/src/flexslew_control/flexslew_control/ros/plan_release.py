@@ -14,7 +14,6 @@ from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_control.ros.controller_answers import ControllerAnswers
 from flexslew_control.ros.plan_offers import PlanOffers
 from flexslew_control.ros.plan_requests import Gains, PlanRequests
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
     UNNAMED,
@@ -25,6 +24,7 @@ from flexslew_plant.events import (
     StrayMessage,
     event_of,
 )
+from flexslew_plant.graph import topics
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.alive import Alive

@@ -23,7 +23,7 @@ from flexslew_control.ros.plan_requests import MODEL
 from flexslew_control.ros.plan_result import BUSY, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_control.ros.trajectory_requests import TrajectoryRequests
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop

@@ -9,8 +9,8 @@ from flexslew_control.ros.plan_job import Outcome, PlanJob
 from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_control.ros.plan_result import BUSY
 from flexslew_control.ros.trajectories import METHOD, trajectory_section
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.offers import subscription
 

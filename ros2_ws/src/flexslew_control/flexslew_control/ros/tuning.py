@@ -11,13 +11,13 @@ from rclpy.parameter import Parameter
 
 from flexslew_control.controllers import CONTROLLERS, CommonSettings, law_values, with_file
 from flexslew_control.controllers.host import ControllerHost
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
+from flexslew_plant.keys.settings_fields import meanings
 from flexslew_plant.ros.messages import requested_tick
 from flexslew_plant.ros.offers import service
 from flexslew_plant.ros.parameters import declare, requested_text, serve_changes
 from flexslew_plant.settings import flat, validated
-from flexslew_plant.settings_fields import meanings
 from flexslew_plant.yaml_data import load_yaml
 
 _SHARE = 2e-4  # for which one of two threads works before the other one may [wall s]

@@ -2,7 +2,7 @@
 
 from rclpy.node import Node
 
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop

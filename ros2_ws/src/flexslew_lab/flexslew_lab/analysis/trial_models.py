@@ -13,8 +13,8 @@ from flexslew_lab.trial.trial import Trial, plan_of_trial, plant_of
 from flexslew_plant.bench.schedule import command_delays
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
+from flexslew_plant.keys.units import number_in
 from flexslew_plant.testbeds.model import Model
-from flexslew_plant.units import number_in
 
 
 @dataclass(frozen=True)

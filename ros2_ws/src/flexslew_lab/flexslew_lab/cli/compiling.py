@@ -3,7 +3,7 @@
 from time import monotonic
 
 from flexslew_lab.cli.terminal import say
-from flexslew_plant.compile_news import tell_of_compiling
+from flexslew_plant.machine_code.compile_news import tell_of_compiling
 
 _OFTEN = 5.0  # between two lines [wall s]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from flexslew_plant.atomic import atomic
+from flexslew_plant.processes.atomic import atomic
 
 INTERRUPTED = 130  # exit code
 EXIT_TIMEOUT = 1.5  # until the process ends, whatever holds it up [wall s]

@@ -45,9 +45,9 @@ from flexslew_lab.reproduce import REPRODUCTIONS
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, bag_folder, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed, RunFault
-from flexslew_plant.interrupted import keep_exit_code
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import Trust
+from flexslew_plant.processes.interrupted import keep_exit_code
 
 app = typer.Typer(
     no_args_is_help=True,

@@ -9,8 +9,8 @@ from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.terminal import print_table, say
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
+from flexslew_plant.keys.units import is_quantity
 from flexslew_plant.near_names import did_you_mean
-from flexslew_plant.units import is_quantity
 
 At = Annotated[
     float | None,

@@ -10,10 +10,10 @@ from pydantic import FiniteFloat
 from flexslew_lab.console.desk import Desk, line
 from flexslew_lab.console.gui import Element
 from flexslew_plant.errors import BadInput
+from flexslew_plant.keys.settings_fields import own_meanings
+from flexslew_plant.keys.units import in_si, units_in
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import validated
-from flexslew_plant.settings_fields import own_meanings
-from flexslew_plant.units import in_si, units_in
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 LATEST = 1e9  # of a simulated time [s]

@@ -9,8 +9,8 @@ from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
 from flexslew_lab.console.view import BenchView, Now
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import Outgoing, Player, PlaySettings
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 from flexslew_plant.own_code import NO_CODE, Trust
 
 _SHOWN = (

@@ -17,10 +17,10 @@ from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import RECORDS, check_record
-from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event, RunFinished
+from flexslew_plant.graph import topics
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import Testbed, initial_state
 from flexslew_plant.testbeds.model import Model

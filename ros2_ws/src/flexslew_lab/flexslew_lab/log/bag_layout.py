@@ -3,8 +3,8 @@
 import hashlib
 from collections.abc import Mapping
 
-from flexslew_plant import topics
-from flexslew_plant.topics import Topic
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.topics import Topic
 
 FORMAT = "1"  # of the metadata records; another one is another version of the project
 TRIAL_RECORD = "flexslew"  # metadata record at the start: trial, trial_file, versions, ...

@@ -23,8 +23,8 @@ from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import ControllerTuned, EstimateBegan
+from flexslew_plant.graph.topics import PLAN, TOPICS
 from flexslew_plant.own_code import Trust
-from flexslew_plant.topics import PLAN, TOPICS
 
 Key = tuple[int, int]  # epoch and tick
 _Kind = TypeVar("_Kind", ControllerTuned, EstimateBegan)

@@ -12,7 +12,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagMessage
 from flexslew_lab.log.messages import cdr
 from flexslew_plant.errors import BadInput
-from flexslew_plant.graph_names import require_name
+from flexslew_plant.graph.graph_names import require_name
 from flexslew_plant.settings import NonNegative, Positive, section
 
 CLOCK = "/clock"

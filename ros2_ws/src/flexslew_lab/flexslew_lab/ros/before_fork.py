@@ -7,8 +7,8 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.type_support import check_for_type_support
 
 from flexslew_lab.log.messages.schemas import store
+from flexslew_plant.keys.settings_fields import meanings
 from flexslew_plant.ros.plant.settings import PlantSettings
-from flexslew_plant.settings_fields import meanings
 
 
 def before_fork() -> None:

@@ -10,8 +10,8 @@ from rclpy.node import Node
 
 from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
 from flexslew_lab.ros.service_request import SERVICES, granted, request_of
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 
 TUNE = topics.TUNE.removeprefix("~")  # behind the name of a controller
 PATIENCE = 10.0  # with a service that does not answer [wall s]

@@ -17,14 +17,14 @@ from rclpy.experimental import EventsExecutor
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from flexslew_plant import topics
-from flexslew_plant.atomic import atomic
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.bench.operation.presence import SILENT_AFTER
 from flexslew_plant.bench.wire import command_from, measurement_bytes
+from flexslew_plant.graph import topics
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.network import demand_loopback
+from flexslew_plant.processes.atomic import atomic
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription

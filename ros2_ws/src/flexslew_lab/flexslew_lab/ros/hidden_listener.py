@@ -6,9 +6,9 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from flexslew_plant.policies import HIDDEN
+from flexslew_plant.graph.policies import HIDDEN
+from flexslew_plant.graph.topics import Topic
 from flexslew_plant.ros.offers import SEVERAL, message_class, qos
-from flexslew_plant.topics import Topic
 
 
 class HiddenListener:

@@ -8,9 +8,9 @@ from rclpy.node import Node
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.ros.plant_only import SIGN_OF_LIFE, PlantOnly
-from flexslew_plant import topics
 from flexslew_plant.direct.inbox import Inbox
 from flexslew_plant.direct.names import RECORDER, address, direct
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.graph import is_published
 from flexslew_plant.ros.loop import Loop
 

@@ -17,10 +17,10 @@ from flexslew_lab.log.messages import cdr
 from flexslew_lab.ros.bench_client import BenchClient
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.ros.rebroadcast import PASSED_ON
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.topics import TOPICS
 from flexslew_plant.own_code import NO_CODE, Trust
-from flexslew_plant.topics import TOPICS
 
 _HEARD = (
     topics.TESTBED, topics.BENCH_STATE, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN,

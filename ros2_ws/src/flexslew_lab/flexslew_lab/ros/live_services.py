@@ -13,8 +13,8 @@ from rclpy.node import Node
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.ros.bench_client import PATIENCE, TUNE, BenchClient
 from flexslew_lab.ros.service_request import SERVICES, request_of
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.offers import subscription
 
 _KINDS = {"string": "string", "boolean": "boolean", "double": "number"}  # of JSON; else integer

@@ -16,10 +16,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from flexslew_lab.ros.service_request import SERVICES, granted, request_of
-from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.graph_names import require_name
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.graph_names import require_name
 from flexslew_plant.network import demand_loopback
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.start import start_ros

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from flexslew_lab.log.messages import cdr
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 
 SIGN_OF_LIFE = "/" + topics.ALIVE
 # Frames and markers are anybody's.

@@ -13,13 +13,13 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import CLOCK, Outgoing, Player, PlaySettings
 from flexslew_lab.ros.play_services import PlayServices
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph.topics import LOOP_DEPTH, Topic
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.node_process import run_node, within
 from flexslew_plant.ros.offers import message_class, qos
 from flexslew_plant.ros.parameters import new_node, settings_of
-from flexslew_plant.topics import LOOP_DEPTH, Topic
 
 _POLL_PERIOD = 0.05  # until the next poll, for what a service has changed [wall s]
 _BATCH = 1000  # messages between two polls at whether all were heard

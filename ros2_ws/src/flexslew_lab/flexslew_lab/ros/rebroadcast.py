@@ -5,7 +5,7 @@ from array import array
 from flexslew_msgs.msg import Recorded
 from rclpy.node import Node
 
-from flexslew_plant import topics
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.offers import publisher
 
 PASSED_ON = (topics.TRUTH, topics.CONTROLLER_STATE)

@@ -15,8 +15,8 @@ from flexslew_lab.ros.intake import QUESTIONS, Intake
 from flexslew_lab.ros.namesakes import Namesakes
 from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_lab.ros.recorder_settings import RecorderSettings
-from flexslew_plant import topics
 from flexslew_plant.events import Fact, RecordingEnded, RecordingStarted, StrayMessage, event_of
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.dead_nodes import DeadNodes
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch

@@ -10,8 +10,8 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from flexslew_msgs import srv
 
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 
 SERVICES: dict[str, Any] = {  # that answer ok and a message
     topics.OPERATE: srv.Operate,

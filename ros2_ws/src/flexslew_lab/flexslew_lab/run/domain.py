@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flexslew_plant.errors import BadInput, FlexslewError
-from flexslew_plant.file_lock import lock_file
+from flexslew_plant.processes.file_lock import lock_file
 
 _HIGHEST = 101  # above it the ports of DDS meet the ephemeral ones of Linux
 _LAST = 232  # that DDS knows

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from flexslew_lab.trial.sources import DEFAULT
 from flexslew_plant.errors import BadInput
-from flexslew_plant.graph_names import require_name
+from flexslew_plant.graph.graph_names import require_name
 
 ARGUMENTS: dict[str, tuple[str, str]] = {  # default and description
     "trial": (DEFAULT, "trial file, or the name of a shipped one"),

@@ -29,7 +29,7 @@ from flexslew_lab.studies.identity_file import (
 from flexslew_lab.studies.parts import Parts, read_written, readable, written
 from flexslew_lab.studies.seals import check_text, sealed_json, sealed_text
 from flexslew_plant.errors import BadInput
-from flexslew_plant.file_lock import lock_file
+from flexslew_plant.processes.file_lock import lock_file
 from flexslew_plant.settings import validated
 
 _SAMPLES, _TABLE, _PARTS = "samples.parquet", "table.parquet", "parts"

@@ -10,8 +10,8 @@ from pydantic_core import core_schema
 
 from flexslew_control.controllers import CONTROLLERS, CommonSettings
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.settings_fields import own_meanings
-from flexslew_plant.units import ABOVE, UNITS, units_in
+from flexslew_plant.keys.settings_fields import own_meanings
+from flexslew_plant.keys.units import ABOVE, UNITS, units_in
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _PLACE = "#/$defs/{model}"

@@ -7,7 +7,7 @@ from struct import Struct
 from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.line import DirectLine
 from flexslew_plant.direct.reception import Reception
-from flexslew_plant.topics import LOOP_DEPTH
+from flexslew_plant.graph.topics import LOOP_DEPTH
 
 TOPICS = "topics"  # fact that a caller says: absolute names of what it publishes
 # facts that the recorder says: the node that listens for it over DDS, and what it hears

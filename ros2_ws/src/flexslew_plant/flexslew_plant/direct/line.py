@@ -10,7 +10,7 @@ from contextlib import suppress
 from time import monotonic
 from typing import Any
 
-from flexslew_plant.topics import LOOP_DEPTH
+from flexslew_plant.graph.topics import LOOP_DEPTH
 
 SLICE = 0.002  # that a process waits for a message before it looks at the graph [wall s]
 # that it asks again and again before it sleeps [wall s]: to be woken on another core takes longer

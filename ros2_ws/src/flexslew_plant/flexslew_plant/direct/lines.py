@@ -7,8 +7,8 @@ from typing import TypeAlias
 from flexslew_plant.bench.wire import HEAD, command_from
 from flexslew_plant.direct.line import DirectLine, facts
 from flexslew_plant.direct.reception import Reception
+from flexslew_plant.graph.topics import LOOP_DEPTH
 from flexslew_plant.measurement import EffortCommand
-from flexslew_plant.topics import LOOP_DEPTH
 
 Key: TypeAlias = tuple[int, int]  # epoch and tick
 

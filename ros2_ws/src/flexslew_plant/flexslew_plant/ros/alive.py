@@ -8,14 +8,14 @@ from typing import Any
 from flexslew_msgs import msg
 from rclpy.node import Node
 
-from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, SILENT_AFTER, Beat, Presence
 from flexslew_plant.errors import BadInput
-from flexslew_plant.process_identity import own_identity, started
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.rtps import participants_here
+from flexslew_plant.processes.process_identity import own_identity, started
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.graph import UNNAMED
 from flexslew_plant.ros.offers import publisher, subscription
-from flexslew_plant.rtps import participants_here
 
 NOTICE = 1.0  # for an older one to hear of a newer one, or to leave [wall s]
 _LOOK = 0.05  # that counts between two looks at who was here before [wall s]

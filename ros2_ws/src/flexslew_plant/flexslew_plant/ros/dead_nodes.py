@@ -7,10 +7,10 @@ anew, now and then under the hands of one who was started again; see profiles/lo
 
 from rclpy.node import Node
 
-from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import Beat, Presence
-from flexslew_plant.process_identity import has_ended
-from flexslew_plant.rtps import FAST_DDS, dispose, tell_all
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.rtps import FAST_DDS, dispose, tell_all
+from flexslew_plant.processes.process_identity import has_ended
 
 _PERIOD = 0.1  # between two polls [wall s]
 

@@ -2,8 +2,8 @@
 
 from rclpy.node import Node
 
-from flexslew_plant import topics
 from flexslew_plant.events import Event, Level
+from flexslew_plant.graph import topics
 from flexslew_plant.refusal import one_line
 from flexslew_plant.ros.messages import event_message
 from flexslew_plant.ros.offers import publisher

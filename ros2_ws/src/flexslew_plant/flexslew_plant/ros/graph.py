@@ -8,7 +8,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from flexslew_plant.policies import HIDDEN
+from flexslew_plant.graph.policies import HIDDEN
 
 
 def listeners_of(node: Node, publisher: "Publisher[Any]") -> set[str]:

@@ -4,8 +4,8 @@ import os
 import signal
 from threading import Timer
 
-from flexslew_plant.atomic import atomic
-from flexslew_plant.interrupted import keep_exit_code
+from flexslew_plant.processes.atomic import atomic
+from flexslew_plant.processes.interrupted import keep_exit_code
 
 _REPEAT = 0.3  # until it is raised once more [wall s]
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)

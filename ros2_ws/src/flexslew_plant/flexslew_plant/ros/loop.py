@@ -11,8 +11,8 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from flexslew_plant.atomic import atomic
 from flexslew_plant.network import demand_loopback
+from flexslew_plant.processes.atomic import atomic
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.dead_nodes import take_off_graph
 from flexslew_plant.ros.departure import wait_until_acknowledged

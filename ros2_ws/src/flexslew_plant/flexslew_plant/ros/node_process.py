@@ -12,7 +12,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from flexslew_plant.errors import BadInput, FlexslewError
-from flexslew_plant.graph_names import require_name
+from flexslew_plant.graph.graph_names import require_name
 from flexslew_plant.ros.departure import DEPARTURE_TIMEOUT, INTERRUPTED_TIMEOUT
 from flexslew_plant.ros.interrupts import Interrupts
 from flexslew_plant.ros.loop import Loop

@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from flexslew_plant.topics import TOPICS, Topic
+from flexslew_plant.graph.topics import TOPICS, Topic
 
 _SENDINGS = 10  # of an answer, 0.1 s each
 SEVERAL = 100  # latched samples a listener takes at least: several nodes may publish one each

@@ -6,13 +6,13 @@ from time import monotonic, sleep
 
 from rclpy.node import Node
 
-from flexslew_plant import topics
 from flexslew_plant.direct.inbox import BOTH, HEARD, NAMESPACE, NODE, PART, TOPICS, split
 from flexslew_plant.direct.line import LARGEST, DirectLine, call, facts
 from flexslew_plant.direct.names import RECORDER, address, direct
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.topics import LOOP_DEPTH
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.outlet import Outlet, Turns
-from flexslew_plant.topics import LOOP_DEPTH
 
 _AGAIN = 0.2  # until the recorder is called again [wall s]
 _LOOK = 0.1  # who else listens [wall s]

@@ -17,9 +17,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.keys.settings_fields import FieldMeaning, meanings
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import flat, plain, validated
-from flexslew_plant.settings_fields import FieldMeaning, meanings
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 _ROS = ("use_sim_time", "qos_overrides", "start_type_description")  # parameters of ROS itself

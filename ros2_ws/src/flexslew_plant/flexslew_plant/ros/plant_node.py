@@ -4,12 +4,12 @@ from time import monotonic
 
 from flexslew_msgs import msg
 
-from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import truth_bytes
+from flexslew_plant.graph import topics
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.alive import NOTICE
 from flexslew_plant.ros.event_log import EventLog

@@ -17,7 +17,7 @@ from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
 
 from flexslew_plant.arrays import called, merged
-from flexslew_plant.compile_errors import explained
+from flexslew_plant.machine_code.compile_errors import explained
 
 # how many arguments of each function come before those that it writes into
 _READ = {

@@ -16,7 +16,7 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.motion import MemberFlight
 from flexslew_control.planners.motors import Matrices, give, matrices
 from flexslew_plant.arrays import Indices, Matrix, Vector, compiled, compiled_once, put
-from flexslew_plant.read_only import read_only
+from flexslew_plant.machine_code.read_only import read_only
 from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
 

@@ -24,9 +24,9 @@ from flexslew_lab.identification.modes import ModalModel, identify_modes
 from flexslew_lab.identification.page import per_effort, shown
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.separable import groups_of
-from flexslew_plant import topics
 from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 from flexslew_plant.own_code import one_line
 from flexslew_plant.settings import plain
 from flexslew_plant.yaml_data import yaml_text

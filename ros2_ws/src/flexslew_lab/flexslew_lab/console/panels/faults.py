@@ -7,12 +7,12 @@ from typing import Any
 from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.forms import Form, FormKey, keys_of, moment, number_of, offer
 from flexslew_lab.console.link import RequestResult
-from flexslew_plant import topics
 from flexslew_plant.bench.schedule import injected_entry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS
+from flexslew_plant.graph import topics
 from flexslew_plant.hardware.disturbances import PulseShape, SineShape
-from flexslew_plant.units import in_si
+from flexslew_plant.keys.units import in_si
 from flexslew_plant.yaml_data import yaml_text
 
 _CONSTANT, _NOTHING = "constant", "(nothing)"

@@ -6,8 +6,8 @@ from flexslew_lab.console.desk import Desk, DeskReply, line
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.run import FINISHED
 from flexslew_lab.console.view import EVENTS
-from flexslew_plant import topics
 from flexslew_plant.events import Event
+from flexslew_plant.graph import topics
 
 _ROWS = 200  # of the table
 _LEVELS = {"all": ("info", "warning", "fault"), "warnings and faults": ("warning", "fault")}

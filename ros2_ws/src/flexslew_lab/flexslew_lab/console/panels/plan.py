@@ -12,8 +12,8 @@ from flexslew_lab.console.desk import Desk, DeskReply, line
 from flexslew_lab.console.forms import Form, FormKey, moment, number_of
 from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import Iterate, RequestResult
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 from flexslew_plant.own_code import is_own_code
 from flexslew_plant.yaml_data import yaml_text
 

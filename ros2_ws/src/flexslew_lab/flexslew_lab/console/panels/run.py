@@ -6,8 +6,8 @@ from functools import partial
 from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.forms import one_of
 from flexslew_lab.console.link import RequestResult
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 
 FINISHED = "finished"
 _RATES = {"0.1": 0.1, "0.5": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "fast": 0.0}

@@ -3,8 +3,8 @@
 from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.forms import OpenedOn, moment, not_negative
 from flexslew_lab.console.link import RequestResult
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 
 NOBODY = "(none found)"
 

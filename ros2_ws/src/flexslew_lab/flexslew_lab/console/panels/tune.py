@@ -8,8 +8,8 @@ from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.overrides import overridden
 from flexslew_plant.errors import BadInput
+from flexslew_plant.keys.settings_fields import meanings
 from flexslew_plant.settings import flat, validated
-from flexslew_plant.settings_fields import meanings
 from flexslew_plant.yaml_data import yaml_text
 
 _HANDOVER, _FROM, _FILE = "handover_time", "tuned from", "file"

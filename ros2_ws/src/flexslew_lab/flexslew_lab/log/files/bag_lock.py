@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.file_lock import lock_file
+from flexslew_plant.processes.file_lock import lock_file
 
 LOCK_FILE = ".recording"
 

@@ -21,8 +21,8 @@ from flexslew_lab.log.files.bag_lock import lock_folder, unlock_folder
 from flexslew_lab.log.files.mcap_file import Chunk, McapFile, RecordingStopped, record_bytes
 from flexslew_lab.log.files.rosbag2_folder import TopicCount, information, write_description
 from flexslew_lab.log.messages.schemas import schema_text, type_hash
-from flexslew_plant.atomic import atomic
 from flexslew_plant.errors import BadInput
+from flexslew_plant.processes.atomic import atomic
 from flexslew_plant.yaml_data import yaml_text
 
 __all__ = ["CHUNK_SIZE", "BagWriter", "RecordingStopped"]

@@ -12,9 +12,9 @@ from flexslew_lab.log.messages.cdr import stamp_offset, time_at
 from flexslew_lab.log.messages.readable import readable
 from flexslew_lab.log.recording.consecutive import Consecutive
 from flexslew_lab.log.recording.open_ticks import FOLLOWED, PATIENCE, OpenTicks
-from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
-from flexslew_plant.topics import DISPLAYED
+from flexslew_plant.graph import topics
+from flexslew_plant.graph.topics import DISPLAYED
 
 _TICK_AND_EPOCH = struct.Struct("<QI")
 _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame

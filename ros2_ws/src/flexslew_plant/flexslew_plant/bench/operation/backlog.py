@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from flexslew_plant.graph.topics import LOOP_DEPTH
 from flexslew_plant.refusal import Cause, Refusal
-from flexslew_plant.topics import LOOP_DEPTH
 
 # How far ahead of the disk the plant may be, not paced: what the kill of a recorder may cost
 RECORDED_WITHIN = 100  # [ticks]; one second at the default period

@@ -3,8 +3,8 @@
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-from flexslew_plant import topics
 from flexslew_plant.bench.operation.session import Session
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
 

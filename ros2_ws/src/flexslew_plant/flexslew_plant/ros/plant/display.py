@@ -13,10 +13,10 @@ from std_msgs.msg import ColorRGBA, Header, String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.wire import stamp_of
+from flexslew_plant.graph import topics
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.outlet import Outlet

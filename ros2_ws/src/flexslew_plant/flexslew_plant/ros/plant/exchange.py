@@ -10,13 +10,13 @@ from typing import Any, Protocol
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from flexslew_plant import topics
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import command_from, measurement_bytes
 from flexslew_plant.direct.line import SLICE
 from flexslew_plant.direct.lines import Lines
 from flexslew_plant.direct.names import DDS, SOCKET, address, direct
 from flexslew_plant.events import StrayMessage, TransportChosen
+from flexslew_plant.graph import topics
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop

@@ -9,9 +9,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
-from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.wire import Stamp, stamp_of
+from flexslew_plant.graph import topics
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.template import Template

@@ -8,9 +8,9 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
-from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.wire import Stamp
+from flexslew_plant.graph import topics
 from flexslew_plant.ros.outlets import Outlets
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed

@@ -11,10 +11,10 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import WAITING, Reply
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
+from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import requested_tick, stamp

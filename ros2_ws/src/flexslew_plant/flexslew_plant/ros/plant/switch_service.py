@@ -8,9 +8,9 @@ from flexslew_msgs import srv
 from rclpy.node import Node
 from rclpy.task import Future
 
-from flexslew_plant import topics
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.records import SwitchRequest, SwitchResult
+from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import doubles, requested_tick

@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
-from flexslew_plant.read_only import read_only
+from flexslew_plant.machine_code.read_only import read_only
 from flexslew_plant.testbeds.compiled import dynamics, interface
 from flexslew_plant.testbeds.kernels import Kernels
 

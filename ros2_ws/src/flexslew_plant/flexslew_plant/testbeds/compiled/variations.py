@@ -17,7 +17,7 @@ import numpy as np
 from numba import types
 
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled, put
-from flexslew_plant.read_only import read_only
+from flexslew_plant.machine_code.read_only import read_only
 from flexslew_plant.testbeds.compiled import mass
 from flexslew_plant.testbeds.compiled.bound import Bound
 from flexslew_plant.testbeds.compiled.dynamics import (

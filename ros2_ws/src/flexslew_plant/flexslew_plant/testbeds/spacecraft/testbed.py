@@ -12,7 +12,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.refused_keys import Placed
+from flexslew_plant.keys.refused_keys import Placed
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.appendages import Appendages
 from flexslew_plant.testbeds.attitude import attitude_joints

@@ -4,10 +4,10 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from flexslew_plant.keys.units import is_quantity
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import Untrusted
 from flexslew_plant.refusal import Refusal
-from flexslew_plant.units import is_quantity
 
 WHOLE = "(whole file)"  # the key of an error that is about no single one
 

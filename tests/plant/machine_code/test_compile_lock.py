@@ -13,7 +13,12 @@ import pytest
 from numba import config
 
 from flexslew_plant.arrays import compiled, inlined, vectorised
-from flexslew_plant.compile_lock import CompileLock, FilesForGood, lock_of, one_at_a_time
+from flexslew_plant.machine_code.compile_lock import (
+    CompileLock,
+    FilesForGood,
+    lock_of,
+    one_at_a_time,
+)
 
 NESTED = """
 def inner(x):

@@ -27,8 +27,8 @@ from numba import config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler_lock import global_compiler_lock
 
-from flexslew_plant.compile_news import compiling
-from flexslew_plant.file_lock import hold
+from flexslew_plant.machine_code.compile_news import compiling
+from flexslew_plant.processes.file_lock import hold
 
 
 class FilesForGood(IndexDataCacheFile):  # type: ignore[misc]

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_plant.file_lock import lock_file
+from flexslew_plant.processes.file_lock import lock_file
 
 HOLD = """
 import sys
 from pathlib import Path
-from flexslew_plant.file_lock import lock_file
+from flexslew_plant.processes.file_lock import lock_file
 handle = lock_file(Path(sys.argv[1]))
 print(handle is not None, flush=True)
 sys.stdin.read()

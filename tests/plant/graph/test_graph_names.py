@@ -1,7 +1,7 @@
 import pytest
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.graph_names import require_name
+from flexslew_plant.graph.graph_names import require_name
 
 
 @pytest.mark.parametrize("name", ["bench1", "/bench1", "lab/bench_1", "/a/_b/C2", "a__b"])

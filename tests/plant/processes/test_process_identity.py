@@ -3,7 +3,7 @@ import signal
 import subprocess
 import sys
 
-from flexslew_plant.process_identity import has_ended, own_identity
+from flexslew_plant.processes.process_identity import has_ended, own_identity
 
 HERE = own_identity().split("/")[0]
 

@@ -1,6 +1,6 @@
 import struct
 
-from flexslew_plant.rtps import dispose
+from flexslew_plant.graph.rtps import dispose
 
 
 def test_the_message_of_a_leave_is_read_back_as_rtps_has_it() -> None:

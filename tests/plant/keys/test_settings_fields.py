@@ -3,9 +3,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from flexslew_plant.keys.settings_fields import meanings, own_meanings
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.settings import section
-from flexslew_plant.settings_fields import meanings, own_meanings
 
 
 def test_words_and_ranges_come_from_the_section() -> None:

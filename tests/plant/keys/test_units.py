@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.keys.units import UNITS, in_si, units_in
 from flexslew_plant.settings import PerJoint, section, validated
-from flexslew_plant.units import UNITS, in_si, units_in
 from flexslew_plant.yaml_data import load_yaml
 
 

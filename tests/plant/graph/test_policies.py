@@ -2,8 +2,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from flexslew_plant.policies import NODES, ROLES, policies
-from flexslew_plant.topics import JOINT_TRAJECTORY, TOPICS
+from flexslew_plant.graph.policies import NODES, ROLES, policies
+from flexslew_plant.graph.topics import JOINT_TRAJECTORY, TOPICS
 
 LAWS = ["first", "second"]
 

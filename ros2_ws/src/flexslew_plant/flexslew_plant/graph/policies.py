@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
-from flexslew_plant import topics as t
+from flexslew_plant.graph import topics as t
 
 HIDDEN = "_"  # ROS hides nodes whose names begin so; `_x` listens on behalf of the node `x`
 

@@ -7,7 +7,7 @@ from math import isfinite, nan, pi
 from typing import Any, get_args, get_type_hints
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings_fields import own_meanings
+from flexslew_plant.keys.settings_fields import own_meanings
 
 # what a unit of SI may be given in, and how much of it that is
 UNITS: dict[str, dict[str, float]] = {

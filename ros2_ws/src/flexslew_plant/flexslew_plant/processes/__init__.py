@@ -1,0 +1,4 @@
+"""Processes beside each other: locks, identities, interrupts.
+
+Offers: atomic, file_lock, interrupted, process_identity.
+"""
