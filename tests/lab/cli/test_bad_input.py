@@ -58,7 +58,7 @@ def call(
         ),
         (
             ("trial", "--in-process", "--set", "testbed.kind=hub_with_appendages"),
-            "(wrong or missing, too: modes); the file's testbed is for another kind: give all of it",
+            "(wrong or missing, too: modes); the file's testbed is for another kind",
         ),
         (("trial", "--in-process", "--set", "controllers={}"), "controllers: give at least one"),
         (("trial", "--in-process", "--out", "/proc/x"), "--out: /proc/x cannot be written"),
