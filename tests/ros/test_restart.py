@@ -8,17 +8,19 @@ from typing import Any
 
 import pytest
 import rclpy
-from flexslew_msgs.msg import BenchState, Event, Plan, Testbed
+from flexslew_msgs.msg import BenchState, Event, Measurement, Plan, Testbed
 from rclpy.duration import Duration
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from flexslew_plant.bench import message_fields
 from flexslew_plant.bench.bench import Bench as Plant
 from flexslew_plant.bench.records import BenchSettings
+from flexslew_plant.direct.names import SETTING
 from flexslew_plant.graph.topics import (
     BENCH_STATE,
     EVENTS,
     JOINT_TRAJECTORY,
+    MEASUREMENT,
     PLAN,
     TESTBED,
     TOPICS,
@@ -65,6 +67,20 @@ def test_controllers_stand_before_the_testbed_of_a_plant_that_came_back(bench: B
     assert "deflection" in bench.statuses["lqr"].settings
     assert bench.runs("lqr")
     assert bench.runs("pd")
+
+
+@pytest.mark.parametrize("transport", ["auto", "dds"])
+def test_who_publishes_questions_and_is_no_plant_is_not_waited_for(
+    transport: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(SETTING, transport)
+    with standing(Bench, tmp_path) as bench:
+        player = bench.node.create_publisher(Measurement, MEASUREMENT, qos(TOPICS[MEASUREMENT]))
+        bench.start("pd", CONTROLLER)
+        bench.until(lambda: player.get_subscription_count() == 1)
+        bench.start("plant", PLANT, rate_factor="5.0", **{"bench.active": "pd"})
+        bench.until(lambda: "pd" in bench.statuses and bench.statuses["pd"].last_tick > 20)
+        assert bench.statuses["pd"].ready
 
 
 def test_a_controller_that_knows_the_testbed_before_it_meets_the_questions_stays(
