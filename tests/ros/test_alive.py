@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from math import inf
 from socket import AF_INET, SOCK_DGRAM, socket
 from typing import Any
@@ -59,6 +60,16 @@ def domain() -> Iterator[int]:
         rclpy.shutdown()
 
 
+@contextmanager
+def undiscovered(domain: int, sockets: int) -> Iterator[None]:
+    """Hold the ports of a participant that says nothing."""
+    with ExitStack() as held:
+        for number in range(sockets):
+            one = held.enter_context(socket(AF_INET, SOCK_DGRAM))
+            one.bind(("127.0.0.1", ports(domain)[-1] + number))
+        yield
+
+
 def first_after(one: Alive, patience: float) -> float:
     """Return for how long it listens before it is the first [wall s]; inf: for longer."""
     begin, looks = one._looked, int(patience / LOOK)
@@ -68,16 +79,20 @@ def first_after(one: Alive, patience: float) -> float:
 
 def test_one_listens_until_it_has_discovered_who_has_a_socket_on_this_machine(domain: int) -> None:
     one = Alive(rclpy.create_node("plant"), "plant")
-    with socket(AF_INET, SOCK_DGRAM) as undiscovered:
-        undiscovered.bind(("127.0.0.1", ports(domain)[-1]))
+    with undiscovered(domain, 2):
         assert first_after(one, 2.0) == inf
     assert first_after(one, 1.0) == pytest.approx(0.25, abs=LOOK)  # it may only now be heard
 
 
+def test_a_port_that_another_process_sends_from_is_no_participant(domain: int) -> None:
+    one = Alive(rclpy.create_node("plant"), "plant")
+    with undiscovered(domain, 1):
+        assert first_after(one, 1.0) == pytest.approx(0.25, abs=LOOK)
+
+
 def test_one_that_stays_undiscovered_is_not_waited_for_for_ever(domain: int) -> None:
     one = Alive(rclpy.create_node("plant"), "plant")
-    with socket(AF_INET, SOCK_DGRAM) as undiscovered:
-        undiscovered.bind(("127.0.0.1", ports(domain)[-1]))
+    with undiscovered(domain, 2):
         assert first_after(one, 5.0) == pytest.approx(3.0, abs=2 * LOOK)
 
 

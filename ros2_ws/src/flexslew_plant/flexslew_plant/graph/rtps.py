@@ -34,16 +34,18 @@ def ports(domain: int) -> range:
 
 
 def participants_here(domain: int) -> int:
-    """Return how many participants of a domain have a socket on this machine; 0: nobody says.
+    """Return how many participants of a domain have sockets on this machine; 0: nobody says.
 
-    That of a process that was killed is closed with it, and it is there before anything is said.
+    They are closed with a process that is killed, and are there before anything is said. Each has
+    two, for announcements and for data behind it: a socket that any process sends from, whose port
+    is none of its choice, is no participant.
     """
     try:
         rows = Path("/proc/net/udp").read_text().splitlines()[1:]
     except OSError:
         return 0
     bound = {int(row.split()[1].partition(":")[2], 16) for row in rows}
-    return len(bound.intersection(ports(domain)))
+    return sum(port in bound and port + 1 in bound for port in ports(domain))
 
 
 def tell_all(message: bytes, domain: int) -> None:
