@@ -17,7 +17,8 @@ PlanFunction: TypeAlias = Callable[[Any, Slew, Progress], Plan]
 
 _MOST_FUNCTIONS = 200  # that a section may ask for
 _GROWS = 1e-6  # beyond 1, of the spectral radius of one tick: rounding of a rigid body's
-_LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
+# by how many steps of 5 % a duration is longer that is tried where a slew needs too much torque
+_LONGER = (1, 2, 4, 8, 16, 32, 40)
 
 
 def enough_time(plan: PlanFunction, settings: Any, slew: Slew) -> str:
@@ -26,16 +27,28 @@ def enough_time(plan: PlanFunction, settings: Any, slew: Slew) -> str:
     rigid = rigid_duration(slew.model, slew.start, slew.goal, slew.effort_limit)
     if now >= rigid and (finer := _enough_functions(plan, settings, slew)):
         return finer
-    for longer in now * 1.05 ** np.arange(1, _LONGER + 1):
-        duration = rounded_up(longer)  # what is said is what was tried
-        if duration < rigid:
-            continue
-        if _leads(plan, replace(settings, duration=duration), slew):
-            return (
-                f"a duration of {duration:g} s (now {now:g} s) is enough; a rigid body takes "
-                f"{rigid:.4g} s"
-            )
-    return f"no duration up to {duration:g} s (now {now:g} s) is enough; use a higher effort_limit"
+
+    def lasting(steps: int) -> float:
+        return rounded_up(now * 1.05**steps)  # what is said is what was tried
+
+    def leads(steps: int) -> bool:
+        duration = lasting(steps)
+        return duration >= rigid and _leads(plan, replace(settings, duration=duration), slew)
+
+    enough = next(filter(leads, _LONGER), None)
+    if enough is None:
+        longest = lasting(_LONGER[-1])
+        return (
+            f"no duration up to {longest:g} s (now {now:g} s) is enough; use a higher effort_limit"
+        )
+    short = max((steps for steps in _LONGER if steps < enough), default=0)
+    while enough - short > 1:
+        middle = (short + enough) // 2
+        short, enough = (short, middle) if leads(middle) else (middle, enough)
+    return (
+        f"a duration of {lasting(enough):g} s (now {now:g} s) is enough; a rigid body takes "
+        f"{rigid:.4g} s"
+    )
 
 
 def _enough_functions(plan: PlanFunction, settings: Any, slew: Slew) -> str:
