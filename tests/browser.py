@@ -17,9 +17,11 @@ import pytest
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FOUND = "document.evaluate(arguments[0], document, null, 9, null).singleNodeValue"
 _STILL = f"""
-  const place = JSON.stringify({FOUND}?.getBoundingClientRect());
+  const shown = {FOUND};
+  if (!shown?.checkVisibility()) return false;
+  const place = JSON.stringify(shown.getBoundingClientRect());
   if (place !== look.place) [look.place, look.since] = [place, performance.now()];
-  return place !== undefined && performance.now() - look.since > 150
+  return performance.now() - look.since > 150
 """
 _FOCUSED = f"""
   const field = {FOUND};
