@@ -116,6 +116,19 @@ def test_a_dead_controller_is_not_ready_within_a_second_and_a_switch_to_it_is_re
     assert lab.kinds("not_ready", "ready") == ["not_ready", "ready"]
 
 
+def test_one_that_is_started_again_is_ready_when_it_says_so_itself() -> None:
+    lab = Lab(rate=1.0).until(10)
+    it, (first, second) = lab.it, (1, 7)
+    it.hear("b", True, "", first)
+    assert it.reason("b", lab.now) is None
+    lab.dead.add("b")
+    lab.until(110)
+    it.presence.hear(Beat("b", "controller", second, second), lab.now)
+    assert str(it.reason("b", lab.now)) == "it has just come"
+    it.hear("b", True, "", second)
+    assert it.reason("b", lab.now) is None
+
+
 def test_a_switch_to_one_that_died_in_between_is_dropped_and_nothing_is_missed() -> None:
     lab = Lab(rate=1.0).until(10)
     assert lab.it.switch(SwitchRequest("b", 200), lab.now) is None

@@ -37,6 +37,7 @@ Outgoing: TypeAlias = Measurement | Truth | Event
 
 _SILENT = Refusal("its heartbeat is lost", cause=Cause.NO_HEARTBEAT)
 _ABSENT = Refusal("it is not on the graph", cause=Cause.ABSENT)
+_JUST_COME = Refusal("it has just come", cause=Cause.NOT_READY)
 _POLL_PERIOD = 0.02  # between two polls at who is missing [wall s]
 
 
@@ -69,6 +70,7 @@ class Session:
         self.backlog = Backlog(patience=answer_timeout, paced=self.pacing.paced)
         self.presence = Presence()
         self.reasons: dict[str, Refusal | None] = {}  # why not ready, as the controllers say
+        self._said_by = dict[str, int]()  # the instance of each that said so; 0: not told
         self.waiting_for: list[str] = []
         self.outbox: deque[Outgoing] = deque()
         self.watched: Callable[[], bool] = lambda: True  # whether this tick's truth is of use
@@ -130,8 +132,16 @@ class Session:
         self._flush()
         return bool(bench.handover.results) or bench.answered
 
-    def hear(self, controller: str, ready: bool, reason: str) -> None:
-        """Take what a controller says of itself: whether it could take charge, and why not."""
+    def hear(self, controller: str, ready: bool, reason: str, instance: int = 0) -> None:
+        """Take what a controller says of itself: whether it could take charge, and why not.
+
+        Args:
+            controller: its name.
+            ready: it could.
+            reason: why not.
+            instance: of the one that says so; 0: it does not tell.
+        """
+        self._said_by[controller] = instance
         self.reasons[controller] = None if ready else Refusal(reason, cause=Cause.NOT_READY)
 
     def reason(self, controller: str, now: float) -> Refusal | None:
@@ -140,6 +150,8 @@ class Session:
             return _ABSENT
         if self.presence.silent(controller, now):
             return _SILENT
+        if not self.presence.counts(controller, self._said_by.get(controller, 0), now):
+            return _JUST_COME  # its predecessor was ready, not it
         bench = self.bench
         resting = not self.run.running
         behind = self.backlog.reason(controller, bench.tick, bench.epoch, resting)
