@@ -20,7 +20,7 @@ from flexslew_plant.ros.offers import publisher, subscription
 NOTICE = 1.0  # for an older one to hear of a newer one, or to leave [wall s]
 _LOOK = 0.05  # that counts between two looks at who was here before [wall s]
 # for one whose process lives, and was not heard, on processors that are busy [wall s]
-_UNHEARD = 3.0
+_WAITS = 3.0
 # what nobody else publishes, of the roles that a bench has once
 _OWN = {"plant": topics.MEASUREMENT, "planner": topics.PLAN}
 _PARTICIPANTS = "ros_discovery_info"  # each publishes there (rmw_dds_common), in no namespace
@@ -82,13 +82,13 @@ class Alive:
         node = self._node
         shown = _participants(node.get_publishers_info_by_topic(_PARTICIPANTS, no_mangle=True))
         here = participants_here(node.context.get_domain_id())
-        if len(shown) < here or self._unheard(now):
+        if len(shown) < here or self._has_silent_rivals(now):
             self._certain, self._doubted = 0.0, self._doubted + passed
-            return self._doubted > (SILENT_AFTER if len(shown) > here else _UNHEARD)
+            return self._doubted > (SILENT_AFTER if len(shown) > here else _WAITS)
         self._certain, self._doubted = self._certain + passed, 0.0
         return self._certain >= BEAT_EVERY
 
-    def _unheard(self, now: float) -> bool:
+    def _has_silent_rivals(self, now: float) -> bool:
         """Return whether the graph shows others of its name or role that gave no sign of life."""
         return self._rivals_on_graph() > len(self.presence.younger(self.beat, now))
 

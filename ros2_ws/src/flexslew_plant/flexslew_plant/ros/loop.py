@@ -34,6 +34,7 @@ class Loop:
         self._outlets: list[Outlets] = []
         self._code: int | None = None
         self._due = 0.0  # when to poll [wall s]
+        self._listened = monotonic()  # until then, before it runs [wall s]
         self._nodes: list[Node] = []
         self._closing = False
 
@@ -81,6 +82,7 @@ class Loop:
             if self._abandoned:
                 self.stop(130)
             self._serve(_BEGINNING)
+        self._listened = monotonic()
 
     @property
     def _abandoned(self) -> bool:
@@ -159,6 +161,10 @@ class Loop:
             poll: called between events, returns after how many wall seconds it wants to be called
                 again.
         """
+        # while a node was built it heard nobody
+        built, self._listened = max(monotonic() - self._listened, 0.0), inf
+        for alive in self._alive.values():
+            alive.presence.excuse(built)
         next_look = 0.0
         while self._code is None:
             now = monotonic()

@@ -43,7 +43,6 @@ class Plant:
         self.loop = loop
         self.node = node = new_node("plant")
         self._alive, outlets = loop.only(node, "plant"), loop.outlets(node)
-        listened = monotonic()
         self.statuses = Statuses(self._alive.presence, self._on_status)
         self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
         bench = Bench(self._settings.bench)
@@ -70,7 +69,6 @@ class Plant:
         self._parameters = PlantParameters(node, self.session, self.display, loop)
         fields = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
         publisher(node, topics.TESTBED).publish(message_of(msg.Testbed, fields))
-        self._alive.presence.excuse(monotonic() - listened)  # nobody was heard meanwhile
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
@@ -133,8 +131,7 @@ class Plant:
 
     def _on_status(self, message: msg.ControllerStatus) -> None:
         self._exchange.known(message.controller)
-        said = message.ready, message.reason, message.instance
-        self.session.hear(message.controller, *said)
+        self.session.hear(message.controller, message.ready, message.reason, message.instance)
         self.session.backlog.heard(message.controller, message.last_tick, message.epoch)
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:
