@@ -5,11 +5,11 @@ from typing import Any, TypeAlias, TypeVar, cast
 
 import numba
 import numpy as np
-from llvmlite.binding import set_option
 from numpy.typing import NDArray
 
 from flexslew_plant.machine_code.cache_names import recognised
 from flexslew_plant.machine_code.compile_lock import one_at_a_time
+from flexslew_plant.machine_code.processor import suit_processor
 from flexslew_plant.machine_code.read_only import for_all_access
 
 Vector: TypeAlias = NDArray[np.float64]  # one index
@@ -20,9 +20,7 @@ Indices: TypeAlias = NDArray[np.int64]  # which entries of a vector
 NOTHING: Vector = np.zeros(0)  # of what has no numbers
 NOTHING.flags.writeable = False
 
-# Loops that are written out cost a sixth of the compiler's time, and no kernel is faster for them.
-for _option in ("--unroll-threshold=0", "--unroll-partial-threshold=0"):
-    set_option("flexslew", _option)
+suit_processor()
 
 # What a function does not say it has from the one that it is first compiled for: where that is
 # `vectorised`, its products would be fused with sums from then on, on disk, too.

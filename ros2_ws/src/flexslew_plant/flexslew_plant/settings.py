@@ -77,20 +77,20 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     except ValidationError as error:
         refusal, name = refusal_of(error, kind, values, source), untrusted(error)
         raise (Untrusted(refusal, name) if name else BadInput(refusal)) from None
-    for place, value in _booleans(values):  # which pydantic takes for 1 and 0
-        found = _at(_adapter(kind).dump_python(result, warnings=False), place)
+    for place, value in _booleans((values,)):  # which pydantic takes for 1 and 0
+        found = _at((_adapter(kind).dump_python(result, warnings=False),), place)
         if isinstance(found, int | float) and not isinstance(found, bool):
-            raise BadInput("give a number", source, ".".join(map(str, place)), value)
+            raise BadInput("give a number", source, ".".join(map(str, place[1:])), value)
     return result
 
 
 def _booleans(values: Any, place: _Place = ()) -> Iterator[tuple[_Place, bool]]:
     """Find the booleans in nested settings, and where they stand."""
-    if isinstance(values, bool):
-        yield place, values
-    elif isinstance(values, dict | list | tuple):
-        parts = values.items() if isinstance(values, dict) else enumerate(values)
-        for key, part in parts:
+    parts = values.items() if isinstance(values, dict) else enumerate(values)
+    for key, part in parts:
+        if isinstance(part, bool):
+            yield (*place, key), part
+        elif isinstance(part, dict | list | tuple):  # few are: a call for each takes long
             yield from _booleans(part, (*place, key))
 
 

@@ -27,7 +27,7 @@ def way_of(trial: Trial) -> Way:
     charge = charge_of(trial, injections_of(trial, model).faults)
     if isinstance(charge, Way):
         return charge
-    for way in (way_of_settings(trial, charge), way_of_testbed(trial)):
+    for way in (way_of_settings(trial, charge), way_of_testbed(model)):
         if way is not Way.LANES:
             return way
     still = np.array(list(initial_positions(trial.testbed).values()))

@@ -1,4 +1,4 @@
 """Machine code that is kept on disk between runs, and shared between processes.
 
-Offers: cache_names, compile_errors, compile_lock, compile_news, read_only.
+Offers: cache_names, compile_errors, compile_lock, compile_news, frame, processor, read_only.
 """

@@ -178,10 +178,14 @@ def _recorded(states: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
 
 
 def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what counts the truth of a tick and the effort that was held before it."""
+    """Return what counts the truth of a tick and the effort that was held before it.
+
+    Lanes are the innermost loop: only such loops become vector instructions.
+    """
     m, modes, tips = sizes.joints, sizes.modes, sizes.appendages
     effort, tip, goal, sign, band = rows.applied, rows.tip, rows.goal, rows.sign, rows.band
     limit, residual_tip, peak_tip = rows.limit, rows.residual_tip, rows.peak_tip
+    bent, full = rows.bent, rows.full
     residual, beyond, outside = rows.residual, rows.beyond, rows.outside
     terminal, peak_effort = rows.terminal, rows.peak_effort
     square_sum, saturated = rows.square_sum, rows.saturated
@@ -193,17 +197,21 @@ def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., N
         held = time - schedule.time[k - 1] if k > 0 else 0.0
         over = 1.0 if schedule.over[k] else 0.0
         started = 0.0 if schedule.started[k] else -np.inf
+        for i in range(tips):
+            for lane in range(LANES):
+                w[bent + lane] = 0.0
+            for j in range(modes):
+                share = tip + (i * modes + j) * LANES
+                for lane in range(LANES):
+                    w[bent + lane] += w[share + lane] * w[mode + j * LANES + lane]
+            for lane in range(LANES):
+                now = abs(w[bent + lane])
+                w[peak_tip + lane] = max(w[peak_tip + lane], now)
+                w[residual_tip + lane] = max(w[residual_tip + lane], over * now)
         for lane in range(LANES):
-            for i in range(tips):
-                bent = 0.0
-                for j in range(modes):
-                    share = w[tip + (i * modes + j) * LANES + lane]
-                    bent += share * w[mode + j * LANES + lane]
-                bent = abs(bent)
-                w[peak_tip + lane] = max(w[peak_tip + lane], bent)
-                w[residual_tip + lane] = max(w[residual_tip + lane], over * bent)
-            full = 0.0
-            for i in range(m):
+            w[full + lane] = 0.0
+        for i in range(m):
+            for lane in range(LANES):
                 at = i * LANES + lane
                 error, push = w[position + at] - w[goal + at], abs(w[effort + at])
                 w[residual + at] = max(w[residual + at], over * abs(error))
@@ -211,8 +219,9 @@ def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., N
                 w[outside + at] = time if abs(error) > w[band + at] else w[outside + at]
                 w[peak_effort + at] = max(w[peak_effort + at], push)
                 w[square_sum + at] += held * push * push
-                full = held if push >= w[limit + at] * MARGIN else full
-            w[saturated + lane] += full
+                w[full + lane] = held if push >= w[limit + at] * MARGIN else w[full + lane]
+        for lane in range(LANES):
+            w[saturated + lane] += w[full + lane]
         if schedule.over[k] and not (k > 0 and schedule.over[k - 1]):
             for i in range(m * LANES):
                 w[terminal + i % LANES] += (w[position + i] - w[goal + i]) ** 2

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from flexslew_plant.arrays import Matrix, Vector, vectorised
+from flexslew_plant.machine_code.frame import aligned_frame
 from flexslew_plant.testbeds.compiled.generated import generated
 from flexslew_plant.testbeds.compiled.lanes import (
     LANES,
@@ -137,7 +138,7 @@ def _kernel(model: Model, equations: NotedEquations, brisk: bool) -> LaneKernel 
 
 
 def _function(name: str, text: str) -> Any:
-    names = {"np": np, "sine_cosine": sine_cosine, "turned": turned}
+    names = {"np": np, "aligned_frame": aligned_frame, "sine_cosine": sine_cosine, "turned": turned}
     return vectorised(generated(name, text, names))
 
 

@@ -63,7 +63,7 @@ def written(
             return repr(part[1])
         return f"w[{of_constant[part]} + k]" if part in of_constant else f"a{part}"
 
-    lines = [f"def {name}({given}):", f"    for k in range({width}):"]
+    lines = [f"def {name}({given}):", "    aligned_frame()", f"    for k in range({width}):"]
     turned: dict[tuple[object, ...], int] = {}  # what sine and cosine are there of
     for k in needs.steps:
         what, *parts = tape.nodes[k]

@@ -92,7 +92,7 @@ class LaneIntake:
             if isinstance(happens, Way):
                 return happens
             common = self._said(case.variant, trial, happens.charge, asked)
-            way = common.way if common.way is not Way.LANES else way_of_testbed(trial)
+            way = common.way if common.way is not Way.LANES else way_of_testbed(model)
             if way is not Way.LANES:
                 return way
             bound = trial.testbed if knows_frequency(trial.testbed) else None
@@ -258,9 +258,8 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
     return next((way for there, way in obstacles if there), Way.LANES)
 
 
-def way_of_testbed(trial: Trial) -> Way:
-    """Return LANES, or what of a trial's testbed only the bench knows."""
-    model = trial.testbed.model()
+def way_of_testbed(model: Model) -> Way:
+    """Return LANES, or what of a testbed only the bench knows."""
     obstacles = (
         (model.reading is not None and model.kernels.reading is None, Way.JOINTS),
         (model.efforts != model.joints, Way.EFFORTS),

@@ -70,6 +70,8 @@ class Rows(NamedTuple):
     quantum: int  # of each reading; 0: none
     doubt: int  # 1: something was too near to an edge, see quanta; 2: see judge and watch
     squares: int  # of innovations over their variances, added up in a window
+    bent: int  # a tip's deflection at this tick
+    full: int  # how long a drive was at its limit until this tick
     residual_tip: int  # from here on: what the metrics count
     peak_tip: int
     residual: int
@@ -90,5 +92,6 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     law = (read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
     doubts = read * sizes.quantised, int(sizes.doubtful), sizes.watched
     drives = (tip, m, m, m, n, m, m, m, 5, 2 * m, *doubts)  # to squares
-    counts = (m, m, m * sizes.broken, *law, *drives, 1, 1, m, m, m, 1, m, m, 1, tip)
+    measured = (1, 1, 1, 1, m, m, m, 1, m, m, 1)  # to saturated
+    counts = (m, m, m * sizes.broken, *law, *drives, *measured, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))
