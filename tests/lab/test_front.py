@@ -247,6 +247,13 @@ def test_a_sweep_has_an_axis_per_path_and_the_numbers_of_single_flights() -> Non
     alone = fs.fly(fs.trial(SLEW, {"testbed.modes": 2, "plan.duration": 1.0}))
     assert tips[1, 1] == alone.metrics["residual_tip_deflection"]
     assert "testbed.modes (2) x plan.duration (3)" in repr(found)
+    page = found._repr_html_()
+    assert page.count("<tr>") == 1 + tips.size
+    assert f"<td>{tips[1, 1]:.3g}</td>" in page
+    assert "<th>missed_ticks</th>" not in page  # as many at every point
+    long = fs.Sweep({"x": tuple(range(50))}, {"y": np.arange(50.0)})._repr_html_()
+    assert long.endswith("</table>and 10 more")
+    assert fs.Sweep({}, {"y": np.array(1.0)})._repr_html_().count("<tr>") == 2
     with pytest.raises(fs.BadInput, match=r"testbed\.modes has no values"):
         fs.sweep(SLEW, {"testbed.modes": []})
 

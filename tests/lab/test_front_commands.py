@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -27,6 +28,13 @@ SHAKE = {
     "duration": 64.0,
 }
 HEAVY = {"testbed.parameters.free_mass": 1.3}
+
+
+def cells(result: Any) -> list[list[str]]:
+    """Return the table that a notebook shows of a result, below whose repr it stands."""
+    page = ElementTree.fromstring(f"<div>{result._repr_html_()}</div>")
+    assert page.text == repr(result)
+    return [[cell.text or "" for cell in row] for row in page.iter("tr")]
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +66,12 @@ def test_the_margins_that_are_analysed_are_flown() -> None:
     words = f"{poles} of {poles} poles and {margins} of {margins} margins flown as predicted"
     assert repr(proof) == f"<Proof: {words}>"
     assert [m.predicted for m in proof.margins if m.kind == "delay"] == [found.efforts[0].delay]
+    assert cells(found)[1][3] == f"{found.efforts[0].delay:.6g}"
+    assert len(cells(proof)) == 1 + margins + 2 * poles
+    assert {row[3] for row in cells(proof)[1:]} == {"yes"}
+    loose = fs.analyse(fs.trial(SLEW, {"controllers.pd_feedforward.kd": [300.0]}))
+    assert not loose.stable
+    assert len(cells(loose)) == 1 + len(loose.poles)
 
 
 def test_gains_that_were_found_are_flown() -> None:
@@ -65,6 +79,7 @@ def test_gains_that_were_found_are_flown() -> None:
     assert repr(found) == f"<FoundGains of pd_feedforward: {found.verdict}>"
     (kp,) = found.changes["controllers.pd_feedforward.kp"]
     assert 1.0 <= kp <= 4.0
+    assert [row[:2] for row in cells(found)[1:]] == [["in the trial", "2"], ["found", f"{kp:.6g}"]]
     flown = fs.fly(fs.trial(SLEW, found.changes))
     assert flown.metrics["residual_tip_deflection"] <= found.best.outcome.residual
     with pytest.raises(fs.BadInput, match=r"^trials: 0 is not allowed: a whole number"):
@@ -75,6 +90,7 @@ def test_planners_and_laws_are_compared_as_by_the_command() -> None:
     by_law = fs.compare(SLEW, laws=True)
     assert repr(by_law).startswith("<Comparison by law: pd_feedforward, ")
     rows = {row["law"]: row for row in by_law.rows()}
+    assert [row[0] for row in cells(by_law)[1:]] == [entry.name for entry in by_law.flown]
     flown = fs.fly(SLEW).metrics
     assert rows["pd_feedforward"]["residual_tip"] == flown["residual_tip_deflection"]
     pushed = fs.trial(SLEW, law=lambda measurement, reference: -measurement.joint_velocity)
@@ -88,6 +104,7 @@ def test_runs_tell_of_their_bench_what_the_command_prints(shaken: Path) -> None:
     (mode,) = found.model.modes
     assert mode.frequency.low < truth < mode.frequency.high
     assert f"modes at {mode.frequency.value:.4g} rad/s" in repr(found)
+    assert cells(found)[1][:2] == ["mode 1, frequency [rad/s]", f"{mode.frequency.value:.6g}"]
     plain = json.loads(json.dumps(found.plain()))
     assert plain["modes"][0]["frequency"]["value"] == mode.frequency.value
     assert [one["source"] for one in plain["validation"]] == [found.model.record.source]

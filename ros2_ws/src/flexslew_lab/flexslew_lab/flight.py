@@ -12,6 +12,7 @@ import numpy as np
 from flexslew_lab.metrics import Key
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.rows import flat, unit_among
+from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.report.told_takeovers import told_takeovers
 from flexslew_lab.report.verdict import verdict
 from flexslew_lab.trial.trial import Trial
@@ -84,15 +85,10 @@ class Flight:
             for name, value in flat(self.metrics).items()
             if value is not None
         ]
-        cells = "".join(
-            "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>"
-            for row in rows
-        )
         kinds = ", ".join(dict.fromkeys(name.partition(".")[0] for name in self.signals))
-        return (
-            f"<b>{escape(self.name)}</b>: {escape(self.verdict)}<br>"
-            f"{len(self.time)} ticks of {escape(kinds)}"
-            f"<details><summary>metrics</summary><table>{cells}</table></details>"
+        size = f"{len(self.time)} ticks of {kinds}"
+        return f"<b>{escape(self.name)}</b>: {escape(self.verdict)}<br>" + in_notebook(
+            size, (), rows, folded="metrics"
         )
 
     @property

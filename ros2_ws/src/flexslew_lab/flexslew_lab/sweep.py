@@ -6,7 +6,7 @@ import tempfile
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import product, repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,9 @@ import numpy as np
 
 from flexslew_lab.metrics.rows import flat
 from flexslew_lab.notebook import What, by_path, plain_data, trial
+from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.short_values import short
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
@@ -45,6 +47,21 @@ class Sweep:
         """Return one line: the axes and how many metrics."""
         sizes = " x ".join(f"{path} ({len(values)})" for path, values in self.axes.items())
         return f"<Sweep {sizes}: {len(self.metrics)} metrics>"
+
+    def _repr_html_(self) -> str:
+        """Return the metrics that differ from point to point, for notebooks."""
+        points = product(*map(_labels, self.axes.values()))
+        differ = {
+            name: values.ravel().tolist()
+            for name, values in self.metrics.items()
+            if name not in self.axes and (values.size == 1 or len(np.unique(values)) > 1)
+        }
+        numbers = zip(*differ.values(), strict=True) if differ else repeat(())
+        rows = (
+            [*map(short, point), *(short(value, 3) for value in row)]
+            for point, row in zip(points, numbers, strict=False)
+        )
+        return in_notebook(repr(self), [*self.axes, *differ], rows)
 
     def frame(self) -> pandas.DataFrame:
         """Return a row per point, as a pandas DataFrame; lists and sections stand as text.

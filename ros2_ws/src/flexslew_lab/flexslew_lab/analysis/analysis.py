@@ -29,6 +29,8 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import RunningLaw, running_law
 from flexslew_control.plan import Plan
 from flexslew_lab.analysis.trial_models import Point, in_charge, moment_of, point_of
+from flexslew_lab.notebook_table import in_notebook
+from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import Trial, law_of, plan_of_trial, plant_of
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -94,6 +96,22 @@ class Analysis:
         return (
             f"{what}stable; disk margin {disk:.3g} and delay margin {least:.3g} s at the efforts>"
         )
+
+    def _repr_html_(self) -> str:
+        """Return the margins at the efforts, for notebooks; of a loop that has none, its poles."""
+        if not self.stable:
+            poles = ((short(p.frequency), short(p.damping)) for p in self.poles)
+            return in_notebook(repr(self), ("frequency [rad/s]", "damping [-]"), poles)
+        rows = (
+            (
+                c.name,
+                f"{c.gain_down:.6g} to {c.gain_up:.6g}",
+                f"{np.degrees(c.phase):.6g}",
+                short(c.delay),
+            )
+            for c in self.efforts
+        )
+        return in_notebook(repr(self), ("effort", "gain", "phase [deg]", "delay [s]"), rows)
 
     @property
     def worst(self) -> OtherPlant | None:

@@ -12,6 +12,8 @@ from flexslew_control.analysis.loop import Complex, ControlLoop, loop_of, visibl
 from flexslew_control.analysis.ring_down import ring_down
 from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.analysis.mode_flight import mode_response, require_flyable
+from flexslew_lab.notebook_table import in_notebook
+from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -86,6 +88,23 @@ class Proof:
         poles = f"{sum(pole.agrees for pole in self.poles)} of {len(self.poles)} poles"
         margins = f"{sum(margin.agrees for margin in self.margins)} of {len(self.margins)} margins"
         return f"<Proof: {poles} and {margins} flown as predicted>"
+
+    def _repr_html_(self) -> str:
+        """Return what was predicted beside what was flown, for notebooks."""
+        rows = [
+            (f"{m.channel}: {m.kind}", short(m.predicted), short(m.flown), m.agrees)
+            for m in self.margins
+        ]
+        rows += [
+            (f"pole: {what}", short(predicted), short(flown), pole.agrees)
+            for pole in self.poles
+            for what, predicted, flown in (
+                ("frequency [rad/s]", pole.frequency, pole.flown_frequency),
+                ("damping [-]", pole.damping, pole.flown_damping),
+            )
+        ]
+        words = ("", "predicted", "flown", "agrees")
+        return in_notebook(repr(self), words, ((*row, "yes" if ok else "NO") for *row, ok in rows))
 
     @property
     def verdicts(self) -> list[bool]:

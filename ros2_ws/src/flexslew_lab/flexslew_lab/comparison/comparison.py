@@ -9,6 +9,7 @@ import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_lab.comparison.flights import CaseOutcome, ComparisonJob, FlightCase, PlanCase
+from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.report.panels import Group
 from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.run.pool import Executor, InThisProcess, Pool
@@ -130,6 +131,12 @@ class Comparison:
         """Return one line: who flew."""
         flown = ", ".join(entry.name for entry in self.flown)
         return f"<Comparison by {self.word}: {flown or 'nothing'} flown of {len(self.entries)}>"
+
+    def _repr_html_(self) -> str:
+        """Return the numbers of those that flew, for notebooks."""
+        columns = self.filled(self.short)
+        rows = ((name, *cells) for name, cells in self.table(columns))
+        return in_notebook(repr(self), [self.word, *(c.title for c in columns)], rows)
 
     @property
     def flown(self) -> Entries:

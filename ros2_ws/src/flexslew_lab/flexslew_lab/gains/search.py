@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.gains.ensemble import GainEnsemble, Gains, MemberOutcome
+from flexslew_lab.notebook_table import in_notebook
+from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
 
 if TYPE_CHECKING:
@@ -48,6 +50,19 @@ class FoundGains:
     def __repr__(self) -> str:
         """Return one line: what is gained over the gains of the trial."""
         return f"<FoundGains of {self.gains.controller}: {self.verdict}>"
+
+    def _repr_html_(self) -> str:
+        """Return the trial's gains and the best ones, with what they do, for notebooks."""
+        ones = (1.0,) * len(self.gains.shipped)
+        rows = (
+            (name, *map(short, self.gains.times(factors).values()), *map(short, outcome))
+            for name, factors, outcome in (
+                ("in the trial", ones, self.shipped),
+                ("found", *self.best),
+            )
+        )
+        did = ("worst residual [m]", "worst effort", "disk margin")
+        return in_notebook(repr(self), ("", *self.gains.shipped, *did), rows)
 
     @property
     def verdict(self) -> str:

@@ -20,6 +20,8 @@ from flexslew_lab.identification.modes import Interval, ModalModel, identify_mod
 from flexslew_lab.identification.physical_fit import PhysicalFit, fit_parameters
 from flexslew_lab.identification.record import Record
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.notebook_table import in_notebook
+from flexslew_lab.short_values import short
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -70,6 +72,21 @@ class Identification:
         """Return one line: how many modes, where."""
         modes = ", ".join(f"{mode.frequency.value:.4g}" for mode in self.model.modes)
         return f"<Identification of {self.model.record.source}: modes at {modes or 'none'} rad/s>"
+
+    def _repr_html_(self) -> str:
+        """Return what was found and its 95 % interval, for notebooks."""
+        found = [
+            (f"mode {k}, {name}", interval)
+            for k, mode in enumerate(self.model.modes, 1)
+            for name, interval in (
+                ("frequency [rad/s]", mode.frequency),
+                ("damping ratio", mode.damping_ratio),
+            )
+        ]
+        if self.physical is not None:
+            found += [(p.key, p.value) for p in self.physical.parameters]
+        rows = ((name, short(i.value), f"{short(i.low)} to {short(i.high)}") for name, i in found)
+        return in_notebook(repr(self), ("", "estimate", "interval"), rows)
 
     @property
     def believed(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from flexslew_lab.studies.experiment import found_by_flying
 from flexslew_lab.studies.sampling.methods import Samples, drawn
 from flexslew_lab.studies.study import Nominal, Study
 from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.trial import (
     ALONE,
     Trial,
@@ -115,10 +115,11 @@ def typical_case(study: Study, samples: pa.Table, variant: int) -> Case:
 def changes_of(study: Study, case: Case) -> dict[str, Any]:
     """Return what the sample changes of the trial, by key."""
     changes: dict[str, Any] = {}
-    nominal = study.variants[case.variant].nominal
+    own = study.variants[case.variant].nominal
     for varied, draw in zip(study.varied, case.draws, strict=True):
         for key in varied.keys:
-            changes[key] = varied.value(nominal[key], draw)
+            nominal = own[key] if key in own else value_at(study.base, key)
+            changes[key] = varied.value(nominal, draw)
     return changes
 
 

@@ -88,7 +88,7 @@ def require_effect(
     for one in varied:
         if one.reference != "relative":
             continue
-        of = [v.nominal[key] for v in variants for key in one.keys]
+        of = [v.nominal.get(key, value_at(base, key)) for v in variants for key in one.keys]
         if not any(map(np.any, of)):
             words = "is a share of 0 in every trial; use offset, or the values themselves"
             raise BadInput(words, f"{source}: vary.{one.name}.relative")
@@ -122,8 +122,6 @@ def with_nominal(
         elif any(path.startswith(key) for path in changed):
             words = "the draw would replace what is compared; use relative or offset"
             raise BadInput(f"{key} is not allowed beside compare.{changed[0]}: {words}", place)
-        else:
-            found[key] = value_at(base, key)
     return variant._replace(nominal=found)
 
 
