@@ -66,6 +66,7 @@ class Controller(Node):
                 epoch=m.epoch,
                 controller=m.controller,
                 effort=effort,
+                instance=self.beat.instance,
             )
         )
 

@@ -186,6 +186,7 @@ HEARD = "self.on_measurement, LOOP"
     ("effort=effort", "effort=[*effort, 0.0]", "first tick", "3 efforts; the bench has 2"),
     ("effort=effort", "effort=[float('nan')] * 2", "first tick", "an effort is not finite"),
     ("stamp=m.header.stamp", LATER, "first tick", "its stamp is 7 s"),
+    ("=self.beat.instance", "=3", "first tick", "its instance is 3, on alive"),
     (TOLD, TOLD.replace("self", "for _ in '12': self"), "lock-step", "is answered twice"),
     (TOLD, TOLD + "bytes(44) or ", "first tick", "no EffortCommand in little-endian"),
     (READY, "pass", "status", "not ready: no testbed"),

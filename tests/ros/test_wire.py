@@ -54,9 +54,16 @@ def test_a_command_has_the_bytes_of_the_message(name: Any, size: int) -> None:
     message = deserialize_message(data, msg.EffortCommand)
     assert (message.tick, message.epoch, message.controller) == (7, 1, name)
     assert list(message.effort) == effort.tolist()
-    again = command_from(bytes(serialize_message(message)))
-    assert again[:3] == (7, 1, name)
-    assert again.effort.tolist() == effort.tolist()
+    assert message.instance == 0
+    told = command_bytes(EffortCommand(7, 1, name, effort), Stamp(3, 4), 2**63 - 5)
+    message = deserialize_message(told, msg.EffortCommand)
+    for data in (told, bytes(serialize_message(message))):
+        again = command_from(data)
+        assert (again[:3], again.instance) == ((7, 1, name), 2**63 - 5)
+        assert again.effort.tolist() == effort.tolist()
+    before = command_from(told[:-8])  # of a process, or of a log, from before there was the field
+    assert (before[:3], before.instance) == ((7, 1, name), 0)
+    assert before.effort.tolist() == effort.tolist()
 
 
 @pytest.mark.parametrize("sizes", [(5, 2, 2, 2), (1, 1, 0, 0), (0, 0, 0, 0), (7, 3, 3, 1)])

@@ -43,3 +43,4 @@ class EffortCommand(NamedTuple):
     epoch: int
     controller: str
     effort: Vector  # (joints,) [N m or N]
+    instance: int = 0  # of the process that answers, as in its sign of life; 0: not told

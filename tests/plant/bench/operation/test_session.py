@@ -129,6 +129,34 @@ def test_one_that_is_started_again_is_ready_when_it_says_so_itself() -> None:
     assert it.reason("b", lab.now) is None
 
 
+@pytest.mark.parametrize("rate", [0.0, 1.0])
+@pytest.mark.parametrize("older", [True, False])
+@pytest.mark.parametrize("told", [True, False])
+def test_of_two_with_one_name_the_answers_of_the_older_count(
+    rate: float, older: bool, told: bool
+) -> None:
+    lab = Lab(rate, controllers=("b", "a")).until(3)
+    mine = lab.it.presence.alive(lab.now)["a"].instance
+    lab.it.presence.hear(Beat("a", "controller", 77, -1 if older else 99), lab.now)
+    for _ in range(5):
+        lab.poll()
+    lab.stopped.add("a")
+    while lab.it.bench.answered or lab.waiting:
+        lab.poll()
+    asked, bench = lab.it.bench.question, lab.it.bench
+    before = sum(bench.drive.rejected.values())
+    answer = EffortCommand(asked.tick, asked.epoch, "a", ZERO + 1.0)
+    lab.it.take(answer._replace(instance=77 if told else 0), lab.now)
+    taken = bench.answered or bench.tick > asked.tick
+    rejected = sum(bench.drive.rejected.values()) - before
+    assert (taken, rejected) == ((True, 0) if older or not told else (False, 1))
+    if not taken:
+        lab.it.take(answer._replace(instance=mine), lab.now)
+        assert bench.answered or bench.tick > asked.tick
+        lab.send()
+        assert [e.what.reason for e in lab.events if e.kind == "rejected"] == ["sender"]
+
+
 def test_a_switch_to_one_that_died_in_between_is_dropped_and_nothing_is_missed() -> None:
     lab = Lab(rate=1.0).until(10)
     assert lab.it.switch(SwitchRequest("b", 200), lab.now) is None

@@ -35,6 +35,7 @@ class Answering:
         loop: that serves it.
         host: that is asked.
         observed: called with the tick of each question, after its answer.
+        instance: of the node, as in its sign of life.
         by_call: the plant shares this process and calls `answer` instead.
 
     Attributes:
@@ -51,10 +52,11 @@ class Answering:
         loop: Loop,
         host: ControllerHost,
         observed: Callable[[int], None],
+        instance: int,
         by_call: bool = False,
     ) -> None:
         self._node, self._outlets, self._host, self._observed = node, outlets, host, observed
-        self._loop = loop
+        self._loop, self._instance = loop, instance
         self.period, self.silent = 0.01, False
         self.sent = [outlets.publisher(t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
         self.heard: Subscription[Any] | None = None
@@ -177,7 +179,7 @@ class Answering:
             command, (commands, states) = answer.command, self.sent
             if line is not None or commands.heard or states.heard:
                 at = at or stamp_of(question.time)
-                data = command_bytes(command, at)
+                data = command_bytes(command, at, self._instance)
                 if line is not None:
                     line.send(data)
                 commands.publish(data)

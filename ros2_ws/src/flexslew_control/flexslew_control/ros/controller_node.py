@@ -51,7 +51,10 @@ class ControllerNode:
         self._next_look, self._state, self._realtime = 0.0, "", RealTime()  # [wall s]; of the bench
         outlets = loop.outlets(node)
         self._events = EventLog(node, outlets)
-        self.answering = Answering(node, outlets, loop, self._host, self._observed, by_call)
+        instance = self._alive.beat.instance
+        self.answering = Answering(
+            node, outlets, loop, self._host, self._observed, instance, by_call
+        )
         runs, listeners = self._settings.law, self._settings.wait_for
         sent = [offer.publisher for offer in self.answering.sent]
         self._announcer = Announcer(

@@ -358,6 +358,12 @@ class Examiner:
             raise Wrong(f"{where}: {command.effort.size} efforts; the bench has {size} actuators")
         if not np.isfinite(command.effort).all():
             raise Wrong(f"{where}: an effort is not finite")
+        told = {beat.instance for beat, _ in self._beats.get(self._who, [])}
+        if told and command.instance not in {0, *told}:
+            raise Wrong(
+                f"{where}: its instance is {command.instance}, on alive {min(told)}; a bench takes "
+                "it for another process of that name"
+            )
         expected = tick * self._bench.settings.period
         if abs(at - expected) > 1e-9:
             raise Wrong(f"{where}: its stamp is {at:.9g} s; that of the question is {expected:.9g}")

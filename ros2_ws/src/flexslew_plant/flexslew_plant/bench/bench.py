@@ -36,6 +36,7 @@ from flexslew_plant.events import (
     TargetRequested,
     event_of,
 )
+from flexslew_plant.events.run import Objection
 from flexslew_plant.faults import Names
 from flexslew_plant.faults.effects import Fate
 from flexslew_plant.hardware.actuator import Actuator
@@ -262,6 +263,11 @@ class Bench:
         self._answer = kept(command.effort.copy())  # whatever becomes of the sender's array
         return True
 
+    def turn_away(self, command: EffortCommand) -> None:
+        """Reject the answer of another process than the one whose name its sender has."""
+        words = f"another process called {command.controller} answered than the one that counts"
+        self._reject(command, Objection.SENDER, words)
+
     def advance(self) -> None:
         """Integrate [t_k, t_k+1) with the answer, or with the last one if there is none.
 
@@ -477,13 +483,15 @@ class Bench:
     def _objected(self, command: EffortCommand) -> bool:
         """Return whether the drive rejects the command, and say so."""
         found = self.drive.objection(self.question, command)
-        if found is None:
-            return False
-        objection, words = found
+        if found is not None:
+            self._reject(command, *found)
+        return found is not None
+
+    def _reject(self, command: EffortCommand, objection: Objection, words: str) -> None:
+        self.drive.rejected[objection] += 1
         count = self.drive.rejected[objection]
         if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a flood stays readable
             self.tell(CommandRejected(objection, count, command.controller, words))
-        return True
 
     def finish(self, wall_time: float) -> None:
         """Say how the run went, to people and to programs.

@@ -22,6 +22,7 @@ _QUESTION = Struct("<iII")  # stamp, length of frame_id
 _TICK = Struct("<QII")  # tick, epoch, length of controller
 _STAMPED = "<4siIIc3xQI", 28  # encapsulation, header, tick and epoch, and where they end
 _ANSWER = Struct("<iIQII")  # stamp, tick, epoch, length of controller
+_INSTANCE = Struct("<Q")
 
 
 class Stamp(NamedTuple):
@@ -44,7 +45,8 @@ def _layout(head: str, at: int, parts: tuple[int | str, ...]) -> Struct:
         head: its first fields, in the terms of `struct`.
         at: where they end [bytes].
         parts: of each further field the number of its doubles, as a sequence; or "d", one double;
-            "I", the length of a sequence of strings; "12s", a string of 12 bytes.
+            "Q", a whole number; "I", the length of a sequence of strings; "12s", a string of 12
+            bytes.
     """
     layout = [head]
 
@@ -55,8 +57,8 @@ def _layout(head: str, at: int, parts: tuple[int | str, ...]) -> Struct:
         at += pad + size * count
 
     for part in parts:
-        if part == "d":
-            put(8, "d")
+        if isinstance(part, str) and part in "dQ":
+            put(8, part)
             continue
         put(4, "I")
         if isinstance(part, int) and part:
@@ -200,17 +202,23 @@ def _places_of(data: bytes) -> _Places:
     return places
 
 
-def command_bytes(command: EffortCommand, at: Stamp) -> bytes:
-    """Return the answer as it goes over DDS, with the stamp of its question."""
+def command_bytes(command: EffortCommand, at: Stamp, instance: int = 0) -> bytes:
+    """Return the answer as it goes over DDS.
+
+    Args:
+        command: the answer.
+        at: stamp of its question.
+        instance: of the process that answers; 0: not told.
+    """
     part, length, name = _text(command.controller)
     effort = command.effort.tolist()
-    layout = _layout("<4siIQI", 20, (part, len(effort)))
+    layout = _layout("<4siIQI", 20, (part, len(effort), "Q"))
     tick, epoch = command.tick, command.epoch
-    return layout.pack(HEAD, *at, tick, epoch, length, name, len(effort), *effort)
+    return layout.pack(HEAD, *at, tick, epoch, length, name, len(effort), *effort, instance)
 
 
 def command_from(data: bytes) -> EffortCommand:
-    """Return the answer, whose effort may only be read.
+    """Return the answer, whose effort may only be read; it need not have the last field.
 
     Raises:
         ValueError: these bytes are none.
@@ -222,7 +230,9 @@ def command_from(data: bytes) -> EffortCommand:
         (count,) = _LENGTH.unpack_from(body, at)
         first = at + 4 + -(at + 4) % 8
         effort = np.frombuffer(body, np.float64, count, first) if count else NOTHING
+        end = first + 8 * count
+        (instance,) = _INSTANCE.unpack_from(body, end) if len(body) > end else (0,)
         name = body[24 : 23 + length].decode()
     except (ValueError, error):
         raise _none_of(data, "EffortCommand") from None
-    return EffortCommand(tick, epoch, name, effort)
+    return EffortCommand(tick, epoch, name, effort, instance)

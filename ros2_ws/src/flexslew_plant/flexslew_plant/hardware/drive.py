@@ -63,7 +63,6 @@ class Drive:
         else:
             self._heard.append(command)
             return None
-        self.rejected[kind] += 1
         return kind, words
 
     def take(self, effort: Vector) -> None:

@@ -71,6 +71,7 @@ class Session:
         self.presence = Presence()
         self.reasons: dict[str, Refusal | None] = {}  # why not ready, as the controllers say
         self._said_by = dict[str, int]()  # the instance of each that said so; 0: not told
+        self._answers = dict[str, int]()  # the instance of each whose answers count, for a moment
         self.waiting_for: list[str] = []
         self.outbox: deque[Outgoing] = deque()
         self.watched: Callable[[], bool] = lambda: True  # whether this tick's truth is of use
@@ -99,7 +100,8 @@ class Session:
         if not bench.answered:  # what has come is taken before anybody is judged
             question = bench.question
             for command in self._arrived():
-                bench.offer(command)
+                if self._counts(command, now):
+                    bench.offer(command)
             if bench.question is not question:  # a refused switch: its predecessor is asked
                 self.outbox.append(bench.question)
         self._look_around(now)
@@ -123,6 +125,8 @@ class Session:
             return False
         bench = self.bench
         question = bench.question
+        if not self._counts(command, now):
+            return False
         if bench.offer(command) and not self.pacing.paced:
             if self._held_back(now):
                 return True
@@ -131,6 +135,17 @@ class Session:
             self.outbox.append(bench.question)
         self._flush()
         return bool(bench.handover.results) or bench.answered
+
+    def _counts(self, command: EffortCommand, now: float) -> bool:
+        """Return whether an answer is that of the process whose name it has; else reject it."""
+        name, instance = command.controller, command.instance
+        if not instance or self._answers.get(name) == instance:
+            return True
+        if counts := self.presence.counts(name, instance, now):
+            self._answers[name] = instance
+        else:
+            self.bench.turn_away(command)
+        return counts
 
     def hear(self, controller: str, ready: bool, reason: str, instance: int = 0) -> None:
         """Take what a controller says of itself: whether it could take charge, and why not.
@@ -356,6 +371,7 @@ class Session:
         if now < self._next_look and self.run.running:
             return
         self._next_look = now + BEAT_EVERY / 2
+        self._answers.clear()
         if self.run.running:
             self._refresh(sorted({*self.reasons, *self._named}), now)
         for name in self.presence.of_role("recorder"):
