@@ -49,7 +49,7 @@ def call(
         ),
         (
             ("plan", "--set", "plan.goal={base_yow: 1}"),
-            "m1 --set plan.goal={base_yow: 1}: plan: goal: base_yow is not a joint",
+            "error: --set: plan.goal: base_yow is not a joint of the testbed; did you mean",
         ),
         (
             ("trial", "--in-process", "--set", "plan.method=reference_only"),

@@ -228,6 +228,15 @@ def test_a_mode_below_the_band_is_told_with_a_doubt() -> None:
     assert not found(0).doubts
 
 
+def test_a_mode_beyond_the_band_is_told_with_a_doubt() -> None:
+    inside = found(0)
+    frequency = inside.modes[0].frequency.value
+    beyond = replace(inside, band=(0.1, frequency / 1.31))
+    assert (inside.outside, beyond.outside) == (0, 1)
+    assert "which nothing shook" in beyond.doubts[0]
+    assert replace(inside, band=(0.1, frequency / 1.29)).outside == 0
+
+
 def test_steps_of_sensors_that_no_noise_blurs_are_told_with_a_doubt() -> None:
     record = oscillator(0, ratio=0.0)[1].record.cut(0, 20_000)
     steps = 0.05 * record.measured.std(axis=0)

@@ -93,7 +93,13 @@ def test_every_basis_keeps_to_the_torque_limit(basis: str) -> None:
 
 
 def test_the_joints_are_near_the_goal_at_the_end() -> None:
-    assert np.abs(plan().state[-1, :2] - [1.0, 0.5]).max() < 0.006
+    found, model = plan(), CsaTestbed(modes=1).model()
+    x = np.zeros(6)
+    for k in range(found.ticks):
+        r = found.reference(k)
+        effort = r.effort + KP * (r.position - x[:2]) + KD * (r.velocity - x[3:5])
+        x = model.advance(x, effort, found.period)
+    assert 0.001 < np.abs(x[:2] - [1.0, 0.5]).max() < 0.006  # the best for all is not that of one
 
 
 def test_the_summary_tells_the_residual_of_every_member() -> None:
@@ -218,7 +224,6 @@ def test_a_weak_drive_keeps_to_its_limit_whatever_the_duration(duration: float) 
     bench = plant(0.005, (1.0,), FloatingOscillatorTestbed())
     found = make_plan(plan_settings(wanted, "trial.yaml"), bench)
     assert np.max(found.summary["worst_peak_effort"]) <= 1.0
-    assert found.state[-1, 0] == pytest.approx(1.0, abs=0.02)
     model, x = bench.testbed.model(), np.zeros(4)
     for k in range(found.ticks):
         r = found.reference(k)

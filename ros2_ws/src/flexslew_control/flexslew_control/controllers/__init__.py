@@ -15,7 +15,7 @@ from flexslew_control.controllers.entry import LawEntry as LawEntry
 from flexslew_control.controllers.entry import PlanVariant as PlanVariant
 from flexslew_control.controllers.user_law import build_user_law, find_law
 from flexslew_control.estimators.monitor import Monitor, Monitored, MonitorSettings
-from flexslew_control.law import Estimator, Law, PlantDescription
+from flexslew_control.law import Estimator, Law, PlantDescription, per_joint
 from flexslew_plant.entries import table
 from flexslew_plant.errors import BadInput
 from flexslew_plant.joint_quantities import require_units_of_joints
@@ -50,6 +50,7 @@ CONTROLLERS: dict[str, LawEntry] = table(globals(), LawEntry)
 DEFAULT = PD_FEEDFORWARD.name  # of a trial that names none
 
 LAW_HASH = "law_sha256"  # in a settings_text: of the file of a law that is not built in
+_BY_JOINT = ("kp", "ki", "kd")  # gains, one for each joint or one for all
 DERIVED = ("computed", LAW_HASH)  # keys of a settings_text that are no settings
 
 
@@ -96,6 +97,9 @@ def build_controller(
             estimator, built = kind.build(settings, plant)
         except BadInput as error:
             raise BadInput(str(error), source) from None
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            words = f"{law}: its numbers are out of range ({error}); take weights nearer to 1"
+            raise BadInput(words, source) from error
     else:
         found = find_law(law, source, tuple(CONTROLLERS), plant.trust)
         estimator, built = build_user_law(found, law, own, plant, source)
@@ -119,6 +123,38 @@ def build_controller(
         monitor,
         plant.testbed.model().attitude,
     )
+
+
+def require_settings(
+    law: str, values: dict[str, Any], plant: PlantDescription, source: str
+) -> None:
+    """Check the settings of a law that is built in, before anything is designed from them.
+
+    Gains by joint are counted, too; what else a design needs is told when it is built.
+
+    Args:
+        law: a key of CONTROLLERS; another one is not looked at, since that may run its code.
+        values: its section of a trial file as plain data.
+        plant: what it is for.
+        source: file and key to name in an error.
+
+    Raises:
+        BadInput: wrong settings.
+    """
+    _common_settings(values, source)
+    if law not in CONTROLLERS:
+        return
+    settings = validated(CONTROLLERS[law].settings, law_values(values), source)
+    require_units_of_joints(CONTROLLERS[law].settings, law_values(values), plant.testbed, source)
+    model = plant.testbed.model()
+    if model.attitude is None and getattr(settings, "allocation", None) is None:
+        for key in _BY_JOINT:
+            if hasattr(settings, key):
+                per_joint(f"{source}: {key}", getattr(settings, key), model.joint_names)
+    try:
+        _require_unwinding(settings, plant.period)
+    except BadInput as error:
+        raise BadInput(str(error), source) from None
 
 
 def _require_unwinding(settings: Any, period: float) -> None:

@@ -13,12 +13,13 @@ import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.slew import Slew
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Indices, Matrix, Vector
 from flexslew_plant.testbeds import Model
 
 _ROUNDS = 4
 _CLOSE = 1e-11  # of the final state [rad, m and per second]
 _SMALL = 0.02  # larger misses are the plan's own [rad, m and per second]
+_GAP = 2e-4  # of the way to the goal, that efforts close without a change of what is left [-]
 
 
 def exact_on_ticks(plan: Plan, slew: Slew) -> Plan:
@@ -31,35 +32,97 @@ def exact_on_ticks(plan: Plan, slew: Slew) -> Plan:
         plan: whose nominal states end at rest at the goal.
         slew: what was asked for.
     """
-    model, m, n = slew.model, slew.model.joints, slew.model.coordinates
     limit = np.minimum(slew.effort_limit, plan.summary.get("amplitude", np.inf))
-    goal = np.concatenate((model.rest(slew.named(slew.goal)), np.zeros(n)))
+    found = _brought(plan, slew, limit) or plan
+    if found is plan:
+        return plan
+    summary = {**plan.summary, "peak_effort": np.abs(found.effort).max(axis=0).tolist()}
+    return replace(found, summary=summary)
+
+
+def joints_at_rest(plan: Plan, slew: Slew) -> Plan:
+    """Return the plan with a reference that ends at rest at the goal, modes as they are.
+
+    For a plan whose nominal joints end beside the goal, as what suits an ensemble does: a reference
+    has to end where it is held afterwards. Efforts that change a little close a small gap, under
+    any law. A larger one belongs to the optimum of the loop, whose efforts then stay as they are:
+    with s = t / T at the ticks, the reference is bent from r to r + d,
+        d = e (3 s^2 - 2 s^3) + w T (s^3 - s^2),
+    where e and w are what position and rate lack at the end, and the feedforward gives
+    -Kp d - Kd d' in addition.
+
+    Args:
+        plan: whose reference is the flight of its nominal states.
+        slew: what was asked for, with the feedback that the plan counts with.
+    """
+    way = np.abs(slew.goal - slew.start).max()
+    if missed(plan, slew) <= _GAP * way:
+        found = _brought(plan, slew, slew.effort_limit, joints_alone=True)
+        if found is not None:
+            return found
+    m, n = slew.model.joints, slew.model.coordinates
+    short, rate = slew.goal - plan.state[-1, :m], -plan.state[-1, n : n + m]
+    end, s = plan.ticks * plan.period, np.linspace(0.0, 1.0, plan.ticks + 1)[:, None]
+    state, moved = plan.state.copy(), np.empty((2, plan.ticks + 1, m))
+    moved[0] = short * (s * s * (3.0 - 2.0 * s)) + rate * end * (s * s * (s - 1.0))
+    moved[1] = short / end * (6.0 * s * (1.0 - s)) + rate * (s * (3.0 * s - 2.0))
+    state[:, :m] += moved[0]
+    state[:, n : n + m] += moved[1]
+    state[-1, :m], state[-1, n : n + m] = slew.goal, 0.0
+    return replace(
+        plan,
+        position=state[:, :m].copy(),
+        velocity=state[:, n : n + m].copy(),
+        effort=plan.effort - slew.kp * moved[0, :-1] - slew.kd * moved[1, :-1],
+        state=state,
+    )
+
+
+def missed(plan: Plan, slew: Slew) -> float:
+    """Return the most that nominal joints lack of rest at the goal [rad or m, and per second]."""
+    goal, rows = _aim(slew, joints_alone=True)
+    return float(np.abs(goal - plan.state[-1])[rows].max())
+
+
+def _aim(slew: Slew, joints_alone: bool) -> tuple[Vector, Indices]:
+    """Return the final state, (2 n,), and which of its entries are asked for."""
+    m, n = slew.model.joints, slew.model.coordinates
+    goal = np.concatenate((slew.model.rest(slew.named(slew.goal)), np.zeros(n)))
+    rows = [*range(m), *range(n, n + m)] if joints_alone else range(2 * n)
+    return goal, np.array(rows)
+
+
+def _brought(plan: Plan, slew: Slew, limit: Vector, joints_alone: bool = False) -> Plan | None:
+    """Return the plan with efforts that end at rest at the goal; None: there are none.
+
+    A plan that is there already, or too far away for the hold, is returned as it is.
+    """
+    model, m, n = slew.model, slew.model.joints, slew.model.coordinates
+    goal, rows = _aim(slew, joints_alone)
+    most = np.inf if joints_alone else _SMALL
     effort = plan.effort.copy()
     states = _flown(model, plan.state[0], effort, plan.period)
-    first = float(np.abs(goal - states[-1]).max())
-    if not _CLOSE < first < _SMALL:
+    first = float(np.abs((goal - states[-1])[rows]).max())
+    if not _CLOSE < first < most:
         return plan
     for _ in range(_ROUNDS):
-        missed = goal - states[-1]
+        missed = (goal - states[-1])[rows]
         if not np.isfinite(missed).all():  # a step far beyond what the slopes tell
-            return plan
+            return None
         if np.abs(missed).max() < _CLOSE:
             break
-        slopes = _slopes(model, states, effort, plan.period)
+        slopes = _slopes(model, states, effort, plan.period)[rows]
         room = (np.maximum(limit - np.abs(effort), 0.0) ** 2).ravel()
         weighed = slopes * room
         change = weighed.T @ np.linalg.lstsq(weighed @ slopes.T, missed, rcond=1e-12)[0]
         effort = effort + change.reshape(effort.shape)
         states = _flown(model, plan.state[0], effort, plan.period)
-    left = float(np.abs(goal - states[-1]).max())
+    left = float(np.abs((goal - states[-1])[rows]).max())
     if not left < first or (np.abs(effort) > limit * (1.0 + 1e-12)).any():
-        return plan
+        return None
     position, velocity = states[:, :m].copy(), states[:, n : n + m].copy()
     position[-1], velocity[-1] = slew.goal, 0.0
-    summary = {**plan.summary, "peak_effort": np.abs(effort).max(axis=0).tolist()}
-    return replace(
-        plan, position=position, velocity=velocity, effort=effort, state=states, summary=summary
-    )
+    return replace(plan, position=position, velocity=velocity, effort=effort, state=states)
 
 
 def _flown(model: Model, start: Vector, effort: Matrix, period: float) -> Matrix:

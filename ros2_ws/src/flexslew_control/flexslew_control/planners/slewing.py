@@ -18,7 +18,7 @@ from flexslew_control.planners.attitude.one_axis import (
     reduced,
     turns,
 )
-from flexslew_control.planners.held_efforts import exact_on_ticks
+from flexslew_control.planners.held_efforts import exact_on_ticks, joints_at_rest, missed
 from flexslew_control.planners.motors import Matrices, matrices
 from flexslew_control.planners.one_way import shared_out
 from flexslew_control.planners.prediction import Prediction, predicted
@@ -42,6 +42,7 @@ from flexslew_plant.settings import plain
 
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
 _EXACT_RIGID = 1e-9  # the same of a rigid body, away from its goal [rad or m]
+_MISSED = 1e-6  # what nominal joints may lack of rest at the goal [rad or m, and per second]
 RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
 MOST_MODES = 4  # frequencies that are tried for one that is enough
 _SLOWER = 4  # turns tried with less torque about the eigenaxis
@@ -123,8 +124,10 @@ class Slewing:
         exact = self.exact is not None and self.exact(settings)
         rigid = not slew.model.modes
         left = on_model.attitude_error.max() if rigid else on_model.tip_deflection
-        if exact and left > (_EXACT_RIGID if rigid else _EXACT):
+        if exact and (left > (_EXACT_RIGID if rigid else _EXACT) or missed(plan, slew) > _MISSED):
             plan = exact_on_ticks(plan, slew)
+            if missed(plan, slew) > _MISSED:
+                plan = joints_at_rest(plan, slew)
             on_model = predicted(plan, slew)
         figures = {
             **self._ringing(settings, on_model),

@@ -23,6 +23,7 @@ _SEPARATE = 0.01  # relative distance of two modes, at least
 _SINGULAR = 1e4  # condition number from which inertias cannot be told apart
 _POWER = 0.99  # of the efforts that lies in the band, where nobody says what it is
 _BELOW = 0.5  # of the band, down to which modes are looked for [-]
+_BEYOND = 1.3  # of the band, from which on a mode stands for others [-]
 _FADING = 0.5  # damping ratio beyond which a mode may be none [-]
 _SHAKEN = 1e-3  # of the efforts' power that a band must hold
 
@@ -99,19 +100,28 @@ class ModalModel:
     whiteness: tuple[Whiteness, ...]
 
     @property
+    def outside(self) -> int:
+        """How many of the modes lie outside of the band, where nothing shook them."""
+        return sum(self._outside(mode) for mode in self.modes)
+
+    def _outside(self, mode: FittedMode) -> bool:
+        low, high = _BELOW * self.band[0], _BEYOND * self.band[1]
+        return not low <= mode.frequency.value <= high
+
+    @property
     def doubts(self) -> tuple[str, ...]:
-        """What the model lacks, and modes that may be none, as they fade fast or swing slowly."""
+        """What the model lacks, and modes that may be none: outside of the band, or fading fast."""
         coloured = ", ".join(w.output for w in self.whiteness if not w.white)
         lacks = (
             f"the residual of {coloured} is not white: something moves that the model lacks, or "
             "the steps of a sensor are coarser than its noise; intervals are too narrow"
         )
-        slow = tuple(
+        outside = tuple(
             f"mode {k} swings at {mode.frequency.value:.3g} rad/s, which nothing shook: it may "
             f"stand for what lies outside of the band of {self.band[0]:.3g} to "
             f"{self.band[1]:.3g} rad/s, and inertias may be further off than their intervals"
             for k, mode in enumerate(self.modes, 1)
-            if mode.frequency.value < _BELOW * self.band[0]
+            if self._outside(mode)
         )
         fast = tuple(
             f"mode {k} has a damping ratio of {mode.damping_ratio.value:.2g}: it may be friction "
@@ -120,7 +130,7 @@ class ModalModel:
             for k, mode in enumerate(self.modes, 1)
             if mode.damping_ratio.value > _FADING
         )
-        return ((lacks,) if coloured else ()) + slow + fast
+        return ((lacks,) if coloured else ()) + outside + fast
 
 
 def identify_modes(

@@ -89,8 +89,9 @@ def verdict(found: Identification) -> str:
     """Return in one sentence what was found and whether to trust it."""
     model = found.model
     words = [
-        f"{counted(len(model.modes), 'mode')} between {model.band[0]:.3g} and "
-        f"{model.band[1]:.3g} rad/s from {model.record.duration:.4g} s"
+        f"{counted(len(model.modes) - model.outside, 'mode')} between {model.band[0]:.3g} and "
+        f"{model.band[1]:.3g} rad/s{f', {model.outside} outside,' if model.outside else ''} from "
+        f"{model.record.duration:.4g} s"
     ]
     if all(w.white for w in model.whiteness):
         words.append("what is left is white noise")

@@ -13,13 +13,14 @@ from flexslew_control.controllers import (
     DEFAULT,
     build_controller,
     law_values,
+    require_settings,
     with_file,
 )
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
-from flexslew_control.planners import PlanSettings, make_plan, plan_settings
+from flexslew_control.planners import PLANNERS, PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings, PaceSettings
@@ -125,8 +126,10 @@ def checked_trial(trial: Trial, source: str) -> Trial:
 
     Raises:
         BadInput: it has too many ticks or none, an entry of the schedule lies after the end or
-            silences nobody, or a plan that ends in motion is over before the run.
+            silences nobody, a plan that ends in motion is over before the run, or a controller's
+            settings are wrong, or the goal names no joint.
     """
+    _require_settings(trial, source)
     if not trial.duration / trial.period <= _MOST_TICKS:
         words = f"more than {_MOST_TICKS:g} ticks of {trial.period:g} s"
         raise BadInput(words, source, "duration", trial.duration)
@@ -156,6 +159,21 @@ def checked_trial(trial: Trial, source: str) -> Trial:
                 trial, entry.fault.controller, source, f"schedule.{i}.fault.controller"
             )
     return trial
+
+
+def _require_settings(trial: Trial, source: str) -> None:
+    """Check what stands in `controllers` and the goal, as far as that needs no design."""
+    plant = plant_of(trial)
+    for name, values in trial.controllers.items():
+        law, own = law_of(name, values or {})
+        require_settings(law, own, plant, f"{source}: controllers.{name}")
+    goal = getattr(trial.plan, "goal", None)
+    known = getattr(trial.plan, "method", None) in PLANNERS
+    for name in goal if known and isinstance(goal, dict) else ():
+        if name not in plant.joint_names:
+            hint, allowed = did_you_mean(name, plant.joint_names), ", ".join(plant.joint_names)
+            words = f"{name} is not a joint of the testbed; {hint}allowed: {allowed}"
+            raise BadInput(words, source, "plan.goal")
 
 
 def _require_controller(trial: Trial, name: str, source: str, key: str) -> None:

@@ -3,7 +3,9 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
+import flexslew as fs
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_plant.testbeds import read_testbed
@@ -63,3 +65,22 @@ def test_a_flexible_craft_ends_at_rest_and_hardly_later_than_a_rigid_one() -> No
     assert summary["predicted_residual_tip_deflection"] < 1e-5
     assert max(summary["predicted_residual_attitude_error"].values()) < 1e-5
     assert np.max(summary["peak_effort"]) <= 1.2 * (1.0 + 1e-9)
+
+
+def test_where_fast_modes_bind_the_duration_a_slower_slew_is_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # the programs ended 1 % before any slew that leaves the modes at rest; in full, its duration is
+    # 29.587 s: here to 5 % alone, which takes 10 s in place of 50
+    turns = "flexslew_control.planners.time_optimal.three_axes.fastest_turns."
+    for name, value in (("STEPS", 10), ("_LEAST", 0.05)):
+        monkeypatch.setattr(turns + name, value)
+    goal = {"axis": [0.0, 1.0, 1.0], "angle": 1.5}
+    section = {"method": "time_optimal", "drives": "all", "goal": goal, "longest": 32.0}
+    trial = fs.trial("three_axes", {"plan": section, "schedule": [], "duration": 60.0})
+    plan = fs.plan(trial)
+    assert 28.82 < plan.duration < 32.0 < plan.summary["eigenaxis_duration"]
+    assert (np.abs(plan.effort) <= 0.5).all()
+    flown = fs.fly(trial).metrics
+    assert flown["residual_tip_deflection"] < 1e-4
+    assert max(flown["residual_attitude_error"].values()) < 1e-4

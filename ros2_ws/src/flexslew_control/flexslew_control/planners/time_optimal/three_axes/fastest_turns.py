@@ -33,6 +33,10 @@ _LEVELS = 6  # of their efforts
 _SAME = 1e-4  # relative difference of durations of one slew
 _SETTLED_AT_MOST, _MOST_ARCS = 2, 14  # slews whose arcs are made exact, and of how many
 _MET = 1e-6  # share of the end conditions that may be missed
+_RESTS, _HELD_RESTS = 1e3 * _MET, 1e-4  # the same with modes, which ticks then bring to rest
+_FIRST_SLOWER, _WIDER, _SLOWEST = 1.02, 2.5, 1.5  # durations that are tried, of the rigid craft's
+_LEAST = 1e-3  # relative width at which the least duration is known
+_HELD_STEPS = 12  # of programs for a duration
 _CHECKED = 240  # pieces on which Pontryagin's condition is looked at
 
 
@@ -149,13 +153,48 @@ def fastest_flexible(slew: Reorientation, rigid: Fastest) -> Fastest:
     ends = np.linspace(0.0, longer, _FLEXIBLE_PIECES + 1)
     shares = means(rigid.efforts, knots, ends) / slew.amplitude
     local = fastest_near(slew, shares, longer, STEPS)
-    if local.missed > 1e3 * _MET:
-        raise PlanFailed(
-            f"no fast slew that ends with the modes at rest was found near the rigid craft's "
-            f"({longer:.4f} s): {local.missed:.2g} of them is left; take drives: moving, about the "
-            "eigenaxis"
-        )
+    if local.missed > _RESTS:
+        slower = _slower(slew, shares, longer)
+        if slower is None:
+            raise PlanFailed(
+                f"no fast slew that ends with the modes at rest was found near the rigid craft's "
+                f"({longer:.4f} s), nor one of up to {_SLOWEST:g} times that; take drives: moving, "
+                "about the eigenaxis"
+            )
+        local = slower
     return transcribed(slew, local, rigid.found)
+
+
+def _slower(slew: Reorientation, shares: Matrix, duration: float) -> LocalArcs | None:
+    """Return a slew of the least duration for which one is found; None: of none.
+
+    Where the duration may change, the phases of fast modes bind it to steps of some 0.1 ms, and the
+    programs end before it is long enough. With a duration that is held, modes are all but linear
+    in the efforts: the least one is bracketed, then halved.
+
+    Args:
+        slew: what is turned.
+        shares: of the amplitude, of the rigid craft's slew over equal pieces, (pieces, joints).
+        duration: of that [s].
+    """
+    low, high, best = 1.0, _FIRST_SLOWER, None
+    while best is None:
+        if high > _SLOWEST:
+            return None
+        found = fastest_near(slew, shares / high**2, high * duration, _HELD_STEPS, held=True)
+        if found.missed < _HELD_RESTS:
+            best = found
+        else:
+            low, high = high, 1.0 + _WIDER * (high - 1.0)
+    while high - low > _LEAST * high:
+        middle = 0.5 * (low + high)
+        found = fastest_near(slew, best.shares, middle * duration, _HELD_STEPS, held=True)
+        if found.missed < _HELD_RESTS:
+            high, best = middle, found
+        else:
+            low = middle
+    settled = fastest_near(slew, best.shares, best.duration, STEPS)
+    return settled if settled.missed < best.missed else best
 
 
 def rigid_near(stiff: Reorientation, flexible: Fastest) -> float:

@@ -25,6 +25,7 @@ _GOOD, _POOR = 0.7, 0.2  # shares of the predicted gain
 _FIRST_ARCS, _ARC_STEPS = 0.1, 20  # radius of the arcs' programs [-], and how many at most
 _GONE = 1e-5  # arcs that are no longer, of the duration
 _TRIED = 2  # programs for each step that is taken, at most
+_NEARLY = 1e-5  # end conditions of a slew whose duration is held, scaled
 _SETTLED = 1e-7  # predicted gain, of the duration
 _PROGRAM: Any = {"presolve": False}  # it takes longer than it saves: all rows are full
 
@@ -69,7 +70,9 @@ class _About(NamedTuple):
         return self._replace(flight=self.flight._replace(missed=missed))
 
 
-def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: int) -> LocalArcs:
+def fastest_near(
+    slew: Reorientation, shares: Matrix, duration: float, steps: int, held: bool = False
+) -> LocalArcs:
     """Return the fastest slew near some efforts.
 
     Args:
@@ -77,18 +80,20 @@ def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: in
         shares: of the amplitude, over equal pieces, shape (pieces, joints).
         duration: to start from [s].
         steps: that are taken, at most.
+        held: whether it keeps its duration, and is sought until it nearly meets its end.
     """
-    price, radius = _PRICE * duration, _FIRST_RADIUS
+    price, radius = _PRICE * duration, _LARGEST_RADIUS if held else _FIRST_RADIUS
+    stretch = 0.0 if held else _OF_DURATION
     here = _flown(slew, shares, duration)
     for _ in range(_TRIED * steps):
-        step = _step(here, price, radius)
+        step = _step(here, price, radius, stretch)
         if step is None:
             break
         predicted = here.flight.merit(price) - step[2]
         there = _tried(slew, step[0], step[1])
         gain = here.flight.merit(price) - there.merit(price)
         if gain < _GOOD * predicted:
-            again = _step(here.about(there), price, radius)
+            again = _step(here.about(there), price, radius, stretch)
             other = there if again is None else _tried(slew, again[0], again[1])
             if other.merit(price) < there.merit(price):
                 there, gain = other, here.flight.merit(price) - other.merit(price)
@@ -99,6 +104,8 @@ def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: in
             radius = min(2.0 * radius, _LARGEST_RADIUS)
         elif gain < _POOR * predicted:
             radius *= 0.5 if gain > 0.0 else 0.3
+        if held and np.abs(here.flight.missed).max() < _NEARLY:
+            break
         if predicted < _SETTLED * here.flight.duration or radius < _SMALLEST_RADIUS or not steps:
             break
     found = here.flight
@@ -180,12 +187,14 @@ def _flown(slew: Reorientation, shares: Matrix, duration: float) -> _About:
     )
 
 
-def _step(here: _About, price: float, radius: float) -> tuple[Matrix, float, float] | None:
+def _step(
+    here: _About, price: float, radius: float, stretch: float
+) -> tuple[Matrix, float, float] | None:
     """Return shares, duration and predicted merit of the program's solution; None: it has none."""
     duration, shares, missed, excess = here.flight
     r, count, now = missed.size, shares.size, shares.ravel()
     low, high = np.maximum(-1.0, now - radius), np.minimum(1.0, now + radius)
-    longer = _OF_DURATION * min(radius, 1.0) * duration
+    longer = stretch * min(radius, 1.0) * duration
     low, high = np.append(low, -longer), np.append(high, longer)
     limited = np.column_stack((here.excess_by_share, here.excess_by_duration))
     most = here.excess_by_share @ now - excess
