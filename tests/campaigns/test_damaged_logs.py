@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexslew_lab.identification.foreign import foreign_record
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.export import export_log
@@ -38,11 +39,8 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "run" / "bag"
 
 
-def test_damage_is_said_or_changes_nothing(
-    honest: Path, tmp_path: Path, case: np.random.Generator
-) -> None:
-    """Bits that flip, bytes that are zero, double or missing, in any file of the bag."""
-    bag = shutil.copytree(honest, tmp_path / "bag")
+def damage(bag: Path, case: np.random.Generator) -> None:
+    """Flip, clear, double or drop bytes in one of the two files."""
     path = sorted(bag.iterdir())[case.integers(2)]
     content = bytearray(path.read_bytes())
     at, size = int(case.integers(len(content))), int(case.integers(1, 200))
@@ -56,6 +54,14 @@ def test_damage_is_said_or_changes_nothing(
     else:
         content[at : at + size] = content[at : at + size] * (2 * (how == "double"))
     path.write_bytes(content)
+
+
+def test_damage_is_said_or_changes_nothing(
+    honest: Path, tmp_path: Path, case: np.random.Generator
+) -> None:
+    """Bits that flip, bytes that are zero, double or missing, in any file of the bag."""
+    bag = shutil.copytree(honest, tmp_path / "bag")
+    damage(bag, case)
     known = metrics_of(honest)
     for read in READERS:
         try:
@@ -72,6 +78,23 @@ def test_damage_is_said_or_changes_nothing(
         return
     if sound:
         assert list(BagReader(bag).messages()) == list(BagReader(honest).messages())
+
+
+def test_damage_of_a_bag_of_another_bench_is_said_or_changes_nothing(
+    honest: Path, tmp_path: Path, case: np.random.Generator
+) -> None:
+    """Its reader is another one, and no record of this project vouches for its content."""
+    columns = ("/measurement.applied_effort[0]",), ("/measurement.joint_position[0]",)
+    bag = shutil.copytree(honest, tmp_path / "bag")
+    damage(bag, case)
+    try:
+        found = foreign_record(bag, *columns).record
+    except FlexslewError as error:
+        assert str(error).isprintable()  # noqa: PT017
+        return
+    known = foreign_record(honest, *columns).record
+    assert np.array_equal(found.effort, known.effort)
+    assert np.array_equal(found.measured, known.measured)
 
 
 def test_what_a_kill_leaves_is_recovered_without_a_hole(

@@ -106,12 +106,15 @@ def written_bag(folder: Path, record: Record) -> Path:
     return folder
 
 
+@pytest.mark.parametrize(("made", "named"), [("lab", "lab"), ("lab/bag", "lab")])
 def test_a_bag_of_joint_states_gives_the_mode_of_the_run(
-    call: Any, run: Path, tmp_path: Path
+    call: Any, run: Path, tmp_path: Path, made: str, named: str
 ) -> None:
-    bag = written_bag(tmp_path / "lab", record_of(bag_of(run)))
+    bag = tmp_path / made
+    bag.parent.mkdir(exist_ok=True)
+    written_bag(bag, record_of(bag_of(run)))
     code, printed, _ = call(
-        "identify", bag, "--out", tmp_path, "--json", "--band", "0.3,6",
+        "identify", tmp_path / named, "--out", tmp_path, "--json", "--band", "0.3,6",
         "--inputs", "/effort.data[0]=mass",
         "--outputs", "/joint_states.position[0]=position.mass,/joint_states.velocity[0]=rate.mass",
     )  # fmt: skip

@@ -152,7 +152,7 @@ def _experiment(
         return experiment_of(run, Trust.of(trust or ()))
     if not inputs or not outputs:
         raise BadInput(f"{run}: --inputs and --outputs belong together")
-    repaired = foreign_record(run, _names(inputs), _names(outputs), period, past)
+    repaired = foreign_record(bag_folder(run), _names(inputs), _names(outputs), period, past)
     for words in repaired.words:
         say(f"{run}: {words}")
     return Experiment(repaired.record, None, None)

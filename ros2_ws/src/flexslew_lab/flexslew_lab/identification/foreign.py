@@ -219,7 +219,7 @@ def read_bag(path: Path, names: list[str]) -> Columns:
     Raises:
         BadInput: it cannot be read, or there is no such topic, field or entry.
     """
-    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.highlevel import AnyReader
 
     requested = [_place(path, name) for name in names]
     found: dict[str, tuple[list[float], list[float]]] = {name: ([], []) for name in names}
@@ -240,8 +240,10 @@ def read_bag(path: Path, names: list[str]) -> Columns:
                             past.add(name)
                         found[name][0].append(at)
                         found[name][1].append(_entry(path, name, message, place))
-    except (AnyReaderError, OSError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from None
+    except BadInput:
+        raise
+    except Exception as error:  # corrupt bytes meet a parser that lets all its errors through
+        raise BadInput(f"{path}: cannot be read: {error or type(error).__name__}") from None
     series = {name: (np.array(t), np.array(values)) for name, (t, values) in found.items()}
     for name, (t, _) in series.items():
         if t.size < 2:
