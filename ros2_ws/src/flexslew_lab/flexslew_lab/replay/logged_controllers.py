@@ -252,8 +252,10 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         course = _course(heard, requested) or (plans[requested],)
         anew = status.plan_number <= following.get(name, ("", 0))[1] or at < before
         following[name] = requested, status.plan_number
-        if anew and status.plan_number and not (status.last_tick or status.plan_tick):
+        unasked = status.plan_number and not (status.last_tick or status.plan_tick)
+        if unasked and (anew or name in started_again):  # it may hear several plans by then
             started_again[name] = course
+        if unasked and anew:
             continue
         first = int(status.plan_epoch), int(status.plan_tick)
         if not status.plan_number:  # of an older log: what it had seen when it said so
