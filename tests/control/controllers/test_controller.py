@@ -303,6 +303,13 @@ def test_who_came_in_flight_in_charge_joins_the_plans_that_it_hears_later(
     np.testing.assert_array_equal(one.reference(30).position, first.reference(30).position)
 
 
+def test_who_came_between_two_flights_joins_the_plan_that_it_hears_in_the_second() -> None:
+    one = controller()
+    for tick in range(18):
+        one.observe(question(tick, epoch=1))
+    assert one.adopt(replace(PLAN, start=0.0)) is None
+
+
 def test_who_came_in_flight_refuses_what_is_told_too_late_as_the_others_do() -> None:
     """Unless the plan goes on from those that it follows: the others have heard it in time."""
     one, flown = controller(), replace(PLAN, start=0.0)

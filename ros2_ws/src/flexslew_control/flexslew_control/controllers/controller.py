@@ -274,7 +274,9 @@ class Controller:
             if self._expect is not None:
                 self._expect(self.reference(tick))
             first, self._fresh = self._fresh, False
-            self._joined = tick if first else self._joined
+            # before a later flight, too, the others have their plan already
+            came = max(tick, int(measurement.epoch > 0))
+            self._joined = came if first else self._joined
             seen = self._about_reference(measurement)
             if not follows:
                 self._estimator.reset(seen)
