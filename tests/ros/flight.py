@@ -142,6 +142,14 @@ def kill(name: str, strength: int = signal.SIGKILL) -> Any:
     return act
 
 
+def again(name: str, module: str, folder: Path, domain: int, *more: str) -> int:
+    """Start a node of a flight again, with more arguments; return its pid."""
+    words = ["--ros-args", "-r", f"__node:={name}"]
+    words += ["--params-file", str(folder / "parameters.yaml"), *more]
+    with (folder / "again.log").open("ab") as said:
+        return fork_server().start(module, words, {"ROS_DOMAIN_ID": str(domain)}, said.fileno())
+
+
 @contextmanager
 def side_by_side(**flights: Callable[[], Flight]) -> Iterator[Callable[[str], Flight]]:
     """Fly several at once, each in its own domain; yield what waits for one by name."""

@@ -1,4 +1,4 @@
-"""A controller that is killed in a pause, with a plan of the flight ahead, and started again."""
+"""A controller that is killed with a plan that is flown or ahead, and started again."""
 
 import os
 import signal
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from flexslew_msgs.msg import ControllerStatus
 from flexslew_msgs.srv import SetRate
 from rclpy.duration import Duration
 from std_srvs.srv import Trigger
@@ -13,11 +14,17 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
-from flexslew_plant.graph.topics import JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
+from flexslew_plant.graph.topics import (
+    CONTROLLER_STATUS,
+    JOINT_TRAJECTORY,
+    PLANNED_TRAJECTORY,
+    TOPICS,
+)
 from flexslew_plant.ros.offers import qos
 
 from .bystander import beside
-from .flight import Flight, fork_server, slew
+from .flight import Flight, again, slew
+from .one_by_one import CONTROLLER, PLANNER
 
 
 def test_it_flies_what_the_others_fly_before_a_reset_and_after_it(tmp_path: Path) -> None:
@@ -37,11 +44,7 @@ def test_it_flies_what_the_others_fly_before_a_reset_and_after_it(tmp_path: Path
             ours.publish(later)
             bystander.until(lambda: len(heard) == 2)
             os.kill(pids["pd_feedforward"], signal.SIGKILL)
-            words = ["--ros-args", "-r", "__node:=pd_feedforward"]
-            words += ["--params-file", str(tmp_path / "parameters.yaml")]
-            module, own = "flexslew_control.ros.controller_node", {"ROS_DOMAIN_ID": str(domain)}
-            with (tmp_path / "again.log").open("ab") as said:
-                fork_server().start(module, words, own, said.fileno())
+            again("pd_feedforward", CONTROLLER, tmp_path, domain)
             bystander.until(lambda: bool(bystander.ask(Trigger, "start").success))
             bystander.pass_by(40)
             assert bystander.ask(Trigger, "reset").success
@@ -68,3 +71,44 @@ def test_it_flies_what_the_others_fly_before_a_reset_and_after_it(tmp_path: Path
     assert flown["epoch"][-1] == 1
     assert last.tolist() == pytest.approx([0.1, 0.05])
     assert resim(flight.bag).identical
+
+
+def test_who_is_in_charge_before_it_hears_the_plan_that_is_flown_joins_it(tmp_path: Path) -> None:
+    """The planner is away, as it seems where the message is on its way."""
+    statuses: dict[str, Any] = {}
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        with beside(domain) as bystander:
+            assert bystander.ask(Trigger, "pause").success
+            bystander.node.create_subscription(
+                ControllerStatus,
+                CONTROLLER_STATUS,
+                lambda status: statuses.update({status.controller: status}),
+                qos(TOPICS[CONTROLLER_STATUS]),
+            )
+            for name in ("planner", "pd_feedforward"):
+                os.kill(pids[name], signal.SIGKILL)
+            at_once = ("-p", "requires_plan:=false")
+            again("pd_feedforward", CONTROLLER, tmp_path, domain, *at_once)
+            bystander.until(lambda: bool(bystander.ask(Trigger, "start").success))
+            bystander.until(lambda: "pd_feedforward" in statuses)
+            # asked, in charge, and without a plan
+            bystander.until(lambda: not statuses["pd_feedforward"].plan_hash)
+            bystander.until(lambda: statuses["pd_feedforward"].last_tick > 0)
+            bystander.pass_by(40)
+            again("planner", PLANNER, tmp_path, domain)
+            followed = statuses["lqr"].plan_hash
+            bystander.until(lambda: statuses["pd_feedforward"].plan_hash == followed)
+            bystander.pass_by(20)
+            bystander.until(lambda: statuses["pd_feedforward"].ready)
+            assert bystander.ask(SetRate, "set_rate", rate_factor=0.0).ok
+
+    extra = "max_missed: 100000"
+    trial = slew(duration=60.0, rate=1.0, more=", lqr: {}", extra=extra, patience=0.5)
+    flight = Flight(trial, tmp_path, 10, act)
+    assert "t = 60.00 s: 6000 ticks" in flight.log
+    assert "plan_refused" not in flight.events
+    flown = BagReader(flight.bag).columns("/controller_state", {"tick", "reference_position"})
+    assert flown["reference_position"][-1].tolist() == pytest.approx([0.1, 0.05])
+    found = resim(flight.bag)
+    assert found.identical, found.first_difference

@@ -273,6 +273,57 @@ def test_one_that_came_in_flight_takes_the_plans_of_it_one_after_the_other(heard
 
 
 @pytest.mark.parametrize("tuned", [False, True])
+@pytest.mark.parametrize("plans", [1, 2])
+@pytest.mark.parametrize("led_between", [False, True])
+def test_who_came_in_flight_in_charge_joins_the_plans_that_it_hears_later(
+    plans: int, led_between: bool, tuned: bool
+) -> None:
+    first, later = replace(PLAN, start=0.0), replace(PLAN, start=0.25)
+    told = ((first, False), (later, True))[:plans]
+    one, tick = controller(handover_time=0.2), 27
+    answer = present(one.observe(question(tick, applied=(30.0, 0.0), position=(0.7, 0.1))))
+    for plan, of_flight in told:
+        assert one.adopt(plan, of_flight) is None
+        # the answer to this question was given
+        again = question(tick, applied=(30.0, 0.0), position=(0.7, 0.1))
+        assert present(one.observe(again)) is answer
+        if led_between:
+            tick += 1
+            answer = present(one.observe(question(tick, applied=(30.0, 0.0))))
+    if tuned:
+        before, one = one, controller(handover_time=0.2)
+        one.take_over(before)
+    if not led_between:
+        tick += 1
+        answer = present(one.observe(question(tick, applied=(30.0, 0.0))))
+    assert one.reason is None
+    np.testing.assert_allclose(answer.command.effort, (30.0, 0.0), atol=1e-12)  # without a step
+    np.testing.assert_array_equal(answer.reference.position, told[-1][0].reference(tick).position)
+    one.begin_epoch(1)
+    np.testing.assert_array_equal(one.reference(30).position, first.reference(30).position)
+
+
+def test_who_came_between_two_flights_joins_the_plan_that_it_hears_in_the_second() -> None:
+    one = controller()
+    for tick in range(18):
+        one.observe(question(tick, epoch=1))
+    assert one.adopt(replace(PLAN, start=0.0)) is None
+
+
+def test_who_came_in_flight_refuses_what_is_told_too_late_as_the_others_do() -> None:
+    """Unless the plan goes on from those that it follows: the others have heard it in time."""
+    one, flown = controller(), replace(PLAN, start=0.0)
+    one.observe(question(10))
+    assert one.adopt(flown) is None
+    for tick in range(11, 31):
+        one.observe(question(tick))
+    stray = replace(PLAN, start=0.25, position=PLAN.position + 0.5)
+    assert "the bench is at 0.30 s" in str(one.adopt(stray, True))
+    goes_on = replace(PLAN, start=0.2, position=PLAN.position + RAMP[20])
+    assert one.adopt(goes_on, True) is None
+
+
+@pytest.mark.parametrize("tuned", [False, True])
 def test_who_was_in_charge_without_a_plan_takes_none_that_has_begun(tuned: bool) -> None:
     one, begun = controller(), replace(PLAN, start=0.0)
     for tick in range(31):

@@ -88,7 +88,8 @@ class Controller:
         self._answered = -1  # last tick it answered
         self._led = False  # it was in charge in this epoch
         self._fresh = True  # it has seen no measurement yet
-        self._joined = False  # it was started in this flight, when others flew already
+        self._joined = 0  # first tick it saw of a flight that others flew already; 0: of none
+        self._anew = False  # the next tick does not follow from the last one
         self._answer: Answer | None = None
         self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
         self._handover_tick = 0
@@ -128,6 +129,11 @@ class Controller:
         return max(self._key[1], -1)
 
     @property
+    def begins(self) -> bool:
+        """The next measurement is its first one, or as good as that."""
+        return self._anew or self.last_tick < 0
+
+    @property
     def plan(self) -> Plan | None:
         """The newest plan that it follows, or will from its start on; None: there is none."""
         return self._course.plan
@@ -154,7 +160,7 @@ class Controller:
         if epoch > self._key[0]:
             if self._key[0] >= 0:
                 self._course.restart()
-            self._key, self._led, self._joined = (epoch, _NONE), False, False
+            self._key, self._led, self._joined = (epoch, _NONE), False, 0
             self._failure, self._doubt, self._blind = None, None, False
 
     def begin_anew(self, epoch: int) -> None:
@@ -179,7 +185,10 @@ class Controller:
         the first to follow it would depend on the moment of its arrival. So is one in flight that
         does not begin where the reference is then, see course.LARGEST_JUMP. A standby that has no
         plan takes it: it came after the plan that the bench flies, and begins anew with it. One
-        that was started in flight hears all plans of it, and takes them one after the other.
+        that was started in flight hears all plans of it, and takes them one after the other. So
+        does one that was asked before it heard them: it was in charge at rest where it came, and
+        hands over to itself. Of the plans that began when it was there already it takes none but
+        the first that it hears, or one that goes on from those.
 
         Args:
             plan: to be followed.
@@ -195,9 +204,9 @@ class Controller:
             (self._course.add if of_flight else self._course.begin_with)(plan)
             return None
         begun = plan.first_tick <= self.last_tick
-        if begun and not self._led and (self.plan is None or self._joined):
+        if begun and self._joins(plan):
             (self._course.add if of_flight else self._course.begin_with)(plan)
-            self.begin_anew(self._key[0])
+            self._anew = True  # a question that is repeated gets the answer that it had
             return None
         if begun:
             return _mismatch(
@@ -209,6 +218,16 @@ class Controller:
         self._course.add(plan)
         return None
 
+    def _joins(self, plan: Plan) -> bool:
+        """Return whether it follows a plan that has begun: it came after whoever flies it."""
+        if not self._led:
+            return self.plan is None or self._joined > 0
+        if not self._joined:
+            return False
+        if self.plan is None or plan.first_tick <= self._joined:
+            return True
+        return jump(plan, self.reference(plan.first_tick)) is None
+
     def take_over(self, other: "Controller") -> None:
         """Take the place of another design of the same controller from the next measurement on.
 
@@ -217,6 +236,7 @@ class Controller:
         """
         self._course, self._hold, self._key = other._course, other._hold, other._key
         self._led, self._fresh, self._joined = other._led, other._fresh, other._joined
+        self._anew = other._anew
         # one that was succeeded before it saw a measurement knows nothing of its own
         self._predecessor = other._predecessor or other._estimator
 
@@ -242,7 +262,8 @@ class Controller:
             return None
         seen: Measurement | None = None
         if key > self._key:
-            follows = key == (self._key[0], self._key[1] + 1)
+            follows = key == (self._key[0], self._key[1] + 1) and not self._anew
+            self._anew = False
             self.begin_epoch(measurement.epoch)
             self._key = key
             self._answer = None
@@ -253,7 +274,9 @@ class Controller:
             if self._expect is not None:
                 self._expect(self.reference(tick))
             first, self._fresh = self._fresh, False
-            self._joined |= first and tick > 0
+            # before a later flight, too, the others have their plan already
+            came = max(tick, int(measurement.epoch > 0))
+            self._joined = came if first else self._joined
             seen = self._about_reference(measurement)
             if not follows:
                 self._estimator.reset(seen)

@@ -186,7 +186,7 @@ class ControllerHost:
         self._plan_refused = None
         if self.controller is not None:
             self._plan_refused = self.controller.adopt(plan, of_flight)
-            if self.controller.last_tick < 0:
+            if self.controller.begins:
                 self.controller.warm(self._appendages)  # on the plan that it will follow
         if self._plan_refused is None:
             self.plan_hash, self.plan_from = digest, first

@@ -252,18 +252,26 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         course = _course(heard, requested) or (plans[requested],)
         anew = status.plan_number <= following.get(name, ("", 0))[1] or at < before
         following[name] = requested, status.plan_number
-        if anew and status.plan_number and not (status.last_tick or status.plan_tick):
+        unasked = status.plan_number and not (status.last_tick or status.plan_tick)
+        if unasked and (anew or name in started_again):  # it may hear several plans by then
             started_again[name] = course
+        if unasked and anew:
             continue
-        first = int(status.plan_epoch), int(status.plan_tick)
-        if not status.plan_number:  # of an older log: what it had seen when it said so
-            first = int(status.epoch), int(status.last_tick) + 1
-            if first == (0, 1):  # also what a controller said before its first measurement
-                first = 0, 0
+        first = _first_question(status)
         # one that is built anew, for another testbed or after a crash, says that it began there
         begun[name] = first = max(first, begun.get(name, first))
         found.append(Adoption(name, first, course))
     return sorted(found, key=lambda adoption: adoption.first)
+
+
+def _first_question(status: Any) -> Key:
+    """Return the first question that was answered with the plan of a status."""
+    if status.plan_number:
+        return int(status.plan_epoch), int(status.plan_tick)
+    # of an older log: the one after what it had seen when it said so
+    first = int(status.epoch), int(status.last_tick) + 1
+    # (0, 1) is also what a controller said before its first measurement
+    return (0, 0) if first == (0, 1) else first
 
 
 def _settle(status: Any, assumed: Adoption, found: list[Adoption]) -> None:

@@ -1,0 +1,64 @@
+"""Which plans a controller followed, as its statuses tell it."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_control.message_fields import plan_fields
+from flexslew_control.plan import Plan
+from flexslew_control.plan_file import plan_hash
+from flexslew_lab.log.messages.cdr import decode, encode
+from flexslew_lab.replay.logged_controllers import adoptions
+from flexslew_plant.bench.message_fields import event_fields
+from flexslew_plant.events import EstimateBegan, event_of
+
+CAME = 3, 14  # epoch and tick of the first question that a newcomer heard
+STATUS = "flexslew_msgs/msg/ControllerStatus"
+
+
+def plan(goal: float) -> Plan:
+    there = np.full((6, 1), goal)
+    still = np.zeros_like(there)
+    return Plan("none", ("yaw",), 0.0, 0.01, there, still, still[1:], np.zeros((6, 0)), 0.05)
+
+
+FIRST, SECOND = plan(0.1), plan(0.2)
+
+
+def log(*messages: tuple[str, str, Any]) -> Any:
+    """Return a bag with these messages behind the two plans, both of tick 0."""
+    plans = [("/plan", "flexslew_msgs/msg/Plan", plan_fields(each)) for each in (FIRST, SECOND)]
+    coded = [(t, kind, 0, 0, encode(kind, fields)) for t, kind, fields in (*plans, *messages)]
+    told = [decode(kind, data) for topic, kind, _, _, data in coded if topic == "/plan"]
+    return SimpleNamespace(
+        path=Path("crafted"),
+        overview=SimpleNamespace(plans=told),
+        messages=lambda topics: [m for m in coded if m[0] in topics],
+    )
+
+
+def status(plan: Plan, number: int, epoch: int, tick: int = 0) -> tuple[str, str, Any]:
+    fields = {"controller": "pd", "plan_hash": plan_hash(plan), "plan_number": number}
+    fields |= {"epoch": epoch, "last_tick": tick, "plan_epoch": epoch if number > 1 else 0}
+    return "/controller_status", STATUS, fields
+
+
+@pytest.mark.parametrize("epochs", [(0, 0, 0), (0, 3, 3), (3, 3, 3)])
+def test_a_newcomer_follows_the_last_plan_that_it_heard_before_it_was_asked(
+    epochs: tuple[int, int, int],
+) -> None:
+    """It hears the plans one by one, and of the epoch before them, between or behind them."""
+    began = event_of(EstimateBegan("pd", True), CAME[1], 0.14, CAME[0], "pd")
+    bag = log(
+        status(SECOND, 2, 2),  # of its predecessor
+        status(FIRST, 1, epochs[0]),
+        status(FIRST, 1, epochs[1]),
+        status(SECOND, 2, epochs[2]),
+        ("/events", "flexslew_msgs/msg/Event", event_fields(began)),
+        status(SECOND, 2, *CAME),
+    )
+    last = [found for found in adoptions(bag) if found.first == CAME][-1]
+    assert plan_hash(last.told[-1].plan) == plan_hash(SECOND)
