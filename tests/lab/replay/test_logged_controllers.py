@@ -62,3 +62,22 @@ def test_a_newcomer_follows_the_last_plan_that_it_heard_before_it_was_asked(
     )
     last = [found for found in adoptions(bag) if found.first == CAME][-1]
     assert plan_hash(last.told[-1].plan) == plan_hash(SECOND)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_one_that_comes_where_its_predecessor_had_no_plan_follows_it_from_its_first_question_on(
+    late: bool,
+) -> None:
+    """The predecessor flew the epoch until then without one; its last word may come after."""
+    empty = {"controller": "pd", "epoch": CAME[0], "instance": 1}
+    without = ("/controller_status", STATUS, empty)
+    topic, kind, fields = status(FIRST, 1, CAME[0])
+    newcomer = topic, kind, fields | {"instance": 2, "plan_epoch": CAME[0]}
+    unready = topic, STATUS, {"controller": "pd", "instance": 2}
+    began = event_of(EstimateBegan("pd", True), CAME[1], 0.14, CAME[0], "pd")
+    said = [unready, without, newcomer] if late else [without, unready, newcomer]
+    bag = log(without, *said, ("/events", "flexslew_msgs/msg/Event", event_fields(began)))
+    found = adoptions(bag)
+    assert [(each.first, plan_hash(each.told[-1].plan)) for each in found] == [
+        (CAME, plan_hash(FIRST))
+    ]

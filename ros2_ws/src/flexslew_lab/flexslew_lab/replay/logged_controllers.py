@@ -214,6 +214,8 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     following: dict[str, tuple[str, int]] = {}
     begun: dict[str, Key] = {}
     seen: dict[str, Key] = {}  # newest question
+    heard_of: dict[str, set[int]] = {}  # processes of each name
+    unasked: dict[str, int] = {}  # that came in place of another one and has no question yet
     started_again: dict[str, tuple[Told, ...]] = {}
     assumed: dict[str, Adoption] = {}  # of its predecessor's plan, until it says what it heard
     found = []
@@ -228,6 +230,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
             if isinstance(what, EstimateBegan) and what.fresh:
                 name = what.controller
                 begun[name] = key
+                unasked.pop(name, None)
                 if told := started_again.pop(name, ()):
                     found.append(Adoption(name, key, told))
                 elif told := _course(heard, following.get(name, ("", 0))[0]):
@@ -235,6 +238,10 @@ def adoptions(bag: BagReader) -> list[Adoption]:
                     found.append(assumed[name])
             continue
         name, requested = status.controller, status.plan_hash
+        instance = getattr(status, "instance", 0)  # which older logs do not have
+        if instance not in heard_of.setdefault(name, {instance}):
+            heard_of[name].add(instance)
+            unasked[name] = instance
         at = int(status.epoch), int(status.last_tick)
         before = seen.get(name, at)
         seen[name] = max(before, at)
@@ -251,11 +258,12 @@ def adoptions(bag: BagReader) -> list[Adoption]:
             )
         course = _course(heard, requested) or (plans[requested],)
         anew = status.plan_number <= following.get(name, ("", 0))[1] or at < before
+        anew = anew or unasked.get(name) == instance
         following[name] = requested, status.plan_number
-        unasked = status.plan_number and not (status.last_tick or status.plan_tick)
-        if unasked and (anew or name in started_again):  # it may hear several plans by then
+        not_asked = status.plan_number and not (status.last_tick or status.plan_tick)
+        if not_asked and (anew or name in started_again):  # it may hear several plans by then
             started_again[name] = course
-        if unasked and anew:
+        if not_asked and anew:
             continue
         first = _first_question(status)
         # one that is built anew, for another testbed or after a crash, says that it began there
