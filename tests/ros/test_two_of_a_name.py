@@ -1,6 +1,5 @@
 """Two programs of others answer under one name: the older one flies the bench."""
 
-import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,7 +30,7 @@ class Watched(Bench):
         self.node.create_subscription(Alive, ALIVE, self.beats.append, qos(TOPICS[ALIVE]))
         self.start(NAME, PROGRAM)
         self.until(lambda: NAME in self.statuses)
-        self.older = self.pids[NAME]
+        self.pids["older"] = self.pids[NAME]  # which is ended, too, whatever happens
         self.start(NAME, PROGRAM, pushes="true")
         given = {"bench.active": NAME, "bench.max_missed": "1000", "rate_factor": "1.0"}
         self.start("plant", PLANT, autostart="false", **given)
@@ -63,6 +62,6 @@ def test_the_older_one_flies_until_it_is_gone(watched: Watched) -> None:
     assert not any(watched.truth.applied_effort)
     rejected = [event for event in watched.events if event.kind == "rejected"]
     assert "another process called any_language" in rejected[0].message
-    os.kill(watched.older, signal.SIGKILL)
+    watched.end("older", signal.SIGKILL)
     watched.until(lambda: any(watched.truth.applied_effort))
     watched.end("plant")
