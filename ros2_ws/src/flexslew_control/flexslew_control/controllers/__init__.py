@@ -88,13 +88,10 @@ def build_controller(
     estimator: Estimator
     built: Law
     if law in CONTROLLERS:
-        kind = CONTROLLERS[law]
-        settings = validated(kind.settings, own, source)
-        require_units_of_joints(kind.settings, own, plant.testbed, source)
+        settings = _settings(law, own, plant, source)
         try:
             _require_allocation(law, settings, plant)
-            _require_unwinding(settings, plant.period)
-            estimator, built = kind.build(settings, plant)
+            estimator, built = CONTROLLERS[law].build(settings, plant)
         except BadInput as error:
             raise BadInput(str(error), source) from None
         except (ArithmeticError, np.linalg.LinAlgError) as error:
@@ -144,17 +141,24 @@ def require_settings(
     _common_settings(values, source)
     if law not in CONTROLLERS:
         return
-    settings = validated(CONTROLLERS[law].settings, law_values(values), source)
-    require_units_of_joints(CONTROLLERS[law].settings, law_values(values), plant.testbed, source)
+    settings = _settings(law, law_values(values), plant, source)
     model = plant.testbed.model()
     if model.attitude is None and getattr(settings, "allocation", None) is None:
         for key in _BY_JOINT:
             if hasattr(settings, key):
                 per_joint(f"{source}: {key}", getattr(settings, key), model.joint_names)
+
+
+def _settings(law: str, own: dict[str, Any], plant: PlantDescription, source: str) -> Any:
+    """Return the settings of a law that is built in, for this plant."""
+    kind = CONTROLLERS[law].settings
+    settings = validated(kind, own, source)
+    require_units_of_joints(kind, own, plant.testbed, source)
     try:
         _require_unwinding(settings, plant.period)
     except BadInput as error:
         raise BadInput(str(error), source) from None
+    return settings
 
 
 def _require_unwinding(settings: Any, period: float) -> None:
