@@ -13,7 +13,10 @@ class Guest:
     def __init__(self, loop: Any, name: str, hear: Callable[[Any], None]) -> None:
         self.node: Any = new_node(name)
         loop.add(self.node)
-        self._watch = PlantWatch(loop, subscription(self.node, topics.MEASUREMENT, hear), True)
+        subscription(self.node, topics.MEASUREMENT, hear)
+        # which the plant alone publishes: a guest may speak on `measurement`, and would never leave
+        testbed = subscription(self.node, topics.TESTBED, lambda _: None)
+        self._watch = PlantWatch(loop, testbed, True)
 
     def poll(self) -> float:
         self._watch.look()

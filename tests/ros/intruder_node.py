@@ -6,9 +6,8 @@ from typing import Any
 from flexslew_msgs import msg
 
 from flexslew_plant.graph import topics
-from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.node_process import run_node
-from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.ros.offers import publisher
 
 from .guest import Guest
 
@@ -18,9 +17,6 @@ class Intruder(Guest):
         super().__init__(loop, "intruder", self._lie)
         self._lies = publisher(self.node, topics.EFFORT_COMMAND)
         self._noisy: list[Any] = []
-        # not `measurement`, where it is heard itself: it would stay for ever, and who sees it there
-        testbed = subscription(self.node, topics.TESTBED, lambda _: None)
-        self._watch = PlantWatch(loop, testbed, True)
 
     def _lie(self, question: Any) -> None:
         if question.tick % 20:
