@@ -257,8 +257,8 @@ def adoptions(bag: BagReader) -> list[Adoption]:
                 f"{name} follows plan {requested[:12]}, which is not in the log", bag.path
             )
         course = _course(heard, requested) or (plans[requested],)
-        anew = status.plan_number <= following.get(name, ("", 0))[1] or at < before
-        anew = anew or unasked.get(name) == instance
+        came = unasked.get(name) == instance or at < before
+        anew = came or status.plan_number <= following.get(name, ("", 0))[1]
         following[name] = requested, status.plan_number
         not_asked = status.plan_number and not (status.last_tick or status.plan_tick)
         if not_asked and (anew or name in started_again):  # it may hear several plans by then
