@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from flexslew_plant.bench.operation.presence import Presence
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.offers import subscription
@@ -14,9 +15,10 @@ class Guest:
         self.node: Any = new_node(name)
         loop.add(self.node)
         subscription(self.node, topics.MEASUREMENT, hear)
-        # which the plant alone publishes: a guest may speak on `measurement`, and would never leave
+        # which the plant alone publishes: a guest gives no ear to signs of life, and may speak on
+        # `measurement` itself
         testbed = subscription(self.node, topics.TESTBED, lambda _: None)
-        self._watch = PlantWatch(loop, testbed, True)
+        self._watch = PlantWatch(loop, self.node, testbed, Presence(), True)
 
     def poll(self) -> float:
         self._watch.look()

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from threading import Timer
 from typing import Any
@@ -192,8 +193,11 @@ def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(
     assert flight.metrics["missed_ticks"] == 0
 
 
-def test_who_is_not_the_plant_does_not_enter_the_log(tmp_path: Path) -> None:
-    """Messages of the right type, one of the right size and of a tick that was not yet flown."""
+def test_who_is_not_the_plant_neither_enters_the_log_nor_keeps_the_bench(tmp_path: Path) -> None:
+    """Messages of the right type, one of the right size and of a tick that was not yet flown.
+
+    Whoever publishes them stays on the graph after the run, as a bag does that is played.
+    """
     others: list[Any] = [
         (topics.TRUTH, msg.PlantState(tick=12, position=[9.0, 9.0, 9.0])),
         (topics.TRUTH, msg.PlantState(tick=12, position=[0.0] * 4, velocity=[0.0] * 4)),
@@ -205,22 +209,24 @@ def test_who_is_not_the_plant_does_not_enter_the_log(tmp_path: Path) -> None:
 
     def speak(pids: dict[str, int], domain: int) -> None:
         told: set[str] = set()
-        with beside(domain) as stranger:
-            assert stranger.ask(Trigger, "pause").success
-            subscription(stranger.node, topics.EVENTS, lambda event: told.add(event.data))
-            ends = [(publisher(stranger.node, name), message) for name, message in others]
+        stranger = stays.enter_context(beside(domain))
+        assert stranger.ask(Trigger, "pause").success
+        subscription(stranger.node, topics.EVENTS, lambda event: told.add(event.data))
+        ends = [(publisher(stranger.node, name), message) for name, message in others]
 
-            def told_of_all() -> bool:
-                for end, message in ends:
-                    end.publish(message)
-                strange = [json.loads(data) for data in told if "is not the plant" in data]
-                return {data["topic"] for data in strange} >= {name for name, _ in others}
+        def told_of_all() -> bool:
+            for end, message in ends:
+                end.publish(message)
+            strange = [json.loads(data) for data in told if "is not the plant" in data]
+            return {data["topic"] for data in strange} >= {name for name, _ in others}
 
-            stranger.until(told_of_all, lambda: told)
-            assert stranger.ask(Trigger, "start").success
+        stranger.until(told_of_all, lambda: told)
+        assert stranger.ask(Trigger, "start").success
 
-    flight = Flight(slew(duration=16.0, rate=2.0), tmp_path, 10, speak)
+    with ExitStack() as stays:
+        flight = Flight(slew(duration=16.0, rate=2.0), tmp_path, 10, speak)
     assert flight.outcome == (0, ""), flight.log
+    assert "does not leave" not in flight.log
     assert resim(flight.bag).identical
     assert flight.metrics["log_complete"]
     columns = BagReader(flight.bag).columns("/truth", {"tick"})

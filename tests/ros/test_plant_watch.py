@@ -1,21 +1,28 @@
 """A node that is told to end with the plant ends with it, however short the plant was there."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from flexslew_plant.ros.graph import PlantWatch
+from flexslew_plant.bench.operation.presence import Beat, Presence
+from flexslew_plant.ros.graph import UNNAMED, PlantWatch
 
 
 class Seen:
-    """A subscription that so many publishers are matched with, look by look; and a loop."""
+    """A node that sees these publishers, look by look, its subscription, and a loop."""
 
-    def __init__(self, *plants: int) -> None:
-        self.plants = list(plants)
+    topic_name = "/measurement"
+
+    def __init__(self, *looks: str) -> None:
+        self.looks = list(looks)
         self.code: int | None = None
 
     def get_publisher_count(self) -> int:
-        return self.plants.pop(0)
+        return len(self.looks[0].split())
+
+    def get_publishers_info_by_topic(self, _: str) -> list[SimpleNamespace]:
+        return [SimpleNamespace(node_name=name) for name in self.looks[0].split()]
 
     def stop(self, code: int) -> None:
         self.code = code
@@ -24,20 +31,31 @@ class Seen:
 @pytest.mark.parametrize(
     ("looks", "heard", "enabled", "ends"),
     [
-        ((0, 0), False, True, False),  # it has not come yet
-        ((0, 1, 1), False, True, False),
-        ((1, 0), False, True, True),
-        ((0, 0), True, True, True),  # it came and went between two polls
-        ((1, 0), True, False, False),
+        (("", ""), False, True, False),  # it has not come yet
+        (("", "plant", "plant"), False, True, False),
+        (("plant", ""), False, True, True),
+        (("", ""), True, True, True),  # it came and went between two polls
+        (("plant", ""), True, False, False),
+        (("plant player", "player"), False, True, True),
+        (("plant player", f"{UNNAMED} player"), True, True, False),
+        (("player", "player"), False, True, False),  # nor has it come, if another one is there
     ],
 )
 def test_who_watches_ends_when_the_plant_was_there_and_is_gone(
-    looks: tuple[int, ...], heard: bool, enabled: bool, ends: bool
+    looks: tuple[str, ...], heard: bool, enabled: bool, ends: bool
 ) -> None:
     graph: Any = Seen(*looks)
-    watch = PlantWatch(graph, graph, enabled)
+    presence = Presence()
+    presence.hear(Beat("plant", "plant", 1, 1), 0.0)
+    watch = PlantWatch(graph, graph, graph, presence, enabled)
     watch.look(3)
     watch.seen = watch.seen or heard
     for _ in looks[1:]:
+        graph.looks.pop(0)
         watch.look(3)
     assert (graph.code == 3) == ends
+
+
+def test_before_any_sign_of_life_whoever_publishes_is_the_plant() -> None:
+    graph: Any = Seen("anybody")
+    assert PlantWatch(graph, graph, graph, Presence(), True).here

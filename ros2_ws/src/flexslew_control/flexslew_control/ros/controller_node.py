@@ -61,7 +61,8 @@ class ControllerNode:
             node, self._host, runs, self._alive, sent, lambda: self.answering.heard, listeners
         )
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
+        leaves = self._settings.exit_with_plant
+        self._watch = PlantWatch(loop, node, testbed, self._alive.presence, leaves)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
         self._tuning = Tuning(node, self._host, self._settings.law, self._serve)

@@ -21,7 +21,8 @@ def await_turn(loop: Loop, node: Node, exit_with_plant: bool) -> Alive:
     """
     alive = loop.live(node, "controller")
     heard = subscription(node, topics.TESTBED, lambda _: None)
-    watch, told = PlantWatch(loop, heard, exit_with_plant), False
+    watch = PlantWatch(loop, node, heard, alive.presence, exit_with_plant)
+    told = False
 
     def look() -> None:
         nonlocal told

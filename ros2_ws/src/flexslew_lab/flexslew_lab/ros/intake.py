@@ -69,10 +69,10 @@ class Intake:
                 self._plant_here = now
             yield message
 
-    def expects_more(self, now: float) -> bool:
+    def expects_more(self, now: float, plant_here: bool) -> bool:
         """Return whether those who leave after the plant may still have something to say."""
         node = self._listener.node
-        if self.subscriptions[QUESTIONS].get_publisher_count() > 0:
+        if plant_here:
             self._plant_here = now
         until = min(self._heard + _SILENCE, self._plant_here + _LONGEST)
         there = (is_published(node, self.subscriptions[topic]) for topic in _AFTER_PLANT)

@@ -54,7 +54,8 @@ class Recorder:
         self._intake, self._namesakes = Intake(node, loop), Namesakes(self._alive.presence)
         serve_changes(node, lambda changes: "")
         questions = self._intake.subscriptions[QUESTIONS]
-        self._watch = PlantWatch(loop, questions, self._settings.exit_with_plant)
+        leaves = self._settings.exit_with_plant
+        self._watch = PlantWatch(loop, node, questions, self._alive.presence, leaves)
         self._tell(RecordingStarted(self._settings.folder))
 
     def poll(self) -> float:
@@ -62,7 +63,7 @@ class Recorder:
         now = monotonic()
         if now >= self._next_look:
             self._dead.poll(now)  # else it waits for them, where there is no plant to see it
-            stay = self._intake.expects_more(now)
+            stay = self._intake.expects_more(now, self._watch.here)
             self._watch.look(3 if self._recording.stopped else 0, stay)
             self._next_look = now + 0.2
         if self._leave_at is not None and (now >= self._leave_at or not self._watch.here):

@@ -8,6 +8,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from flexslew_plant.bench.operation.presence import Presence
 from flexslew_plant.graph.policies import HIDDEN
 
 
@@ -124,9 +125,13 @@ class _Stops(Protocol):
 class PlantWatch:
     """Ends a loop when the plant, once seen, is gone for good.
 
+    Who else publishes what only a plant does, as a bag does that is played, is not waited for.
+
     Args:
         loop: to stop.
+        node: that looks.
         subscription: to a topic that only the plant publishes.
+        presence: who gave signs of life.
         enabled: otherwise it only watches.
 
     Attributes:
@@ -134,14 +139,29 @@ class PlantWatch:
             between two polls. Of other topics DDS may tell earlier than of this one.
     """
 
-    def __init__(self, loop: _Stops, subscription: "Subscription[Any]", enabled: bool) -> None:
-        self._loop, self._subscription, self._enabled = loop, subscription, enabled
+    def __init__(
+        self,
+        loop: _Stops,
+        node: Node,
+        subscription: "Subscription[Any]",
+        presence: Presence,
+        enabled: bool,
+    ) -> None:
+        self._loop, self._enabled = loop, enabled
+        self._node, self._subscription, self._presence = node, subscription, presence
         self.seen = False
 
     @property
     def here(self) -> bool:
-        """A plant is on the graph."""
-        return bool(self._subscription.get_publisher_count() > 0)
+        """A plant is on the graph: before any gave a sign of life, whoever publishes as one."""
+        if not self._subscription.get_publisher_count():
+            return False
+        plants = self._presence.of_role("plant")
+        # of a publisher that is there DDS may tell before it tells whose it is
+        return not plants or any(
+            info.node_name in (*plants, UNNAMED)
+            for info in self._node.get_publishers_info_by_topic(self._subscription.topic_name)
+        )
 
     def look(self, code: int = 0, stay: bool = False) -> None:
         """Look for the plant; stop the loop with this code if it has left, unless told to stay."""
