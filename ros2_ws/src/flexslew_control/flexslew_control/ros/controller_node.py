@@ -55,14 +55,13 @@ class ControllerNode:
         self.answering = Answering(
             node, outlets, loop, self._host, self._observed, instance, by_call
         )
-        runs, listeners = self._settings.law, self._settings.wait_for
+        s = self._settings
         sent = [offer.publisher for offer in self.answering.sent]
         self._announcer = Announcer(
-            node, self._host, runs, self._alive, sent, lambda: self.answering.heard, listeners
+            node, self._host, s.law, self._alive, sent, lambda: self.answering.heard, s.wait_for
         )
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        leaves = self._settings.exit_with_plant
-        self._watch = PlantWatch(loop, node, testbed, self._alive.presence, leaves)
+        self._watch = PlantWatch(loop, node, testbed, self._alive.presence, s.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
         self._tuning = Tuning(node, self._host, self._settings.law, self._serve)

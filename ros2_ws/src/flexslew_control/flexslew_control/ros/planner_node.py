@@ -53,8 +53,7 @@ class Planner:
         self._release.requests.serve_model(node, s.model)
         self._trajectories = TrajectoryRequests(node, self._job, self._release)
         self._following = follow_trajectory(node, loop, self._job, self._release)
-        leaves = self._settings.exit_with_plant
-        self._watch = PlantWatch(loop, node, testbed, alive.presence, leaves)
+        self._watch = PlantWatch(loop, node, testbed, alive.presence, s.exit_with_plant)
         self._servers = [
             ActionServer(
                 node,
