@@ -616,6 +616,11 @@ def test_a_rest_may_have_a_unit_and_one_of_another_kind_is_refused() -> None:
             ask(SHORT, at="soon")
 
 
+def test_a_flight_that_is_to_be_identified_says_that_it_needs_a_folder() -> None:
+    with pytest.raises(fs.BadInput, match=r"^runs: a flight keeps no log; .* 'runs/shaken'"):
+        fs.identify(fs.fly(SHORT))  # type: ignore[arg-type]
+
+
 def test_what_is_no_place_no_number_and_no_keys_is_refused_in_one_line() -> None:
     given: Any = fs
     wrong: Any

@@ -128,6 +128,30 @@ def test_signals_are_what_the_bench_did(flight: Flight) -> None:
     assert [event.kind for event in flight.events].count("disturbance") >= 1
 
 
+def test_what_sensors_say_is_the_truth_with_their_errors() -> None:
+    noise = {"joint_position": 1e-6, "joint_velocity": 2e-5, "tip_deflection": 3e-4}
+    flown = fly(trial(SHORT, {f"sensors.{name}.noise": size for name, size in noise.items()}))
+    pairs = (("measured", "position"), ("measured_rate", "velocity"), ("sensor", "tip"))
+    for (said, true), size in zip(pairs, noise.values(), strict=True):
+        for name in flown.names(said):
+            truth = f"{true}.{name.partition('.')[2]}"
+            assert np.nanstd(flown[name] - flown[truth]) == pytest.approx(size, rel=0.2), name
+            assert flown.units[name] == flown.units[truth]
+
+
+def test_gyros_and_star_trackers_of_a_craft_are_signals() -> None:
+    instruments = {"gyro": {"kind": "gyro"}, "tracker": {"kind": "star_tracker", "across": 1e-6}}
+    still = {"duration": 2.0, "plan": {"method": "none", "goal": {"axis": [0, 0, 1], "angle": 0.1}}}
+    flown = fly(trial("three_axes", {**still, "testbed.sensors": instruments}))
+    told = {name: flown.units[name] for name in flown.names("sensor")}
+    assert told["sensor.gyro_x"] == "rad/s"
+    assert {name.partition(".")[2] for name in told} >= {"gyro_x", "tracker_qw", "left_rate_z"}
+    rate = flown["coordinate_rate.body_rate_z"][:-1]
+    turned = 0.5 * (rate[1:] + rate[:-1])  # a gyro reads the mean rate over its tick
+    assert flown["sensor.gyro_z"][1:-1] == pytest.approx(turned, abs=1e-6)
+    assert np.ptp(turned) > 1e-4
+
+
 def test_an_unknown_signal_is_told_with_those_that_there_are(flight: Flight) -> None:
     with pytest.raises(KeyError, match=r"attitude is not a signal; there are position\.base_yaw"):
         flight["attitude"]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexslew_control.plan import Plan
+from flexslew_lab.flight import Flight
 from flexslew_lab.given_objects import require_in_files
 from flexslew_lab.notebook import What, place, plain_data, trial_from
 from flexslew_lab.trial.trial import Trial, bench_settings, plan_of_trial
@@ -172,6 +173,11 @@ def identify(
 
     if not runs:
         raise BadInput("give the folder of a run")
+    if any(isinstance(run, Flight) for run in runs):
+        raise BadInput(
+            "a flight keeps no log; fly it into one, fs.fly(trial, 'runs/shaken'), and give that",
+            "runs",
+        )
     experiments = [experiment_of(place(run, "runs"), trust) for run in runs]
     return identified(experiments, band, tuple(fit), dict(start or {}))
 

@@ -15,6 +15,7 @@ from flexslew_plant.testbeds.model import Model
 
 _Q, _V = "coordinate", "coordinate_rate"  # no fields: the state, where joints are read from it
 _STATE = {_Q: "position", _V: "velocity"}  # as the truth has it
+_RATES = ("velocity", "measured_rate")
 # name of a signal: its topic, the field of the message, what its columns are named after
 _FIELDS = {
     "position": ("/truth", "position", "coordinates"),
@@ -26,6 +27,8 @@ _FIELDS = {
     _Q: ("/truth", _Q, "numbers"),
     _V: ("/truth", _V, "numbers"),
     "measured": ("/measurement", "joint_position", "coordinates"),
+    "measured_rate": ("/measurement", "joint_velocity", "coordinates"),
+    "sensor": ("/measurement", "tip_deflection", "sensors"),
     "reference": ("/controller_state", "reference_position", "coordinates"),
     "feedforward": ("/controller_state", "feedforward", "efforts"),
     "demand": ("/controller_state", "effort", "efforts"),
@@ -78,7 +81,7 @@ def read_signals(bag: BagReader) -> Signals:
                 name, unit = known or (name, unit)
             full = f"{quantity}.{name}" if name else quantity
             values[full] = np.ascontiguousarray(column)
-            units[full] = f"{unit}/s" if quantity == "velocity" else unit
+            units[full] = f"{unit}/s" if quantity in _RATES else unit
     time = truth["header.stamp.sec"] + truth["header.stamp.nanosec"] * 1e-9
     return Signals(time, values, units)
 
@@ -144,16 +147,19 @@ def _labels(overview: Overview, efforts: int, model: Model | None) -> dict[str, 
     known = overview.testbed is not None and len(overview.testbed.joint_units) == len(joints)
     units = tuple(overview.testbed.joint_units) if known else ("rad",) * len(joints)
     appendages = tuple(overview.testbed.appendage_names) if overview.testbed is not None else ()
-    tips = [(k, name, "m") for k, name in enumerate(appendages)]
+    sensors = tips = [(k, name, "m") for k, name in enumerate(appendages)]
     if model is not None and model.appendages.names == appendages:
-        tips = model.appendages.deflections
-    told = {k: (name, unit) for k, name, unit in tips}
+        sensors, tips = model.appendages.sensors, model.appendages.deflections
+    told, said = ({k: (name, unit) for k, name, unit in each} for each in (tips, sensors))
 
     def coordinate(k: int) -> tuple[str, str]:
         return (joints[k], units[k]) if k < len(joints) else (f"mode_{k - len(joints) + 1}", "m")
 
     def effort(k: int) -> tuple[str, str]:
         return joints[k], "N" if units[k] == "m" else "N m"
+
+    def sensor(k: int) -> tuple[str, str]:
+        return said.get(k, (f"appendage_{k + 1}", "m"))
 
     def appendage(k: int) -> tuple[str, str]:
         return told.get(k, ("", "") if k < len(appendages) else (f"appendage_{k + 1}", "m"))
@@ -162,6 +168,7 @@ def _labels(overview: Overview, efforts: int, model: Model | None) -> dict[str, 
         "coordinates": coordinate,
         "efforts": effort,
         "appendages": appendage,
+        "sensors": sensor,
         "": lambda k: ("", "J"),
         "numbers": lambda k: (str(k + 1), ""),
     }

@@ -37,12 +37,16 @@ class Appendages(NamedTuple):
     in_truth: tuple[bool, ...] = ()
 
     @property
-    def deflections(self) -> list[tuple[int, str, str]]:
-        """Place, name and unit of the readings that the truth holds: displacements and strains."""
+    def sensors(self) -> list[tuple[int, str, str]]:
+        """Place, name and unit of all readings."""
         count = len(self.names)
-        units, held = self.units or ("m",) * count, self.in_truth or (True,) * count
-        known = zip(range(count), self.names, units, held, strict=True)
-        return [(k, name, unit) for k, name, unit, there in known if there]
+        return list(zip(range(count), self.names, self.units or ("m",) * count, strict=True))
+
+    @property
+    def deflections(self) -> list[tuple[int, str, str]]:
+        """Those of the readings that the truth holds: displacements and strains."""
+        held = self.in_truth or (True,) * len(self.names)
+        return [known for known, there in zip(self.sensors, held, strict=True) if there]
 
     def reading(self, modes: Vector, rates: Vector) -> Vector:
         """Return what the tips read of the modes and their rates, shape (appendages,)."""
