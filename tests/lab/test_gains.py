@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import flexslew as fs
 from flexslew_lab.analysis.analysis import analysed
 from flexslew_lab.cli.main import app
 from flexslew_lab.gains.ensemble import GainEnsemble, Gains, gains_of
@@ -113,6 +114,12 @@ def test_what_cannot_be_sought_is_refused(
 ) -> None:
     with pytest.raises(BadInput, match=words):
         gains_of(trial("m1", {**KEYS, **keys}), "here", **{"controller": None, **options})
+
+
+def test_a_turn_that_bends_nothing_has_no_gains_to_find() -> None:
+    turn = {"method": "none", "goal": {"axis": [0.0, 0.0, 1.0], "angle": 0.05}}
+    with pytest.raises(BadInput, match=r"^plan: no tip rings after this manoeuvre"):
+        fs.gains(fs.trial("three_axes", {"duration": 2.0, "plan": turn}))
 
 
 def test_the_command_shows_it_as_json(tmp_path: Path) -> None:

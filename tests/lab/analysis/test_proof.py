@@ -4,10 +4,12 @@ import json
 from dataclasses import replace
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import flexslew as fs
 from flexslew_control.analysis.ring_down import ring_down
 from flexslew_lab.analysis.analysis import Analysis, analysed
 from flexslew_lab.analysis.page import analysis_page
@@ -134,6 +136,28 @@ def test_a_law_that_holds_a_rest_and_takes_no_reference_is_flown_too(
     assert proof.holds
     assert len(proof.poles) >= 2
     assert proof.margins
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        {"kind": "gyro", "angle_random_walk": 2e-6, "bias": [1e-3, 0.0, 0.0]},
+        {"kind": "star_tracker", "across": 5e-6, "interval": 0.2, "delay": 0.1},
+    ],
+)
+def test_instruments_that_no_law_hears_refute_no_margin(sensor: dict[str, Any]) -> None:
+    what = trial("three_axes", {"testbed.sensors": {"one": sensor}})
+    assert proved(what, analysed(what, "here")).holds
+
+
+def test_a_sensor_of_a_craft_that_reads_in_steps_refutes_no_margin() -> None:
+    """Flights of a proof move by far less than a step."""
+    along = {"appendage": "left", "direction": [0.0, 0.0, 1.0]}
+    steps = {"kind": "displacement", **along, "noise": 1e-5, "bias": 1e-3, "quantisation": 1e-4}
+    heard = ["position:roll", "rate:roll", "tip:left"]
+    law = control.ss([], [], [], [[-12.0, -60.0, 20.0]], inputs=heard, outputs=["effort:roll"])
+    what = fs.trial("own_spacecraft", {"testbed.sensors": {"left": steps}, "plan": None}, law=law)
+    assert proved(what, analysed(what, "here")).holds
 
 
 def test_a_law_that_listens_to_nothing_closes_no_loop() -> None:

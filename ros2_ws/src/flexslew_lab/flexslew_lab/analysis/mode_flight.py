@@ -16,9 +16,11 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds import varied
+from flexslew_plant.testbeds.instruments.instrument import channels
 
 _EFFORT = 2e-4  # of the limits, at the start
 _MOTION = 1e-4  # of joints and modes, and of their rates, at the start [rad or m, and per second]
+_EXACT = {"noise": 0.0, "bias": 0.0, "quantisation": 0.0}
 
 
 def require_flyable(analysis: Analysis) -> None:
@@ -37,7 +39,7 @@ def require_flyable(analysis: Analysis) -> None:
 def mode_response(
     trial: Trial, analysis: Analysis, loop: ControlLoop, path: PlantPath, mode: Complex, ticks: int
 ) -> Matrix:
-    """Return what the joints' sensors and the tips read while the bench moves in one mode.
+    """Return what sensors of joints and appendages read while the bench moves in one mode.
 
     Half the difference of two flights that start on the real part of the mode, of either sign:
     even powers of the motion cancel, odd ones from the third on are below rounding.
@@ -51,7 +53,8 @@ def mode_response(
         ticks: how many.
 
     Returns:
-        readings, shape (ticks, sensors); the first is of the start.
+        readings, shape (ticks, sensors); the first is of the start. Without instruments: no law
+        that can be analysed hears them, and they read late, or now and then.
     """
     parts = _Parts.of(mode, loop, analysis, path)
     commands = (loop.closed.c @ mode)[: loop.efforts]
@@ -107,11 +110,15 @@ def _readings(
     moved = np.concatenate((along @ start.motion[:n], start.motion[n:]))
     bench.place(rest.state + moved, rest.effort + start.applied, rest.effort + start.motors)
     controller, shift = running.moved(start.law), running.ticks - bench.tick
-    rows = []
+    rows, linear = [], np.ones(len(rest.model.appendages.names), bool)
+    for instrument in rest.model.appendages.instruments:
+        linear[channels(instrument)] = False
     for _ in range(ticks):
         asked = bench.question
         rows.append(
-            np.concatenate((asked.joint_position, asked.joint_velocity, asked.tip_deflection))
+            np.concatenate(
+                (asked.joint_position, asked.joint_velocity, asked.tip_deflection[linear])
+            )
         )
         answer = controller.observe(asked._replace(tick=asked.tick + shift, epoch=0))
         if answer is None:
@@ -148,9 +155,12 @@ def _settings(trial: Trial, analysis: Analysis, gain: Vector, delay: Vector) -> 
         if d > 0.0
     ]
     plain = bench_settings(replace(trial, sensors=type(trial.sensors)()))
+    own = getattr(trial.testbed, "sensors", {})  # on the appendages of a spacecraft
+    exact = {name: _EXACT for name, sensor in own.items() if hasattr(sensor, "quantisation")}
+    changes = {"initial": joints, **({"sensors": exact} if exact else {})}
     return replace(
         plain,
-        testbed=varied(trial.testbed, {"initial": joints}, "--prove"),
+        testbed=varied(trial.testbed, changes, "--prove"),
         duration=0.0,
         active=analysis.controller,
         fallback=(),

@@ -136,12 +136,14 @@ def searched(
         progress: called with the choices tried, and how many there will be.
 
     Raises:
-        BadInput: the journal is of another search, or no choice keeps the margin.
+        BadInput: the journal is of another search, no choice keeps the margin, or nothing rings.
     """
     import optuna
 
     logging.getLogger("optuna").setLevel(logging.WARNING)
     shipped = ensemble.outcomes([[1.0] * len(gains.shipped)])[0]
+    if shipped.residual == 0.0:
+        raise BadInput("plan: no tip rings after this manoeuvre: no gains leave less; give another")
     margin = shipped.alpha if least is None else least
     about = {"gains": gains.shipped, "controller": gains.controller, "ensemble": ensemble.identity,
              "octaves": octaves, "least": margin}  # fmt: skip
