@@ -61,6 +61,14 @@ def test_a_plant_that_the_analysis_did_not_have_is_found(
     assert not proved(stiffer, oscillator[1]).holds
 
 
+@pytest.mark.parametrize("other", ["m1", "own_spacecraft"])
+def test_the_analysis_of_another_bench_is_refused(
+    oscillator: tuple[Trial, Analysis], other: str
+) -> None:
+    with pytest.raises(BadInput, match="the analysis is of another bench"):
+        proved(trial(other), oscillator[1])
+
+
 def test_the_command_shows_it_as_json() -> None:
     done = CliRunner().invoke(
         app,

@@ -87,7 +87,7 @@ def prove(what: What, found: Analysis) -> Proof:
         found: by `analyse`.
 
     Raises:
-        BadInput: the loop is not stable, or its plant changes with time.
+        BadInput: the loop is not stable, its plant changes with time, or the trial's is another.
     """
     from flexslew_lab.analysis.proof import proved
 

@@ -15,7 +15,7 @@ from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
 from flexslew_plant.measurement import EffortCommand
-from flexslew_plant.testbeds import varied
+from flexslew_plant.testbeds import Model, varied
 from flexslew_plant.testbeds.instruments.instrument import channels
 
 _EFFORT = 2e-4  # of the limits, at the start
@@ -23,17 +23,26 @@ _MOTION = 1e-4  # of joints and modes, and of their rates, at the start [rad or 
 _EXACT = {"noise": 0.0, "bias": 0.0, "quantisation": 0.0}
 
 
-def require_flyable(analysis: Analysis) -> None:
+def require_flyable(trial: Trial, analysis: Analysis) -> None:
     """Check that the loop can be flown as it was analysed.
 
     Raises:
-        BadInput: the plant changes with time, which the analysis takes as standing still.
+        BadInput: the trial has another bench, or the plant changes with time, which the analysis
+            takes as standing still.
     """
-    if analysis.point.rest.model.time_varying:
+    flown, analysed = trial.testbed.model(), analysis.point.rest.model
+    if _signals(flown) != _signals(analysed):
+        raise BadInput("--prove: the analysis is of another bench; analyse the trial that is flown")
+    if analysed.time_varying:
         raise BadInput(
             "--prove: this plant changes with time, the margins are those of one moment; "
             "allowed: a testbed that does not turn by itself"
         )
+
+
+def _signals(model: Model) -> tuple[object, ...]:
+    """Return what a bench is driven and read by, and how many coordinates it moves in."""
+    return model.joint_names, model.appendages.names, model.modes, model.coordinates
 
 
 def mode_response(

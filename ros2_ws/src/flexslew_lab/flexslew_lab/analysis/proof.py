@@ -129,11 +129,11 @@ def proved(trial: Trial, analysis: Analysis) -> Proof:
     """Return the poles and the margins of an analysis beside those of the flown bench.
 
     Raises:
-        BadInput: the loop is not stable, or its plant changes with time.
+        BadInput: the loop is not stable, its plant changes with time, or the trial's is another.
     """
     if not analysis.stable:
         raise BadInput("--prove: the loop is not stable: there is no margin to prove")
-    require_flyable(analysis)
+    require_flyable(trial, analysis)
     flights = _Flights(trial, analysis)
     margins = []
     for channel, found in enumerate(analysis.efforts):
