@@ -130,6 +130,20 @@ def test_one_that_is_started_again_is_ready_when_it_says_so_itself() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.0, 1.0])
+def test_who_has_just_become_ready_takes_over(rate: float) -> None:
+    lab = Lab(rate).until(10)
+    it = lab.it
+    it.hear("b", False, "no testbed announced yet", 1)
+    while not lab.kinds("not_ready"):
+        lab.poll()
+    it.hear("b", True, "", 1)
+    assert it.switch(SwitchRequest("b", it.bench.tick + 1), lab.now) is None
+    lab.until(it.bench.tick + 3)
+    assert lab.kinds("switched", "switch_dropped") == ["switched"]
+    assert it.bench.drive.active == "b"
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0])
 @pytest.mark.parametrize("older", [True, False])
 @pytest.mark.parametrize("told", [True, False])
 def test_of_two_with_one_name_the_answers_of_the_older_count(

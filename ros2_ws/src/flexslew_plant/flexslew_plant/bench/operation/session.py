@@ -338,16 +338,14 @@ class Session:
             recorders = self.presence.of_role("recorder")
             if any(name in recorders or not self.presence.silent(name, now) for name in slow):
                 return True
-        if self.pacing.paced:
-            return False
         bench = self.bench
         if bench.answered and not bench.handover.waiting:  # the usual tick: nobody takes over
             self._held_since = None
             return False
         due = [*bench.handover.due(tick), *self._heirs(now)]
-        if not any(self.presence.silent(name, now) for name in due):
+        if self.pacing.paced or not any(self.presence.silent(name, now) for name in due):
             self._held_since = None
-            self._refresh(due, now)
+            self._refresh(due, now)  # what was noted at the last look around may be over
             return False
         self._held_since = now if self._held_since is None else self._held_since
         return now - self._held_since <= self.backlog.patience
