@@ -211,6 +211,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     source = str(bag.path)
     plans = {p.hash: Told(*published_plan(p, source)) for p in bag.overview.plans}
     heard = deque[tuple[str, Told]](maxlen=TOPICS[PLAN].depth)  # by who listens from now on
+    published = set[str]()
     following: dict[str, tuple[str, int]] = {}
     begun: dict[str, Key] = {}
     seen: dict[str, Key] = {}  # newest question
@@ -223,6 +224,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         status = decode(kind, data)
         if topic == "/plan":
             heard.append((status.hash, Told(plans[status.hash].plan, in_flight(status))))
+            published.add(status.hash)
             continue
         if topic == "/events":
             event = logged_event(status, source)
@@ -256,7 +258,9 @@ def adoptions(bag: BagReader) -> list[Adoption]:
             raise BadInput(
                 f"{name} follows plan {requested[:12]}, which is not in the log", bag.path
             )
-        course = _course(heard, requested) or (plans[requested],)
+        # who has seen no question has no time to say it at: it may stand before the plan it names
+        coming = [] if requested in published else [(requested, plans[requested])]
+        course = _course([*heard, *coming], requested) or (plans[requested],)
         came = unasked.get(name) == instance or at < before
         anew = came or status.plan_number <= following.get(name, ("", 0))[1]
         following[name] = requested, status.plan_number
