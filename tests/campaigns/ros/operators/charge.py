@@ -3,9 +3,11 @@
 from typing import Any
 
 from flexslew_msgs import srv
+from rclpy.task import Future
 
 from flexslew_plant.bench.operation.run_state import RUNNING
 from flexslew_plant.graph import topics
+from flexslew_plant.ros.messages import stamp
 
 from .bench import PLANNER_NODE
 from .desk import WHO, Acts, Desk
@@ -20,8 +22,9 @@ class Charge:
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._bench = desk, desk.bench
+        self._awaited: list[Future] = []
         self.acts: Acts = {
-            self.switch: 5.0, self.switches_at_once: 2.0,
+            self.switch: 5.0, self.switches_at_once: 2.0, self.switch_later: 1.0,
             self.brake: 1.0, self.release: 1.5, self.brakes_at_once: 1.5,
             self.kill: 2.0, self.kill_planner: 0.7, self.start_again: 3.0,
         }  # fmt: skip
@@ -52,6 +55,21 @@ class Charge:
         )
         assert all((one.message, other.message)), (one, other, self._desk.diary)
         return f"{one.message}; {other.message}"
+
+    def switch_later(self) -> str:
+        """The second operator waits for what becomes of a switch, as long as it takes."""
+        name = self._desk.pick(self._bench.controllers)
+        at = float(self._bench.state.tick) * 0.01 + self._desk.pick([0.5, 5.0])
+        asked = {"controller": name, "at": stamp(at), "who": "bob"}
+        service = topics.SWITCH_CONTROLLER
+        self._awaited.append(self._bench.second.begin(srv.SwitchController, service, **asked))
+        return f"{name} at {at:g} s"
+
+    def answers(self) -> str:
+        """Nobody is left waiting for a switch."""
+        for asked in self._awaited:
+            self._bench.second.until(asked.done, lambda: self._desk.diary)
+        return "; ".join(asked.result().message for asked in self._awaited)
 
     def take_charge(self) -> str:
         """Where the brake acts, and all are ready, anybody can be switched in."""

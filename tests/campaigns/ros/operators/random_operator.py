@@ -1,5 +1,7 @@
 """An operator who does anything at any moment."""
 
+from time import monotonic
+
 import numpy as np
 
 from flexslew_plant.bench.operation.run_state import PAUSED
@@ -8,7 +10,7 @@ from .bench import OperatedBench
 from .charge import Charge
 from .desk import Desk, Entry, Habits
 from .plans import Plans
-from .run import Run
+from .run import PATIENCE, Run
 from .settings import Settings
 
 
@@ -49,7 +51,20 @@ class RandomOperator:
             self._desk.do(self._charge.release)
         if self._bench.state.state == PAUSED:
             self._desk.do(self._run.start)
-        everybody = {*self._bench.controllers}
-        self._desk.until(lambda: self._bench.ready()[1] == everybody)
+        self._desk.do(self._charge.answers)
+        if not self._all_ready():  # a planner that was started in flight knows no plan of it
+            self._desk.do(self._run.reset)
+            self._desk.do(self._run.start)
+        self._desk.until(self._all_ready)
         self._desk.do(self._charge.take_charge)
-        self._bench.first.pass_by(50)
+        tick = self._bench.state.tick
+        self._desk.until(lambda: bool(self._bench.state.tick >= tick + 50))
+
+    def _all_ready(self) -> bool:
+        """Return whether all could take charge, or can in a moment."""
+        end = monotonic() + PATIENCE
+        while self._bench.ready()[1] != {*self._bench.controllers}:
+            if monotonic() > end:
+                return False
+            self._bench.first.listen(0.05)
+        return True
