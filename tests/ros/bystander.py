@@ -13,6 +13,7 @@ from typing import Any
 import rclpy
 from flexslew_msgs.msg import Measurement
 from flexslew_msgs.srv import SwitchController
+from rclpy.task import Future
 
 from flexslew_lab.log.recording.recording_order import tick_and_epoch
 from flexslew_plant.graph.topics import MEASUREMENT, TOPICS
@@ -36,14 +37,15 @@ class Bystander:
 
     Args:
         domain: ROS_DOMAIN_ID of the bench.
+        name: of the node.
     """
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, name: str = "bystander") -> None:
         self.heard = 0  # questions
         self.tick = -1  # of the newest
         self._context = rclpy.Context()
         self._context.init(domain_id=domain)
-        self.node = rclpy.create_node("bystander", context=self._context)
+        self.node = rclpy.create_node(name, context=self._context)
         self._clients: dict[str, Any] = {}  # by service
         self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
@@ -74,12 +76,19 @@ class Bystander:
 
     def ask(self, kind: Any, name: str, **request: Any) -> Any:
         """Return the answer of a service."""
+        return self.result(self.begin(kind, name, **request), f"of {name} to {request}")
+
+    def begin(self, kind: Any, name: str, **request: Any) -> Future:
+        """Ask for a service; return the future of its answer."""
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]
         assert client.wait_for_service(timeout_sec=PATIENCE), name
-        future = client.call_async(kind.Request(**request))
-        self.until(future.done)
+        return client.call_async(kind.Request(**request))
+
+    def result(self, future: Future, told: str = "") -> Any:
+        """Return what comes of a future; `told` is what a failure shows."""
+        self.until(future.done, lambda: told)
         return future.result()
 
     def swap(self, controller: str) -> None:
@@ -100,9 +109,9 @@ class Bystander:
 
 
 @contextmanager
-def beside(domain: int) -> Iterator[Bystander]:
+def beside(domain: int, name: str = "bystander") -> Iterator[Bystander]:
     """Yield a bystander of the bench in this domain."""
-    one = Bystander(domain)
+    one = Bystander(domain, name)
     try:
         yield one
     finally:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 import rclpy
-from flexslew_msgs.msg import BenchState, ControllerStatus, Plan
+from flexslew_msgs.msg import BenchState, ControllerStatus, Event, Plan
 
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners import make_plan, plan_settings
@@ -37,14 +37,37 @@ def loop() -> Iterator[Loop]:
         rclpy.shutdown()
 
 
+def plan(start: float, begin: float, end: float) -> Any:
+    values = {"method": "reference_only", "goal": {"base_yaw": end}, "duration": 4.0}
+    values |= {"start": start, "initial": {"base_yaw": begin}}
+    return make_plan(plan_settings(values, "test"), plant_of(Trial(duration=60.0)))
+
+
+@pytest.mark.parametrize(("at", "told"), [(0.0, "planned"), (AT, "plan_refused")])
+def test_the_plan_of_tick_0_waits_until_it_is_known_where_the_bench_is(
+    loop: Loop, at: float, told: str
+) -> None:
+    node, bench = rclpy.create_node("planner"), rclpy.create_node("plant")
+    release = PlanRelease(node, loop, loop.live(node, "planner"), ((), ()), ())
+    loop.add(bench)
+    heard: list[str] = []
+    events = qos(topics.TOPICS[topics.EVENTS])
+    bench.create_subscription(Event, topics.EVENTS, lambda event: heard.append(event.kind), events)
+    assert release.announce(announcement())
+    release.begin_with(plan(0.0, 0.0, 0.03))
+    for _ in range(20):
+        loop._serve(0.01)
+    assert not heard
+    state = publisher(bench, topics.BENCH_STATE)
+    state.publish(BenchState(stamp=stamp(at), state="paused", tick=round(at * 100), epoch=1))
+    for _ in range(LOOKS):
+        if heard:
+            break
+        loop._serve(0.01)
+    assert heard == [told]
+
+
 def test_a_newcomer_does_not_hear_the_plan_that_all_have_refused(loop: Loop) -> None:
-    plant = plant_of(Trial(duration=60.0))
-
-    def plan(start: float, begin: float, end: float) -> Any:
-        values = {"method": "reference_only", "goal": {"base_yaw": end}, "duration": 4.0}
-        values |= {"start": start, "initial": {"base_yaw": begin}}
-        return make_plan(plan_settings(values, "test"), plant)
-
     node, bench = rclpy.create_node("planner"), rclpy.create_node("plant")
     release = PlanRelease(node, loop, loop.live(node, "planner"), ((), ()), ())
     loop.add(bench)

@@ -104,6 +104,7 @@ def test_after_a_reset_who_was_started_in_flight_hears_the_plan_of_tick_0(bench:
                     for kind, name in ((Testbed, TESTBED), (BenchState, BENCH_STATE)))  # fmt: skip
     asks = bench.node.create_publisher(JointTrajectory, JOINT_TRAJECTORY, 10)
     plant.publish(announcement())
+    state.publish(BenchState(state="waiting", last_tick=90_000))
     bench.start(
         "planner", PLANNER, plan="'{method: reference_only, goal: {base_yaw: 0.1}, start: 0.5}'"
     )

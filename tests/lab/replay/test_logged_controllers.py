@@ -1,5 +1,6 @@
 """Which plans a controller followed, as its statuses tell it."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -81,3 +82,22 @@ def test_one_that_comes_where_its_predecessor_had_no_plan_follows_it_from_its_fi
     assert [(each.first, plan_hash(each.told[-1].plan)) for each in found] == [
         (CAME, plan_hash(FIRST))
     ]
+
+
+def test_one_that_names_a_plan_before_the_log_holds_it_follows_those_before_it_too() -> None:
+    """It has seen no question, so its status stands at the time of none."""
+    later = replace(plan(0.3), start=1.0)
+    came = {"epoch": CAME[0], "instance": 2, "plan_epoch": CAME[0]}
+    topic, kind, fields = status(later, 3, CAME[0])
+    flown = plan_fields(later) | {"stamp": {"sec": 0, "nanosec": 140_000_000}}
+    began = event_of(EstimateBegan("pd", True), CAME[1], 0.14, CAME[0], "pd")
+    bag = log(
+        status(SECOND, 2, CAME[0]),
+        (topic, STATUS, {"controller": "pd", "instance": 2}),
+        (topic, kind, fields | came),
+        ("/plan", "flexslew_msgs/msg/Plan", flown),
+        ("/events", "flexslew_msgs/msg/Event", event_fields(began)),
+    )
+    last = [found for found in adoptions(bag) if found.first == CAME][-1]
+    assert [plan_hash(told.plan) for told in last.told] == [plan_hash(SECOND), plan_hash(later)]
+    assert [told.of_flight for told in last.told] == [False, True]

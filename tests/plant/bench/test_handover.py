@@ -214,6 +214,29 @@ def test_a_brake_that_is_released_within_its_tick_takes_the_bench_all_the_same()
     assert bed.request_switch(SwitchRequest("a", 8)) is None
 
 
+@pytest.mark.parametrize("newcomer", ["a", "b"])  # a is in charge until the brake is
+def test_a_bench_that_rests_takes_a_switch_after_the_release_of_the_brake_and_none_before(
+    newcomer: str,
+) -> None:
+    bed = bench(fallback=("b",))
+    asked(bed, 3)
+    bed.request_switch(SwitchRequest("c", 8))
+    assert bed.brake(True) is None
+    refused = present(bed.request_switch(SwitchRequest(newcomer, 4)))
+    assert refused.cause is Cause.LATCHED
+    assert bed.brake(False) is None
+    assert bed.request_switch(SwitchRequest(newcomer, 4)) is None
+    assert asked(bed, 6) == ["a", *newcomer * 5]
+    results = [(r.request.controller, r.ok) for r in bed.switch_results]
+    assert results == [("c", False), (newcomer, True)]  # c was asked for before the brake
+
+    assert bed.brake(True) is None
+    asked(bed, 2)
+    assert bed.brake(False) is None
+    assert bed.request_switch(SwitchRequest("c", bed.tick + 1)) is None
+    assert asked(bed, 2) == ["", "c"]
+
+
 def test_the_brake_in_the_middle_of_a_handover_answers_the_switch() -> None:
     bed = bench()
     bed.request_switch(SwitchRequest("b", 1))
@@ -246,7 +269,7 @@ def test_every_switch_gets_one_result_whatever_happens(seed: Any) -> None:
             case 3:
                 silent ^= {name}
             case 4 if rng.integers(5) == 0:
-                bed.brake(not bed.handover.latched)
+                bed.brake(bool(rng.integers(2)))
             case 5 if rng.integers(10) == 0:
                 bed.reset()
         before = bed.question.controller

@@ -130,6 +130,20 @@ def test_one_that_is_started_again_is_ready_when_it_says_so_itself() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.0, 1.0])
+def test_who_has_just_become_ready_takes_over(rate: float) -> None:
+    lab = Lab(rate).until(10)
+    it = lab.it
+    it.hear("b", False, "no testbed announced yet", 1)
+    while not lab.kinds("not_ready"):
+        lab.poll()
+    it.hear("b", True, "", 1)
+    assert it.switch(SwitchRequest("b", it.bench.tick + 1), lab.now) is None
+    lab.until(it.bench.tick + 3)
+    assert lab.kinds("switched", "switch_dropped") == ["switched"]
+    assert it.bench.drive.active == "b"
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0])
 @pytest.mark.parametrize("older", [True, False])
 @pytest.mark.parametrize("told", [True, False])
 def test_of_two_with_one_name_the_answers_of_the_older_count(
@@ -489,12 +503,26 @@ def test_a_controller_that_is_started_again_on_a_paused_bench_goes_on_with_it(ra
 
 @pytest.mark.parametrize("rate", [0.0, 1.0])
 @pytest.mark.parametrize("way", ["switch", "brake", "neither"])
-def test_whoever_died_in_a_pause_is_not_waited_for_where_it_is_relieved_at_once(
-    way: str, rate: float
+@pytest.mark.parametrize(
+    ("rest", "why"),
+    [
+        ("pause", "its heartbeat is lost"),
+        ("pause", "no plan yet"),
+        ("reset", "its heartbeat is lost"),
+    ],
+)
+def test_who_cannot_go_on_after_a_rest_is_not_waited_for_where_it_is_relieved_at_once(
+    rest: str, why: str, way: str, rate: float
 ) -> None:
     lab = Lab(rate=rate, duration=1.0).until(10)
     assert lab.it.pause(lab.now).ok
-    lab.dead.add("a")
+    if rest == "reset":
+        assert lab.it.reset().ok
+    if why == "no plan yet":
+        lab.it.hear("a", False, why)
+        lab.stopped.add("a")
+    else:
+        lab.dead.add("a")
     for _ in range(60):  # three seconds
         lab.poll()
     if way == "switch":
@@ -505,7 +533,7 @@ def test_whoever_died_in_a_pause_is_not_waited_for_where_it_is_relieved_at_once(
     for _ in range(100):
         lab.poll()
     if way == "neither":
-        assert lab.it.waiting_for == ["a (its heartbeat is lost)"]
+        assert lab.it.waiting_for == [f"a ({why})"]
         return
     lab.until(60)
     assert lab.it.bench.drive.active == ("b" if way == "switch" else "")

@@ -66,7 +66,8 @@ class PlanRelease:
         self._draft: tuple[Plan, msg.Plan, int | None] | None = None  # the flight that it is of
         self._course: PlannedCourse | None = None
         self._stray = False  # a strange message was told of
-        self.clock = BenchClock(node, self._begin_again)
+        self._early: Plan | None = None  # to begin with, once it is known where the bench is
+        self.clock = BenchClock(node, self._begin_again, self._begin)
         self.requests = PlanRequests(self.clock, gains, self._trust, law, self._rest_at)
         self.answers = ControllerAnswers(node, loop, alive.presence, self._withdraw_if_refused)
         self._offers, self._events = PlanOffers(node), EventLog(node)
@@ -137,8 +138,11 @@ class PlanRelease:
         """Publish the plan that the node was started with, which is that of tick 0.
 
         A planner that is started in flight tells it again where it is followed, else after a reset:
-        it would come too late.
+        it would come too late. What stands on the bench may be heard before where it is.
         """
+        if not self.clock.known:
+            self._early = plan
+            return
         now = self.clock.now()
         if now <= 0.0 or plan.start > now or self._course is None:
             self.publish(plan, "")
@@ -173,6 +177,12 @@ class PlanRelease:
     def _rest_at(self, start: float) -> dict[str, float]:
         """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""
         return self._here.rest_at(start, self.clock.now()) if self._course is not None else {}
+
+    def _begin(self) -> None:
+        """Publish the plan that could not be before it was known where the bench is."""
+        if self._early is not None:
+            plan, self._early = self._early, None
+            self.begin_with(plan)
 
     def _begin_again(self) -> None:
         """Tell the plan of tick 0 again: a newcomer of the flight that is over heard the latest."""

@@ -1,7 +1,6 @@
 """The controllers of a log, built again, and the plans that they followed from which tick on."""
 
-from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -210,7 +209,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     """
     source = str(bag.path)
     plans = {p.hash: Told(*published_plan(p, source)) for p in bag.overview.plans}
-    heard = deque[tuple[str, Told]](maxlen=TOPICS[PLAN].depth)  # by who listens from now on
+    published: list[tuple[str, Told]] = []
     following: dict[str, tuple[str, int]] = {}
     begun: dict[str, Key] = {}
     seen: dict[str, Key] = {}  # newest question
@@ -222,7 +221,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     for topic, kind, _, _, data in bag.messages(("/controller_status", "/events", "/plan")):
         status = decode(kind, data)
         if topic == "/plan":
-            heard.append((status.hash, Told(plans[status.hash].plan, in_flight(status))))
+            published.append((status.hash, Told(plans[status.hash].plan, in_flight(status))))
             continue
         if topic == "/events":
             event = logged_event(status, source)
@@ -233,7 +232,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
                 unasked.pop(name, None)
                 if told := started_again.pop(name, ()):
                     found.append(Adoption(name, key, told))
-                elif told := _course(heard, following.get(name, ("", 0))[0]):
+                elif told := _course(published, following.get(name, ("", 0))[0]):
                     assumed[name] = Adoption(name, key, told)
                     found.append(assumed[name])
             continue
@@ -256,7 +255,10 @@ def adoptions(bag: BagReader) -> list[Adoption]:
             raise BadInput(
                 f"{name} follows plan {requested[:12]}, which is not in the log", bag.path
             )
-        course = _course(heard, requested) or (plans[requested],)
+        # who has seen no question has no time to say it at: it may stand before the plan it names
+        known = requested in {digest for digest, _ in published}
+        coming = [] if known else [(requested, plans[requested])]
+        course = _course([*published, *coming], requested) or (plans[requested],)
         came = unasked.get(name) == instance or at < before
         anew = came or status.plan_number <= following.get(name, ("", 0))[1]
         following[name] = requested, status.plan_number
@@ -302,16 +304,16 @@ def _answered_twice(bag: BagReader, begun: list[tuple[Key, str]]) -> set[tuple[K
     return twice
 
 
-def _course(heard: Iterable[tuple[str, Told]], last: str) -> tuple[Told, ...]:
+def _course(published: Sequence[tuple[str, Told]], last: str) -> tuple[Told, ...]:
     """Return the plans that a newcomer follows, from that of tick 0 to the one with hash `last`.
 
     Args:
-        heard: hashes and plans as they were published.
+        published: hashes and plans in their order; who listens from now on hears the latest.
         last: that it heard.
     """
     course: tuple[Told, ...] = ()
     found = course
-    for digest, told in heard:
+    for digest, told in published[-TOPICS[PLAN].depth :]:
         course = (*course, told) if told.of_flight else (told,)
         found = course if digest == last else found
     return found

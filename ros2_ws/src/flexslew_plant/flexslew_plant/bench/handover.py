@@ -8,6 +8,7 @@ the newcomer never answered.
 from collections import deque
 from collections.abc import Callable, Iterable
 from math import isnan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +40,14 @@ RUN_OVER = Refusal("the run is over", cause=Cause.RUN_OVER)
 _RESET = Refusal("the bench was reset", cause=Cause.BENCH_RESET)
 
 
+class _BrakeRequest(NamedTuple):
+    """The brake is to be latched, or released, from a tick on."""
+
+    tick: int
+    on: bool
+    drops: tuple[SwitchRequest, ...]  # who waited when it was asked for
+
+
 class Handover:
     """Hands the drive from one controller to the next.
 
@@ -58,7 +67,7 @@ class Handover:
         self.faulted = False  # a controller had to be replaced
         self._queue: list[SwitchRequest] = []
         self._handover: tuple[SwitchRequest, str] | None = None  # under way, with the predecessor
-        self._brake_requests: list[tuple[int, bool]] = []  # from which tick on, and whether
+        self._brake_requests: list[_BrakeRequest] = []
         self._unready: dict[str, Refusal] = {}
         self._fallen: set[str] = set()  # fell silent since the last valid answer of anybody
         self._misled: set[str] = set()  # lost the bench to implausible sensors in this epoch
@@ -72,19 +81,19 @@ class Handover:
         self._drive.reset()
         self.faulted = False
         self._queue, self._handover = list(scheduled), None
-        self._brake_requests = [(0, on) for _, on in self._brake_requests]
+        self._brake_requests = [_BrakeRequest(0, asked.on, ()) for asked in self._brake_requests]
         self._fallen.clear()
         self._misled.clear()
         if self.latched:
             self._drive.hand_over("")
 
-    def drop_all(self, why: Refusal) -> None:
-        """Give up every switch that has not happened."""
+    def drop_all(self, why: Refusal, kept: Iterable[SwitchRequest] = ()) -> None:
+        """Give up every switch that has not happened, but those that are kept."""
         waiting = [self._handover[0]] if self._handover else []
+        given_up, self._queue = self._queue, [r for r in self._queue if r in kept]
         self._handover = None
-        for request in waiting + self._queue:
+        for request in waiting + [r for r in given_up if r not in kept]:
             self._drop(request, self._tick, why)
-        self._queue = []
 
     def request(self, request: SwitchRequest, tick: int, last_tick: int | None) -> Refusal | None:
         """Queue a switch; return why it is refused, or None.
@@ -96,7 +105,7 @@ class Handover:
         """
         if isnan(request.max_effort_step):
             return Refusal("0 or more", "max_effort_step", request.max_effort_step)
-        if self.latched:
+        if self._to_be_latched:
             return _LATCHED
         if late := too_late(request.tick, last_tick):
             return late
@@ -104,7 +113,8 @@ class Handover:
             words = f"another switch is already due at tick {request.tick}"
             return Refusal(words, cause=Cause.ALREADY_DUE)
         earlier = any(other.tick < request.tick for other in self._queue)
-        if request.controller == self._drive.active and not earlier:
+        stays = not (earlier or self._brake_requests)
+        if request.controller == self._drive.active and stays:
             return _in_charge(request.controller)
         self._queue.append(request)
         step = min(request.max_effort_step, _LARGEST)  # JSON has no infinity
@@ -113,14 +123,18 @@ class Handover:
 
     def brake(self, on: bool, tick: int, who: str) -> Refusal | None:
         """Latch or release the brake from this tick on; return why not, or None."""
-        latched = self._brake_requests[-1][1] if self._brake_requests else self.latched
-        if latched == on:
+        if self._to_be_latched == on:
             if on:
                 return Refusal("the brake is latched already", cause=Cause.LATCHED)
             return Refusal("the brake is not latched", cause=Cause.NOT_LATCHED)
-        self._brake_requests.append((tick, on))
+        self._brake_requests.append(_BrakeRequest(tick, on, tuple(self._queue)))
         self._tell(BrakeRequested(on, tick, who))
         return None
+
+    @property
+    def _to_be_latched(self) -> bool:
+        """The brake is latched from the next tick on, which may be far on a bench that rests."""
+        return self._brake_requests[-1].on if self._brake_requests else self.latched
 
     @property
     def waiting(self) -> bool:
@@ -133,7 +147,8 @@ class Handover:
 
     def relieves(self, tick: int) -> bool:
         """Return whether the brake or a switch takes the bench from its controller by this tick."""
-        return bool(self.due(tick)) or any(on for due, on in self._brake_requests if due <= tick)
+        brakes = (asked for asked in self._brake_requests if asked.on)
+        return bool(self.due(tick)) or any(asked.tick <= tick for asked in brakes)
 
     def heirs(self) -> list[str]:
         """Return who takes over if the one in charge misses one answer too many, best first.
@@ -153,8 +168,8 @@ class Handover:
     def begin(self, tick: int) -> None:
         """Let happen what is due at the tick that begins."""
         self._tick = tick
-        while self._brake_requests and self._brake_requests[0][0] <= tick:
-            self._latch(self._brake_requests.pop(0)[1])  # one that is released at once acts, too
+        while self._brake_requests and self._brake_requests[0].tick <= tick:
+            self._latch(self._brake_requests.pop(0))  # one that is released at once acts, too
         if not self._queue:
             return
         due = [request for request in self._queue if request.tick <= tick]
@@ -268,11 +283,12 @@ class Handover:
             del self._unready[controller]
             self._tell(BecameReady(controller))
 
-    def _latch(self, on: bool) -> None:
-        self.latched = on
+    def _latch(self, asked: _BrakeRequest) -> None:
+        """Latch or release the brake; who was asked for after its release still takes over."""
+        self.latched = asked.on
         outgoing = self._drive.active
-        if on:
-            self.drop_all(_LATCHED)
+        if asked.on:
+            self.drop_all(_LATCHED, [r for r in self._queue if r not in asked.drops])
             self._drive.hand_over("")
             self._tell(BrakeLatched(outgoing))
         else:

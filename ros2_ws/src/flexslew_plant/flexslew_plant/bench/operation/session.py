@@ -269,19 +269,21 @@ class Session:
         """Return which controllers the bench waits for before a tick passes.
 
         At the first start all of the trial; later nobody but the one in charge is needed, and after
-        a reset those who are still alive. Nor is the one in charge if it has gone and an operator
-        has asked for the brake or somebody else from the next tick on.
+        a reset those who are still alive. Nor is the one in charge if it cannot go on and an
+        operator has asked for the brake or somebody else from the next tick on.
         """
         bench, active = self.bench, self.bench.drive.active
-        others: set[str] = set()
+        first, others = not (bench.tick or bench.epoch), set[str]()
         if bench.tick == 0:
-            again = bench.epoch > 0
-            others = {n for n in self._requested if not (again and self.presence.silent(n, now))}
-        elif bench.handover.relieves(bench.tick + 1) and self.presence.lost(
-            [active], self.backlog.patience, now
-        ):
+            others = {n for n in self._requested if first or not self.presence.silent(n, now)}
+        if not first and bench.handover.relieves(bench.tick + 1) and self._given_up(active, now):
             active = ""
         return {*others, active} - {""}
+
+    def _given_up(self, controller: str, now: float) -> bool:
+        """Return whether a controller is gone for good, as it seems, or says it is not ready."""
+        gone = bool(self.presence.lost([controller], self.backlog.patience, now))
+        return gone or self.reasons.get(controller) is not None
 
     def _advance(self, now: float) -> None:
         self.bench.advance()
@@ -338,16 +340,14 @@ class Session:
             recorders = self.presence.of_role("recorder")
             if any(name in recorders or not self.presence.silent(name, now) for name in slow):
                 return True
-        if self.pacing.paced:
-            return False
         bench = self.bench
         if bench.answered and not bench.handover.waiting:  # the usual tick: nobody takes over
             self._held_since = None
             return False
         due = [*bench.handover.due(tick), *self._heirs(now)]
-        if not any(self.presence.silent(name, now) for name in due):
+        if self.pacing.paced or not any(self.presence.silent(name, now) for name in due):
             self._held_since = None
-            self._refresh(due, now)
+            self._refresh(due, now)  # what was noted at the last look around may be over
             return False
         self._held_since = now if self._held_since is None else self._held_since
         return now - self._held_since <= self.backlog.patience
