@@ -17,6 +17,8 @@ from flexslew_plant.yaml_data import yaml_text
 _T = TypeVar("_T")
 _Place = tuple[Any, ...]  # keys and places in lists, from the top on
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
+_CONTAINERS = (dict, list, tuple)
+_SCALARS = frozenset((float, int, str, type(None)))
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -86,11 +88,13 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
 
 def _booleans(values: Any, place: _Place = ()) -> Iterator[tuple[_Place, bool]]:
     """Find the booleans in nested settings, and where they stand."""
-    parts = values.items() if isinstance(values, dict) else enumerate(values)
-    for key, part in parts:
-        if isinstance(part, bool):
+    named = isinstance(values, dict)
+    if _SCALARS.issuperset(map(type, values.values() if named else values)):  # most of them do
+        return
+    for key, part in values.items() if named else enumerate(values):
+        if part is True or part is False:
             yield (*place, key), part
-        elif isinstance(part, dict | list | tuple):  # few are: a call for each takes long
+        elif isinstance(part, _CONTAINERS):  # few are: a call for each takes long
             yield from _booleans(part, (*place, key))
 
 

@@ -107,7 +107,7 @@ def test_only_lanes_with_equally_many_harmonics_stand_beside_each_other(
     ready = surrounded(True, True, {key: {"choice": [0.0, 1e-4]}})
     intake, groups = LaneIntake(ready.study), set()
     for case in Cases(ready.study, ready.samples, range(8)):
-        lane = intake.lane_trial(case)
+        lane = intake.lane_trials([case])[0]
         assert isinstance(lane, LaneTrial)
         assert lane.model.outside is not None
         groups.add((lane.together, lane.model.outside.numbers.size))

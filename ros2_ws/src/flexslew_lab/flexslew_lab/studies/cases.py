@@ -12,9 +12,9 @@ from flexslew_control.planners import planned_about_one_axis
 from flexslew_control.planners.attitude.one_axis import counted
 from flexslew_lab.studies.experiment import found_by_flying
 from flexslew_lab.studies.sampling.methods import Samples, drawn
-from flexslew_lab.studies.study import Nominal, Study
+from flexslew_lab.studies.study import Nominal, Place, Study
 from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
-from flexslew_lab.trial.overrides import overridden, value_at
+from flexslew_lab.trial.overrides import keys_to, overridden, put, value_at
 from flexslew_lab.trial.trial import (
     ALONE,
     Trial,
@@ -114,13 +114,41 @@ def typical_case(study: Study, samples: pa.Table, variant: int) -> Case:
 
 def changes_of(study: Study, case: Case) -> dict[str, Any]:
     """Return what the sample changes of the trial, by key."""
-    changes: dict[str, Any] = {}
-    own = study.variants[case.variant].nominal
-    for varied, draw in zip(study.varied, case.draws, strict=True):
+    places = _nominal(study, case.variant).places
+    return {
+        place.key: place.varied.value(place.nominal, case.draws[place.draw]) for place in places
+    }
+
+
+def _nominal(study: Study, variant: int) -> Nominal:
+    """Return the trial of a variant without a sample, which is made once.
+
+    Raises:
+        BadInput: a value of it is not allowed.
+    """
+    if variant not in study.nominal:
+        own = study.variants[variant]
+        whole = _flying(overridden(study.base, own.changes))
+        known = own.replan is True
+        values = whole if known else believing(whole, study.source, study.trust)
+        trial = trial_of_values(values, study.source, study.trust)
+        study.nominal[variant] = Nominal(values, trial, *_places(study, variant, values))
+    return study.nominal[variant]
+
+
+def _places(
+    study: Study, variant: int, values: dict[str, Any]
+) -> tuple[tuple[Place, ...], dict[str, Any]]:
+    """Return where samples change the trial of a variant, and the sections in which that is."""
+    own, keys = study.variants[variant].nominal, [key for v in study.varied for key in v.keys]
+    touched = {key: values[key] for key in {path.split(".")[0] for path in keys}}
+    changed, places = dict(touched), list[Place]()
+    for draw, varied in enumerate(study.varied):
         for key in varied.keys:
             nominal = own[key] if key in own else value_at(study.base, key)
-            changes[key] = varied.value(nominal, draw)
-    return changes
+            places.append(Place(key, keys_to(changed, key), nominal, varied, draw))
+            put(changed, places[-1].way, nominal)  # a section that is missing is there for others
+    return tuple(places), touched
 
 
 def case_trial(study: Study, case: Case) -> Trial:
@@ -136,18 +164,10 @@ def case_trial(study: Study, case: Case) -> Trial:
         BadInput: the sample's values are not allowed together.
     """
     source = f"{study.source}: trial {case.number}"
-    if case.variant not in study.nominal:
-        variant = study.variants[case.variant]
-        whole = _flying(overridden(study.base, variant.changes))
-        known = variant.replan is True
-        values = whole if known else believing(whole, study.source, study.trust)
-        study.nominal[case.variant] = Nominal(
-            values, trial_of_values(values, study.source, study.trust)
-        )
-    nominal = study.nominal[case.variant]
-    changes = changes_of(study, case)
-    touched = {key: nominal.values[key] for key in {path.split(".")[0] for path in changes}}
-    changed = overridden(touched, changes)
+    nominal = _nominal(study, case.variant)
+    changes, changed = changes_of(study, case), dict(nominal.touched)
+    for place in nominal.places:
+        put(changed, place.way, changes[place.key])
     name = f"{study.settings.study}-{max(case.number, 0)}"
     own = {"seed": case.seed, "name": name, "rate_factor": 0.0}
     if changed.keys() <= ALONE:

@@ -23,11 +23,23 @@ from flexslew_plant.yaml_data import load_yaml
 SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
 
 
+class Place(NamedTuple):
+    """A key of the trial that follows a draw."""
+
+    key: str
+    way: tuple[Any, ...]  # to it in the values of the trial, see overrides.put
+    nominal: Any  # what the draw is of
+    varied: Varied
+    draw: int  # which of a sample's
+
+
 class Nominal(NamedTuple):
     """A trial without a sample."""
 
     values: dict[str, Any]  # plain data
     trial: Trial
+    places: tuple[Place, ...]  # that samples change
+    touched: dict[str, Any]  # the sections of `values` in which they stand
 
 
 class Study(NamedTuple):

@@ -1,6 +1,6 @@
 """Single values of a trial by their path: `testbed.parameters.length` instead of a whole file."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Any
 
 from flexslew_plant.errors import BadInput
@@ -24,8 +24,53 @@ def overridden(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any
     """
     result = dict(values)
     for path, value in changes.items():
-        _put(result, path, _copied(value))
+        put(result, keys_to(result, path), value)
     return result
+
+
+def keys_to(values: dict[str, Any], path: str, make: bool = True) -> tuple[Any, ...]:
+    """Return the keys on the way to where `overridden` puts a value, for `put`.
+
+    Args:
+        values: what YAML holds.
+        path: to the value.
+        make: whether containers may be missing on the way, as `put` makes them.
+
+    Raises:
+        BadInput: see overridden; or a container is missing that nobody makes.
+    """
+    rest, keys, walked = _parts(path), list[Any](), ""
+    place: Any = values
+    while rest:
+        key, rest = _next_key(place, rest, path, walked)
+        keys.append(key)
+        walked = f"{walked}.{key}".lstrip(".")
+        there = _holds(place, key)
+        if rest and not (there or make):
+            raise BadInput(f"{key} is not there", path)
+        place = place[key] if there else None
+        if make:
+            place = {} if place is None else _shallow(place)
+    return tuple(keys)
+
+
+def put(values: dict[str, Any], keys: Sequence[Any], value: Any) -> None:
+    """Put a copy of a value where keys lead.
+
+    Missing containers are made, and each on the way is a copy: where one stands twice, as YAML's
+    aliases do, the other stays.
+
+    Args:
+        values: changed; what it holds is not touched.
+        keys: see keys_to.
+        value: for the last of them.
+    """
+    place: Any = values
+    for key in keys[:-1]:
+        inner = place[key] if _holds(place, key) else None
+        place[key] = {} if inner is None else _shallow(inner)
+        place = place[key]
+    place[keys[-1]] = _copied(value)
 
 
 def value_at(values: dict[str, Any], path: str) -> Any:
@@ -35,10 +80,10 @@ def value_at(values: dict[str, Any], path: str) -> Any:
         BadInput: nothing stands there.
     """
     found: Any = values
-    for place, key in _steps(values, path):
-        if not _holds(place, key):
+    for key in keys_to(values, path, make=False):
+        if not _holds(found, key):
             raise BadInput(f"{key} is not there", path)
-        found = place[key]
+        found = found[key]
     return found
 
 
@@ -58,35 +103,16 @@ def _shallow(value: Any) -> Any:
     return list(value) if isinstance(value, list | tuple) else value
 
 
-def _put(values: dict[str, Any], path: str, value: Any) -> None:
-    steps = list(_steps(values, path, make=True))
-    place, key = steps[-1]
-    place[key] = value
+def _parts(path: str) -> list[str]:
+    """Return the keys that dots join.
 
-
-def _steps(values: Any, path: str, make: bool = False) -> Iterator[tuple[Any, Any]]:
-    """Yield each container on the way with the key to go on by.
-
-    `make` puts in missing ones and a copy of each: where one stands twice, as YAML's aliases do,
-    the other stays.
+    Raises:
+        BadInput: one of them is empty.
     """
-    rest = path.split(".")
-    if not all(rest):
+    parts = path.split(".")
+    if not all(parts):
         raise BadInput(f"{path!r} is no path: join keys with single dots, as in testbed.modes")
-    place, walked = values, ""
-    while rest:
-        key, rest = _next_key(place, rest, path, walked)
-        yield place, key
-        walked = f"{walked}.{key}".lstrip(".")
-        if not rest:
-            return
-        if make and (not _holds(place, key) or place[key] is None):
-            place[key] = {}
-        if not _holds(place, key):
-            raise BadInput(f"{walked} is not there", path)
-        if make:
-            place[key] = _shallow(place[key])
-        place = place[key]
+    return parts
 
 
 def _next_key(place: Any, rest: list[str], path: str, walked: str) -> tuple[Any, list[str]]:

@@ -11,23 +11,25 @@ robot_model, scene, spacecraft.assembly.packing, spacecraft.clamped, spacecraft.
 spacecraft.motions, spacecraft.shapes.shape, spacecraft.sky, spacecraft.testbed, spacecraft.units.
 """
 
-from collections.abc import Collection, Mapping
-from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeGuard
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, PlainValidator, Tag, ValidationInfo
 
-from flexslew_plant.arrays import Vector
 from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.settings import plain, validated
-from flexslew_plant.testbeds.contract import StartsMoving
 from flexslew_plant.testbeds.contract import Testbed as Testbed
 from flexslew_plant.testbeds.entry import TestbedEntry as TestbedEntry
+from flexslew_plant.testbeds.many import models_of as models_of
 from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
 from flexslew_plant.testbeds.model_file import with_model_file as with_model_file
+from flexslew_plant.testbeds.start import initial_positions as initial_positions
+from flexslew_plant.testbeds.start import initial_state as initial_state
+from flexslew_plant.testbeds.start import initial_states as initial_states
+from flexslew_plant.testbeds.start import joints_together as joints_together
 
 # isort: split
 # the testbeds, a line each
@@ -41,7 +43,6 @@ from flexslew_plant.testbeds.varying_oscillator import VARYING as VARYING
 TESTBEDS: dict[str, TestbedEntry] = table(globals(), TestbedEntry)
 GROUP = "flexslew.testbeds"  # of the entry points of installed packages
 DEFAULT = CSA.name  # where `kind` is left out
-_SAME = 1e-9  # what a joint may read beside where it is put [rad or m]
 
 
 def _kind(values: Any) -> str:
@@ -189,89 +190,6 @@ def _of_same_joints(other: Testbed, testbed: Testbed, source: str) -> Testbed:
             list(there),
         )
     return other
-
-
-def initial_positions(testbed: Testbed) -> dict[str, float]:
-    """Return where each joint rests at the start, by name [rad or m].
-
-    One that `initial` leaves out may read where the others put it.
-
-    Raises:
-        BadInput: no attitude has those that it names.
-    """
-    given, model = testbed.initial, testbed.model()
-    values = given if isinstance(given, dict) else vars(given)
-    names = model.joint_names
-    first = {name: float(values.get(name, 0.0)) for name in names}
-    if not any(first.values()):
-        return first
-    if model.attitude is not None:
-        first = joints_together(model, first, [n for n in names if n in values], "initial")
-    if set(names) <= set(values):
-        return first
-    import numpy as np
-
-    read, _ = model.joint_state(np.concatenate((model.rest(first), np.zeros(model.coordinates))))
-    off = abs(model.joint_error(read, np.array([*first.values()]))) > _SAME
-    return {
-        name: float(at) if other else first[name]
-        for name, at, other in zip(names, read, off, strict=True)
-    }
-
-
-def joints_together(
-    model: Model,
-    asked: Mapping[str, float],
-    named: Collection[str],
-    key: str,
-    first: Mapping[str, float] | None = None,
-) -> dict[str, float]:
-    """Return positions by joint that one attitude has; see AttitudeJoints.together.
-
-    Args:
-        model: whose joints they are.
-        asked: position of each joint [rad or m].
-        named: those that somebody named.
-        key: that asks for them, for an error.
-        first: where each joint is [rad or m]; None: at zero.
-
-    Raises:
-        BadInput: no attitude has the named ones.
-    """
-    import numpy as np
-
-    if model.attitude is None:
-        return dict(asked)
-    names = model.joint_names
-    begin, end = (np.array([at.get(name, 0.0) for name in names]) for at in (first or {}, asked))
-    try:
-        found = model.attitude.together(end, np.array([name in named for name in names]), begin)
-    except BadInput as error:
-        given = {name: asked[name] for name in names if name in named}
-        raise BadInput(error.refusal.why, key=key, value=given) from None
-    return dict(zip(names, found.tolist(), strict=True))
-
-
-def initial_state(testbed: Testbed) -> Vector:
-    """Return [q, v] at the start, appendages straight, at rest unless the testbed says more."""
-    import numpy as np
-
-    model = testbed.model()
-    rest = model.rest(initial_positions(testbed))
-    if _starts_moving(testbed):
-        return np.concatenate((rest, testbed.initial_rates()))
-    return np.concatenate((rest, np.zeros(model.coordinates)))
-
-
-def _starts_moving(testbed: Any) -> TypeGuard[StartsMoving]:
-    kind: Any = type(testbed)
-    return _kind_starts_moving(kind)
-
-
-@lru_cache
-def _kind_starts_moving(kind: type[Any]) -> bool:
-    """Return whether testbeds of a kind may move at the start; asked once, for it takes long."""
-    return issubclass(kind, StartsMoving)
 
 
 def _merged(values: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

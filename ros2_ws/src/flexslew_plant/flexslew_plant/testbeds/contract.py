@@ -1,5 +1,6 @@
 """The one contract of every spacecraft on the bench."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -49,6 +50,15 @@ class Testbed(Protocol):
 
     def scene(self) -> Scene:
         """Return how it is drawn."""
+
+
+@runtime_checkable
+class ManyModels(Protocol):
+    """A testbed whose models are made many at once, as studies want them: thousands a second."""
+
+    @classmethod
+    def many_models(cls, testbeds: Sequence[Any]) -> list[Model]:
+        """Return the model of each of many testbeds of this kind."""
 
 
 @runtime_checkable

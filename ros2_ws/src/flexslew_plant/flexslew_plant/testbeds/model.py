@@ -1,7 +1,7 @@
 """A testbed's equations of motion as one object: the mathematics that planners and laws share."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -77,6 +77,9 @@ class Model:
         one_way: which actuators push in their positive direction alone.
         gimbals: which entries of v are angles of gimbals, on which B depends.
         gyros: which actuators turn them.
+        highest_frequency: from packed of many such testbeds, (P, k), to a bound of the frequencies
+            of their modes with the joints free, (k,) [rad/s], found cheaply: lanes then take
+            steps of a lower order; None: there is none.
     """
 
     kernels: Kernels
@@ -100,6 +103,7 @@ class Model:
     one_way: tuple[int, ...] = ()
     gimbals: tuple[int, ...] = ()
     gyros: tuple[int, ...] = ()
+    highest_frequency: Callable[[Matrix], Vector] | None = None
 
     @cached_property
     def joints(self) -> int:
@@ -125,6 +129,11 @@ class Model:
     def before_modes(self) -> int:
         """How many entries of v stand before the modes."""
         return self.joints if self.leading is None else self.leading
+
+    @cached_property
+    def sizes(self) -> tuple[int, int, int, int, int]:
+        """How many coordinates, how many before the modes, efforts, joints and modes."""
+        return self.coordinates, self.before_modes, self.efforts, self.joints, self.modes
 
     @cached_property
     def positions(self) -> int:
@@ -399,13 +408,24 @@ class Model:
         """
         if self.scale_stiffness is None:
             raise BadInput("the stiffness of this testbed cannot be scaled")
-        return replace(self, packed=self.scale_stiffness(self.packed, factor))
+        return self.with_packed(self.scale_stiffness(self.packed, factor))
 
     def begun_at(self, time: float) -> "Model":
         """Return the model whose time zero is a time of this one [s]."""
         if not self.time_varying or self.from_time is None or time == 0.0:
             return self
-        return replace(self, packed=self.from_time(self.packed, time))
+        return self.with_packed(self.from_time(self.packed, time))
+
+    def with_packed(self, packed: Vector) -> "Model":
+        """Return the model with other numbers, of which nothing else of it is made.
+
+        It is there at once, for thousands a second: what this one has found out about itself, all
+        of it from sizes and names, holds for the other one.
+        """
+        _ = self.sizes, self.positions  # known from here on
+        other = object.__new__(Model)
+        vars(other).update(vars(self), packed=packed)
+        return other
 
     def position_rates(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return N of q' = N(q) v, shape (positions, n)."""

@@ -139,8 +139,7 @@ class Lanes:
         """Yield results, and cases that have to be flown one by one."""
         groups: dict[Hashable, list[_Ready]] = {}
         others = []
-        for case in cases:
-            ready = self._ready(case)
+        for case, ready in self._all_ready(cases):
             if isinstance(ready, Way):
                 others.append(ForBench(case, ready))
                 continue
@@ -154,9 +153,15 @@ class Lanes:
         if others:
             yield [], others
 
-    def _ready(self, case: Case) -> _Ready | Way:
-        """Return a case with its law and gains; a way where only the bench can fly it."""
-        lane = self._intake.lane_trial(case)
+    def _all_ready(self, cases: Sequence[Case]) -> Iterator[tuple[Case, _Ready | Way]]:
+        """Yield cases that are ready to fly, a group's worth looked at together."""
+        for first in range(0, len(cases), LANES):
+            some = cases[first : first + LANES]
+            for case, lane in zip(some, self._intake.lane_trials(some), strict=True):
+                yield case, self._ready(lane)
+
+    def _ready(self, lane: LaneTrial | Way) -> _Ready | Way:
+        """Return a trial with its law and gains; a way where only the bench can fly it."""
         if isinstance(lane, Way):
             return lane
         law = self._prepare(lane)

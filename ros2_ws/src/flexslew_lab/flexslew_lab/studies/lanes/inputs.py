@@ -91,7 +91,7 @@ def troubles_of(lanes: Sequence[LaneTrial], filled: int, ticks: int) -> Troubles
         alike = before is not None and before.happens.disturbances == lane.happens.disturbances
         found.append(found[-1] if alike else _disturbance(lane, ticks))
     apart = any(one is not found[0] for one in found)
-    disturbance = np.stack(found if apart else found[:1], axis=-1)
+    disturbance = np.stack(found, axis=-1) if apart else found[0][:, :, None]
     return Troubles(disturbance, faults_of(lanes[:filled], ticks))
 
 
@@ -121,14 +121,23 @@ def aim_of(lane: LaneTrial, plan: Plan | None) -> tuple[Vector, FlownManoeuvre]:
 
 def drives_of(lanes: list[LaneTrial]) -> Matrix:
     """Return of every lane limits, least efforts, shortest impulses, rows `motor` and `spin`."""
-    found, known = list[Vector](), tuple[Any, ...]()
-    for lane in lanes:
-        own = lane.model.spins
-        spins = own.inertia.tobytes(), own.fastest.tobytes()
-        one = lane.trial.actuator, lane.trial.testbed.effort_limit, spins
-        found.append(found[-1] if one == known else _drives(lane.trial, lane.model))
-        known = one
+    found = list[Vector]()
+    for before, lane in zip([None, *lanes], lanes, strict=False):
+        alike = before is not None and _have_same_drives(before, lane)
+        found.append(found[-1] if alike else _drives(lane.trial, lane.model))
     return np.array(found)
+
+
+def _have_same_drives(one: LaneTrial, other: LaneTrial) -> bool:
+    first, second = one.trial, other.trial
+    settings = second.actuator, second.testbed.effort_limit
+    if (first.actuator, first.testbed.effort_limit) != settings:
+        return False
+    own, spins = one.model.spins, other.model.spins
+    return own is spins or all(
+        a.tobytes() == b.tobytes()
+        for a, b in ((own.inertia, spins.inertia), (own.fastest, spins.fastest))
+    )
 
 
 def _drives(trial: Trial, model: Model) -> Vector:
@@ -220,7 +229,8 @@ def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
     noisy = any(channel.noise for lane in lanes for channel in read_channels(lane.trial))
     error = np.zeros((readings if noisy else 1, outputs, LANES))
     for k, lane in enumerate(lanes):
-        if k > 0 and lane is lanes[k - 1]:  # it only fills up
+        alike = not noisy and k > 0 and lane.trial.sensors is lanes[k - 1].trial.sensors
+        if alike or (k > 0 and lane is lanes[k - 1]):  # which only fills up
             error[:, :, k] = error[:, :, k - 1]
             continue
         each = [getattr(lane.trial.sensors, name) for name in channels]

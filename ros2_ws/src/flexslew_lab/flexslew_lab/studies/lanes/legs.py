@@ -33,7 +33,7 @@ from flexslew_lab.studies.lanes.laws.turned import turned_joints
 from flexslew_lab.studies.lanes.laws.watch import Watch
 from flexslew_lab.studies.lanes.loop import Schedule, lane_loop
 from flexslew_plant.arrays import Matrix, Tensor, Vector
-from flexslew_plant.testbeds import initial_state
+from flexslew_plant.testbeds import initial_states
 from flexslew_plant.testbeds.compiled.lanes import LANES, flat_zeros
 
 _NONE = np.empty((0, 0, 0))
@@ -110,20 +110,21 @@ class LaneFlight:
         self._judge = judge_of(lanes)
         self._positions = positions_of(lanes, schedule)
         self._next = 0  # leg
-        self.rows = rows_of(first.kernel.size, self._sizes(0))
+        self._sizes = self._sizes_of_legs()
+        self.rows = rows_of(first.kernel.size, self._sizes[0])
         self.w = self._at_rest(aim, moved)
         self._begin(gains)
 
     def in_doubt(self) -> Vector:
         """Return of every lane 0, or why only the bench can fly it; see Rows.doubt."""
-        if not self._sizes(0).doubtful:
+        if not self._sizes[0].doubtful:
             return np.zeros(LANES)
         return self.w[self.rows.doubt : self.rows.doubt + LANES]
 
     @property
     def quantised(self) -> bool:
         """Whether readings or motors are."""
-        return self._sizes(0).quantised or self._sizes(0).stepped
+        return self._sizes[0].quantised or self._sizes[0].stepped
 
     def cuts(self, most: int) -> list[tuple[int, int]]:
         """Return all ticks in pieces that `fly` takes at once, no longer than `most`."""
@@ -147,7 +148,7 @@ class LaneFlight:
         """Put the next law in charge."""
         before, w = self.rows, self.w
         size = self._lanes[0].kernel.size
-        self.rows = rows_of(size, self._sizes(self._next))
+        self.rows = rows_of(size, self._sizes[self._next])
         self.w = flat_zeros(self.rows.end)
         self.w[:size] = w[:size]
         ends = zip(Rows._fields[:-1], before, before[1:], self.rows, strict=False)
@@ -161,7 +162,7 @@ class LaneFlight:
     def _begin(self, gains: Matrix) -> None:
         """Begin the next leg, whose array is there."""
         leg, law, w, rows = self._legs[self._next], self._laws[self._next], self.w, self.rows
-        first, sizes, observer = self._lanes[0], self._sizes(self._next), self._observer
+        first, sizes, observer = self._lanes[0], self._sizes[self._next], self._observer
         w[rows.kp : rows.tip] = gains.T.ravel()
         limit = np.minimum(law.laws[0].limit, np.finfo(float).max)
         w[rows.law_limit : rows.limit] = np.repeat(limit, LANES)
@@ -198,37 +199,41 @@ class LaneFlight:
         )
         self._next += 1
 
-    def _sizes(self, k: int) -> Sizes:
-        first, model = self._lanes[0], self._lanes[0].model
-        form, m = self._legs[k].form, model.joints
-        watch = self._legs[k].watch
-        return Sizes(
-            m,
-            model.modes,
-            self._outputs,
-            len(model.appendages.names),
-            form.law.kp.size,
-            form.law.quadratic.size > 0,
-            form.shared is not None,
-            bool(self._drives[:, 2 * m : 3 * m].any()),
-            bool(first.trial.actuator.slew_rate),
-            bool(first.trial.actuator.lag),
-            bool(self._drives[:, 3 * m + 2].any()),
-            bool(self._quanta.any()),
-            self._judge is not None,
-            watch.innovations if watch else 0,
-            k > 0,
-            self._troubles.faults is not None,
-            self._troubles.disturbance.shape[2] > 1,
-            spun_by(self._lanes),
-        )
+    def _sizes_of_legs(self) -> list[Sizes]:
+        first, model, m = self._lanes[0], self._lanes[0].model, self._lanes[0].model.joints
+        spun, motor = spun_by(self._lanes), first.trial.actuator
+        pulsed, stepped = self._drives[:, 2 * m : 3 * m].any(), self._drives[:, 3 * m + 2].any()
+        return [
+            Sizes(
+                m,
+                model.modes,
+                self._outputs,
+                len(model.appendages.names),
+                leg.form.law.kp.size,
+                leg.form.law.quadratic.size > 0,
+                leg.form.shared is not None,
+                bool(pulsed),
+                bool(motor.slew_rate),
+                bool(motor.lag),
+                bool(stepped),
+                bool(self._quanta.any()),
+                self._judge is not None,
+                leg.watch.innovations if leg.watch else 0,
+                k > 0,
+                self._troubles.faults is not None,
+                self._troubles.disturbance.shape[2] > 1,
+                spun,
+            )
+            for k, leg in enumerate(self._legs)
+        ]
 
     def _at_rest(self, aim: Vector, moved: float) -> Vector:
         """Return the array before tick 0."""
         lanes, rows, kernel = self._lanes, self.rows, self._lanes[0].kernel
         appendages, w = lanes[0].model.appendages, flat_zeros(rows.end)
-        packed = np.array([lane.model.packed for lane in lanes]).T
-        state = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
+        models = [lane.model for lane in lanes]
+        packed = np.array([model.packed for model in models]).T
+        state = initial_states([lane.trial.testbed for lane in lanes], models).T
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: state.size] = state.ravel() + moved
         joints = lanes[0].model.joints

@@ -1,8 +1,7 @@
 """Many trials side by side: the step that a compiled kernel takes for all of them at once."""
 
 from collections.abc import Callable
-from functools import lru_cache
-from typing import Any, NamedTuple, Protocol, TypeAlias, TypeGuard, runtime_checkable
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -39,25 +38,6 @@ class LaneKernel(NamedTuple):
     size: int  # of its array
     place: Callable[[Matrix], Vector]  # its array at rest, from packed parameters, (P, LANES)
     reach: float  # largest frequency times step; inf: it takes one step per tick, as the bench
-
-
-@runtime_checkable
-class KnowsFrequency(Protocol):
-    """A testbed that bounds its frequencies cheaply: lanes then take steps of a lower order."""
-
-    def highest_frequency(self) -> float:
-        """Return a bound of the frequencies of its modes with the joints free [rad/s]."""
-
-
-def knows_frequency(testbed: Any) -> TypeGuard[KnowsFrequency]:
-    """Return whether a testbed does; kinds are asked once, as asking takes longer than the rest."""
-    kind: Any = type(testbed)
-    return _know_frequency(kind)
-
-
-@lru_cache
-def _know_frequency(kind: type[Any]) -> bool:
-    return issubclass(kind, KnowsFrequency)
 
 
 def rows_of(states: int, efforts: int, joints: int, modes: int, reads: bool) -> KernelRows:

@@ -8,7 +8,7 @@ order 5 (see nystrom), in steps short enough for metrics good to 1e-11, else tha
 order 8.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple, cast
 
@@ -64,12 +64,38 @@ def traced_kernel(model: Model, brisk: bool) -> LaneKernel | None:
         model: of a testbed; others with the same sizes, kinds and zeros share the kernel.
         brisk: whether it bounds its frequencies.
     """
+    return traced_kernels([model], model.packed[None], brisk)[0]
+
+
+def traced_kernels(models: Sequence[Model], packed: Matrix, brisk: bool) -> list[LaneKernel | None]:
+    """Return how each of many testbeds flies in lanes; see traced_kernel.
+
+    Args:
+        models: with equal kernels and sizes.
+        packed: their numbers, shape (models, P).
+        brisk: whether they bound their frequencies.
+    """
+    plain = np.where((packed == 0.0) | (abs(packed) == 1.0), packed, np.inf)
+    first = _known_or_traced(models[0], packed[0], plain[0], brisk)
+    fixed, _ = _KNOWN.get(_key(models[0], plain[0], brisk), ([], {}))
+    varying = np.array([model.time_varying for model in models])
+    told = np.column_stack((plain, packed[:, fixed], varying))  # all that a kernel depends on
+    alike = (told.view(np.int64) == told[0].view(np.int64)).all(axis=1).tolist()
+    return [
+        first if same else _known_or_traced(model, numbers, zeros, brisk)
+        for same, model, numbers, zeros in zip(alike, models, packed, plain, strict=True)
+    ]
+
+
+def _key(model: Model, plain: Vector, brisk: bool) -> tuple[Any, ...]:
+    """Return what is equal for models that differ in numbers, and not in zeros and ones."""
+    return model.kernels, model.sizes, plain.tobytes(), brisk
+
+
+def _known_or_traced(model: Model, packed: Vector, plain: Vector, brisk: bool) -> LaneKernel | None:
     if model.time_varying and model.kernels.next_jump is not None:
         return None
-    packed = model.packed
-    plain = np.where((packed == 0.0) | (abs(packed) == 1.0), packed, np.inf)
-    sizes = model.coordinates, model.before_modes, model.efforts, model.joints, model.modes
-    key = model.kernels, sizes, plain.tobytes(), brisk
+    key = _key(model, plain, brisk)
     if key in _KNOWN:
         fixed, found = _KNOWN[key]
         alike = packed[fixed].tobytes()

@@ -1,6 +1,5 @@
 """The equations of the CSA testbed as kernels: (4)-(11) of Gorinevsky and Vukovich (1998)."""
 
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -31,12 +30,22 @@ def unpacked(p: Vector) -> Unpacked:
     return Unpacked(complete > 0.5, j_a, j_1, j_2, *p[_MODES:].reshape(4, -1))
 
 
-def highest_frequency(p: Vector) -> float:
-    """Return a bound of the highest frequency with the joints free [rad/s]."""
-    n = (p.size - _MODES) // 4
-    m, mass, stiffness = p[_MODES:-n].reshape(3, -1)
-    held = float(m @ (m / mass)) / float(p[_J_A] + p[_J_1])
-    return sqrt(float((stiffness / mass).max()) / max(1.0 - held, 1e-3))
+def highest_frequency(p: Matrix) -> Vector:
+    """Return bounds of the highest frequencies with the joints free; see Model.
+
+    max(K_qq / M_qq) / (1 - sum of m^2 / (M_qq J)) with J all that turns bounds their squares.
+
+    Args:
+        p: packed parameters of many testbeds, shape (4 + 4 modes, k).
+
+    Returns:
+        shape (k,) [rad/s].
+    """
+    n = (len(p) - _MODES) // 4
+    m, mass, stiffness = p[_MODES:-n].reshape(3, n, -1)
+    held = (m * (m / mass)).sum(axis=0) / (p[_J_A] + p[_J_1])
+    found: Vector = np.sqrt((stiffness / mass).max(axis=0) / np.maximum(1.0 - held, 1e-3))
+    return found
 
 
 def stiffened(p: Vector, factor: float) -> Vector:

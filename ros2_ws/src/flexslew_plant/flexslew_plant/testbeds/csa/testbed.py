@@ -8,15 +8,16 @@ Variants:
     complete  with the kinetic energy term sin(psi) theta' psi' m^T q that (1) leaves out.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import Field
 from scipy.integrate import cumulative_simpson
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.beam import ClampedFreeBeam
@@ -77,12 +78,16 @@ class CsaTestbed:
         """Return the equations of motion."""
         return _model(self)
 
-    def highest_frequency(self) -> float:
-        """Return a bound of its frequencies; see compiled.lanes.KnowsFrequency.
-
-        max(K_qq / M_qq) / (1 - sum of m^2 / (M_qq J)) with J all that turns bounds their squares.
-        """
-        return highest_frequency(_model(self).packed)
+    @classmethod
+    def many_models(cls, testbeds: Sequence[Self]) -> list[Model]:
+        """Return the equations of motion of many; see contract.ManyModels."""
+        if len({testbed.modes for testbed in testbeds}) > 1:  # their numbers are no rectangle
+            return [testbed.model() for testbed in testbeds]
+        rows = np.ascontiguousarray(_packed(testbeds).T)
+        return [
+            _equations(testbed.parameters.length, testbed.modes).with_packed(row)
+            for testbed, row in zip(testbeds, rows, strict=True)
+        ]
 
     def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "CsaTestbed":
         """Return it with other beams (EI) and another hub (I_1 and I_2), as factors [-]."""
@@ -162,14 +167,21 @@ class CsaTestbed:
 
 @lru_cache
 def _model(testbed: CsaTestbed) -> Model:
+    return CsaTestbed.many_models([testbed])[0]
+
+
+@lru_cache
+def _equations(length: float, modes: int) -> Model:
+    """Return the model of all testbeds with such beams, without their numbers."""
     return Model(
         KERNELS,
-        packed(testbed),
+        np.zeros(4 + 4 * modes),
         JOINTS,
         JOINT_UNITS,
-        testbed.modes,
-        _appendages(testbed.parameters.length, testbed.modes),
+        modes,
+        _appendages(length, modes),
         scale_stiffness=stiffened,
+        highest_frequency=highest_frequency,
     )
 
 
@@ -193,21 +205,43 @@ def packed(testbed: CsaTestbed) -> Vector:
     Layout: [complete, J_a, J_1, J_2, then m_theta_q, diag M_qq, diag K_qq, diag C_qq],
     shape (4 + 4 modes,). The integrals (5), (6), (8) carry the factor 2 for the two beams.
     """
-    p = testbed.parameters
-    b = beam(testbed)
-    mu, ei, a, end = p.linear_density, p.bending_stiffness, p.hub_radius, p.length + p.hub_radius
-    j_a = 2.0 * mu * (end**3 - a**3) / 3.0
-    m = 2.0 * mu * (b.integral(1, 1, 0) + a * b.integral(0, 1, 0))  # (5)
-    m_qq = 2.0 * mu * b.integral(0, 2, 0)  # (6)
-    k_qq = 2.0 * ei * b.integral(0, 2, 2)  # (8)
-    c_qq = 2.0 * testbed.damping_ratio * np.sqrt(k_qq * m_qq)
-    head = [
-        float(testbed.variant == "complete"),
-        j_a,
-        p.base_inertia + p.hub_inertia_1,
-        p.hub_inertia_2 + j_a,
-    ]
-    return np.concatenate((head, m, m_qq, k_qq, c_qq))
+    return _packed([testbed])[:, 0]
+
+
+def _packed(testbeds: Sequence[CsaTestbed]) -> Matrix:
+    """Return those of many with as many modes, shape (4 + 4 modes, testbeds)."""
+    each = [testbed.parameters for testbed in testbeds]
+    volumes = np.array([(p.length + p.hub_radius) ** 3 - p.hub_radius**3 for p in each])
+    mu, ei, a, j_base, j_1, j_2 = np.array(
+        [
+            (
+                p.linear_density,
+                p.bending_stiffness,
+                p.hub_radius,
+                p.base_inertia,
+                p.hub_inertia_1,
+                p.hub_inertia_2,
+            )
+            for p in each
+        ]
+    ).T
+    beams = [_integrals(testbed.parameters.length, testbed.modes) for testbed in testbeds]
+    first, zeroth, square, bent = np.stack(beams, axis=-1)
+    j_a = 2.0 * mu * volumes / 3.0
+    m = 2.0 * mu * (first + a * zeroth)  # (5)
+    m_qq = 2.0 * mu * square  # (6)
+    k_qq = 2.0 * ei * bent  # (8)
+    c_qq = 2.0 * np.array([t.damping_ratio for t in testbeds]) * np.sqrt(k_qq * m_qq)
+    complete = [float(testbed.variant == "complete") for testbed in testbeds]
+    return np.concatenate(([complete, j_a, j_base + j_1, j_2 + j_a], m, m_qq, k_qq, c_qq))
+
+
+@lru_cache
+def _integrals(length: float, modes: int) -> Matrix:
+    """Return those of s phi, phi, phi^2 and phi''^2 along a beam, shape (4, modes)."""
+    b = ClampedFreeBeam(length, 1.0, 1.0, modes)
+    wanted = ((1, 1, 0), (0, 1, 0), (0, 2, 0), (0, 2, 2))
+    return np.array([b.integral(*which) for which in wanted])
 
 
 CSA = TestbedEntry(CsaTestbed)

@@ -66,6 +66,8 @@ class _Fault(NamedTuple):
 
 def faults_of(lanes: Sequence[LaneTrial], ticks: int) -> LaneFaults | None:
     """Return the faults of a group; None: there are none that change a motion."""
+    if not any(lane.happens.faults or lane.happens.charge.missed is not None for lane in lanes):
+        return None
     each = [_faults(lane) for lane in lanes]
     missed = np.zeros((ticks, len(lanes)), np.bool_)
     for k, lane in enumerate(lanes):

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from math import ceil, isfinite
+from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
 from flexslew_lab.studies.lanes.groups.blindness import Blindness, blindness, unread
 from flexslew_lab.studies.lanes.groups.charge import Charge, charge_of
+from flexslew_lab.studies.lanes.groups.lane_kernels import LaneSteps, lane_steps
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
@@ -30,10 +31,8 @@ from flexslew_plant.hardware.disturbances import TimedDisturbance
 from flexslew_plant.hardware.friction import friction_of
 from flexslew_plant.hardware.sensors import Sensors, exact_readings
 from flexslew_plant.settings import plain
-from flexslew_plant.testbeds import initial_state
-from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
-from flexslew_plant.testbeds.compiled.lanes import LaneKernel, knows_frequency
-from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
+from flexslew_plant.testbeds import initial_state, models_of
+from flexslew_plant.testbeds.compiled.lanes import LaneKernel
 from flexslew_plant.testbeds.model import Model
 
 # steps where a kernel's own differ by 5e-11: then they differ by 1e-13, too
@@ -75,6 +74,17 @@ class _Common(NamedTuple):
     law: str = ""
 
 
+class _LookedAt(NamedTuple):
+    """A trial that may fly in a lane, but for the way in which its testbed flies."""
+
+    case: Case
+    trial: Trial
+    model: Model
+    happens: Happening
+    common: _Common
+    rubs: bool
+
+
 class LaneIntake:
     """Turns cases of a study into lane trials; keeps what many have in common."""
 
@@ -83,11 +93,38 @@ class LaneIntake:
         self._common: dict[int, _Common] = {}  # newest by variant
         self._happens: dict[int, tuple[tuple[Any, ...], Happening | Way]] = {}
 
-    def lane_trial(self, case: Case) -> LaneTrial | Way:
-        """Return a case ready for a lane; a way where only the bench can fly it."""
+    def lane_trials(self, cases: Sequence[Case]) -> list[LaneTrial | Way]:
+        """Return cases ready for lanes; a way where only the bench can fly one."""
+        turned = [(case, self._turned_trial(case)) for case in cases]
+        asked = [(case, *one) for case, one in turned if one is not None]
+        models = models_of([trial.testbed for _, trial, _ in asked])
+        found: dict[int, LaneTrial | Way] = {case.number: Way.NOT_ALLOWED for case in cases}
+        flying = list[_LookedAt]()
+        for (case, trial, key), model in zip(asked, models, strict=True):
+            looked_at = self._looked_at(case, trial, key, model)
+            if isinstance(looked_at, Way):
+                found[case.number] = looked_at
+            else:
+                flying.append(looked_at)
+        steps = lane_steps([one.model for one in flying], [one.trial.period for one in flying])
+        for looked_at, own in zip(flying, steps, strict=True):
+            if own is not None:
+                found[looked_at.case.number] = _lane_trial(looked_at, own)
+        return [found[case.number] for case in cases]
+
+    def _turned_trial(self, case: Case) -> tuple[Trial, str] | None:
+        """Return the trial of a case, and its plan_key, by _turned; None: it is refused."""
         try:
-            trial, asked = _turned(case_trial(self._study, case))
-            model = trial.testbed.model()
+            return _turned(case_trial(self._study, case))
+        except FlexslewError:
+            return None
+
+    def _looked_at(
+        self, case: Case, trial: Trial, asked: str, model: Model | FlexslewError
+    ) -> _LookedAt | Way:
+        if isinstance(model, FlexslewError):
+            return Way.NOT_ALLOWED
+        try:
             happens = self._happening(case.variant, trial, model)
             if isinstance(happens, Way):
                 return happens
@@ -95,31 +132,10 @@ class LaneIntake:
             way = common.way if common.way is not Way.LANES else way_of_testbed(model)
             if way is not Way.LANES:
                 return way
-            bound = trial.testbed if knows_frequency(trial.testbed) else None
-            kernel = traced_kernel(model, bound is not None) or lane_by_lane(model)
             rubs = friction_of(trial.actuator, model, trial.period) is not None
         except FlexslewError:
             return Way.NOT_ALLOWED
-        fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
-        steps = max(1, ceil(fast / kernel.reach))
-        if isfinite(kernel.reach) and _is_quantised(trial):
-            steps *= _FINER
-        turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
-        tips = model.appendages.tip.tobytes()
-        told = b""
-        if model.appendages.instruments:
-            told = model.appendages.packed(trial.period, None).layout.tobytes()
-        motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate), rubs
-        window = trial.plausibility and trial.plausibility.window
-        outside = model.outside and (model.outside.add, model.outside.numbers.size)
-        bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor, window, outside)
-        hold = None if trial.plan is not None else _first_measured(trial, model, happens.faults)
-        if hold is not None and not np.isfinite(hold).all():
-            return Way.NAN
-        held = b"" if hold is None else hold.tobytes()
-        law, together = (common.law, held, *bench), (common.course, *bench)
-        own = trial, common.asked, model, kernel, steps, hold
-        return LaneTrial(case, *own, happens, rubs, law, together)
+        return _LookedAt(case, trial, model, happens, common, rubs)
 
     def _happening(self, variant: int, trial: Trial, model: Model) -> Happening | Way:
         """Return what happens to a trial; that of the one before, if it is the same."""
@@ -173,6 +189,30 @@ class LaneIntake:
         if not (believes or uses_testbed(plain(trial.plan) or {}, testbed)):
             self._common[variant] = common
         return common
+
+
+def _lane_trial(one: _LookedAt, own: LaneSteps) -> LaneTrial | Way:
+    """Return a trial ready for a lane; a way where only the bench can fly it."""
+    case, trial, model, happens, common, rubs = one
+    kernel, steps = own
+    if isfinite(kernel.reach) and _is_quantised(trial):
+        steps *= _FINER
+    turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
+    tips = model.appendages.tip.tobytes()
+    told = b""
+    if model.appendages.instruments:
+        told = model.appendages.packed(trial.period, None).layout.tobytes()
+    motor = bool(trial.actuator.lag), bool(trial.actuator.slew_rate), rubs
+    window = trial.plausibility and trial.plausibility.window
+    outside = model.outside and (model.outside.add, model.outside.numbers.size)
+    bench = (kernel.advance, steps, common.noisy, turned, tips, told, motor, window, outside)
+    hold = None if trial.plan is not None else _first_measured(trial, model, happens.faults)
+    if hold is not None and not np.isfinite(hold).all():
+        return Way.NAN
+    held = b"" if hold is None else hold.tobytes()
+    law, together = (common.law, held, *bench), (common.course, *bench)
+    said = trial, common.asked, model, kernel, steps, hold
+    return LaneTrial(case, *said, happens, rubs, law, together)
 
 
 def _turned(trial: Trial) -> tuple[Trial, str]:

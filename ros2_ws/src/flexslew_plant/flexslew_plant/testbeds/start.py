@@ -1,0 +1,118 @@
+"""Where a testbed begins: its joints, and its whole state."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.contract import StartsMoving, Testbed
+from flexslew_plant.testbeds.many import implements
+from flexslew_plant.testbeds.model import Model
+
+_SAME = 1e-9  # what a joint may read beside where it is put [rad or m]
+
+
+def initial_positions(testbed: Testbed) -> dict[str, float]:
+    """Return where each joint rests at the start, by name [rad or m].
+
+    One that `initial` leaves out may read where the others put it.
+
+    Raises:
+        BadInput: no attitude has those that it names.
+    """
+    return _initial_positions(testbed, testbed.model())
+
+
+def _initial_positions(testbed: Testbed, model: Model) -> dict[str, float]:
+    given = testbed.initial
+    values = given if isinstance(given, dict) else vars(given)
+    names = model.joint_names
+    first = {name: float(values.get(name, 0.0)) for name in names}
+    if not any(first.values()):
+        return first
+    if model.attitude is not None:
+        first = joints_together(model, first, [n for n in names if n in values], "initial")
+    if set(names) <= set(values):
+        return first
+    read, _ = model.joint_state(np.concatenate((model.rest(first), np.zeros(model.coordinates))))
+    off = abs(model.joint_error(read, np.array([*first.values()]))) > _SAME
+    return {
+        name: float(at) if other else first[name]
+        for name, at, other in zip(names, read, off, strict=True)
+    }
+
+
+def joints_together(
+    model: Model,
+    asked: Mapping[str, float],
+    named: Collection[str],
+    key: str,
+    first: Mapping[str, float] | None = None,
+) -> dict[str, float]:
+    """Return positions by joint that one attitude has; see AttitudeJoints.together.
+
+    Args:
+        model: whose joints they are.
+        asked: position of each joint [rad or m].
+        named: those that somebody named.
+        key: that asks for them, for an error.
+        first: where each joint is [rad or m]; None: at zero.
+
+    Raises:
+        BadInput: no attitude has the named ones.
+    """
+    if model.attitude is None:
+        return dict(asked)
+    names = model.joint_names
+    begin, end = (np.array([at.get(name, 0.0) for name in names]) for at in (first or {}, asked))
+    try:
+        found = model.attitude.together(end, np.array([name in named for name in names]), begin)
+    except BadInput as error:
+        given = {name: asked[name] for name in names if name in named}
+        raise BadInput(error.refusal.why, key=key, value=given) from None
+    return dict(zip(names, found.tolist(), strict=True))
+
+
+def initial_state(testbed: Testbed) -> Vector:
+    """Return [q, v] at the start, appendages straight, at rest unless the testbed says more."""
+    return _initial_state(testbed, testbed.model())
+
+
+def initial_states(testbeds: Sequence[Testbed], models: Sequence[Model]) -> Matrix:
+    """Return [q, v] of many testbeds of one kind at the start, a row each; see initial_state.
+
+    Args:
+        testbeds: with states of one size.
+        models: of them.
+    """
+    found = list[Vector]()
+    known: Any = None
+    for testbed, model in zip(testbeds, models, strict=True):
+        own = _rest_of_numbers(testbed, model)
+        found.append(
+            found[-1] if own is not None and own == known else _initial_state(testbed, model)
+        )
+        known = own
+    return np.array(found)
+
+
+def _initial_state(testbed: Testbed, model: Model) -> Vector:
+    rest = model.rest(_initial_positions(testbed, model))
+    if _starts_moving(testbed):
+        return np.concatenate((rest, testbed.initial_rates()))
+    return np.concatenate((rest, np.zeros(model.coordinates)))
+
+
+def _rest_of_numbers(testbed: Testbed, model: Model) -> Any:
+    """Return all that a testbed's state at the start depends on; None: more than `initial`."""
+    reads = (model.placed, model.reading, model.attitude) != (None, None, None)
+    if reads or _starts_moving(testbed):
+        return None
+    return testbed.initial, model.joint_names, model.positions, model.coordinates
+
+
+def _starts_moving(testbed: Any) -> TypeGuard[StartsMoving]:
+    kind: Any = type(testbed)
+    return implements(kind, StartsMoving)
