@@ -73,7 +73,7 @@ class Charge:
 
     def take_charge(self) -> str:
         """Where the brake acts, and all are ready, anybody can be switched in."""
-        if self._bench.state.active:
+        if self._bench.ready()[0]:
             return "somebody is"
         reply = self._switched(self._desk.pick(self._bench.controllers), timeout=0.0)
         return self._desk.granted(reply.ok, reply.message, True)

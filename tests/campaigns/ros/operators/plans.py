@@ -78,7 +78,7 @@ class Plans:
 
     def inject(self) -> str:
         """It breaks, or is refused in words."""
-        until = self._bench.state.tick * 0.01 + float(self._desk.case.uniform(0.5, 20.0))
+        until = self._bench.state.tick * 0.01 + float(self._desk.case.uniform(6.0, 20.0))
         text = dumps({**self._desk.pick(self._desk.habits.faults), "until": until})
         reply = self._desk.ask(srv.InjectFault, topics.INJECT_FAULT, fault=text, who=WHO)
         return self._desk.granted(reply.ok, reply.message, True)

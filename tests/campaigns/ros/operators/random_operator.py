@@ -56,9 +56,14 @@ class RandomOperator:
             self._desk.do(self._run.reset)
             self._desk.do(self._run.start)
         self._desk.until(self._all_ready)
+        self._pass_by(10)  # what is due with the next tick has come
         self._desk.do(self._charge.take_charge)
-        tick = self._bench.state.tick
-        self._desk.until(lambda: bool(self._bench.state.tick >= tick + 50))
+        self._pass_by(50)
+
+    def _pass_by(self, ticks: int) -> None:
+        """Let so many ticks pass."""
+        end = int(self._bench.state.tick) + ticks
+        self._desk.until(lambda: bool(self._bench.state.tick >= end))
 
     def _all_ready(self) -> bool:
         """Return whether all could take charge, or can in a moment."""

@@ -8,6 +8,7 @@ import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest, Truth
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat
+from flexslew_plant.bench.operation.run_state import PAUSED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.events import Event
 from flexslew_plant.measurement import EffortCommand, Measurement
@@ -464,13 +465,24 @@ def test_a_newcomer_after_the_brake_that_never_answers_leaves_the_bench_to_the_b
     assert lab.it.bench.drive.active == ""
 
 
-def test_a_question_that_was_answered_before_a_pause_is_not_asked_again_after_it() -> None:
-    lab = Lab(rate=1.0).until(50)
+@pytest.mark.parametrize(("rate", "steps"), [(1.0, 0), (1.0, 3), (0.0, 3)])
+def test_a_question_that_was_answered_before_a_rest_or_in_it_is_not_asked_again_after_it(
+    rate: float, steps: int
+) -> None:
+    lab = Lab(rate=rate).until(50)
     it = lab.it
-    while not it.bench.answered:
+    if steps:  # its answer comes when the bench rests
+        assert it.pause(lab.now).ok
+        assert it.step(steps).ok
+        while it.run.state != PAUSED:
+            lab.poll()
+    else:
+        while not it.bench.answered:
+            lab.poll()
+        assert it.pause(lab.now).ok
+    for _ in range(3):
         lab.poll()
-    assert it.pause(lab.now).ok
-    lab.poll()
+    assert it.bench.answered
     assert it.start().ok
     lab.until(60)
     asked = [question.tick for question in lab.questions]

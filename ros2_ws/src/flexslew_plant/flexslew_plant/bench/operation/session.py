@@ -121,10 +121,11 @@ class Session:
 
     def take(self, command: EffortCommand, now: float) -> bool:
         """Take an answer; return whether `poll` is due at once."""
-        if not self.run.running:
-            return False
         bench = self.bench
         question = bench.question
+        if not self.run.running:
+            self._take_at_rest(command, now)
+            return False
         if not self._counts(command, now):
             return False
         if bench.offer(command) and not self.pacing.paced:
@@ -135,6 +136,17 @@ class Session:
             self.outbox.append(bench.question)
         self._flush()
         return bool(bench.handover.results) or bench.answered
+
+    def _take_at_rest(self, command: EffortCommand, now: float) -> None:
+        """Keep an answer to the question that was out when the bench came to rest.
+
+        Else it would be asked again, and might be answered by another process of that name.
+        """
+        tick, epoch, _, controller = self.bench.question[:4]
+        asked = (command.tick, command.epoch, command.controller) == (tick, epoch, controller)
+        if asked and self._counts(command, now):
+            self.bench.offer(command)
+            self._flush()
 
     def _counts(self, command: EffortCommand, now: float) -> bool:
         """Return whether an answer is that of the process whose name it has; else reject it."""
