@@ -88,3 +88,15 @@ def test_rest_at_any_angle_is_read_as_it_was_given(degrees: float) -> None:
     q = own.rest({"yaw": np.radians(degrees)})
     position, _ = own.joint_state(np.concatenate((q, np.zeros(own.coordinates))))
     np.testing.assert_allclose(position, [0.0, 0.0, np.radians(degrees)], atol=1e-12)
+
+
+def test_where_it_rests_is_ones_own_to_change() -> None:
+    """It is asked for by every block of a run, and found once."""
+    own = read_testbed({"kind": "spacecraft"}, "here").model()
+    asked = {"yaw": 0.3}
+    first = own.rest(asked)
+    expected = first.copy()
+    first[:] = 7.0
+    asked["yaw"] = 0.4
+    assert (own.rest({"yaw": 0.3}) == expected).all()
+    assert (own.rest(asked) != expected).any()
