@@ -8,7 +8,7 @@ from flexslew_plant.ros.node_process import run_node
 
 from .guest import Guest
 
-LAST = 99
+LAST = 499
 
 
 def stand_still() -> None:

@@ -67,6 +67,37 @@ def test_the_plan_of_tick_0_waits_until_it_is_known_where_the_bench_is(
     assert heard == [told]
 
 
+@pytest.mark.parametrize("follows", [True, False])
+def test_in_flight_the_plan_of_tick_0_waits_until_it_is_known_who_follows_it(
+    loop: Loop, follows: bool
+) -> None:
+    node, bench = rclpy.create_node("planner"), rclpy.create_node("plant")
+    loop.add(bench)
+    state, status = publisher(bench, topics.BENCH_STATE), publisher(bench, topics.CONTROLLER_STATUS)
+    release = PlanRelease(node, loop, loop.live(node, "planner"), ((), ()), ())
+    told: list[str] = []
+    for kind, topic in ((Event, topics.EVENTS), (Plan, topics.PLAN)):
+        name = kind.__name__
+        known = qos(topics.TOPICS[topic])
+        bench.create_subscription(kind, topic, lambda _, name=name: told.append(name), known)
+    assert release.announce(announcement())
+    state.publish(BenchState(stamp=stamp(AT), state="paused", tick=450))
+    first = plan(0.0, 0.0, 0.03)
+    release.begin_with(first)
+    for _ in range(20):
+        loop._serve(0.01)
+        release.begin()
+    assert not told
+    flown = plan_hash(first) if follows else "another"
+    status.publish(ControllerStatus(controller="lqr", ready=True, plan_hash=flown))
+    for _ in range(LOOKS):
+        if told:
+            break
+        loop._serve(0.01)
+        release.begin()
+    assert told == ["Plan" if follows else "Event"]
+
+
 def test_a_newcomer_does_not_hear_the_plan_that_all_have_refused(loop: Loop) -> None:
     node, bench = rclpy.create_node("planner"), rclpy.create_node("plant")
     release = PlanRelease(node, loop, loop.live(node, "planner"), ((), ()), ())

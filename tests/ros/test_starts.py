@@ -7,12 +7,13 @@ from pathlib import Path
 from threading import Event
 
 import pytest
+from std_srvs.srv import Trigger
 
 from flexslew_lab.run.domain import own_domain
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.supervisor import Outcome, Supervisor
 
-from .bystander import held
+from .bystander import beside, held
 from .flight import Flight, fork_server, slew
 
 
@@ -127,7 +128,16 @@ def test_a_node_that_stands_still_when_the_plant_has_left_mars_no_run(
     monkeypatch.setattr("flexslew_lab.run.supervisor._LEAVING", 15.0)
     monkeypatch.setattr("flexslew_lab.run.supervisor._GRACE", 1.0)
     standing = NodeProcess("standing", "tests", "standing", {})
-    flight = Flight(slew(1.0), tmp_path / "run", extra=[standing])
+
+    def await_it(pids: dict[str, int], domain: int) -> None:
+        """It is heard of by those who fly: else the last tick may pass before it is there."""
+        with beside(domain) as bystander:
+            assert bystander.ask(Trigger, "pause").success
+            ends = bystander.node.get_subscriptions_info_by_topic
+            bystander.until(lambda: "standing" in [end.node_name for end in ends("/measurement")])
+            assert bystander.ask(Trigger, "start").success
+
+    flight = Flight(slew(5.0, rate=1.0), tmp_path / "run", 10, await_it, extra=[standing])
     assert flight.outcome == (0, ""), flight.log
     assert flight.log.count(f"[standing] {words}") == 1
     assert flight.metrics["log_complete"]

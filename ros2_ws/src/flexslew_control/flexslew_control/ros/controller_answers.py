@@ -74,14 +74,14 @@ class ControllerAnswers:
         self._statuses.poll(now)
         for pending in list(self._pending):
             found = self.of(pending.digest)
-            answered = not found.silent and self._met
+            answered = not found.silent and self.met
             if answered or now >= pending.deadline:
                 self._pending.remove(pending)
                 pending.future.set_result(found)
         return bool(self._pending)
 
     @property
-    def _met(self) -> bool:
+    def met(self) -> bool:
         """Whether all controllers on the graph were heard: DDS may name them long before."""
         there: int = self._node.count_publishers(topics.CONTROLLER_STATUS)
         return there <= len(self._answers.known)

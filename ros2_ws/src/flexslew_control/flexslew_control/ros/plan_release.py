@@ -1,6 +1,7 @@
 """Plans on their way to the controllers: published at once, or kept until somebody decides."""
 
 from collections.abc import Sequence
+from time import monotonic
 from typing import Any
 
 from flexslew_msgs import msg, srv
@@ -9,7 +10,7 @@ from rclpy.node import Node
 from flexslew_control.law import ActiveLaw, described
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
-from flexslew_control.planned_course import PlannedCourse
+from flexslew_control.planned_course import PATIENCE, PlannedCourse
 from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_control.ros.controller_answers import ControllerAnswers
 from flexslew_control.ros.plan_offers import PlanOffers
@@ -66,8 +67,9 @@ class PlanRelease:
         self._draft: tuple[Plan, msg.Plan, int | None] | None = None  # the flight that it is of
         self._course: PlannedCourse | None = None
         self._stray = False  # a strange message was told of
-        self._early: Plan | None = None  # to begin with, once it is known where the bench is
-        self.clock = BenchClock(node, self._begin_again, self._begin)
+        self._early: Plan | None = None  # to begin with, see begin
+        self._begin_by = 0.0  # [wall s]
+        self.clock = BenchClock(node, self._begin_again, self.begin)
         self.requests = PlanRequests(self.clock, gains, self._trust, law, self._rest_at)
         self.answers = ControllerAnswers(node, loop, alive.presence, self._withdraw_if_refused)
         self._offers, self._events = PlanOffers(node), EventLog(node)
@@ -138,17 +140,29 @@ class PlanRelease:
         """Publish the plan that the node was started with, which is that of tick 0.
 
         A planner that is started in flight tells it again where it is followed, else after a reset:
-        it would come too late. What stands on the bench may be heard before where it is.
+        it would come too late.
         """
-        if not self.clock.known:
-            self._early = plan
+        self._early, self._begin_by = plan, monotonic() + PATIENCE
+        self.begin()
+
+    def begin(self) -> None:
+        """Publish that plan, if it is known where the bench is and, in flight, who follows it.
+
+        Of what stands on the bench DDS may tell before it tells of either.
+        """
+        plan, now = self._early, self.clock.now()
+        if plan is None or not self.clock.known:
             return
-        now = self.clock.now()
-        if now <= 0.0 or plan.start > now or self._course is None:
+        in_flight = now > 0.0 and plan.start <= now and self._course is not None
+        followed = plan_hash(plan) in self.answers.followed
+        if in_flight and not (followed or self.answers.met or monotonic() > self._begin_by):
+            return
+        self._early = None
+        if not in_flight:
             self.publish(plan, "")
             return
         self._here.add(plan, 0.0)
-        if plan_hash(plan) in self.answers.followed:
+        if followed:
             self._tell_again(plan)
         else:
             words = f"the bench is at {now:.2f} s already: it is flown after a reset"
@@ -177,12 +191,6 @@ class PlanRelease:
     def _rest_at(self, start: float) -> dict[str, float]:
         """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""
         return self._here.rest_at(start, self.clock.now()) if self._course is not None else {}
-
-    def _begin(self) -> None:
-        """Publish the plan that could not be before it was known where the bench is."""
-        if self._early is not None:
-            plan, self._early = self._early, None
-            self.begin_with(plan)
 
     def _begin_again(self) -> None:
         """Tell the plan of tick 0 again: a newcomer of the flight that is over heard the latest."""

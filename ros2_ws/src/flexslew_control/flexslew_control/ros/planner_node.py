@@ -80,6 +80,7 @@ class Planner:
     def _next(self, now: float) -> float:
         if now >= self._next_look:
             self._watch.look()
+            self._release.begin()
             self._next_look = now + _POLL_PERIOD
             if self._following is not None:
                 self._following.poll()
