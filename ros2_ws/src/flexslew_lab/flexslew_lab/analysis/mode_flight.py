@@ -41,8 +41,8 @@ def require_flyable(trial: Trial, analysis: Analysis) -> None:
 
 
 def _signals(model: Model) -> tuple[object, ...]:
-    """Return what a bench is driven and read by, and how many coordinates it moves in."""
-    return model.joint_names, model.appendages.names, model.modes, model.coordinates
+    """Return what a bench is driven and read by, and in how many coordinates it moves."""
+    return model.joint_names, model.appendages.names, model.sizes
 
 
 def mode_response(

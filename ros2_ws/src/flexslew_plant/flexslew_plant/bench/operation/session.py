@@ -121,11 +121,11 @@ class Session:
 
     def take(self, command: EffortCommand, now: float) -> bool:
         """Take an answer; return whether `poll` is due at once."""
-        bench = self.bench
-        question = bench.question
         if not self.run.running:
             self._take_at_rest(command, now)
             return False
+        bench = self.bench
+        question = bench.question
         if not self._counts(command, now):
             return False
         if bench.offer(command) and not self.pacing.paced:
@@ -142,9 +142,9 @@ class Session:
 
         Else it would be asked again, and might be answered by another process of that name.
         """
-        tick, epoch, _, controller = self.bench.question[:4]
-        asked = (command.tick, command.epoch, command.controller) == (tick, epoch, controller)
-        if asked and self._counts(command, now):
+        asked = self.bench.question
+        about = command.tick, command.epoch, command.controller
+        if about == (asked.tick, asked.epoch, asked.controller) and self._counts(command, now):
             self.bench.offer(command)
             self._flush()
 
