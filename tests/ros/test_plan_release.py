@@ -57,6 +57,7 @@ def test_the_plan_of_tick_0_waits_until_it_is_known_where_the_bench_is(
     release.begin_with(plan(0.0, 0.0, 0.03))
     for _ in range(20):
         loop._serve(0.01)
+        release.begin()
     assert not heard
     state = publisher(bench, topics.BENCH_STATE)
     state.publish(BenchState(stamp=stamp(at), state="paused", tick=round(at * 100), epoch=1))
@@ -64,6 +65,7 @@ def test_the_plan_of_tick_0_waits_until_it_is_known_where_the_bench_is(
         if heard:
             break
         loop._serve(0.01)
+        release.begin()
     assert heard == [told]
 
 

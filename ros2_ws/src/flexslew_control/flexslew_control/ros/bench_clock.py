@@ -18,13 +18,10 @@ class BenchClock:
     Args:
         node: that listens.
         on_reset: is called when the bench was reset.
-        on_known: is called when it is heard for the first time where the bench is.
     """
 
-    def __init__(
-        self, node: Node, on_reset: Callable[[], None], on_known: Callable[[], None] = lambda: None
-    ) -> None:
-        self._on_reset, self._on_known = on_reset, on_known
+    def __init__(self, node: Node, on_reset: Callable[[], None]) -> None:
+        self._on_reset = on_reset
         self._state = msg.BenchState()
         self._heard = 0.0  # when it came [wall s]
         subscription(node, topics.BENCH_STATE, self._on_state)
@@ -66,9 +63,6 @@ class BenchClock:
     def _on_state(self, message: msg.BenchState) -> None:
         if message.stamp.sec < 0 or not 0.0 <= message.rate_factor < inf:
             return  # no plant says this
-        before, first = self._state, not self.known
-        self._state, self._heard = message, monotonic()
+        before, self._state, self._heard = self._state, message, monotonic()
         if message.epoch != before.epoch:
             self._on_reset()
-        if first:
-            self._on_known()

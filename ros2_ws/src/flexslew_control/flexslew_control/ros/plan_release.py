@@ -69,7 +69,7 @@ class PlanRelease:
         self._stray = False  # a strange message was told of
         self._early: Plan | None = None  # to begin with, see begin
         self._begin_by = 0.0  # [wall s]
-        self.clock = BenchClock(node, self._begin_again, self.begin)
+        self.clock = BenchClock(node, self._begin_again)
         self.requests = PlanRequests(self.clock, gains, self._trust, law, self._rest_at)
         self.answers = ControllerAnswers(node, loop, alive.presence, self._withdraw_if_refused)
         self._offers, self._events = PlanOffers(node), EventLog(node)
@@ -148,7 +148,7 @@ class PlanRelease:
     def begin(self) -> None:
         """Publish that plan, if it is known where the bench is and, in flight, who follows it.
 
-        Of what stands on the bench DDS may tell before it tells of either.
+        To be called now and then: of what stands on the bench DDS may tell before of either.
         """
         plan, now = self._early, self.clock.now()
         if plan is None or not self.clock.known:
