@@ -1,5 +1,9 @@
+import socket
 import struct
 
+import pytest
+
+from flexslew_plant.graph import rtps
 from flexslew_plant.graph.rtps import dispose
 
 
@@ -18,3 +22,17 @@ def test_the_message_of_a_leave_is_read_back_as_rtps_has_it() -> None:
         at += 4 + parameter[1]
     assert at + 4 == len(message)
     assert qos == {0x70: prefix + b"\x00\x00\x01\xc1", 0x71: b"\x00\x00\x00\x03"}
+
+
+def test_who_tells_all_listens_to_this_machine_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[tuple[int, str]] = []
+
+    class Watched(socket.socket):
+        def sendto(self, *words: object) -> int:
+            sent = super().sendto(*words)  # type: ignore[call-overload]
+            told.append((words[-1][1], self.getsockname()[0]))  # type: ignore[index]
+            return int(sent)
+
+    monkeypatch.setattr(rtps, "socket", Watched)
+    rtps.tell_all(b"", 101)
+    assert told == [(port, "127.0.0.1") for port in rtps.ports(101)]

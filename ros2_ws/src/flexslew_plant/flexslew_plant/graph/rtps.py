@@ -6,6 +6,7 @@ from pathlib import Path
 from socket import AF_INET, SOCK_DGRAM, socket
 
 FAST_DDS = b"\x01\x0f"  # its number as a vendor of RTPS; a GUID begins with it
+_LOOPBACK = "127.0.0.1"
 _PARTICIPANTS = 120  # that one machine may have per domain
 _LAST_NUMBER = 2**31  # greater than that of any announcement of the dead
 
@@ -51,5 +52,6 @@ def participants_here(domain: int) -> int:
 def tell_all(message: bytes, domain: int) -> None:
     """Send to every participant that may be on this machine."""
     with socket(AF_INET, SOCK_DGRAM) as sender, suppress(OSError):  # no loopback: nobody is there
+        sender.bind((_LOOPBACK, 0))  # else others could send to it while it sends
         for port in ports(domain):
-            sender.sendto(message, ("127.0.0.1", port))
+            sender.sendto(message, (_LOOPBACK, port))
