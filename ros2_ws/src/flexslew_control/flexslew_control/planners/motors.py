@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_plant.arrays import Matrix, Vector, inlined
+from flexslew_plant.arrays import Matrix, Vector, compiled
 
 Matrices: TypeAlias = tuple[Matrix, Matrix, Matrix, Matrix]
 
@@ -27,7 +27,7 @@ def at_once(joints: int) -> Matrices:
     return np.zeros((0, 0)), none, none.T.copy(), np.eye(joints)
 
 
-@inlined
+@compiled
 def give(motors: Matrices, z: Vector, u: Vector) -> None:
     """Turn commands into what the motors give, and their states into those of the next tick.
 

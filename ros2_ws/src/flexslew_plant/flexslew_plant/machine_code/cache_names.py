@@ -28,19 +28,27 @@ os.register_at_fork(after_in_child=_count_apart)
 
 def recognised(dispatcher: Any) -> Any:
     """Return a function of Numba after naming it by its place, its file and what it closes over."""
-    function = dispatcher.py_func
+    return _named(dispatcher, dispatcher.py_func, dispatcher.targetoptions)
+
+
+def recognised_intrinsic(found: Any) -> Any:
+    """Return an intrinsic of Numba after naming it likewise: functions that use it have caches."""
+    return _named(found, found._defn, found._ctor_kwargs)
+
+
+def _named(compilable: Any, function: Any, options: dict[str, Any]) -> Any:
     cells = tuple(cell.cell_contents for cell in function.__closure__ or ())
     try:
         stamp = os.stat(function.__code__.co_filename)
     except OSError:  # typed into an interpreter: no other process will look for it
-        return dispatcher
+        return compilable
     place = (
         function.__module__,
         function.__qualname__,
         function.__code__.co_firstlineno,
         stamp.st_mtime_ns,
         stamp.st_size,
-        sorted(map(str, dispatcher.targetoptions.items())),
+        sorted(map(str, options.items())),
     )
-    dispatcher._set_uuid(sha256(repr(place).encode() + dumps(cells)).hexdigest())
-    return dispatcher
+    compilable._set_uuid(sha256(repr(place).encode() + dumps(cells)).hexdigest())
+    return compilable
