@@ -82,6 +82,19 @@ def test_a_given_plan_flies_as_the_planner_that_made_it(law: str) -> None:
     assert given.metrics["trajectory_hash"] == own.metrics["trajectory_hash"]
 
 
+@pytest.mark.parametrize("name", ["control_moment_gyros", "setpoint_shaping", "observatory"])
+def test_a_craft_without_a_typical_goal_flies_given_plans_and_positions(name: str) -> None:
+    slow = {"duration": 1.0, "schedule": [], "plan.duration": 300.0}
+    short = fs.trial(fs.trial(name, plan="reference_only"), slow)
+    own = fs.fly(short)
+    given = fs.fly(fs.trial(short, plan=fs.plan(short)))
+    assert given.metrics["trajectory_hash"] == own.metrics["trajectory_hash"]
+    rows = np.repeat(own["reference"][:1], 6, axis=0)
+    assert np.array_equal(fs.fly(fs.trial(short, plan=rows))["reference"][:6], rows)
+    with pytest.raises(fs.BadInput, match="goal: missing; give one to some of the joints"):
+        fs.plan(fs.trial(short, {"plan.goal": None, "plan.model": None}))
+
+
 def test_a_given_plan_is_kept_as_it_was_given_and_has_gains_too() -> None:
     rows = cubic(100, 0.2, 0.1)
     names, efforts = ("base_yaw", "hub_pitch"), np.zeros((100, 2))

@@ -190,6 +190,12 @@ def test_a_figure_has_a_panel_per_quantity_with_its_unit(flight: Flight) -> None
     assert len(flight.plot().data) > 4
 
 
+def test_a_figure_of_a_bench_without_tips_shows_the_rest() -> None:
+    testbed = {"kind": "varying_oscillator"}
+    flown = fly(trial({"name": "stiff", "duration": 0.1, "testbed": testbed}))
+    assert [trace.name for trace in flown.plot().data] == ["position.mass", "effort.mass"]
+
+
 def test_a_data_frame_has_the_time_as_index_and_the_units(flight: Flight) -> None:
     pytest.importorskip("pandas")
     frame = flight.frame()

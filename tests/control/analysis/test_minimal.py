@@ -86,6 +86,8 @@ def test_a_transfer_function_may_have_common_factors() -> None:
     np.testing.assert_allclose(found.poles(), [-1.0])
 
 
-def test_a_system_with_nan_is_refused() -> None:
+@pytest.mark.parametrize("where", range(4))
+def test_a_system_with_nan_is_refused(where: int) -> None:
+    parts = [np.array([[np.nan if k == where else 1.0]]) for k in range(4)]
     with pytest.raises(fs.BadInput, match="not finite"):
-        fs.minimal(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0))
+        fs.minimal(control.ss(*parts))

@@ -168,6 +168,27 @@ def test_a_sensor_of_a_craft_that_reads_in_steps_refutes_no_margin() -> None:
     assert proved(what, analysed(what, "here")).holds
 
 
+def test_flights_stay_where_dry_friction_has_its_slope_at_rest() -> None:
+    what = trial("time_optimal_hub", {"plan": None, "actuator.coulomb_friction": 0.01})
+    proof = proved(what, analysed(what, "here"))
+    assert proof.holds
+    assert max(pole.left for pole in proof.poles) < 1e-4
+
+
+def test_a_delay_beyond_what_a_fault_can_do_is_told_and_not_flown() -> None:
+    friction = {**OSCILLATOR, "actuator.coulomb_friction": 0.03}
+    what = trial("time_optimal_oscillator", friction)
+    found = analysed(what, "here")
+    assert found.efforts[0].delay > 10_000 * what.period
+    proof = proved(what, found)
+    assert [margin.kind for margin in proof.margins] == ["gain up"]
+    told = f"effort.mass: delay of {found.efforts[0].delay:.4g} s, above 10000 ticks"
+    assert proof.not_flown == (told,)
+    assert told in repr(proof)
+    assert f"Not flown: {told}" in analysis_page(found, "it", proof)
+    assert proof.plain()["not_flown"] == [told]
+
+
 def test_a_law_that_listens_to_nothing_closes_no_loop() -> None:
     keys: Any = {"plan": None, "controllers": {"linear": {}}, "active": "linear"}
     with pytest.raises(BadInput, match="closes no loop"):

@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.present import present
 
+from flexslew_control.planners import PLANNERS
 from flexslew_lab.studies.cases import case_of, case_trial, changes_of, sample_table
 from flexslew_lab.studies.run import Preparation
 from flexslew_lab.studies.study import Study
@@ -70,3 +72,21 @@ def test_the_plan_of_a_spacecraft_in_a_study_is_that_of_its_trial(
     assert own is not None
     assert flown is not None
     np.testing.assert_array_equal(flown.effort, own.effort)
+
+
+@pytest.mark.parametrize("method", [name for name, entry in PLANNERS.items() if entry.slews])
+def test_a_study_that_varies_no_belief_flies_the_plan_of_its_trial(
+    study_of: Callable[..., Study], method: str
+) -> None:
+    trial = {
+        "duration": 30.0,
+        "period": 0.05,
+        "testbed": {"kind": "floating_oscillator", "effort_limit": [2.0]},
+        "plan": {**PLANNERS[method].example, "method": method, "goal": {"mass": 0.5}},
+        "controllers": {"pd_feedforward": {"kp": [1.0], "kd": [1.5]}},
+    }
+    study = study_of(flown=trial, vary={"sensors.joint_position.noise": {"uniform": [0.0, 1e-6]}})
+    own = present(plan_of_trial(trial_of_values(study.base, "test", study.trust)))
+    flown = present(plan_of_trial(case_trial(study, case_of(study, sample_table(study), 0))))
+    np.testing.assert_array_equal(flown.effort, own.effort)
+    np.testing.assert_array_equal(flown.position, own.position)

@@ -59,6 +59,19 @@ def test_no_number_of_a_planner_is_none(method: str) -> None:
         ({"controllers.lqr": {"weights": {"effort": 0.0}}}, "weights.effort"),
         ({"controllers.proportional_integral": {"tracking_time": 0.004}}, "half a tick"),
         ({"plan.goal": {"base_jaw": 1.0}}, "plan.goal.* did you mean base_yaw"),
+        (
+            {
+                "allow_faults": True,
+                "schedule": [
+                    {"at": 0.0, "fault": {"kind": "actuator_gain", "joint": "jaw", "gain": 0.5}}
+                ],
+            },
+            r"schedule\.0\.fault\.joint: the testbed has no jaw; allowed: base_yaw, hub_pitch",
+        ),
+        (
+            {"schedule": [{"at": 5.0, "disturbance": {"jaw": 1.0}}]},
+            r"schedule\.0\.disturbance.*jaw.*base_yaw, hub_pitch",
+        ),
     ],
 )
 def test_what_does_not_suit_the_bench_is_told_by_file_and_key(

@@ -134,7 +134,7 @@ class Flight:
         """Return a Plotly figure, one panel per quantity over the same time axis.
 
         Args:
-            quantities: as for `names`; without any: position, tip and effort.
+            quantities: as for `names`; without any: position, tip (if it has tips) and effort.
 
         Raises:
             KeyError: there is no such signal.
@@ -142,7 +142,7 @@ class Flight:
         from plotly.graph_objects import Scatter
         from plotly.subplots import make_subplots
 
-        panels = quantities or ("position", "tip", "effort")
+        panels = quantities or tuple(q for q in ("position", "tip", "effort") if q in self)
         spacing = min(0.06, 0.5 / len(panels))
         figure = make_subplots(rows=len(panels), shared_xaxes=True, vertical_spacing=spacing)
         for row, quantity in enumerate(panels, 1):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable
 from copy import deepcopy
 from dataclasses import replace
 from types import ModuleType
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -198,6 +198,7 @@ def _planner_of(given: Plan | Matrix) -> type[Any]:
         method: str
         start: float = 0.0  # [s]
         goal: dict[str, float] | None = None  # told by the last row
+        is_made: ClassVar[bool] = True  # nothing is asked of a slew
 
         def plan(self, slew: Any, progress: Any) -> Plan:
             """Return the plan that was given, on the ticks of this bench."""

@@ -88,7 +88,7 @@ def test_a_given_duration_is_kept_and_takes_the_least_amplitude() -> None:
     again = planned(amplitude=plan.summary["pulse_amplitude"])
     assert again.duration == pytest.approx(30.0, abs=1e-9)
     np.testing.assert_allclose(again.effort, plan.effort, atol=1e-8)
-    with pytest.raises(PlanFailed, match=r"do not fit .* longer by 5 s or a higher"):
+    with pytest.raises(PlanFailed, match=r"do not fit .* longer by 5 s or a pulse"):
         planned(duration=20.0)
     with pytest.raises(BadInput, match="amplitude and duration: only one"):
         planned(duration=30.0, amplitude=50.0)
@@ -104,6 +104,17 @@ def test_a_tip_that_swings_on_after_the_end_is_warned_of() -> None:
     assert "nothing is shaped" in planned(shaper="none").summary["warning"]
     yielding = planned(shaper="system", feedforward="rigid").summary  # what the feedback leaves
     assert "feedforward: rigid" in yielding["warning"]
+
+
+@pytest.mark.parametrize("duration", [12.0, 17.3, 20.0])
+def test_the_frequency_at_which_two_pulses_fit_is_enough(duration: float) -> None:
+    with pytest.raises(PlanFailed, match=r"pulse_frequency of [\d.]+ rad/s \(now") as caught:
+        planned(duration=duration)
+    enough = float(present(re.search(r"pulse_frequency of ([\d.]+) rad", str(caught.value)))[1])
+    plan = planned(duration=duration, pulse_frequency=enough, limit=(1e4, 1e4))
+    assert plan.duration == pytest.approx(duration)
+    with pytest.raises(PlanFailed, match="do not fit"):
+        planned(duration=duration, pulse_frequency=0.99 * enough, limit=(1e4, 1e4))
 
 
 def test_the_time_that_two_pulses_lack_is_enough() -> None:

@@ -65,7 +65,7 @@ def minimal_part(system: Lti, tolerance: float = _TOLERANCE) -> Lti:
     Raises:
         BadInput: it has a number that is not finite.
     """
-    if not all(np.isfinite(part).all() for part in (system.a, system.b, system.c)):
+    if not all(np.isfinite(part).all() for part in (system.a, system.b, system.c, system.d)):
         raise BadInput("the system has a number that is not finite")
     eye, period = np.eye(len(system.a)), system.period
     slope = (system.a - eye) / period if period else system.a  # near 1 it keeps the digits

@@ -169,6 +169,13 @@ def planned_about_one_axis(settings: PlanSettings, plant: PlantDescription) -> b
     return isinstance(make, Slewing) and make.about_one_axis(settings, plant)
 
 
+def takes_gains_in_charge(settings: PlanSettings) -> bool:
+    """Return whether a section without `feedback` counts with the gains of who is in charge."""
+    make = planner_of(settings).make
+    alone = isinstance(make, Slewing) and make.open_loop
+    return hasattr(settings, "feedback") and not alone
+
+
 def other_method(settings: PlanSettings, method: str, source: str, **more: Any) -> PlanSettings:
     """Return the `plan` section of another method for the same manoeuvre.
 

@@ -19,6 +19,7 @@ _MOST_FUNCTIONS = 200  # that a section may ask for
 _GROWS = 1e-6  # beyond 1, of the spectral radius of one tick: rounding of a rigid body's
 # by how many steps of 5 % a duration is longer that is tried where a slew needs too much torque
 _LONGER = (1, 2, 4, 8, 16, 32, 40)
+_TURNS = (40.0, 20.0, 10.0)  # of a feedback that is tried then, in the slew [rad]
 
 
 def enough_time(plan: PlanFunction, settings: Any, slew: Slew) -> str:
@@ -38,9 +39,9 @@ def enough_time(plan: PlanFunction, settings: Any, slew: Slew) -> str:
     enough = next(filter(leads, _LONGER), None)
     if enough is None:
         longest = lasting(_LONGER[-1])
-        return (
-            f"no duration up to {longest:g} s (now {now:g} s) is enough; use a higher effort_limit"
-        )
+        softer = _soft_enough(plan, settings, slew)
+        words = softer or "is enough; use a higher effort_limit"
+        return f"no duration up to {longest:g} s (now {now:g} s) {words}"
     short = max((steps for steps in _LONGER if steps < enough), default=0)
     while enough - short > 1:
         middle = (short + enough) // 2
@@ -74,6 +75,32 @@ def _enough_functions(plan: PlanFunction, settings: Any, slew: Slew) -> str:
             return (
                 f"functions: {functions} (now {fewer}) is enough: with {fewer}, each lasts "
                 f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
+            )
+    return ""
+
+
+def _soft_enough(plan: PlanFunction, settings: Any, slew: Slew) -> str:
+    """Return which softer feedback would do, where the plan counts with one; else an empty text.
+
+    One that is stiff beside the modes holds the joints still against them, which takes effort
+    however slow the slew. So may the one that is assumed of a law without such gains.
+    """
+    if not hasattr(settings, "feedback"):
+        return ""
+    model = slew.model
+    rest = model.rest(slew.named(slew.start))
+    inertia = model.inertias(np.concatenate((rest, np.zeros(model.coordinates))))
+    if not np.isfinite(inertia).all():  # what does not move its joint holds nothing
+        return ""
+    for turns in _TURNS:
+        w = turns / settings.duration
+        kp = np.array([rounded_up(one) for one in inertia * w**2])
+        kd = np.array([rounded_up(one) for one in 2.0 * inertia * w])
+        if (kp < slew.kp).all() and _leads(plan, settings, replace(slew, kp=kp, kd=kd)):
+            return (
+                f"is enough under the feedback that the plan counts with, kp {slew.kp.tolist()} "
+                f"and kd {slew.kd.tolist()}; kp {kp.tolist()} and kd {kd.tolist()} are: give them "
+                "to the controller that flies, or as plan.feedback where it has no such gains"
             )
     return ""
 

@@ -142,11 +142,7 @@ def slew_of(
     first = initial_positions(testbed) | _checked(
         getattr(settings, "initial", None), names, "initial"
     )
-    goal = testbed.typical_goal if settings.goal is None else settings.goal
-    if settings.goal is None and not set(goal) <= set(names):
-        listed = ", ".join(names)
-        raise BadInput(f"plan: goal: missing; give one to some of the joints {listed}")
-    last = first | _checked(goal, names, "goal")
+    last = first | _checked(_goal(settings, testbed, names), names, "goal")
     gains = getattr(settings, "feedback", None) or feedback or Feedback()
     slew = Slew(
         testbed,
@@ -162,6 +158,23 @@ def slew_of(
         known = known_motors(plant)
         slew = replace(slew, actuator=known.actuator, delay=known.delay)
     return replace(slew, beliefs=_beliefs(slew, plant, feedback))
+
+
+def _goal(settings: Any, testbed: Testbed, names: tuple[str, ...]) -> dict[str, float]:
+    """Return where joints shall go, those that move by name.
+
+    Raises:
+        BadInput: the section has no goal, and the testbed no typical one of these joints.
+    """
+    if settings.goal is not None:
+        return dict(settings.goal)
+    if getattr(settings, "is_made", False):  # its plan is there already, and says so itself
+        return {}
+    goal = testbed.typical_goal
+    if not set(goal) <= set(names):
+        listed = ", ".join(names)
+        raise BadInput(f"plan: goal: missing; give one to some of the joints {listed}")
+    return goal
 
 
 def _checked(given: dict[str, float] | None, names: tuple[str, ...], key: str) -> dict[str, float]:

@@ -20,6 +20,7 @@ from flexslew_plant.testbeds.instruments.instrument import channels
 
 _EFFORT = 2e-4  # of the limits, at the start
 _MOTION = 1e-4  # of joints and modes, and of their rates, at the start [rad or m, and per second]
+_STICKS = 1e-3  # of `coulomb_speed`: of tanh the third power is below a millionth of the first
 _EXACT = {"noise": 0.0, "bias": 0.0, "quantisation": 0.0}
 
 
@@ -68,13 +69,20 @@ def mode_response(
     parts = _Parts.of(mode, loop, analysis, path)
     commands = (loop.closed.c @ mode)[: loop.efforts]
     asked = abs(np.vstack((commands, parts.queue, parts.motors))) / trial.testbed.effort_limit
-    size = max(abs(parts.motion).max() / _MOTION, asked.max() / _EFFORT)
+    rates = abs(parts.motion[len(parts.motion) // 2 :]).max() / _slow(trial)
+    size = max(abs(parts.motion).max() / _MOTION, rates, asked.max() / _EFFORT)
     first, second = (
         _readings(trial, analysis, path, _Parts.of(sign * mode.real / size, loop, analysis, path),
                   ticks)
         for sign in (1.0, -1.0)
     )  # fmt: skip
     return 0.5 * (first - second)
+
+
+def _slow(trial: Trial) -> float:
+    """Return the largest rate of a start at which dry friction still has its slope at rest."""
+    dry = trial.actuator.coulomb_friction
+    return _STICKS * trial.actuator.coulomb_speed if dry else np.inf
 
 
 class _Parts(NamedTuple):

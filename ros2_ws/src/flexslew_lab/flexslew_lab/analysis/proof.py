@@ -17,6 +17,7 @@ from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.faults.actuators import MOST_TICKS
 
 MARGIN, FREQUENCY, DAMPING = 0.02, 0.005, 0.05  # largest differences that agree, of the prediction
 
@@ -78,16 +79,23 @@ class ProvedMargin:
 
 @dataclass(frozen=True, repr=False)
 class Proof:
-    """What was predicted, and what was flown."""
+    """What was predicted, and what was flown.
+
+    Args:
+        poles, margins: that were flown.
+        not_flown: in words, margins beyond what a fault can do to the bench.
+    """
 
     poles: tuple[ProvedPole, ...]
     margins: tuple[ProvedMargin, ...]
+    not_flown: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Return one line: how many of what was predicted were flown."""
         poles = f"{sum(pole.agrees for pole in self.poles)} of {len(self.poles)} poles"
         margins = f"{sum(margin.agrees for margin in self.margins)} of {len(self.margins)} margins"
-        return f"<Proof: {poles} and {margins} flown as predicted>"
+        more = "".join(f"; not flown: {words}" for words in self.not_flown)
+        return f"<Proof: {poles} and {margins} flown as predicted{more}>"
 
     def _repr_html_(self) -> str:
         """Return what was predicted beside what was flown, for notebooks."""
@@ -121,6 +129,7 @@ class Proof:
         return {
             "poles": [asdict(pole) for pole in self.poles],
             "margins": [asdict(margin) for margin in self.margins],
+            "not_flown": list(self.not_flown),
             "holds": self.holds,
         }
 
@@ -135,7 +144,7 @@ def proved(trial: Trial, analysis: Analysis) -> Proof:
         raise BadInput("--prove: the loop is not stable: there is no margin to prove")
     require_flyable(trial, analysis)
     flights = _Flights(trial, analysis)
-    margins = []
+    margins, beyond = [], []
     for channel, found in enumerate(analysis.efforts):
         asked = (
             ("gain up", found.gain_up, found.up_frequency),
@@ -145,9 +154,11 @@ def proved(trial: Trial, analysis: Analysis) -> Proof:
         margins += [
             flights.margin(channel, kind, size, frequency)
             for kind, size, frequency in asked
-            if np.isfinite(size) and size > 0.0
+            if np.isfinite(size) and size > 0.0 and flights.can(channel, kind, size)
         ]
-    return Proof(flights.poles(), tuple(margins))
+        if np.isfinite(found.delay) and not flights.can(channel, "delay", found.delay):
+            beyond.append(f"{found.name}: delay of {found.delay:.4g} s, above {MOST_TICKS:g} ticks")
+    return Proof(flights.poles(), tuple(margins), tuple(beyond))
 
 
 class _Flights:
@@ -174,6 +185,11 @@ class _Flights:
             )
             out.append(ProvedPole(w, damping, w_flown, damping_flown, left, bool(near)))
         return tuple(out)
+
+    def can(self, channel: int, kind: str, size: float) -> bool:
+        """Return whether a fault can take the bench just outside of a margin."""
+        late = self._delay[channel] + size * (1.0 + _BESIDE) / self._trial.period
+        return kind != "delay" or bool(late <= MOST_TICKS)
 
     def margin(self, channel: int, kind: str, size: float, frequency: float) -> ProvedMargin:
         """Return a margin, flown just inside and just outside of it."""

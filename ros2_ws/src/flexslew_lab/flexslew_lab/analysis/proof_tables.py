@@ -36,7 +36,9 @@ def proof_tables(proof: Proof) -> list[Table]:
         f"{100 * DAMPING:g} %."
     )
     columns = ("frequency [rad/s]", "flown", "damping [-]", "flown", "agrees")
+    flown += "".join(f" Not flown: {words}." for words in proof.not_flown)
+    margins = [list(row) for row in margin_rows(proof)]
     return [
-        Table("Margins proved", flown, MARGIN_COLUMNS, [list(row) for row in margin_rows(proof)]),
+        Table("Margins proved", flown, MARGIN_COLUMNS, margins),
         Table("Poles proved", heard, columns, poles),
     ]

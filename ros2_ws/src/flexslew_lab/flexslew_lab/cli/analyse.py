@@ -60,6 +60,8 @@ def analyse(
         print_table(("", found.controller), summary_rows(found))
         if proof is not None:
             print_table(MARGIN_COLUMNS, margin_rows(proof))
+            for words in proof.not_flown:
+                say(f"not flown: {words}")
     if out is not None or not as_json:
         page = write_page(analysis_page(found, requested.name, proof), target)
         say(f"written {link(page)}")

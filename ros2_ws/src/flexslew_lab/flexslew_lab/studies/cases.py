@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_control.planners import planned_about_one_axis
+from flexslew_control.planners import planned_about_one_axis, takes_gains_in_charge
 from flexslew_control.planners.attitude.one_axis import counted
 from flexslew_lab.studies.experiment import found_by_flying
 from flexslew_lab.studies.sampling.methods import Samples, drawn
@@ -261,7 +261,8 @@ def believing(
         if _has(known, "initial"):
             belief["initial"] = initial_positions(nominal.testbed) | (plan.get("initial") or {})
         feedback = feedback_of(nominal)
-        if _has(known, "feedback") and plan.get("feedback") is None and feedback is not None:
+        counts = takes_gains_in_charge(settings)
+        if counts and plan.get("feedback") is None and feedback is not None:
             belief["feedback"] = plain(feedback)
         plan = plan | belief
     return values | {"controllers": controllers, "plan": plan}

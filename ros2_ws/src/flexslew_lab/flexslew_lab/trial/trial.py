@@ -23,6 +23,7 @@ from flexslew_control.plan_file import load_plan
 from flexslew_control.planners import PLANNERS, PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.bench import Bench
+from flexslew_plant.bench.injections import injections_of, names_of
 from flexslew_plant.bench.records import BenchSettings, PaceSettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import command_delays, require_allowed
@@ -126,8 +127,8 @@ def checked_trial(trial: Trial, source: str) -> Trial:
 
     Raises:
         BadInput: it has too many ticks or none, an entry of the schedule lies after the end or
-            silences nobody, a plan that ends in motion is over before the run, or a controller's
-            settings are wrong, or the goal names no joint.
+            silences nobody, a plan that ends in motion is over before the run, a controller's
+            settings are wrong, or the goal or the schedule names what the testbed does not have.
     """
     _require_settings(trial, source)
     if not trial.duration / trial.period <= _MOST_TICKS:
@@ -162,8 +163,10 @@ def checked_trial(trial: Trial, source: str) -> Trial:
 
 
 def _require_settings(trial: Trial, source: str) -> None:
-    """Check what stands in `controllers` and the goal, as far as that needs no design."""
+    """Check what stands in `controllers`, goal and schedule, as far as that needs no design."""
     plant = plant_of(trial)
+    names = names_of(plant.testbed.model(), plant.effort_limit)
+    injections_of(trial.schedule, names, trial.period, source)
     for name, values in trial.controllers.items():
         law, own = law_of(name, values or {})
         require_settings(law, own, plant, f"{source}: controllers.{name}")

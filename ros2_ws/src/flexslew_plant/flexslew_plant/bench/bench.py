@@ -14,7 +14,7 @@ from flexslew_plant.arrays import Vector, keep_all, kept
 from flexslew_plant.bench.divergence import diagnosis, is_lost, too_fast
 from flexslew_plant.bench.due_ticks import past, too_late
 from flexslew_plant.bench.handover import RUN_OVER, Handover
-from flexslew_plant.bench.injections import Injections, injection_of
+from flexslew_plant.bench.injections import Injections, injection_of, injections_of, names_of
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.records import BenchSettings as BenchSettings
 from flexslew_plant.bench.records import InjectResult as InjectResult
@@ -37,7 +37,6 @@ from flexslew_plant.events import (
     event_of,
 )
 from flexslew_plant.events.run import Objection
-from flexslew_plant.faults import Names
 from flexslew_plant.faults.effects import Fate
 from flexslew_plant.hardware.actuator import Actuator
 from flexslew_plant.hardware.drive import Drive
@@ -123,17 +122,8 @@ class Bench:
         self._friction = friction_of(settings.actuator, self.model, settings.period)
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.allow_faults)
-        self._names = Names(
-            self.model.joint_names,
-            self.appendages.names,
-            tuple(self.limit.tolist()),
-            self.model.one_way,
-        )
-        self._known = [
-            injection_of(entry, self._names, settings.period, f"schedule.{i}")
-            for i, entry in enumerate(settings.schedule)
-            if entry.switch is None and entry.retarget is None
-        ]
+        self._names = names_of(self.model, self.limit)
+        self._known = injections_of(settings.schedule, self._names, settings.period)
         self.events: deque[Event] = deque()
         self.epoch, self.tick = -1, 0
         self.reset()

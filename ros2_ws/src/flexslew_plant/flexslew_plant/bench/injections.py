@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector, kept
 from flexslew_plant.bench.records import ActiveFault
-from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.bench.schedule import Schedule, ScheduleEntry
 from flexslew_plant.events import DisturbanceChanged, Fact, FaultChanged
 from flexslew_plant.faults import Names, Timed, check_fault
 from flexslew_plant.faults.injection import Faults
@@ -18,6 +18,7 @@ from flexslew_plant.hardware.disturbances import (
     disturbance_effort,
 )
 from flexslew_plant.settings import plain
+from flexslew_plant.testbeds.model import Model
 from flexslew_plant.yaml_data import yaml_text
 
 Injection: TypeAlias = TimedDisturbance | Timed
@@ -44,6 +45,39 @@ def injection_of(entry: ScheduleEntry, names: Names, period: float, place: str) 
     shapes = entry.disturbance or {}
     check_disturbance(shapes, names.joints, f"{place}.disturbance")
     return TimedDisturbance(shapes, start, end)
+
+
+def names_of(model: Model, limit: Vector) -> Names:
+    """Return what faults and disturbances can be about.
+
+    Args:
+        model: what stands on the bench.
+        limit: of the effort of each joint, shape (joints,) [N m or N].
+    """
+    limits = tuple(limit.tolist())
+    return Names(model.joint_names, model.appendages.names, limits, model.one_way)
+
+
+def injections_of(
+    schedule: Schedule, names: Names, period: float, source: str = ""
+) -> list[Injection]:
+    """Return the disturbances and the faults of a schedule, with their ticks.
+
+    Args:
+        schedule: of a trial.
+        names: of the testbed.
+        period: of a tick [s].
+        source: of the trial, for errors.
+
+    Raises:
+        BadInput: see injection_of.
+    """
+    place = f"{source}: schedule" if source else "schedule"
+    return [
+        injection_of(entry, names, period, f"{place}.{i}")
+        for i, entry in enumerate(schedule)
+        if entry.switch is None and entry.retarget is None
+    ]
 
 
 class Injections:

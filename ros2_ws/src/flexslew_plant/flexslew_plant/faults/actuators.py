@@ -16,6 +16,8 @@ from flexslew_plant.faults.effects import (
 )
 from flexslew_plant.settings import section
 
+MOST_TICKS = 10_000.0  # by which commands may be late
+
 
 @section
 class ActuatorStuck:
@@ -68,7 +70,7 @@ class CommandDelay:
     """
 
     kind: Literal["command_delay"] = "command_delay"
-    ticks: Annotated[float, Field(gt=0.0, le=10_000.0)]  # whole ones and parts
+    ticks: Annotated[float, Field(gt=0.0, le=MOST_TICKS)]  # whole ones and parts
     joint: str | None = None  # whose; null: every one
 
     def subject(self, names: Names) -> Subject | None:

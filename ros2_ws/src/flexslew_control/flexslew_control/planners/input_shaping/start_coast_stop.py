@@ -135,10 +135,13 @@ def pulses_in(angle: float, duration: float, frequency: float) -> Pulses:
     """
     length = np.pi / frequency
     if duration < 2.0 * length:
+        faster = ""
+        if duration > 0.0:
+            enough = rounded_up(2.0 * np.pi / duration)
+            faster = f" or a pulse_frequency of {enough:g} rad/s (now {frequency:g})"
         raise PlanFailed(
             f"two pulses of {length:.4g} s do not fit into {duration:.4g} s (the duration less the "
-            f"shaper's); use a duration longer by {rounded_up(2.0 * length - duration):g} s or a "
-            f"higher pulse_frequency than {frequency:g} rad/s"
+            f"shaper's); use a duration longer by {rounded_up(2.0 * length - duration):g} s{faster}"
         )
     stop = duration - length
     return Pulses(2.0 * angle / (length * stop), frequency, stop)
