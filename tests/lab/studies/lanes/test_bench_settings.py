@@ -9,6 +9,7 @@ import pytest
 from tests.lab.studies.lanes.both_ways import CRAFT, require_equal
 
 from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.flight import flown
 from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
@@ -43,6 +44,22 @@ def test_motors_with_a_lag_or_a_slew_rate_fly_in_lanes_as_on_the_bench(
     }
     vary = {f"actuator.{key}": {"relative": {"uniform": [-0.5, 0.5]}} for key in MOTORS[motor]}
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2])
+
+
+def test_time_in_which_two_drives_are_at_their_limits_counts_once(
+    study_of: Callable[..., Study],
+) -> None:
+    trial = {
+        "duration": 4.0,
+        "testbed": {"modes": 1, "effort_limit": [20.0, 10.0]},
+        "plan": {"method": "none", "goal": {"base_yaw": 0.1, "hub_pitch": -0.05}, "duration": 1.0},
+        "controllers": {"pd_feedforward": {"kp": [460.0, 460.0], "kd": [920.0, 920.0]}},
+    }
+    vary = {"testbed.parameters.bending_stiffness": {"relative": {"uniform": [-0.2, 0.2]}}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    require_equal(ready, [0, 1])
+    metrics = flown(ready.study, case_of(ready.study, ready.samples, 0), ready.plans).metrics
+    assert (metrics["saturated_time"] or 0.0) > 1.0  # both are from the start
 
 
 INTEGRAL = {

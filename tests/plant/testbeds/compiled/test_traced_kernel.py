@@ -15,6 +15,7 @@ from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel
 from flexslew_plant.testbeds.compiled.nystrom import NYSTROM
 from flexslew_plant.testbeds.compiled.tape import Tape, Untraceable
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
+from flexslew_plant.testbeds.compiled.written import BlockLayout, needed, turns_of, written
 
 SECTIONS: dict[str, dict[str, Any]] = {
     "complete csa": {"kind": "csa", "modes": 3, "damping_ratio": 0.02},
@@ -73,6 +74,35 @@ def test_a_spacecraft_steps_as_the_model_does(trial: str) -> None:
     kernel = traced_kernel(model, False)
     assert kernel is not None
     require_steps_of_the_model(model, kernel)
+
+
+def in_python(tape: Tape, passes: list[dict[int, Any]], layout: BlockLayout, w: Vector) -> Vector:
+    """Return what a written function makes of w."""
+    names: dict[str, Any] = {"aligned_frame": lambda: None}
+    names["sine_cosine"] = lambda angle: (np.sin(angle), np.cos(angle))
+    exec(written("step", tape, passes, layout), names)
+    after = w.copy()
+    names["step"](0.0, 0.01, after)
+    return after
+
+
+def test_later_passes_read_what_earlier_ones_have_written() -> None:
+    tape = Tape(np.array([3.0, 0.25]))
+    first, second, p = tape.input("x", 0), tape.input("x", 1), tape.parameters()
+    turn = tape.operation("sine", first * p[0])
+    kept, results = [turn + second, 2.0], [turn * p[1], (turn + second) / (first + p[1])]
+    assert [node.index for node in turns_of(tape, results)] == [turn.index]
+    constants = needed(tape, [*kept, *results]).constants
+    layout = BlockLayout({"x": 0, "constants": 4}, constants, 2)
+    w = np.zeros(14)
+    w[:4] = 0.3, -0.7, 1.1, 0.4
+    w[4:8] = np.repeat(tape.evaluated(tape.packed[:, None], constants), 2)
+    whole = in_python(tape, [{0: results[0], 2: results[1]}], layout, w)
+    passes = [{8: kept[0], 10: kept[1], 12: turn}, {0: results[0], 2: results[1]}]
+    after = in_python(tape, passes, layout, w)
+    assert np.array_equal(after[:4], whole[:4])
+    assert after[8:12].tolist() == [*(np.sin(3.0 * w[:2]) + w[2:4]), 2.0, 2.0]
+    assert written("step", tape, passes, layout).count("sine_cosine") == 1
 
 
 @pytest.mark.parametrize("variant", ["complete", "printed"])

@@ -119,6 +119,23 @@ def aim_of(lane: LaneTrial, plan: Plan | None) -> tuple[Vector, FlownManoeuvre]:
     return np.concatenate((tip, place, goal.displacement)), goal
 
 
+def tips_measured(shares: Matrix) -> int:
+    """Return how many of the first tips there are beyond which none bends further.
+
+    Of two appendages that bend antisymmetrically it is the first one alone.
+
+    Args:
+        shares: of each mode in each tip, (tips, modes).
+    """
+    found = 0
+    for k, own in enumerate(shares):
+        before = shares[:k]
+        again = (own == before).all(axis=1) | (own == -before).all(axis=1)
+        if own.any() and not again.any():
+            found = k + 1
+    return found
+
+
 def drives_of(lanes: list[LaneTrial]) -> Matrix:
     """Return of every lane limits, least efforts, shortest impulses, rows `motor` and `spin`."""
     found = list[Vector]()

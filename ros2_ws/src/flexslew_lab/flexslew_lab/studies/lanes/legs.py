@@ -24,6 +24,7 @@ from flexslew_lab.studies.lanes.inputs import (
     positions_of,
     quanta_of,
     spun_by,
+    tips_measured,
     troubles_of,
 )
 from flexslew_lab.studies.lanes.laws.beginning import Beginning, beginning
@@ -209,6 +210,7 @@ class LaneFlight:
                 model.modes,
                 self._outputs,
                 len(model.appendages.names),
+                tips_measured(model.appendages.tip),
                 leg.form.law.kp.size,
                 leg.form.law.quadratic.size > 0,
                 leg.form.shared is not None,
@@ -217,6 +219,7 @@ class LaneFlight:
                 bool(motor.lag),
                 bool(stepped),
                 bool(self._quanta.any()),
+                self._observer.z.size > 0,
                 self._judge is not None,
                 leg.watch.innovations if leg.watch else 0,
                 k > 0,

@@ -87,18 +87,18 @@ def lane_loop(
     about = about_reference(m, rows.reading, turns and filtered is None)
     quantise = quantising(rows, sizes)
     compare, watch = judging(rows, sizes), watching(rows, sizes)
+    kept = ny * LANES * sizes.remembered
     set_in, sense = setting_in(rows, sizes, heard), sensing(rows, sizes, heard, filtered)
 
     @vectorised
     def read(k: int, error: Matrix, w: Vector) -> None:
         """Write what the sensors say: joints, rates, the first of the tips."""
-        row = k if error.shape[0] > 1 else 0
-        for i in range(ny * LANES):
+        row, rates = k if error.shape[0] > 1 else 0, m * LANES
+        for i in range(kept):
             w[earlier + i] = w[reading + i]
         for i in range(m * LANES):
             w[reading + i] = w[position + i] + error[row, i]
-        for i in range(m * LANES):
-            w[reading + m * LANES + i] = w[velocity + i] + error[row, m * LANES + i]
+            w[reading + rates + i] = w[velocity + i] + error[row, rates + i]
         for i in range(2 * m, ny):
             for lane in range(LANES):
                 at = error[row, i * LANES + lane]
@@ -177,39 +177,61 @@ def _recorded(states: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     return cast(Callable[..., None], keep)
 
 
+class _Moment(NamedTuple):
+    """What a tick is to the metrics."""
+
+    time: float  # [s]
+    held: float  # how long the effort before it was [s]
+    over: float  # 1: the manoeuvre is
+    started: float  # 0: it has; else -inf
+    ends: bool  # it is over from here on
+
+
+@vectorised
+def _moment(k: int, schedule: Any) -> _Moment:
+    """Return what a tick is to the metrics.
+
+    By numbers alone, and no branch on the way to them: arrays that the compiler has to hold across
+    one are counted in and out at every tick, which takes as long as the metrics.
+    """
+    before = max(k - 1, 0)
+    time, over, was_over = schedule.time[k], schedule.over[k], schedule.over[before] & (k > 0)
+    held, begun = time - schedule.time[before], schedule.started[k]
+    return _Moment(
+        time, held, 1.0 if over else 0.0, 0.0 if begun else -np.inf, over and not was_over
+    )
+
+
 def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what counts the truth of a tick and the effort that was held before it.
 
     Lanes are the innermost loop: only such loops become vector instructions.
     """
-    m, modes, tips = sizes.joints, sizes.modes, sizes.appendages
+    m, modes, tips = sizes.joints, sizes.modes, sizes.measured
     effort, tip, goal, sign, band = rows.applied, rows.tip, rows.goal, rows.sign, rows.band
     limit, residual_tip, peak_tip = rows.limit, rows.residual_tip, rows.peak_tip
     bent, full = rows.bent, rows.full
     residual, beyond, outside = rows.residual, rows.beyond, rows.outside
-    terminal, peak_effort = rows.terminal, rows.peak_effort
+    peak_effort = rows.peak_effort
     square_sum, saturated = rows.square_sum, rows.saturated
-    _, position, velocity, mode, mode_rate, _ = of_kernel
+    _, position, _, mode, _, _ = of_kernel
+    finish = _terminal(of_kernel, rows, sizes)
 
     @vectorised
-    def measure(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
-        time = schedule.time[k]
-        held = time - schedule.time[k - 1] if k > 0 else 0.0
-        over = 1.0 if schedule.over[k] else 0.0
-        started = 0.0 if schedule.started[k] else -np.inf
+    def count(now: _Moment, w: Vector) -> None:
+        time, held, over, started = now.time, now.held, now.over, now.started
         for i in range(tips):
+            first_share = tip + i * modes * LANES
             for lane in range(LANES):
-                w[bent + lane] = 0.0
-            for j in range(modes):
-                share = tip + (i * modes + j) * LANES
+                w[bent + lane] = w[first_share + lane] * w[mode + lane]
+            for j in range(1, modes):
+                share = first_share + j * LANES
                 for lane in range(LANES):
                     w[bent + lane] += w[share + lane] * w[mode + j * LANES + lane]
             for lane in range(LANES):
-                now = abs(w[bent + lane])
-                w[peak_tip + lane] = max(w[peak_tip + lane], now)
-                w[residual_tip + lane] = max(w[residual_tip + lane], over * now)
-        for lane in range(LANES):
-            w[full + lane] = 0.0
+                deflection = abs(w[bent + lane])
+                w[peak_tip + lane] = max(w[peak_tip + lane], deflection)
+                w[residual_tip + lane] = max(w[residual_tip + lane], over * deflection)
         for i in range(m):
             for lane in range(LANES):
                 at = i * LANES + lane
@@ -219,16 +241,33 @@ def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., N
                 w[outside + at] = time if abs(error) > w[band + at] else w[outside + at]
                 w[peak_effort + at] = max(w[peak_effort + at], push)
                 w[square_sum + at] += held * push * push
-                w[full + lane] = held if push >= w[limit + at] * MARGIN else w[full + lane]
-        for lane in range(LANES):
-            w[saturated + lane] += w[full + lane]
-        if schedule.over[k] and not (k > 0 and schedule.over[k - 1]):
-            for i in range(m * LANES):
-                w[terminal + i % LANES] += (w[position + i] - w[goal + i]) ** 2
-                w[terminal + i % LANES] += w[velocity + i] ** 2
-            for i in range(modes * LANES):
-                w[terminal + i % LANES] += w[mode + i] ** 2 + w[mode_rate + i] ** 2
-            for lane in range(LANES):
-                w[terminal + lane] = np.sqrt(w[terminal + lane])
+                most = push >= w[limit + at] * MARGIN
+                w[saturated + lane] += held if most and w[full + lane] < time else 0.0
+                w[full + lane] = time if most else w[full + lane]
+
+    @vectorised
+    def measure(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
+        now = _moment(k, schedule)
+        count(now, w)
+        if now.ends:
+            finish(w)
 
     return cast(Callable[..., None], measure)
+
+
+def _terminal(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what writes the norm of the error at the end of the manoeuvre."""
+    m, modes, terminal, goal = sizes.joints, sizes.modes, rows.terminal, rows.goal
+    _, position, velocity, mode, mode_rate, _ = of_kernel
+
+    @vectorised
+    def finish(w: Vector) -> None:
+        for i in range(m * LANES):
+            w[terminal + i % LANES] += (w[position + i] - w[goal + i]) ** 2
+            w[terminal + i % LANES] += w[velocity + i] ** 2
+        for i in range(modes * LANES):
+            w[terminal + i % LANES] += w[mode + i] ** 2 + w[mode_rate + i] ** 2
+        for lane in range(LANES):
+            w[terminal + lane] = np.sqrt(w[terminal + lane])
+
+    return cast(Callable[..., None], finish)

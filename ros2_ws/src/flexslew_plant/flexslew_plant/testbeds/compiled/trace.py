@@ -96,8 +96,8 @@ class NotedEquations:
                 slopes.append(self.slopes(t + h * float(time), x))
         return x
 
-    def nystrom_step(self, t: Value, h: Value, scheme: Nystrom) -> Any:
-        """Return the state after a step of a Runge-Kutta-Nystrom scheme, for q' = v.
+    def nystrom_step(self, t: Value, h: Value, scheme: Nystrom) -> list[Any]:
+        """Return the accelerations of all stages of a scheme for q' = v, then the state after.
 
         Args:
             t: at its start.
@@ -122,7 +122,7 @@ class NotedEquations:
                 }
                 found.append(self.acceleration(t + h * float(time), x))
         self._moved = {}
-        return x
+        return [*found, x]
 
     def _moved_from(self, angle: Value) -> Value:
         """Return the coordinate at the start of a step that has become this one; None: unknown."""

@@ -5,7 +5,8 @@ lanes without a branch (written). Short equations are written as whole steps, al
 stay in registers or near them; long ones stage by stage, for a block of lanes that fits into the
 first cache. Where a testbed bounds its frequencies the scheme of short equations is Nystrom's of
 order 5 (see nystrom), in steps short enough for metrics good to 1e-11, else that of the bench, of
-order 8.
+order 8. A step of Nystrom's is a loop for each stage: while one lane's stage waits for its results
+the processor works on the next lane's, which a whole step is too long for.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,9 +27,9 @@ from flexslew_plant.testbeds.compiled.lanes import (
 )
 from flexslew_plant.testbeds.compiled.nystrom import NYSTROM
 from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine, turned
-from flexslew_plant.testbeds.compiled.tape import Untraceable
+from flexslew_plant.testbeds.compiled.tape import Number, Tape, Untraceable
 from flexslew_plant.testbeds.compiled.trace import NotedEquations
-from flexslew_plant.testbeds.compiled.written import Needed, needed, written
+from flexslew_plant.testbeds.compiled.written import BlockLayout, needed, turns_of, written
 from flexslew_plant.testbeds.model import Model
 
 _REACH = 0.1  # largest frequency times step at which order 5 is good for 1e-11 [-]
@@ -128,39 +129,60 @@ def _kernel(model: Model, equations: NotedEquations, brisk: bool) -> LaneKernel 
     stages = len(NYSTROM.times if brisk else _EIGHT.times)
     few = len(needed(tape, slopes).steps) * stages <= _WHOLE
     brisk = brisk and few
-    results = slopes
-    if few:
-        results = equations.nystrom_step(t, h, NYSTROM) if brisk else equations.step(t, h, *_EIGHT)
-    needs = needed(tape, [*results, *joints])
+    found = [slopes]  # by stage what later ones need, then the results
+    if brisk:
+        found = equations.nystrom_step(t, h, NYSTROM)
+    elif few:
+        found = [equations.step(t, h, *_EIGHT)]
+    constants = needed(tape, [*found[-1], *joints]).constants
+    end = rows.end + len(constants) * LANES
 
-    def text(
-        name: str, values: Any, at: int, places: dict[str, int], width: int, given: str = "t, h, w"
-    ) -> str:
-        only = Needed(needed(tape, values).steps, needs.constants)
-        to = {at + i * width: value for i, value in enumerate(values)}
-        return written(name, tape, only, places, to, width, given)
+    def function(name: str, passes: list[dict[int, Any]], layout: BlockLayout) -> Any:
+        return _function(name, written(name, tape, passes, layout))
 
     if reads:
-        read = _function("read", text("read", joints, rows.position, own, LANES, "filled, w"))
-    end = rows.end + len(needs.constants) * LANES
+        layout = BlockLayout(own, constants, LANES, "filled, w")
+        read = function("read", [_placed(joints, rows.position, LANES)], layout)
     if few:
-        step = _function("step", text("step", results, 0, own, LANES))
-        advance, size = _whole(step), end
+        passes, size = list[dict[int, Any]](), end
+        for values in _kept(tape, found):
+            passes.append(_placed(values, size, LANES))
+            size += len(values) * LANES
+        passes.append(_placed(found[-1], 0, LANES))
+        advance = _whole(function("step", passes, BlockLayout(own, constants, LANES)))
     else:
-        counts = (states, model.efforts, len(needs.constants), states, states)
-        x, u, constants, at, slope = (end + _BLOCK * sum(counts[:k]) for k in range(5))
-        places = {"x": at, "u": u, "constants": constants}
-        slopes_of = _function("slopes", text("slopes", results, slope, places, _BLOCK))
-        work = _Work(states, states + model.efforts, len(needs.constants), rows.end, x, at, slope)
+        counts = (states, model.efforts, len(constants), states, states)
+        x, u, of_block, at, slope = (end + _BLOCK * sum(counts[:k]) for k in range(5))
+        layout = BlockLayout({"x": at, "u": u, "constants": of_block}, constants, _BLOCK)
+        slopes_of = function("slopes", [_placed(slopes, slope, _BLOCK)], layout)
+        work = _Work(states, states + model.efforts, len(constants), rows.end, x, at, slope)
         advance = _by_stages(slopes_of, _EIGHT, work)
         size = slope + _BLOCK * states * (1 + stages)
 
     def place(packed: Matrix) -> Vector:
         w = np.zeros(size)
-        w[rows.end : end] = tape.evaluated(packed, needs.constants).ravel()
+        w[rows.end : end] = tape.evaluated(packed, constants).ravel()
         return w
 
     return LaneKernel(advance, read, rows, size, place, _REACH if brisk else np.inf)
+
+
+def _placed(values: Any, at: int, width: int) -> dict[int, Any]:
+    """Return values by where in w they begin."""
+    return {at + i * width: value for i, value in enumerate(values)}
+
+
+def _kept(tape: Tape, found: list[Any]) -> list[list[Number]]:
+    """Return what each stage but the last keeps for the later ones, the last being the result."""
+    kept, known = list[list[Number]](), set[int]()
+    for stage, values in enumerate(found[:-1]):
+        turns = [turn for turn in turns_of(tape, values) if turn.index not in known]
+        own = [value for value in values if isinstance(value, Number)]
+        known |= {value.index for value in own}
+        later = {k for after in found[stage + 1 :] for k in needed(tape, after, known).steps}
+        kept.append([*own, *(turn for turn in turns if turn.index in later)])
+        known |= {value.index for value in kept[-1]}
+    return kept
 
 
 def _function(name: str, text: str) -> Any:

@@ -1,7 +1,7 @@
-"""A tape as text for the compiler: a loop over lanes without a branch, which it vectorises."""
+"""A tape as text for the compiler: loops over lanes without a branch, which it vectorises."""
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Container, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from flexslew_plant.testbeds.compiled.tape import Number, Tape, Value
 
@@ -11,6 +11,7 @@ _FORM = {
     "abs": "abs({})",
     "where": "({1} if {0} else {2})",
 }
+_TURNS = ("sine", "cosine")
 
 
 class Needed(NamedTuple):
@@ -20,8 +21,17 @@ class Needed(NamedTuple):
     constants: list[int]  # known before the first
 
 
-def needed(tape: Tape, results: Sequence[Value]) -> Needed:
-    """Return what these results need."""
+class BlockLayout(NamedTuple):
+    """Where in w what a function reads begins, and how it is called."""
+
+    rows: Mapping[str, int]  # of the inputs "x" and "u", and of the constants
+    constants: Sequence[int]  # places on the tape, in the order of their rows
+    width: int  # lanes of a block, which stand beside each other in w
+    given: str = "t, h, w"  # its arguments
+
+
+def needed(tape: Tape, results: Sequence[Value], known: Container[int] = ()) -> Needed:
+    """Return what these results need, beyond what is known already."""
     steps: set[int] = set()
     constants: set[int] = set()
     waiting = [value.index for value in results if isinstance(value, Number)]
@@ -29,49 +39,63 @@ def needed(tape: Tape, results: Sequence[Value]) -> Needed:
         k = waiting.pop()
         if tape.parametric[k]:
             constants.add(k)
-        elif k not in steps:
+        elif k not in steps and k not in known:
             steps.add(k)
             name, *parts = tape.nodes[k]
             waiting += [part for part in parts if type(part) is int and name != "input"]
     return Needed(sorted(steps), sorted(constants))
 
 
+def turns_of(tape: Tape, results: Sequence[Value]) -> list[Number]:
+    """Return the sines and cosines that results need, which take long to find again."""
+    found = needed(tape, results).steps
+    return [Number(tape, k) for k in found if tape.nodes[k][0] in _TURNS]
+
+
 def written(
-    name: str,
-    tape: Tape,
-    needs: Needed,
-    rows: Mapping[str, int],
-    results: Mapping[int, Value],
-    width: int,
-    given: str = "t, h, w",
+    name: str, tape: Tape, passes: Sequence[Mapping[int, Value]], layout: BlockLayout
 ) -> str:
-    """Return the text of a function of `given` that writes results for all lanes of a block.
+    """Return the text of a function that writes results for all lanes of a block.
+
+    Each pass is a loop over the lanes. What one has written the later ones read, so none but the
+    last may write over an input.
 
     Args:
         name: of the function.
         tape: the operations.
-        needs: of the results.
-        rows: where in w the inputs "x" and "u" and the "constants" of needs begin.
-        results: by where in w they begin.
-        width: lanes of a block, which stand beside each other in w.
-        given: its arguments.
+        passes: results by where in w they begin.
+        layout: of what it reads.
     """
-    of_constant = {k: rows["constants"] + i * width for i, k in enumerate(needs.constants)}
+    lines = [f"def {name}({layout.given}):", "    aligned_frame()"]
+    first, width = layout.rows["constants"], layout.width
+    places = {k: first + i * width for i, k in enumerate(layout.constants)}
+    for results in passes:
+        lines += _loop(tape, results, places, layout)
+        for row, value in results.items():
+            if isinstance(value, Number):
+                places.setdefault(value.index, row)
+    return "\n".join(lines) + "\n"
 
-    def text(part: object) -> str:
+
+def _loop(
+    tape: Tape, results: Mapping[int, Value], places: Mapping[int, int], layout: BlockLayout
+) -> list[str]:
+    """Return the lines of a pass; places: where in w stands what is known already, by node."""
+
+    def text(part: Any) -> str:
         if isinstance(part, tuple):
             return repr(part[1])
-        return f"w[{of_constant[part]} + k]" if part in of_constant else f"a{part}"
+        return f"w[{places[part]} + k]" if part in places else f"a{part}"
 
-    lines = [f"def {name}({given}):", "    aligned_frame()", f"    for k in range({width}):"]
+    rows, width, lines = layout.rows, layout.width, [f"    for k in range({layout.width}):"]
     turned: dict[tuple[object, ...], int] = {}  # what sine and cosine are there of
-    for k in needs.steps:
+    for k in needed(tape, list(results.values()), places).steps:
         what, *parts = tape.nodes[k]
         if what == "input":
             kind, index = parts
             shared = kind in ("t", "h")
             value = kind if shared else f"w[{rows[kind] + index * width} + k]"
-        elif what in ("sine", "cosine"):
+        elif what in _TURNS:
             angle = tuple(parts)
             if angle not in turned:
                 turned[angle] = k
@@ -86,4 +110,4 @@ def written(
     for row, result in results.items():
         value = text(result.index) if isinstance(result, Number) else repr(float(result))
         lines.append(f"        w[{row} + k] = {value}")
-    return "\n".join(lines) + "\n"
+    return lines

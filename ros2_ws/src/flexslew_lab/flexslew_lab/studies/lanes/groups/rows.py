@@ -16,6 +16,7 @@ class Sizes(NamedTuple):
     modes: int
     outputs: int  # that the law reads: joints, rates, the first of the tips
     appendages: int
+    measured: int  # the first of them: the others bend as one of these, to either side
     axes: int  # that the law has efforts for: joints, or body axes
     quadratic: bool  # the law has products of rates
     shared: bool  # its torque is shared out among the joints' drives
@@ -24,6 +25,7 @@ class Sizes(NamedTuple):
     lagged: bool  # torques of motors lag
     stepped: bool  # they are multiples of a quantum
     quantised: bool  # readings are
+    remembered: bool  # observers ask for the readings of the tick before, and for demands
     judged: bool  # joint readings are compared
     watched: int  # innovations that a monitor looks at
     taken: bool  # the law took over from another one
@@ -71,7 +73,7 @@ class Rows(NamedTuple):
     doubt: int  # 1: something was too near to an edge, see quanta; 2: see judge and watch
     squares: int  # of innovations over their variances, added up in a window
     bent: int  # a tip's deflection at this tick
-    full: int  # how long a drive was at its limit until this tick
+    full: int  # last time at which a drive was at its limit
     residual_tip: int  # from here on: what the metrics count
     peak_tip: int
     residual: int

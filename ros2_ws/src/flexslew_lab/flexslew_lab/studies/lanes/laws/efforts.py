@@ -256,7 +256,7 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     follow, stepped, doubt = _follow(rows, sizes), sizes.stepped, rows.doubt
     quantum = rows.motor + 2 * LANES
     apart, ask, give = sizes.apart, broken_demand(rows, sizes), broken_motors(rows, sizes)
-    spin = _spin(rows, sizes)
+    spin, stated = _spin(rows, sizes), LANES * sizes.remembered
 
     @vectorised
     def disturb(k: int, i: int, troubles: Troubles, w: Vector) -> None:
@@ -268,7 +268,7 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
 
     @vectorised
     def drive(k: int, i: int, dt: float, troubles: Troubles, w: Vector, filled: int) -> None:
-        for at in range(i * LANES, (i + 1) * LANES):
+        for at in range(i * LANES, i * LANES + stated):
             w[own + at] = min(max(w[effort + at], -w[limit + at]), w[limit + at])
         ask(k, i, troubles.faults, w, filled)
         for at in range(i * LANES, (i + 1) * LANES):
