@@ -8,7 +8,7 @@ from flexslew_lab.studies.lanes.fleet import form_of
 from flexslew_lab.studies.lanes.groups.charge import charge_of
 from flexslew_lab.studies.lanes.groups.lane_trial import (
     controller_of,
-    injections_of,
+    injected_in,
     way_of_settings,
     way_of_testbed,
 )
@@ -24,7 +24,7 @@ FOR_THE_BENCH = {"predictive_m1": Way.LAW}
 def way_of(trial: Trial) -> Way:
     """Return how a study flies a trial, from a reference that rests."""
     model = trial.testbed.model()
-    charge = charge_of(trial, injections_of(trial, model).faults)
+    charge = charge_of(trial, injected_in(trial, model).faults)
     if isinstance(charge, Way):
         return charge
     for way in (way_of_settings(trial, charge), way_of_testbed(model)):

@@ -19,7 +19,7 @@ from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.injections import injection_of
+from flexslew_plant.bench.injections import injections_of, names_of
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.errors import FlexslewError
@@ -145,7 +145,7 @@ class LaneIntake:
         known = self._happens.get(variant)
         if known is not None and known[0] == source:
             return known[1]
-        injected = injections_of(trial, model)
+        injected = injected_in(trial, model)
         blind = _blind(trial, model, injected.faults)
         charge = blind if isinstance(blind, Way) else charge_of(trial, injected.faults, blind)
         found = charge if isinstance(charge, Way) else Happening(charge, *injected)
@@ -234,15 +234,10 @@ class Injected(NamedTuple):
     faults: tuple[Timed, ...]
 
 
-def injections_of(trial: Trial, model: Model) -> Injected:
-    """Return what disturbs a trial and what breaks in it; see injection_of for what is refused."""
-    limits = tuple(trial.testbed.effort_limit)
-    names = Names(model.joint_names, model.appendages.names, limits, model.one_way)
-    found = [
-        injection_of(entry, names, trial.period, "schedule")
-        for entry in trial.schedule
-        if entry.disturbance is not None or entry.fault is not None
-    ]
+def injected_in(trial: Trial, model: Model) -> Injected:
+    """Return what disturbs a trial and what breaks in it; see injections_of for what is refused."""
+    names = names_of(model, np.array(trial.testbed.effort_limit))
+    found = injections_of(trial.schedule, names, trial.period)
     disturbances = tuple(one for one in found if isinstance(one, TimedDisturbance))
     return Injected(disturbances, tuple(one for one in found if isinstance(one, Timed)))
 
