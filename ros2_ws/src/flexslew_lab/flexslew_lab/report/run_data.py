@@ -109,7 +109,7 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
         tuple(collector.phases),
         np.array(collector.frame_time),
         np.array(collector.frame_position),
-        np.array(collector.frame_reference),
+        np.array([one for one in collector.frame_reference if len(one) == joints]),
         flown,
     )
 
