@@ -47,8 +47,6 @@ class RandomOperator:
         while self._bench.dead:
             self._desk.do(self._charge.start_again)
         self._plans.end_all()
-        if self._desk.braked:
-            self._desk.do(self._charge.release)
         if self._bench.state.state == PAUSED:
             self._desk.do(self._run.start)
         self._desk.do(self._charge.answers)
@@ -57,6 +55,8 @@ class RandomOperator:
             self._desk.do(self._run.start)
         self._desk.until(self._all_ready)
         self._pass_by(10)  # what is due with the next tick has come
+        if self._desk.braked:  # to get the bench going, too
+            self._desk.do(self._charge.release)
         self._desk.do(self._charge.take_charge)
         self._pass_by(50)
 

@@ -207,7 +207,7 @@ def require_sampled_stability(
         advice = f"the longest period that works is {works:.2g} s"
     raise BadInput(
         f"{what} is not stable with a period of {period:g} s: the spectral radius of one tick is "
-        f"{found:.4g}; {advice}{remedy}"
+        f"{found:.8g}; {advice}{remedy}"
     )
 
 
