@@ -54,9 +54,9 @@ class RandomOperator:
             self._desk.do(self._run.reset)
             self._desk.do(self._run.start)
         self._desk.until(self._all_ready)
-        self._pass_by(10)  # what is due with the next tick has come
         if self._desk.braked:  # to get the bench going, too
             self._desk.do(self._charge.release)
+        self._pass_by(10)  # what is due with the next tick has come
         self._desk.do(self._charge.take_charge)
         self._pass_by(50)
 
