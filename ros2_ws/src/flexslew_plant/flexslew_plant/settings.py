@@ -18,6 +18,7 @@ _T = TypeVar("_T")
 _Place = tuple[Any, ...]  # keys and places in lists, from the top on
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
 _CONTAINERS = (dict, list, tuple)
+_SCALARS = frozenset((float, int, str, type(None)))
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -78,30 +79,22 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     except ValidationError as error:
         refusal, name = refusal_of(error, kind, values, source), untrusted(error)
         raise (Untrusted(refusal, name) if name else BadInput(refusal)) from None
-    found = _booleans((values,)) if _has_boolean((values,)) else ()
-    for place, value in found:  # which pydantic takes for 1 and 0
-        taken = _at((_adapter(kind).dump_python(result, warnings=False),), place)
-        if isinstance(taken, int | float) and not isinstance(taken, bool):
+    for place, value in _booleans((values,)):  # which pydantic takes for 1 and 0
+        found = _at((_adapter(kind).dump_python(result, warnings=False),), place)
+        if isinstance(found, int | float) and not isinstance(found, bool):
             raise BadInput("give a number", source, ".".join(map(str, place[1:])), value)
     return result
 
 
-def _has_boolean(values: Any) -> bool:
-    """Return whether there is a boolean in nested settings: most have none, or few."""
-    for part in values.values() if isinstance(values, dict) else values:
-        if part is True or part is False:
-            return True
-        if isinstance(part, _CONTAINERS) and _has_boolean(part):
-            return True
-    return False
-
-
 def _booleans(values: Any, place: _Place = ()) -> Iterator[tuple[_Place, bool]]:
     """Find the booleans in nested settings, and where they stand."""
-    for key, part in values.items() if isinstance(values, dict) else enumerate(values):
+    named = isinstance(values, dict)
+    if _SCALARS.issuperset(map(type, values.values() if named else values)):  # most of them do
+        return
+    for key, part in values.items() if named else enumerate(values):
         if part is True or part is False:
             yield (*place, key), part
-        elif isinstance(part, _CONTAINERS):
+        elif isinstance(part, _CONTAINERS):  # few are: a call for each takes long
             yield from _booleans(part, (*place, key))
 
 

@@ -41,21 +41,15 @@ class LaneCourse(NamedTuple):
 
 def course_of(plan: Plan, ticks: int) -> LaneCourse:
     """Return a plan tick by tick."""
-    begin, end = plan.first_tick, plan.first_tick + plan.ticks
-    first, last = min(begin, ticks), min(end, ticks)
-    references = [plan.reference(begin - 1)] * first
-    references += [plan.reference(k) for k in range(first, last)]
-    references += [plan.reference(end)] * (ticks - last)
-    row = np.arange(ticks) - begin
-    moves = (row >= 0) & (row < plan.ticks)
+    references = [plan.reference(k) for k in range(ticks)]
     time = _stamps(plan.period, ticks)
     return LaneCourse(
         references,
         time,
         time >= plan.start + plan.duration - 1e-9,
         time >= plan.start - 1e-9,
-        plan.position[row.clip(0, plan.ticks)],
-        np.where(moves[:, None], plan.velocity[row.clip(0, plan.ticks)], 0.0),
+        np.array([r.position for r in references]),
+        np.array([r.velocity for r in references]),
     )
 
 
