@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from typer.main import get_command
 
+from tests.browser import NO_CHROMIUM
+
 if TYPE_CHECKING:
     from flexslew_control.plan import Plan
 
@@ -30,6 +32,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--cases", type=int, default=10, help="Random cases of each campaign.")
     group.addoption("--transport", default="", help="Of questions over ROS: auto or dds.")
     group.addoption("--seed", type=int, default=1, help="Of the first case; the next has the next.")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Report in one line how many tests lacked a browser, and how to run them."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    count = sum(NO_CHROMIUM in str(report.longrepr) for report in skipped)
+    if count:
+        tests = "1 test was" if count == 1 else f"{count} tests were"
+        remedy = "apt-get install chromium chromium-driver, then run the same command again"
+        terminalreporter.write_line(f"{tests} skipped, {NO_CHROMIUM} here: {remedy}", yellow=True)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

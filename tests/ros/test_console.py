@@ -16,6 +16,7 @@ from tests.browser import FOUND, chromium
 from .console_page import Page, console, trial_file
 
 
+@pytest.mark.browser
 @pytest.mark.alone
 @pytest.mark.timeout(1200)
 def test_a_session_worked_by_hand_flies_again_with_the_same_bits(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ active: pd_feedforward
 """
 
 
+@pytest.mark.browser
 @pytest.mark.alone
 @pytest.mark.timeout(600)
 def test_a_bench_is_shaken_identified_and_planned_for_from_the_page(tmp_path: Path) -> None:

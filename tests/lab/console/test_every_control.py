@@ -16,7 +16,14 @@ from flexslew_plant.events.event import event_of
 
 
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize(("width", "webgl"), [(1440, True), (1024, False), (390, False)])
+@pytest.mark.parametrize(
+    ("width", "webgl"),
+    [
+        pytest.param(1440, True, marks=pytest.mark.browser),
+        (1024, False),  # the one walk of every run of the tests
+        pytest.param(390, False, marks=pytest.mark.browser),
+    ],
+)
 def test_every_control_does_what_it_is_for(
     served: tuple[Page, FakeLink], width: int, webgl: bool
 ) -> None:

@@ -8,6 +8,8 @@ from tests.console_walk import served_page
 
 from flexslew_lab.console.view import ControllerView
 
+pytestmark = pytest.mark.browser
+
 _LONG = "b" * 60
 _OUTSIDE = """
 const place = document.querySelector('.bench-left').getBoundingClientRect();

@@ -11,6 +11,8 @@ from tests.fake_bench import FakeLink
 
 from flexslew_lab.console.page import Page
 
+pytestmark = pytest.mark.browser
+
 _SAYS = "return document.getElementById('popup').innerText.includes(arguments[0])"
 
 

@@ -13,6 +13,8 @@ from flexslew_lab.console.replay import Replay
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import read_trial
 
+pytestmark = pytest.mark.browser
+
 PAUSED = (
     "return document.querySelector('[role=checkbox][aria-label=\"Pause the view\"]')"
     "?.ariaChecked === 'true'"

@@ -10,6 +10,8 @@ from tests.fake_bench import FakeLink
 from flexslew_lab.console.drawing import _ASLEEP
 from flexslew_lab.console.page import Page
 
+pytestmark = pytest.mark.browser
+
 _THERE = "return document.querySelectorAll('.bench-grid svg path').length > 4"
 # what is drawn waits until it is let go; what comes for charts is counted
 _HOLD = """

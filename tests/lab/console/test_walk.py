@@ -9,6 +9,8 @@ from flexslew_lab.console.page import Page
 from flexslew_plant.events import Noted
 from flexslew_plant.events.event import event_of
 
+pytestmark = pytest.mark.browser
+
 # what moves for longer than anybody sees
 _MOVES = """
 return [...document.querySelectorAll("*")].map(e => [e.className, getComputedStyle(e)])

@@ -8,11 +8,12 @@ from tests.browser import PALE, Browser, chromium, looked_at
 from tests.plants import plant
 
 from flexslew_control.planners import make_plan, plan_settings
-from flexslew_lab.report.page import wrapped
 from flexslew_lab.report.report import write_plan, write_report
 from flexslew_lab.report.tables import Table, tables_page
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
+
+pytestmark = pytest.mark.browser
 
 TRIAL = """
 name: a_trial_with_a_long_name
@@ -37,18 +38,6 @@ PAGES = ("one", "compared", "several", "plan")
 def browser() -> Iterator[Browser]:
     with chromium() as found:
         yield found
-
-
-@pytest.mark.parametrize(
-    ("text", "shown"),
-    [
-        ("0.000 -0.013 1e-05 5.948", "0.000 -0.013 1e-05 5.948"),
-        ("effort.base_yaw", "effort.<wbr>base_<wbr>yaw"),
-        ("runs/m1-a", "runs/<wbr>m1-<wbr>a"),
-    ],
-)
-def test_names_may_go_on_in_the_next_line_and_numbers_may_not(text: str, shown: str) -> None:
-    assert wrapped(text) == shown
 
 
 def test_a_browser_without_javascript_says_why_there_are_no_figures(
