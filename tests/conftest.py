@@ -29,7 +29,7 @@ hypothesis.settings.load_profile("bench")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("campaigns")
-    group.addoption("--cases", type=int, default=10, help="Random cases of each campaign.")
+    group.addoption("--cases", type=int, help="Random cases of each campaign; ten without it.")
     group.addoption("--transport", default="", help="Of questions over ROS: auto or dds.")
     group.addoption("--seed", type=int, default=1, help="Of the first case; the next has the next.")
 
@@ -45,13 +45,18 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Give a test that asks for a `case` as many of them as --cases says."""
+    """Draw the random cases of a test with a `case`; without --cases, mark all but the first."""
     own = any("case" in mark.args[0] for mark in metafunc.definition.iter_markers("parametrize"))
-    if "case" in metafunc.fixturenames and not own:
-        share = metafunc.definition.get_closest_marker("share")
-        first, count = metafunc.config.option.seed, metafunc.config.option.cases
-        count = max(1, round(count * share.args[0])) if share else count
-        metafunc.parametrize("case", range(first, first + count), indirect=True)
+    if "case" not in metafunc.fixturenames or own:
+        return
+    option = metafunc.config.option
+    share = metafunc.definition.get_closest_marker("share")
+    part = share.args[0] if share else 1.0
+    count = max(1, round(part * (10 if option.cases is None else option.cases)))
+    beyond = [pytest.mark.campaign] if option.cases is None else []
+    seeds = range(option.seed + 1, option.seed + count)
+    cases = [option.seed, *(pytest.param(seed, marks=beyond) for seed in seeds)]
+    metafunc.parametrize("case", cases, indirect=True)
 
 
 @pytest.fixture(autouse=True, scope="session")

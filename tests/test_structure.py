@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from flexslew_lab.cli.suite import OVER_ROS
 from flexslew_plant.events import EVENTS
 
 ROOT = Path(__file__).parents[1]
@@ -32,6 +33,13 @@ PACKAGES = {module_of(path) for path in FILES if path.name == "__init__.py"}
 def trees() -> dict[Path, ast.Module]:
     """Return the syntax tree of every file."""
     return {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
+
+
+def test_only_tests_over_ros_are_marked_alone() -> None:
+    over_ros = [ROOT / part for part in OVER_ROS]
+    marked = [path for path in (ROOT / "tests").rglob("*.py") if "mark.alone" in path.read_text()]
+    outside = {p for p in marked if not any(p.is_relative_to(part) for part in over_ros)}
+    assert outside == {ROOT / "tests/lab/cli/test_suite.py", Path(__file__)}  # which quote it
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,9 @@
 """Subcommands that need a checkout: benchmarks and tests."""
 
 import json
-import os
 import subprocess
 import sys
+from contextlib import chdir
 from pathlib import Path
 from typing import Annotated
 
@@ -11,15 +11,20 @@ import typer
 
 from flexslew_lab.background import machine_code_log, wait_for
 from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.suite import (
+    NOTHING_SELECTED,
+    Selection,
+    exit_code,
+    parts,
+    read_selection,
+)
 from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import EXTRAS
 
 # they take long, or much of the machine
 LONG = ("console", "day", "gains", "identification", "margins", "study_bad_days")
-OVER_ROS = ("tests/ros", "tests/campaigns/ros")
 _IN_A_CHECKOUT = "tests and benchmarks are in the source tree; run ./flexslew in a checkout"
-_MOST = 8  # processes that compute, of three quarters of a gigabyte each
 
 
 def bench(
@@ -89,29 +94,36 @@ def extras() -> None:
     say("all packages are installed")  # ./flexslew has done it before this was called
 
 
-def test(context: typer.Context) -> None:
-    """Run the tests; all arguments are passed on to pytest.
+def run_tests(
+    context: typer.Context,
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="Also what is marked ros, browser, campaign, matrix, slow."),
+    ] = False,
+) -> None:
+    """Run the tests; all other arguments are passed on to pytest.
 
-    Without arguments as many run side by side as there are processors, at most eight: first those
-    that need no ROS, then those over ROS, a file at a time and twice as many files, as benches
-    wait more than they compute, and at last, alone, those that hold a bench against the wall
-    clock. A test that fails has failed: none runs twice.
+    Every property is checked once. With --all also over ROS and in a browser beyond the
+    representatives, in all random cases, in full products and in long runs. A file that is named
+    runs whole, and so do campaigns with --cases; an expression of -m replaces the selection.
+
+    As many tests run side by side as there are processors, at most eight: first those that need
+    no ROS, then those over ROS, and at last, alone, those against the wall clock. A failed test
+    is not repeated.
 
     Example: `./flexslew test tests/plant -k energy`
     """
     _wait_for_machine_code()
-    if context.args:
-        raise typer.Exit(_pytest(*context.args))
-    workers = min(os.cpu_count() or 2, _MOST)
-    waiting = min(2 * workers, _MOST)
-    ignored = (f"--ignore={part}" for part in OVER_ROS)
-    # a long file at the end is shared; the benches of a file over ROS stay with one process
-    parts = (
-        ("-n", f"{workers}", "--dist", "worksteal", *ignored),
-        ("-n", f"{waiting}", "--dist", "loadfile", *OVER_ROS, "-m", "not alone"),
-        (*OVER_ROS, "-m", "alone"),
-    )
-    raise typer.Exit(max(_pytest(*part) for part in parts))
+    with chdir(_root()):
+        selection = read_selection(context.args) if context.args else Selection()
+        if isinstance(selection, int):
+            raise typer.Exit(selection)
+        codes = []
+        for part in parts(selection, everything):
+            codes.append(_pytest(*part))
+            if selection.stops and codes[-1] not in (0, NOTHING_SELECTED):
+                break
+    raise typer.Exit(exit_code(codes))
 
 
 def _wait_for_machine_code() -> None:
@@ -123,7 +135,7 @@ def _wait_for_machine_code() -> None:
 def _pytest(*arguments: str) -> int:
     """Return the exit code of pytest; one that a signal ended has 128 and its number."""
     command = [sys.executable, "-P", "-m", "pytest", *arguments]
-    code = subprocess.run(command, cwd=_root(), check=False).returncode
+    code = subprocess.run(command, check=False).returncode
     return code if code >= 0 else 128 - code
 
 

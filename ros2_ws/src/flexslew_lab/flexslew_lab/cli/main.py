@@ -13,7 +13,7 @@ import typer
 from typer.main import get_command
 
 from flexslew_lab.cli.analyse import analyse
-from flexslew_lab.cli.checkout import bench, extras, test
+from flexslew_lab.cli.checkout import bench, extras, run_tests
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
 from flexslew_lab.cli.compiling import say_when_compiling
 from flexslew_lab.cli.completion import completion
@@ -300,7 +300,7 @@ for _group, _commands in _GROUPS.items():
         app.command(rich_help_panel=_group)(_command)
 _OTHERS = {"allow_extra_args": True, "ignore_unknown_options": True}
 app.command(context_settings=_OTHERS, rich_help_panel="Analyse and identify")(conform)
-app.command(context_settings=_OTHERS, rich_help_panel="The bench itself")(test)
+app.command("test", context_settings=_OTHERS, rich_help_panel="The bench itself")(run_tests)
 
 
 def _called() -> str:

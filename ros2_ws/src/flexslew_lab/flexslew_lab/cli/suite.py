@@ -1,0 +1,112 @@
+"""The parts in which `./flexslew test` runs the tests: without ROS, over ROS, and alone."""
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+OVER_ROS = ("tests/ros", "tests/campaigns/ros")
+BEYOND_DEFAULT = ("ros", "browser", "campaign", "matrix", "slow")
+NOTHING_SELECTED = 5  # pytest's exit code
+_MOST = 8  # processes that compute, of three quarters of a gigabyte each
+# pytest answers these without a test
+_QUERIES = ("help", "markers", "showfixtures", "show_fixtures_per_test", "cacheshow")
+
+
+class Selection(NamedTuple):
+    """What the arguments of the command select."""
+
+    paths: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()  # all other arguments, in their order
+    markers: str = ""  # the expression of -m
+    cases: bool = False  # a number of random cases is given
+    stops: bool = False  # at a failure: -x, --maxfail
+    debugs: bool = False  # --pdb, which needs the terminal
+
+    def expression(self, everything: bool) -> str:
+        """Return the marker expression; a file that is named runs whole, as do given cases."""
+        files = bool(self.paths) and all(Path(p.split("::")[0]).is_file() for p in self.paths)
+        if self.markers:
+            return f"({self.markers})"
+        return "" if everything or files or self.cases else f"not ({' or '.join(BEYOND_DEFAULT)})"
+
+
+def read_selection(arguments: Sequence[str]) -> Selection | int:
+    """Return what arguments select, or the exit code if pytest ends without a test.
+
+    pytest itself parses them in the current folder, so that its own, the plugins' and the tests'
+    options are known.
+    """
+    import pytest
+
+    class Reader:
+        config: pytest.Config | None = None
+
+        @pytest.hookimpl(tryfirst=True)
+        def pytest_cmdline_main(self, config: pytest.Config) -> int | None:
+            if any(config.getoption(query, False) for query in _QUERIES):
+                return None
+            self.config = config
+            return 0
+
+    reader = Reader()
+    code = pytest.main([*arguments], plugins=[reader])
+    if reader.config is None:
+        return int(code)
+    config, options = reader.config, [*arguments]
+    given = config.args_source is pytest.Config.ArgsSource.ARGS
+    paths = tuple(config.args) if given else ()
+    for path in paths:
+        del options[len(options) - 1 - options[::-1].index(path)]
+    return Selection(
+        paths,
+        tuple(options),
+        config.getoption("markexpr", ""),
+        config.getoption("cases", None) is not None,
+        bool(config.getoption("maxfail", 0)),
+        bool(config.getoption("usepdb", False)),
+    )
+
+
+def parts(selection: Selection, everything: bool) -> Iterator[tuple[str, ...]]:
+    """Yield the arguments of pytest for each part that a selection needs.
+
+    A long file without ROS is shared by workers. A file over ROS stays with one, and twice as many
+    run, as benches wait more than they compute.
+    """
+    workers = min(os.cpu_count() or 2, _MOST)
+    waiting = min(2 * workers, _MOST)
+    if selection.debugs:
+        workers = waiting = 0
+    plain = [path for path in selection.paths if not _within(path)]
+    ros = [part for path in selection.paths or ["."] for part in _over_ros(path)]
+    options = selection.options
+    expression = selection.expression(everything)
+    if plain or not selection.paths:
+        ignored = (f"--ignore={part}" for part in OVER_ROS)
+        marked = ("-m", expression) if expression else ()
+        yield ("-n", f"{workers}", "--dist", "worksteal", *options, *marked, *ignored, *plain)
+    if ros:
+        joined = f"{expression} and " if expression else ""
+        shared = ("-n", f"{waiting}", "--dist", "loadfile")
+        yield (*shared, *options, "-m", f"{joined}not alone", *ros)
+        yield (*options, "-m", f"{joined}alone", *ros)
+
+
+def exit_code(codes: Sequence[int]) -> int:
+    """Return the exit code of all parts; one that selects nothing fails only if all do."""
+    return max((code for code in codes if code != NOTHING_SELECTED), default=NOTHING_SELECTED)
+
+
+def _within(path: str) -> bool:
+    """Return True if a path, or the test in it, is in a folder over ROS."""
+    place = Path(path.split("::")[0]).resolve()
+    return any(place.is_relative_to(Path(part).resolve()) for part in OVER_ROS)
+
+
+def _over_ros(path: str) -> list[str]:
+    """Return what is over ROS of a path: itself, or the folders that it contains."""
+    if _within(path):
+        return [path]
+    place = Path(path.split("::")[0]).resolve()
+    return [part for part in OVER_ROS if Path(part).resolve().is_relative_to(place)]

@@ -1,0 +1,164 @@
+from pathlib import Path
+
+import pytest
+import typer
+from typer.core import TyperCommand
+
+from flexslew_lab.cli import checkout
+from flexslew_lab.cli.suite import (
+    NOTHING_SELECTED,
+    OVER_ROS,
+    Selection,
+    exit_code,
+    parts,
+    read_selection,
+)
+
+PASSES, FAILS = "def test_passes(): pass", "def test_fails(): assert False"
+FLAKY = """
+from pathlib import Path
+
+
+def test_second_time():
+    seen = Path(__file__).with_suffix(".seen")
+    second = seen.exists()
+    seen.touch()
+    assert second
+"""
+DIES = "import os\n\ndef test_dies(): os.kill(os.getpid(), 9)"
+MARKED = """
+import pytest
+
+
+def test_default(): pass
+
+@pytest.mark.ros
+@pytest.mark.parametrize("number", range(3))
+def test_over_ros(number): assert False
+
+@pytest.mark.alone
+def test_alone(): pass
+"""
+
+
+@pytest.fixture
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the root of a checkout with a test in each part."""
+    for part in ("tests/plant", *OVER_ROS):
+        (tmp_path / part).mkdir(parents=True)
+    (tmp_path / "tests" / "plant" / "test_plain.py").write_text(PASSES)
+    (tmp_path / "tests" / "ros" / "test_marked.py").write_text(MARKED)
+    (tmp_path / "tests" / "campaigns" / "ros" / "test_campaign.py").write_text(PASSES)
+    markers = ["ros", "browser", "campaign", "matrix", "slow", "alone"]
+    registered = "markers =\n" + "\n".join(f"  {name}: of a test" for name in markers)
+    (tmp_path / "pytest.ini").write_text(f"[pytest]\ntestpaths = tests\n{registered}\n")
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")  # most of the time is plugins'
+    monkeypatch.setenv("PYTEST_PLUGINS", "xdist.plugin")
+    monkeypatch.setattr(checkout, "_root", lambda: tmp_path)
+    monkeypatch.setattr(checkout, "_wait_for_machine_code", lambda: None)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def selected(*arguments: str) -> Selection:
+    selection = read_selection(arguments)
+    assert isinstance(selection, Selection)
+    return selection
+
+
+def ended(*arguments: str, everything: bool = False) -> int:
+    """Return the exit code of the command."""
+    context = typer.Context(TyperCommand("test"))
+    context.args = [*arguments]
+    with pytest.raises(typer.Exit) as end:
+        checkout.run_tests(context, everything)
+    return end.value.exit_code
+
+
+@pytest.mark.usefixtures("tree")
+def test_without_arguments_three_parts_leave_out_what_is_marked() -> None:
+    default = "not (ros or browser or campaign or matrix or slow)"
+    plain, shared, alone = parts(Selection(), everything=False)
+    assert plain[4:] == ("-m", default, *(f"--ignore={part}" for part in OVER_ROS))
+    assert shared[4:] == ("-m", f"{default} and not alone", *OVER_ROS)
+    assert alone == ("-m", f"{default} and alone", *OVER_ROS)
+    plain, shared, alone = parts(Selection(), everything=True)
+    assert "-m" not in plain
+    assert (shared[4:6], alone[:2]) == (("-m", "not alone"), ("-m", "alone"))
+
+
+@pytest.mark.usefixtures("tree")
+@pytest.mark.parametrize(
+    ("arguments", "paths"),
+    [
+        (("-k", "energy", "--durations=3"), [[], OVER_ROS, OVER_ROS]),
+        (("tests/plant", "-x"), [["tests/plant"]]),
+        (("-k", "tests", "tests"), [["tests"], OVER_ROS, OVER_ROS]),
+        (("tests/campaigns",), [["tests/campaigns"], OVER_ROS[1:], OVER_ROS[1:]]),
+        (("tests/plant", "tests/ros"), [["tests/plant"], OVER_ROS[:1], OVER_ROS[:1]]),
+        (("tests/ros/test_marked.py::test_alone",), [["tests/ros/test_marked.py::test_alone"]] * 2),
+    ],
+)
+def test_paths_choose_the_parts_and_options_reach_each(
+    arguments: tuple[str, ...], paths: list[list[str]]
+) -> None:
+    chosen = [*parts(selected(*arguments), everything=True)]
+    given = [[a for a in part[-2:] if a.startswith("tests/") or a == "tests"] for part in chosen]
+    assert [g[-len(p) :] if p else g for g, p in zip(given, paths, strict=True)] == [
+        list(p) for p in paths
+    ]
+    options = [a for a in arguments if a.startswith("-")]
+    assert all(option in part for option in options for part in chosen)
+
+
+@pytest.mark.usefixtures("tree")
+def test_an_expression_of_the_user_a_file_or_cases_replace_the_selection() -> None:
+    assert selected("-m", "slow or ros").expression(everything=False) == "(slow or ros)"
+    assert selected("tests/ros/test_marked.py").expression(everything=False) == ""
+    assert selected("tests/ros").expression(everything=False) != ""
+    assert Selection(cases=True).expression(everything=False) == ""
+
+
+@pytest.mark.usefixtures("tree")
+def test_what_pytest_answers_without_a_test_runs_none(capfd: pytest.CaptureFixture[str]) -> None:
+    assert read_selection(["--markers"]) == 0
+    assert "@pytest.mark.alone" in capfd.readouterr().out
+    assert read_selection(["--no-such-option"]) == 4
+    assert "--no-such-option" in capfd.readouterr().err
+
+
+def test_an_empty_part_fails_only_if_all_are() -> None:
+    assert exit_code([0, NOTHING_SELECTED, 0]) == 0
+    assert exit_code([NOTHING_SELECTED, NOTHING_SELECTED]) == NOTHING_SELECTED
+    assert exit_code([1, NOTHING_SELECTED, 137]) == 137
+
+
+def test_the_parts_run_what_the_markers_select(tree: Path) -> None:
+    assert ended("-n", "0") == 0
+    assert ended("-n", "0", "-k", "nothing_has_this_name") == NOTHING_SELECTED
+    assert ended("-n", "0", "tests/ros", everything=True) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "code"), [(FLAKY, 1), (FAILS, 1), (DIES, 137), ("import nowhere", 2)]
+)
+def test_what_fails_has_failed_and_runs_once(tree: Path, text: str, code: int) -> None:
+    (tree / "tests" / "plant" / "test_plain.py").write_text(text)
+    assert ended("-n", "0", "tests/plant") == code
+
+
+def test_no_further_part_starts_where_a_failure_stops(
+    tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran = []
+
+    def run(*arguments: str) -> int:
+        ran.append(arguments)
+        return 1
+
+    monkeypatch.setattr(checkout, "_pytest", run)
+    assert ended("-x") == 1
+    assert len(ran) == 1
+    assert ended("--durations=1") == 1
+    assert len(ran) == 4
