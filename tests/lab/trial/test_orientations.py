@@ -16,7 +16,7 @@ from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial, plant_of, trial_of_values
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.testbeds.spacecraft.sky import HasSky
+from flexslew_plant.testbeds.contract import HasSky
 
 SENSORS = {
     "gyro": {"kind": "gyro", "angle_random_walk": 2e-6},

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.spacecraft.sky import MAIN, HasSky, Sky
+from flexslew_plant.testbeds.contract import HasSky, Sky
+from flexslew_plant.testbeds.spacecraft.sky import MAIN
 
 CONE: dict[str, Any] = {"direction": [0.2, 0.8, 0.3], "half_angle": 0.4}
 

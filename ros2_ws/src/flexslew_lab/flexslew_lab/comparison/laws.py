@@ -32,8 +32,7 @@ from flexslew_plant.bench.bench import Truth
 from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.contract import ScalableInertia
-from flexslew_plant.testbeds.spacecraft.motions import Pointing
+from flexslew_plant.testbeds.contract import Pointing, ScalableInertia
 
 ERRORS = (-0.2, -0.1, 0.1, 0.2)  # of stiffness and inertia, relative [-]
 ALONE = "no feedback"

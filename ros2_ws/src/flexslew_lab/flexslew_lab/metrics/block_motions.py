@@ -1,8 +1,8 @@
 """What a platform does in a block of ticks, worked out once for all metrics of the block."""
 
 from flexslew_lab.metrics.metric import Block
-from flexslew_plant.testbeds.spacecraft.motions import Motions
-from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
+from flexslew_plant.testbeds.contract import Motions
+from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 
 class _Last:

@@ -9,7 +9,7 @@ from scipy.signal import detrend, periodogram
 from flexslew_lab.metrics.block_motions import block_motions
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
+from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 _SHORTEST = 16  # ticks of a window, below which it has no spectrum
 _LONGEST = 1_000_000  # and beyond which it is not kept

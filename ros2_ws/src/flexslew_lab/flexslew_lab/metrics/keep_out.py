@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup
-from flexslew_plant.testbeds.spacecraft.sky import HasSky
+from flexslew_plant.testbeds.contract import HasSky
 
 _MARGIN = "keep_out_margin"
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
-from flexslew_plant.testbeds.spacecraft.lines_of_sight import HasLinesOfSight
+from flexslew_plant.testbeds.contract import HasLinesOfSight
 
 
 class LineOfSightMetric:

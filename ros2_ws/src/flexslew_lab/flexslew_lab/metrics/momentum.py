@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, larger
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
+from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 _STILL = 1e-9  # of the peak: the speed of a wheel at rest, by rounding [-]
 

@@ -16,7 +16,7 @@ from flexslew_lab.metrics.metric import (
     summed,
 )
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
+from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 
 class PerformanceErrors:

@@ -19,7 +19,7 @@ from flexslew_lab.metrics.metric import (
 )
 from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
+from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 
 class PointingMetric:

@@ -7,8 +7,8 @@ import numpy as np
 
 from flexslew_lab.metrics.block_motions import block_motions
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
+from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 from flexslew_plant.testbeds.contract import Retargetable
-from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
 BAND = 0.05  # of the largest distance of its tip until then [-]
 

@@ -19,7 +19,7 @@ from flexslew_lab.report.thinning import Thinner, Trace
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed, read_testbed
-from flexslew_plant.testbeds.spacecraft.motions import Pointing
+from flexslew_plant.testbeds.contract import Pointing
 
 BUCKETS = 800  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation

@@ -13,7 +13,7 @@ from flexslew_lab.report.panels import BROKEN, GRID, INK, style
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.attitude import to_inertial
-from flexslew_plant.testbeds.spacecraft.sky import Cone, HasSky, Sky
+from flexslew_plant.testbeds.contract import Cone, HasSky, Sky
 
 _WIDE, _HIGH = 2.0 * np.sqrt(2.0), np.sqrt(2.0)  # half axes of the projected sphere
 _SCALE, _EDGE = 120.0, 12.0  # per unit, and around it

@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.reproduce.trial_flights import states
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.spacecraft.motions import Motions, Pointing
+from flexslew_plant.testbeds.contract import Motions, Pointing
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.units import FOOT
 

@@ -10,7 +10,7 @@ from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import SavedPlan, Trial, plan_of_trial, set_up, trial_of_values
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.spacecraft.motions import Pointing
+from flexslew_plant.testbeds.contract import Pointing
 from flexslew_plant.testbeds.spacecraft.units import UNITS
 from flexslew_plant.yaml_data import load_yaml
 

@@ -10,7 +10,7 @@ from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import Trial, plan_of_trial, set_up
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.testbeds.spacecraft.motions import Pointing
+from flexslew_plant.testbeds.contract import Pointing
 from flexslew_plant.testbeds.spacecraft.units import FOOT
 
 # peaks of the trials as they are shipped, by the names of their columns: of antenna_1 by an

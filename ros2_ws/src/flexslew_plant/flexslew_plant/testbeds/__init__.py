@@ -7,8 +7,8 @@ Offers: appendages, attitude, beam, compiled.bound, compiled.dynamics, compiled.
 compiled.lane_by_lane, compiled.lanes, compiled.mass, compiled.push, compiled.traced_kernel,
 contract, csa, floating, floating_oscillator, hub_with_appendages, identified, instruments,
 instruments.instrument, instruments.packed_readers, kernels, linearisation, model, quaternions,
-robot_model, scene, spacecraft.assembly.packing, spacecraft.clamped, spacecraft.lines_of_sight,
-spacecraft.motions, spacecraft.shapes.shape, spacecraft.sky, spacecraft.testbed, spacecraft.units.
+robot_model, scene, spacecraft.assembly.packing, spacecraft.shapes.shape, spacecraft.testbed,
+spacecraft.units.
 """
 
 from collections.abc import Mapping

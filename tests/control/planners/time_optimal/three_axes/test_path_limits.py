@@ -26,7 +26,7 @@ from flexslew_control.planners.time_optimal.three_axes.reorientation import Reor
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.spacecraft.sky import Cone
+from flexslew_plant.testbeds.contract import Cone
 
 LAW = ActiveLaw("pd_feedforward", {"kp": [1.0], "kd": [2.0]})
 

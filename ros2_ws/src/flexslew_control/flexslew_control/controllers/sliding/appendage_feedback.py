@@ -12,7 +12,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import believed
-from flexslew_plant.testbeds.spacecraft.clamped import Clamped, HasClampedAppendages
+from flexslew_plant.testbeds.contract import Clamped, HasClampedAppendages
 
 
 @section

@@ -5,7 +5,7 @@ import numpy as np
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.spacecraft.sky import HasSky
+from flexslew_plant.testbeds.contract import HasSky
 
 _TOUCHES = 1e-9  # rounding [rad]
 

@@ -18,8 +18,7 @@ from flexslew_control.planners.time_optimal.three_axes.round_cones import (
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.contract import ThreeAxes
-from flexslew_plant.testbeds.spacecraft.sky import HasSky
+from flexslew_plant.testbeds.contract import HasSky, ThreeAxes
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import numpy as np
 from flexslew_lab.report.figures.drawing import TIME, draw, marks, over, span_of
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.run_data import RunData
-from flexslew_plant.testbeds.spacecraft.motions import Pointing
+from flexslew_plant.testbeds.contract import Pointing
 
 _AXES = ("x", "y", "z")
 # traces, the metric by name of who turns, title and unit

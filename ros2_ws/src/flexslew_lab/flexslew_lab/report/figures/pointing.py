@@ -5,8 +5,7 @@ import numpy as np
 from flexslew_lab.report.figures.drawing import marks
 from flexslew_lab.report.panels import Entry, Group, Panel, legend, style
 from flexslew_lab.report.run_data import RunData
-from flexslew_plant.testbeds.spacecraft.lines_of_sight import HasLinesOfSight, LineOfSight
-from flexslew_plant.testbeds.spacecraft.motions import Pointing
+from flexslew_plant.testbeds.contract import HasLinesOfSight, LineOfSight, Pointing
 
 _AXES = ("x", "y", "z")
 _FLOOR = 1e-9  # that a logarithmic scale shows [rad]

@@ -50,8 +50,8 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.contract import Pointing
 from flexslew_plant.testbeds.model import Model
-from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 _MOVED = 1e-14  # beginning of a twin: above the rounding of a tick, far below any metric
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge

@@ -1,13 +1,13 @@
 """Where antennas look while their hinges turn and the platform moves, and where they should."""
 
 from inspect import unwrap
-from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.attitude import to_inertial
+from flexslew_plant.testbeds.contract import LineOfSight
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, PrescribedTurn, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
@@ -15,34 +15,6 @@ from flexslew_plant.testbeds.spacecraft.equations.hinge_motion import share
 
 _share = unwrap(share)  # plain Python: a few calls are not worth a compilation
 _STILL = np.array([0.0, 0.0, 0.0, 1.0])
-
-
-class LineOfSight(NamedTuple):
-    """The line of sight of an antenna, its z with its tip's turn, at k times."""
-
-    hinge: Vector  # angle from the hinge's rest, (k,) [rad]
-    error: Vector  # between the line of sight and its target in inertial space, (k,) [rad]
-    rests: NDArray[np.bool_]  # a turn has ended, and no other one has begun, (k,)
-
-
-@runtime_checkable
-class HasLinesOfSight(Protocol):
-    """A testbed with antennas that turn to targets."""
-
-    @property
-    def pointing_tolerance(self) -> float:
-        """Error of a line of sight that is good enough [rad]."""
-
-    def lines_of_sight(
-        self, time: Vector, position: Matrix, goal: dict[str, float]
-    ) -> dict[str, LineOfSight]:
-        """Return the lines of sight of all antennas that turn, by name.
-
-        Args:
-            time: shape (k,) [s].
-            position: q, shape (k, positions).
-            goal: where the joints go, by name; targets count from the platform's attitude there.
-        """
 
 
 def hinge_turned(a: Appendage, time: Vector) -> tuple[NDArray[np.float64], Vector]:

@@ -1,80 +1,11 @@
 """What the platform and the tips do over a run, from its logged positions."""
 
-from typing import NamedTuple, Protocol, runtime_checkable
-
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.contract import Motions, Spins
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
-
-
-class Motions(NamedTuple):
-    """Motions at k times, in body axes.
-
-    Args:
-        attitude: turn from the goal's attitude, shape (k, 3) [rad].
-        turned: turn from the inertial attitude, shape (k, 3) [rad].
-        place: of the body origin in inertial space, shape (k, 3) [m].
-        away: the same from where it is at the goal, shape (k, 3) [m].
-        tips: elastic displacement of each tip, by appendage, shape (k, 3) [m].
-        turns: elastic turn of each tip, by appendage, shape (k, 3) [rad].
-        wheels: momentum of each wheel's spin relative to the platform, by name, (k,) [N m s].
-    """
-
-    attitude: Matrix
-    turned: Matrix
-    place: Matrix
-    away: Matrix
-    tips: dict[str, Matrix]
-    turns: dict[str, Matrix]
-    wheels: dict[str, Vector]
-
-
-class Spins(NamedTuple):
-    """What wheels store at k times, relative to the platform.
-
-    Args:
-        speeds: of each wheel, by name, shape (k,) [rad/s].
-        stored: momentum of all, gyros included, in body axes, shape (k, 3) [N m s].
-        gimbals: angles of the gyros, by name, shape (k,) [rad].
-        authority: smallest torque about any axis that equal gimbal rates give, over the largest
-            about any, shape (k,); zero is a singularity [-].
-    """
-
-    speeds: dict[str, Vector]
-    stored: Matrix
-    gimbals: dict[str, Vector]
-    authority: Vector
-
-
-@runtime_checkable
-class Pointing(Protocol):
-    """A testbed whose platform and appendages point somewhere."""
-
-    @property
-    def pointing_tolerance(self) -> float:
-        """Error of an appendage's direction that is good enough [rad]."""
-
-    @property
-    def pointing_window(self) -> float:
-        """Window of the mean and relative performance errors [s]."""
-
-    @property
-    def pointing_from(self) -> float:
-        """From when on they count, if that is after the manoeuvre [s]."""
-
-    def motions(self, position: Matrix, velocity: Matrix, goal: dict[str, float]) -> Motions:
-        """Return the motions of logged states.
-
-        Args:
-            position: q, shape (k, positions).
-            velocity: v, shape (k, n).
-            goal: where the joints go, by name; empty: nowhere.
-        """
-
-    def spins(self, velocity: Matrix) -> Spins:
-        """Return what its wheels store at logged rates v, shape (k, n)."""
 
 
 def _turns(q: Matrix) -> Matrix:

@@ -17,7 +17,17 @@ from flexslew_plant.keys.refused_keys import Placed
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.appendages import Appendages
 from flexslew_plant.testbeds.attitude import attitude_joints
-from flexslew_plant.testbeds.contract import DriveMap, HingeTurn, RigidTurn, UnitSizes
+from flexslew_plant.testbeds.contract import (
+    Clamped,
+    DriveMap,
+    HingeTurn,
+    LineOfSight,
+    Motions,
+    RigidTurn,
+    Sky,
+    Spins,
+    UnitSizes,
+)
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.floating import Floating
 from flexslew_plant.testbeds.instruments import ResolverSettings
@@ -30,7 +40,7 @@ from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of, spins_
 from flexslew_plant.testbeds.spacecraft.assembly.packing import begun_at, packed, stiffened
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
 from flexslew_plant.testbeds.spacecraft.channels import channels
-from flexslew_plant.testbeds.spacecraft.clamped import Clamped, clamped
+from flexslew_plant.testbeds.spacecraft.clamped import clamped
 from flexslew_plant.testbeds.spacecraft.coordinates import coordinates
 from flexslew_plant.testbeds.spacecraft.drawing import scene_of
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
@@ -42,8 +52,8 @@ from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.floating import floating
 from flexslew_plant.testbeds.spacecraft.imbalance import harmonics_of
-from flexslew_plant.testbeds.spacecraft.lines_of_sight import LineOfSight, lines_of_sight
-from flexslew_plant.testbeds.spacecraft.motions import Motions, Spins, motions, spins
+from flexslew_plant.testbeds.spacecraft.lines_of_sight import lines_of_sight
+from flexslew_plant.testbeds.spacecraft.motions import motions, spins
 from flexslew_plant.testbeds.spacecraft.orbit import Orbit
 from flexslew_plant.testbeds.spacecraft.outside import outside_of
 from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit, turning_axes
@@ -63,7 +73,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     Triple,
     WheelSettings,
 )
-from flexslew_plant.testbeds.spacecraft.sky import Sky, sky_of
+from flexslew_plant.testbeds.spacecraft.sky import sky_of
 from flexslew_plant.testbeds.spacecraft.turning import (
     drive_map,
     driven_most,

@@ -6,8 +6,8 @@ import numpy as np
 
 from flexslew_plant.arrays import Indices, Matrix, Tensor
 from flexslew_plant.testbeds.attitude import conjugate, quaternion, to_inertial
+from flexslew_plant.testbeds.contract import Cone
 from flexslew_plant.testbeds.model import Model
-from flexslew_plant.testbeds.spacecraft.sky import Cone
 
 _CHANGE = 1e-6  # of a state
 _CENTRE = 1e-9  # sine of the angle below which a boresight looks along the axis of a cone

@@ -31,7 +31,7 @@ from flexslew_control.planners.time_optimal.three_axes.sequential_programs impor
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.attitude import product, quaternion, to_inertial
-from flexslew_plant.testbeds.spacecraft.sky import Cone
+from flexslew_plant.testbeds.contract import Cone
 
 _LOOKED_AT = 120  # pieces of a free slew
 _ASIDE = 0.3  # from the edge of a cone that a start goes round [rad]

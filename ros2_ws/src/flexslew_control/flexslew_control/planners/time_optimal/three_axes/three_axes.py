@@ -30,7 +30,7 @@ from flexslew_control.planners.time_optimal.three_axes.round_cones import (
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.testbeds.spacecraft.sky import HasSky
+from flexslew_plant.testbeds.contract import HasSky
 
 _ALLOWED = 1e-4  # wrong-signed part of a switching function
 _ROUNDS = 6  # of the efforts on ticks

@@ -1,0 +1,32 @@
+"""The contract between the testbeds and the rest of the bench: protocols and their records."""
+
+from flexslew_plant.testbeds.contract.clamped import Clamped as Clamped
+from flexslew_plant.testbeds.contract.clamped import HasClampedAppendages as HasClampedAppendages
+from flexslew_plant.testbeds.contract.pointing import HasLinesOfSight as HasLinesOfSight
+from flexslew_plant.testbeds.contract.pointing import HingeTurn as HingeTurn
+from flexslew_plant.testbeds.contract.pointing import LineOfSight as LineOfSight
+from flexslew_plant.testbeds.contract.pointing import Motions as Motions
+from flexslew_plant.testbeds.contract.pointing import Pointing as Pointing
+from flexslew_plant.testbeds.contract.pointing import Retargetable as Retargetable
+from flexslew_plant.testbeds.contract.pointing import Spins as Spins
+from flexslew_plant.testbeds.contract.shaped import Shaped as Shaped
+from flexslew_plant.testbeds.contract.shaped import ShapedMotion as ShapedMotion
+from flexslew_plant.testbeds.contract.shaped import shaped_motion as shaped_motion
+from flexslew_plant.testbeds.contract.sky import Cone as Cone
+from flexslew_plant.testbeds.contract.sky import HasSky as HasSky
+from flexslew_plant.testbeds.contract.sky import Sky as Sky
+from flexslew_plant.testbeds.contract.testbed import ManyModels as ManyModels
+from flexslew_plant.testbeds.contract.testbed import OwnUnits as OwnUnits
+from flexslew_plant.testbeds.contract.testbed import ScalableInertia as ScalableInertia
+from flexslew_plant.testbeds.contract.testbed import StartsMoving as StartsMoving
+from flexslew_plant.testbeds.contract.testbed import Symbolic as Symbolic
+from flexslew_plant.testbeds.contract.testbed import Testbed as Testbed
+from flexslew_plant.testbeds.contract.testbed import UnitSizes as UnitSizes
+from flexslew_plant.testbeds.contract.testbed import refuse_payload as refuse_payload
+from flexslew_plant.testbeds.contract.testbed import unit_sizes as unit_sizes
+from flexslew_plant.testbeds.contract.turning import DriveMap as DriveMap
+from flexslew_plant.testbeds.contract.turning import RigidTurn as RigidTurn
+from flexslew_plant.testbeds.contract.turning import ThreeAxes as ThreeAxes
+from flexslew_plant.testbeds.contract.turning import TurnedByDrives as TurnedByDrives
+from flexslew_plant.testbeds.contract.turning import Turning as Turning
+from flexslew_plant.testbeds.contract.turning import Wheeled as Wheeled
