@@ -12,7 +12,7 @@ import yaml
 
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput
-from flexslew_plant.yaml_data import YamlDumper, YamlLoader, bounded
+from flexslew_plant.yaml_data import YamlDumper, load_yaml
 
 VERSION = 1  # of the layout of the file
 _ARRAYS = ("position", "velocity", "effort", "state")
@@ -75,10 +75,10 @@ def load_plan(path: Path | str) -> Plan:
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
-        content = bounded(yaml.load(text, Loader=YamlLoader), str(path), len(text))
+        content = load_yaml(text, str(path))
     except OSError as error:
         raise BadInput(f"cannot be read: {error.strerror}", path) from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
+    except UnicodeDecodeError:
         raise BadInput("is damaged: not YAML; plan again", path) from None
     if not isinstance(content, dict) or "flexslew_plan" not in content:
         raise BadInput("is not a plan: the key flexslew_plan is missing", path)

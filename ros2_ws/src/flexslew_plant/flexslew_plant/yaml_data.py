@@ -1,7 +1,7 @@
 """YAML as trials, requests and logs hold it: plain data that can be walked through."""
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from math import inf
 from typing import Any
 
@@ -9,9 +9,12 @@ import yaml
 
 from flexslew_plant.errors import BadInput
 
-_MOST = 1_000_000  # values in a YAML text with aliases
+_MOST = 1_000_000  # values and characters of a YAML text, with its aliases written out
+_MERGED = 10_000  # keys that the merges (<<) of a text copy
+_BITS = 1023  # of a whole number that is a finite float, too
 _SHORT = 10_000  # characters that cannot nest too deep for the stack
 DEEPEST = 32  # lists and keys in one another
+_MERGE = "tag:yaml.org,2002:merge"
 LONGEST = 1 << 20  # of a YAML or JSON text that a log can hold [characters]
 
 
@@ -23,7 +26,8 @@ def load_yaml(text: str, source: str) -> Any:
     """
     try:
         if len(text) > _SHORT:
-            _require_flat(text, source)
+            for _ in _events(text, source):
+                pass
         return bounded(yaml.load(text, Loader=YamlLoader), source, len(text))
     except yaml.YAMLError as error:
         where = getattr(error, "problem_mark", None)
@@ -50,24 +54,31 @@ def require_no_anchor(text: str, source: str) -> None:
     """Refuse aliases, which can make gigabytes of a few lines; a text that is no YAML passes.
 
     Raises:
-        BadInput: the text has an anchor or an alias.
+        BadInput: the text has an anchor or an alias, or is nested too deep.
     """
     try:
-        for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+        for event in _events(text, source):
             if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
                 raise BadInput("has a YAML anchor; write the value at each place", source)
     except yaml.YAMLError:
         pass  # load_yaml names the place
 
 
-def _require_flat(text: str, source: str) -> None:
-    """Refuse deep nesting before the C loader descends into it: it overflows the stack."""
+def _events(text: str, source: str) -> Iterator[yaml.Event]:
+    """Yield the events of a text, up to a nesting of 32.
+
+    The time of the parser grows with the square of the depth, and the C loader overflows the stack.
+
+    Raises:
+        BadInput: the text is nested deeper.
+    """
     depth = 0
     for event in yaml.parse(text, Loader=yaml.CSafeLoader):
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > DEEPEST:
             raise BadInput(f"is nested more than {DEEPEST} deep", source)
+        yield event
 
 
 def bounded(value: Any, source: str, length: int) -> Any:
@@ -78,20 +89,21 @@ def bounded(value: Any, source: str, length: int) -> Any:
     Args:
         value: that was read.
         source: the file (or node) to name in an error.
-        length: of the text; without aliases it holds no more values than characters.
+        length: of the text; without aliases its values are not longer.
 
     Raises:
-        BadInput: it has more than 1,000,000 values for its aliases, or is nested more than 32 deep.
+        BadInput: if its aliases stand for more than 1,000,000 values and characters, or it is
+            nested more than 32 deep.
     """
     known: dict[int, tuple[float, float]] = {}
 
     def measure(part: Any) -> tuple[float, float]:
         """Return the values in a part and how deep it is nested."""
         if not isinstance(part, dict | list):
-            return 1, 0
+            return (len(part) or 1) if isinstance(part, str) else 1, 0
         if id(part) not in known:
             known[id(part)] = inf, inf  # where it holds itself
-            inside = part.values() if isinstance(part, dict) else part
+            inside = [*part, *part.values()] if isinstance(part, dict) else part
             sizes, depths = zip((0, 0), *map(measure, inside), strict=True)
             known[id(part)] = sum(sizes), 1 + max(depths)
         return known[id(part)]
@@ -100,7 +112,8 @@ def bounded(value: Any, source: str, length: int) -> Any:
     if depth > DEEPEST:
         raise BadInput(f"is nested more than {DEEPEST} deep, or is recursive", source)
     if size > max(_MOST, length):
-        raise BadInput(f"holds more than {_MOST} values, aliases written out", source)
+        words = f"holds more than {_MOST} values and characters, aliases written out"
+        raise BadInput(words, source)
     return value
 
 
@@ -111,6 +124,43 @@ class _DuplicateKeyError(yaml.MarkedYAMLError):
 class YamlLoader(yaml.CSafeLoader):
     """Reads plain data; of two equal keys YAML would silently keep the last."""
 
+    _merged = 0  # keys that merges have copied
+
+    def flatten_mapping(self, node: Any) -> None:
+        """Replace the merges (<<) of a mapping node by the keys that they stand for.
+
+        Keys of the mapping itself win, then those of the last `<<`, and in a list of mappings
+        those of the first. PyYAML copies equal keys, too: a few lines would make millions of them.
+
+        Raises:
+            ConstructorError: if something else than mappings is merged, or merges copy more than
+                10,000 keys.
+        """
+        merges = [value for key, value in node.value if key.tag == _MERGE]
+        if not merges:
+            super().flatten_mapping(node)
+            return
+        node.value = [pair for pair in node.value if pair[0].tag != _MERGE]
+        pairs = {_identity(key): (key, value) for key, value in node.value}
+        for merge in reversed(merges):
+            for part in merge.value if isinstance(merge, yaml.SequenceNode) else [merge]:
+                if not isinstance(part, yaml.MappingNode):
+                    words = "<< merges mappings only, for example <<: *name"
+                    raise yaml.constructor.ConstructorError(
+                        problem=words, problem_mark=part.start_mark
+                    )
+                self.flatten_mapping(part)
+                self._merged += len(part.value)
+                if self._merged > _MERGED:
+                    words = f"the merges (<<) of this text copy more than {_MERGED} keys"
+                    raise yaml.constructor.ConstructorError(
+                        problem=words, problem_mark=part.start_mark
+                    )
+                for key, value in part.value:
+                    pairs.setdefault(_identity(key), (key, value))
+        node.value = [*pairs.values()]
+        super().flatten_mapping(node)
+
     def construct_object(self, node: Any, deep: bool = False) -> Any:
         """Return the value of a node.
 
@@ -118,7 +168,10 @@ class YamlLoader(yaml.CSafeLoader):
             ConstructorError: a tag, or the form of a number, promises what the value is not.
         """
         try:
-            return super().construct_object(node, deep)
+            value = super().construct_object(node, deep)
+            if isinstance(value, int) and value.bit_length() > _BITS:
+                raise ValueError
+            return value
         except (LookupError, ValueError, OverflowError) as error:  # !!bool maybe, !!int abc
             words = f"{node.value!r:.80} is no {node.tag.rpartition(':')[2]}"
             raise yaml.constructor.ConstructorError(
@@ -141,6 +194,11 @@ class YamlLoader(yaml.CSafeLoader):
                 raise _DuplicateKeyError(problem=words, problem_mark=key_node.start_mark)
             lines[key] = key_node.start_mark.line + 1
         return super().construct_mapping(node, deep)
+
+
+def _identity(key: Any) -> tuple[str, object]:
+    """Return by what two key nodes are equal."""
+    return key.tag, key.value if isinstance(key, yaml.ScalarNode) else id(key)
 
 
 class YamlDumper(yaml.CSafeDumper):

@@ -15,7 +15,6 @@ numbers, or a crash.
 
 import hashlib
 import os
-import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -24,11 +23,17 @@ from typing import Any
 from uuid import uuid4
 
 from numba import config
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.compiler_lock import global_compiler_lock
 
 from flexslew_plant.machine_code.compile_news import compiling
 from flexslew_plant.processes.file_lock import hold
+from flexslew_plant.processes.private_folder import (
+    UnsafeFolder,
+    cache_folder,
+    report_unsafe,
+    require_safe,
+)
 
 
 class FilesForGood(IndexDataCacheFile):  # type: ignore[misc]
@@ -74,7 +79,6 @@ class CompileLock:
     def _taken(self) -> int:
         """Return the open and locked file; -1 where none can be made: nor can a cache."""
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
             handle = os.open(self.path, os.O_CREAT | os.O_RDWR, 0o600)
         except OSError:
             return -1
@@ -91,10 +95,7 @@ class CompileLock:
 def lock_of(file: str, function: str) -> CompileLock:
     """Return the lock of a function of a file, in the cache that is in use."""
     digest = hashlib.sha256(f"{file}:{function}".encode()).hexdigest()[:16]
-    if config.CACHE_DIR:
-        return CompileLock(Path(config.CACHE_DIR) / "locks" / digest)
-    user = getattr(os, "getuid", int)()  # Windows has a folder for each user
-    return CompileLock(Path(tempfile.gettempdir()) / f"flexslew_compile_{user}" / digest)
+    return CompileLock(cache_folder("locks", config.CACHE_DIR) / digest)
 
 
 def one_at_a_time(dispatcher: Any, lock: CompileLock | None = None) -> Any:
@@ -128,6 +129,12 @@ class _LockedCache:
     """
 
     def __init__(self, cache: Any, lock: CompileLock, name: str) -> None:
+        if isinstance(cache, FunctionCache):
+            try:  # its files are executed
+                require_safe(Path(cache.cache_path))
+            except UnsafeFolder as error:
+                report_unsafe(str(error))
+                cache = NullCache()
         if isinstance(cache, FunctionCache):
             stamp = cache._impl.locator.get_source_stamp()
             cache._cache_file = FilesForGood(cache.cache_path, cache._impl.filename_base, stamp)

@@ -1,4 +1,4 @@
-"""Functions from text, with a file beside the machine code so that its cache finds them again."""
+"""Functions from text, each with a file by which the cache of machine code finds it again."""
 
 import hashlib
 import os
@@ -10,6 +10,8 @@ from typing import Any
 
 from numba import config
 
+from flexslew_plant.processes.private_folder import cache_folder
+
 
 def generated(name: str, text: str, names: Mapping[str, Any]) -> Callable[..., Any]:
     """Return the function that a text defines; what runs is the text, never the file.
@@ -20,19 +22,12 @@ def generated(name: str, text: str, names: Mapping[str, Any]) -> Callable[..., A
         names: that it uses besides built-in ones.
     """
     digest = hashlib.sha256(text.encode()).hexdigest()[:24]
-    path = _folder() / f"{name}_{digest}.py"
+    path = cache_folder("generated", config.CACHE_DIR) / f"{name}_{digest}.py"
     _keep(path, text)
     given = {**names, "__name__": __name__}  # a module that whoever loads it can import
     exec(compile(text, str(path), "exec"), given)
     found: Callable[..., Any] = given[name]
     return found
-
-
-def _folder() -> Path:
-    if config.CACHE_DIR:
-        return Path(config.CACHE_DIR) / "generated"
-    user = getattr(os, "getuid", int)()  # Windows has a folder for each user
-    return Path(tempfile.gettempdir()) / f"flexslew_generated_{user}"
 
 
 def _keep(path: Path, text: str) -> None:
@@ -43,7 +38,6 @@ def _keep(path: Path, text: str) -> None:
     """
     if path.exists():
         return
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     handle, own = tempfile.mkstemp(dir=path.parent)
     with os.fdopen(handle, "w") as file:
         file.write(text)
