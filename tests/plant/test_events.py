@@ -20,6 +20,8 @@ from flexslew_plant.events import (
     SwitchRequested,
     event_of,
     fact_of,
+    kind_of,
+    level_of,
 )
 from flexslew_plant.refusal import Cause
 
@@ -81,9 +83,9 @@ def test_keys_are_those_of_every_version() -> None:
 
 
 def test_the_level_of_what_begins_is_not_that_of_what_ends() -> None:
-    assert [FaultChanged(on).level for on in (True, False)] == [Level.WARNING, Level.INFO]
-    assert PlanRefused("0", "x", 1.0, "me").level is Level.INFO
-    assert PlanRefused("0", controller="pd").level is Level.WARNING
+    assert [level_of(FaultChanged(on)) for on in (True, False)] == [Level.WARNING, Level.INFO]
+    assert level_of(PlanRefused("0", "x", 1.0, "me")) is Level.INFO
+    assert level_of(PlanRefused("0", controller="pd")) is Level.WARNING
     assert [level.number for level in Level] == [0, 1, 2]
 
 
@@ -95,6 +97,6 @@ def test_a_kind_that_nobody_knows_here_is_kept_as_it_is() -> None:
 
 def test_a_cause_is_one_of_those_that_are_known() -> None:
     data = {"controller": "b", "cause": "not_ready", "reason": "words"}
-    assert fact_of(SwitchDropped.kind, data) == SwitchDropped("b", Cause.NOT_READY, "words")
+    assert fact_of(kind_of(SwitchDropped), data) == SwitchDropped("b", Cause.NOT_READY, "words")
     with pytest.raises(BadInput, match="cause: 'because'"):
-        fact_of(SwitchDropped.kind, {**data, "cause": "because"})
+        fact_of(kind_of(SwitchDropped), {**data, "cause": "because"})

@@ -32,7 +32,7 @@ from flexslew_lab.trial.trial import (
 )
 from flexslew_plant.bench.bench import Bench, SwitchRequest
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import EVENTS, SwitchDropped, SwitchRequested
+from flexslew_plant.events import SwitchDropped, SwitchRequested, kind_of
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.refusal import Cause, Refusal
 
@@ -190,9 +190,8 @@ DROPS = [  # one switch for each cause for which it can be dropped
 
 
 def reworded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let every event and every refusal say something else."""
-    for kind in EVENTS.values():
-        monkeypatch.setattr(kind, "message", property(lambda self: "in other words"))
+    """Replace the message of every event and every refusal."""
+    monkeypatch.setattr("flexslew_plant.events.event.message_of", lambda what: "in other words")
     monkeypatch.setattr(Refusal, "__str__", lambda self: "for another reason")
 
 
@@ -225,7 +224,7 @@ def as_before(bag: Path, folder: Path) -> Path:
         for name, kind, stamp, _, data in reader.messages():
             if name == "/events":
                 message = decode(kind, data)
-                if message.kind != SwitchRequested.kind:
+                if message.kind != kind_of(SwitchRequested):
                     told = json.loads(message.data)
                     kept = {key: value for key, value in told.items() if key not in later}
                     message.data = json.dumps(kept)

@@ -21,6 +21,7 @@ from flexslew_plant.events import (
     SwitchRefused,
     SwitchRequested,
     TargetRequested,
+    kind_of,
 )
 from flexslew_plant.refusal import Cause, Refusal
 
@@ -60,7 +61,7 @@ class Resimulator:
         self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
         self._successors: dict[Key, str] = {}  # who took over from one that was silent
         self.replayed = dict.fromkeys(
-            (what.kind for what in (*REQUESTS, ControllerTuned, AnswerMissed)), 0
+            (kind_of(what) for what in (*REQUESTS, ControllerTuned, AnswerMissed)), 0
         )
         self._epochs = len(bag.overview.events)  # each reset is one of them
         for event in bag.overview.events:
@@ -112,7 +113,7 @@ class Resimulator:
 
     def _begin(self, key: Key) -> None:
         """Let happen what was requested of the controllers and of the bench at this tick."""
-        self.replayed[ControllerTuned.kind] += self._controllers.until(key)
+        self.replayed[kind_of(ControllerTuned)] += self._controllers.until(key)
         for request in self._requests.pop(key, ()):
             self._grant(request)
 
@@ -122,7 +123,7 @@ class Resimulator:
         dying = [controller.observe(question) for controller in self._controllers.dying(key)]
         self._begin(key)
         missed = key in self._missed
-        self.replayed[AnswerMissed.kind] += missed
+        self.replayed[kind_of(AnswerMissed)] += missed
         # who heard it, even where nobody heard the answer
         alive = [controller.observe(question) for controller in self._controllers.by_name.values()]
         for answer in (*dying, *alive):
@@ -155,7 +156,7 @@ class Resimulator:
 
     def _grant(self, what: Fact) -> None:
         """Let an operator ask again."""
-        self.replayed[what.kind] += 1
+        self.replayed[kind_of(what)] += 1
         match what:
             case SwitchRequested():
                 self.bench.request_switch(

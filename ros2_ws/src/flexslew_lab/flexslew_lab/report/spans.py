@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from flexslew_lab.log.bag_reader import Overview
-from flexslew_plant.events import DisturbanceChanged, FaultChanged
+from flexslew_plant.events import DisturbanceChanged, FaultChanged, kind_of
 
 
 class Span(NamedTuple):
@@ -30,7 +30,7 @@ def spans_of(overview: Overview, end: float) -> Iterator[Span]:
         if not what.on:
             continue
         over = (at for at, other in known[k + 1 :] if other == replace(what, on=False))
-        yield Span(what.kind, _words(what, units), time, next(over, max(end, time)))
+        yield Span(kind_of(what), _words(what, units), time, next(over, max(end, time)))
 
 
 def _words(what: FaultChanged | DisturbanceChanged, units: Mapping[str, str]) -> str:

@@ -27,7 +27,7 @@ from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import command_delays
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
-from flexslew_plant.events import BecameReady, BecameUnready, BrakeTookOver, Event
+from flexslew_plant.events import BecameReady, BecameUnready, BrakeTookOver, Event, message_of
 from flexslew_plant.own_code import one_line
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, initial_positions
@@ -169,7 +169,7 @@ def braked(takeover: BrakeTookOver, unready: Mapping[str, str]) -> str:
         unready: why controllers could not take charge then, by name.
     """
     words = (f"{name}: {reason}" for name, reason in sorted(unready.items()))
-    return "; ".join((takeover.message, *words))
+    return "; ".join((message_of(takeover), *words))
 
 
 def _why_braked(events: Iterable[Event]) -> str:

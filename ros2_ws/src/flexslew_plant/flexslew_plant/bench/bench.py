@@ -35,6 +35,7 @@ from flexslew_plant.events import (
     StateLost,
     TargetRequested,
     event_of,
+    message_of,
 )
 from flexslew_plant.events.run import Objection
 from flexslew_plant.faults.effects import Fate
@@ -391,7 +392,7 @@ class Bench:
         self._turned, self.model = turned, turned.model()
         what = TargetRequested(text, start, who)
         self.tell(what)
-        return InjectResult(start, what.message)
+        return InjectResult(start, message_of(what))
 
     def end_fault(self, number: int, who: str = "") -> InjectResult:
         """Return whether a fault or disturbance ends with the next tick, or why not.
@@ -409,7 +410,7 @@ class Bench:
         self._injections.end(number, end)
         what = FaultEndRequested(number, end, who)
         self.tell(what)
-        return InjectResult(end, what.message, number)
+        return InjectResult(end, message_of(what), number)
 
     def active_faults(self) -> list[ActiveFault]:
         """Return what disturbs or breaks now, or will."""
@@ -431,7 +432,7 @@ class Bench:
             self.settings.period,
         )
         what = StateLost(self.tick, self.time, where, cause)
-        self.failure = what.message
+        self.failure = message_of(what)
         self.tell(what)
         self.handover.drop_all(RUN_OVER)
 

@@ -30,6 +30,7 @@ from flexslew_plant.events import (
     Switched,
     SwitchRefused,
     SwitchRequested,
+    message_of,
 )
 from flexslew_plant.hardware.drive import Drive
 from flexslew_plant.refusal import Cause, Refusal
@@ -213,12 +214,12 @@ class Handover:
         if ok:
             done = Switched(outgoing, request.controller, step.tolist())
             self._tell(done)
-            self.results.append(SwitchResult(request, self._tick, step, done.message))
+            self.results.append(SwitchResult(request, self._tick, step, message_of(done)))
             return True
         refused = SwitchRefused(outgoing, request.controller, step.tolist(), limit)
         self._tell(refused)
         self._drive.hand_over(outgoing)
-        self._fail(request, self._tick, Refusal(refused.message, cause=Cause.STEP_TOO_LARGE))
+        self._fail(request, self._tick, Refusal(message_of(refused), cause=Cause.STEP_TOO_LARGE))
         return False
 
     def missed(self) -> None:
@@ -297,7 +298,7 @@ class Handover:
     def _drop(self, request: SwitchRequest, tick: int, why: Refusal) -> None:
         what = SwitchDropped(request.controller, why.cause, str(why), request.tick)
         self._tell(what)
-        self._fail(request, tick, Refusal(what.message, cause=why.cause))
+        self._fail(request, tick, Refusal(message_of(what), cause=why.cause))
 
     def _fail(self, request: SwitchRequest, tick: int, why: Refusal) -> None:
         nothing = np.zeros(self._drive.demand.size)

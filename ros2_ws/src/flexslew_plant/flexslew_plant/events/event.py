@@ -1,9 +1,10 @@
 """Events: what took effect at a tick, the same in process, on the topic and in a log."""
 
-from dataclasses import dataclass, fields, is_dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from functools import cache
-from typing import Annotated, Any, NamedTuple, Protocol, TypeVar, dataclass_transform
+from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, TypeVar, dataclass_transform
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
@@ -36,13 +37,6 @@ def _key(name: str) -> str:
     return name.rstrip("_")
 
 
-@dataclass_transform(frozen_default=True)
-def fact(cls: type[_T]) -> type[_T]:
-    """Return cls as a frozen dataclass that data of a log can be checked against."""
-    cls.__pydantic_config__ = ConfigDict(alias_generator=_key, extra="ignore")  # type: ignore[attr-defined]
-    return dataclass(frozen=True)(cls)
-
-
 class Level(StrEnum):
     """How bad it is."""
 
@@ -57,23 +51,75 @@ class Level(StrEnum):
 
 
 class Fact(Protocol):
-    """What happened: a frozen dataclass per kind, whose fields are the keys of the event's data.
+    """The record of an event: a frozen dataclass per kind, whose fields are the keys of its data.
 
     A field whose key is a word of Python ends in an underscore: from_ is `from`. A field that is
     None is left out.
     """
 
-    @property
-    def kind(self) -> str:
-        """Its name on the topic and in the log; the same for all of a class."""
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
-    @property
-    def level(self) -> Level:
-        """How bad it is."""
 
-    @property
-    def message(self) -> str:
-        """One line for a person, made of the fields."""
+class Kind(NamedTuple):
+    """What all events of a kind share."""
+
+    name: str  # on the topic and in the log
+    level: Level | Callable[[Any], Level]  # of all, or of a record
+    message: str | Callable[[Any], str]  # one line: a format of the fields, or of a record
+
+
+_KINDS: dict[type[Any], Kind] = {}
+
+
+@dataclass_transform(frozen_default=True)
+def fact(
+    kind: str, level: Level | Callable[[Any], Level], message: str | Callable[[Any], str]
+) -> Callable[[type[_T]], type[_T]]:
+    """Return a decorator that makes a class the record of a kind of event.
+
+    The class becomes a frozen dataclass against which the data of a log can be checked.
+
+    Args:
+        kind: name on the topic and in the log.
+        level: of all events of the kind, or a function of the record.
+        message: one line for a person: a format of the fields, or a function of the record.
+    """
+
+    def decorate(cls: type[_T]) -> type[_T]:
+        cls.__pydantic_config__ = ConfigDict(alias_generator=_key, extra="ignore")  # type: ignore[attr-defined]
+        record = dataclass(frozen=True)(cls)
+        _KINDS[record] = Kind(kind, level, message)
+        return record
+
+    return decorate
+
+
+def kinds() -> dict[str, type[Any]]:
+    """Return the record class of every kind that was defined so far, by its name."""
+    return {kind.name: record for record, kind in _KINDS.items()}
+
+
+def kind_of(what: Fact | type[Fact]) -> str:
+    """Return the name of a kind of event, of its record or its class."""
+    if isinstance(what, Other):
+        return what.name
+    return _KINDS[what if isinstance(what, type) else type(what)].name
+
+
+def level_of(what: Fact) -> Level:
+    """Return how bad an event is; INFO for a kind of another version."""
+    if isinstance(what, Other):
+        return Level.INFO
+    level = _KINDS[type(what)].level
+    return level if isinstance(level, Level) else level(what)
+
+
+def message_of(what: Fact) -> str:
+    """Return an event as one line for a person; the kind alone for one of another version."""
+    if isinstance(what, Other):
+        return what.name
+    message = _KINDS[type(what)].message
+    return message.format_map(vars(what)) if isinstance(message, str) else message(what)
 
 
 class Event(NamedTuple):
@@ -90,7 +136,7 @@ class Event(NamedTuple):
     @property
     def kind(self) -> str:
         """The name of the fact on the topic and in the log."""
-        return self.what.kind
+        return kind_of(self.what)
 
     @property
     def data(self) -> dict[str, Any]:
@@ -111,21 +157,12 @@ class Event(NamedTuple):
         }
 
 
-class Other(NamedTuple):
-    """A fact of a kind that this version does not know, of a newer log or somebody else's node."""
+@dataclass(frozen=True)
+class Other:
+    """An event of a kind that this version does not define, of a newer log or a foreign node."""
 
-    kind: str
+    name: str  # of the kind
     content: dict[str, Any]
-
-    @property
-    def level(self) -> Level:
-        """Nobody here can tell."""
-        return Level.INFO
-
-    @property
-    def message(self) -> str:
-        """Its kind."""
-        return self.kind
 
 
 def event_of(what: Fact, tick: int, time: float, epoch: int, source: str) -> Event:
@@ -139,13 +176,11 @@ def event_of(what: Fact, tick: int, time: float, epoch: int, source: str) -> Eve
         source: the node that says so.
     """
     what = _short(what)
-    return Event(tick, time, epoch, what.level, source, what, what.message)
+    return Event(tick, time, epoch, level_of(what), source, what, message_of(what))
 
 
 def _short(what: Fact) -> Fact:
     """Return a fact whose texts have no more characters than are read back."""
-    if not is_dataclass(what):
-        return what
     texts = {f.name: v for f in fields(what) if isinstance(v := getattr(what, f.name), str)}
     most = {name: _LONGEST_NAME if name == "who" else LONGEST_TEXT for name in texts}
     cut = {name: v[: most[name]] for name, v in texts.items() if len(v) > most[name]}
@@ -157,7 +192,7 @@ def data_of(what: Fact) -> dict[str, Any]:
     own = getattr(what, "content", None)
     if own is not None:
         return dict(own)
-    found = {_key(item.name): getattr(what, item.name) for item in fields(what)}  # type: ignore[arg-type]
+    found = {_key(item.name): getattr(what, item.name) for item in fields(what)}
     return {key: value for key, value in found.items() if value is not None}
 
 

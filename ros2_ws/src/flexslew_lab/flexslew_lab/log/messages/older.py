@@ -15,7 +15,7 @@ from rosbags.typesys.store import Typestore
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.schemas import store
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import EVENTS, SwitchDropped
+from flexslew_plant.events import EVENTS, SwitchDropped, kind_of
 from flexslew_plant.refusal import Cause
 
 _DROPPED = {  # how a reason began or ended, before its cause stood beside it
@@ -36,7 +36,7 @@ def completed(kind: str, tick: int, data: dict[str, Any]) -> dict[str, Any]:
         tick: of the event.
         data: as the log has it.
     """
-    if kind == SwitchDropped.kind and "cause" not in data:
+    if kind == kind_of(SwitchDropped) and "cause" not in data:
         reason = str(data.get("reason", ""))
         cause = next((c for words, c in _DROPPED.items() if words in reason), Cause.NOT_ALLOWED)
         data = {**data, "cause": cause}

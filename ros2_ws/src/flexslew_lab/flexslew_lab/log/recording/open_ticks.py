@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from flexslew_lab.log.messages import cdr
-from flexslew_plant.events import AnswerMissed
+from flexslew_plant.events import AnswerMissed, kind_of
 
 PATIENCE = 1.0  # that an answer is waited for [wall s]
 _TICK_EPOCH_NAME = struct.Struct("<QII")  # the name's length last
@@ -54,7 +54,7 @@ class OpenTicks:
         """
         if topic == "/events":
             event = cdr.decode("flexslew_msgs/msg/Event", data)
-            if event.kind == AnswerMissed.kind:
+            if event.kind == kind_of(AnswerMissed):
                 self._close((int(event.epoch), int(event.tick)))
             return
         key, name = _key_and_name(topic, data)

@@ -19,7 +19,7 @@ from flexslew_lab.report.run_data import RunData
 from flexslew_lab.report.thinning import Trace
 from flexslew_lab.report.verdict import told_to_move
 from flexslew_plant.arrays import Vector
-from flexslew_plant.events import IN_CHARGE, FaultChanged, Level
+from flexslew_plant.events import IN_CHARGE, FaultChanged, Level, kind_of
 
 MARKS = 20  # at most, of a report
 TIME = "time [s]"
@@ -37,7 +37,7 @@ def marks(runs: Sequence[RunData]) -> tuple[Mark, ...]:
                 span.words,
                 span.start,
                 span.end,
-                BROKEN if span.kind == FaultChanged.kind else DISTURBED,
+                BROKEN if span.kind == kind_of(FaultChanged) else DISTURBED,
             )
             for span in run.spans
         ]

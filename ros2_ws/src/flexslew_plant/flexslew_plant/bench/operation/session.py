@@ -28,6 +28,7 @@ from flexslew_plant.events import (
     Started,
     Stepped,
     WasReset,
+    message_of,
     too_long,
 )
 from flexslew_plant.measurement import EffortCommand, Measurement
@@ -402,7 +403,7 @@ class Session:
         if reply.ok:
             self.bench.tell(what)
         self._flush()
-        return reply._replace(done=what.message)
+        return reply._replace(done=message_of(what))
 
     def _flush(self) -> None:
         """Hand out the events of the bench."""
