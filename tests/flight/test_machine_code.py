@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from numba.core.registry import CPUDispatcher
+from tests.representatives import representatives
 from tests.wire_bench import WireBench
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
@@ -82,7 +83,11 @@ def flown(trial: Trial) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "modes"), [(kind, count) for kind, counts in MODES.items() for count in counts]
+    ("kind", "modes"),
+    representatives(
+        [(kind, count) for kind, counts in MODES.items() for count in counts],
+        *((kind, counts[0]) for kind, counts in MODES.items()),
+    ),
 )
 def test_no_law_compiles_or_loads_in_flight(kind: str, modes: int) -> None:
     values = {"kind": kind}
@@ -99,7 +104,7 @@ def test_no_law_compiles_or_loads_in_flight(kind: str, modes: int) -> None:
     assert flown(replace(trial, controllers=laws)) == []
 
 
-@pytest.mark.parametrize("name", SPACECRAFT)
+@pytest.mark.parametrize("name", representatives(SPACECRAFT, "own_spacecraft"))
 def test_no_law_of_a_spacecraft_compiles_or_loads_in_flight(name: str) -> None:
     trial, _ = read_trial(name, None)
     trial = replace(trial, schedule=(), fallback=(), duration=1.0)
@@ -143,6 +148,7 @@ print(len(list(Path(sys.argv[1]).rglob("*.nbc"))) > 0)
 """
 
 
+@pytest.mark.slow  # everything is compiled
 def test_the_first_flight_of_a_fresh_machine_compiles_before_tick_0(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", FROM_NOTHING, str(tmp_path)],

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.representatives import products
 from tests.wire_bench import WireBench
 
 from flexslew_control.plan import Plan
@@ -88,8 +89,9 @@ def move(position: Any, start: float, joints: tuple[str, ...]) -> Plan:
     return Plan("none", joints, start, 0.01, places, still, still[1:], np.zeros((6, 0)), 0.05)
 
 
-@pytest.mark.parametrize("moment", ["before the first measurement", "tick 0", "in flight"])
-@pytest.mark.parametrize("law", KALMAN)
+@pytest.mark.parametrize(
+    ("law", "moment"), products(KALMAN, ["before the first measurement", "tick 0", "in flight"])
+)
 def test_any_two_requests_at_one_tick_leave_a_bench_that_flies(law: str, moment: str) -> None:
     for first, second in product(OPERATIONS, repeat=2):
         bench = Operated(law)

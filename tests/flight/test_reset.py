@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.representatives import products, representatives
 from tests.wire_bench import WireBench
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
@@ -54,7 +55,9 @@ def after_a_reset(trial: Trial, flown: int) -> list[Any]:
     return [truth for truth in bench.truths if truth.epoch == 1]
 
 
-@pytest.mark.parametrize("name", [*LAWS, *SHIPPED])
+@pytest.mark.parametrize(
+    "name", representatives([*LAWS, *SHIPPED], *LAWS, "three_axes", "control_moment_gyros")
+)
 def test_what_was_flown_before_a_reset_leaves_nothing_behind(name: str) -> None:
     trial = read_trial(name)[0] if name in SHIPPED else with_law(name)
     fresh = after_a_reset(trial, 0)
@@ -90,8 +93,7 @@ UNREADY: dict[str, tuple[str, dict[str, Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("told", [True, False])
-@pytest.mark.parametrize("why", UNREADY)
+@pytest.mark.parametrize(("why", "told"), products(UNREADY, [True, False]))
 def test_a_reset_takes_back_who_could_not_go_on(why: str, told: bool) -> None:
     """The bench starts again, whether its state has told of the reset or the first question."""
     law, own, words = UNREADY[why]
@@ -128,7 +130,7 @@ OF_THREE_AXES = ["collocated_pid", "pd_feedforward", "lqr", "output_feedback",
                  "proportional_integral", "model_predictive"]  # fmt: skip
 
 
-@pytest.mark.parametrize("law", OF_THREE_AXES)
+@pytest.mark.parametrize("law", representatives(OF_THREE_AXES, "collocated_pid", "lqr"))
 def test_a_craft_that_rests_anywhere_is_held_there_without_effort_from_the_first_tick_on(
     law: str,
 ) -> None:

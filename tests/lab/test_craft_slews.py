@@ -4,6 +4,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from tests.representatives import seeds
 
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.whole_bench import by_feedback, flown_on_bench
@@ -13,7 +14,7 @@ from flexslew_lab.trial.trial import feedback_of, plant_of
 QUICK = {"pieces": 20, "ensemble": {"count": 3}, "max_steps": 8}
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", seeds(2))
 def test_random_slews_of_a_craft_keep_their_promise_on_members_and_between(seed: int) -> None:
     rng = np.random.default_rng([30, seed])
     plan = {

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.representatives import seeds
 
 from flexslew_lab.notebook import fly, trial
 from flexslew_lab.trial.trial import plan_of_trial
@@ -30,7 +31,7 @@ def keys(testbed: dict[str, Any], period: float, lag: float, ticks: float, **pla
     }
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", seeds(4))
 def test_a_linear_bench_with_late_motors_keeps_the_promise_on_members_and_between(
     seed: int,
 ) -> None:

@@ -1,11 +1,13 @@
 """Laws whose torque is shared out turn a craft as if the drives were torques about its axes."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
+from tests.representatives import products, representatives, seeds
 
 from flexslew_control.allocation import joint_gains
 from flexslew_control.allocation.allocation import WheelAllocation
@@ -86,8 +88,7 @@ def flown(
     return np.array(states)
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("law", "seed"), products(LAWS, range(4)))
 def test_thrusters_and_wheels_of_any_geometry_hold_any_attitude_alike(law: str, seed: int) -> None:
     """Through thrusters or wheels it is one torque, so the rates in body axes are the same.
 
@@ -105,8 +106,9 @@ def test_thrusters_and_wheels_of_any_geometry_hold_any_attitude_alike(law: str, 
     np.testing.assert_allclose(by[0], by[1], atol=2e-3 * abs(by[0]).max())
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("law", "seed"), representatives(product(LAWS, range(3)), *zip(LAWS, range(3), strict=False))
+)
 def test_null_motion_brings_wheels_to_their_bias_and_turns_nothing(law: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     wheels = 4 + seed
@@ -123,7 +125,7 @@ def test_null_motion_brings_wheels_to_their_bias_and_turns_nothing(law: str, see
     np.testing.assert_allclose(idle @ speeds, idle @ np.array(bias), atol=1e-4)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", seeds(3))
 def test_unloading_empties_the_wheels_while_they_hold_the_attitude(seed: int) -> None:
     rng = np.random.default_rng(seed)
     bench = craft(rng, 4)

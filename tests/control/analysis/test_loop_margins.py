@@ -9,6 +9,7 @@ import ctrlsys
 import numpy as np
 import pytest
 from tests.plants import plant
+from tests.representatives import products
 
 from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
 from flexslew_control.analysis.loop import ControlLoop, loop_of, visible_poles
@@ -72,9 +73,7 @@ def radius(rest: Any, form: Any, path: PlantPath) -> float:
     return float(abs(poles).max())
 
 
-@pytest.mark.parametrize("actuator", PATHS)
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("bed", BEDS)
+@pytest.mark.parametrize(("bed", "law", "actuator"), products(BEDS, LAWS, PATHS))
 def test_just_inside_of_a_margin_the_loop_is_stable_and_just_outside_it_is_not(
     bed: str, law: str, actuator: str
 ) -> None:

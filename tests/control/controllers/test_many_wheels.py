@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
+from tests.representatives import representatives
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.law import PlantDescription
@@ -35,8 +36,14 @@ def with_wheels(axes: Matrix) -> PlantDescription:
     return PlantDescription(read_testbed(values, "here"), PERIOD, np.full(len(axes), 0.5))
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize(("wheels", "seed"), [(4, 0), (5, 1), (6, 2)])
+@pytest.mark.parametrize(
+    ("wheels", "seed", "law"),
+    representatives(
+        [(*case, law) for case in ((4, 0), (5, 1), (6, 2)) for law in LAWS],
+        (4, 0, "pd_feedforward"),
+        (6, 2, "collocated_pid"),
+    ),
+)
 def test_wheels_along_any_axes_turn_a_craft_without_null_motion(
     wheels: int, seed: int, law: str
 ) -> None:

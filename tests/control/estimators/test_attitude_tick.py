@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.representatives import products
 
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeEstimator,
@@ -136,8 +137,9 @@ def ticked(numbers: AttitudeNumbers, flown: Flight) -> Matrix:
     return believed
 
 
-@pytest.mark.parametrize("suns", [0, 1, 2])
-@pytest.mark.parametrize("delays", [(0,), (1,), (4,), (0, 3), (2, 2), (5, 1)])
+@pytest.mark.parametrize(
+    ("delays", "suns"), products([(0,), (1,), (4,), (0, 3), (2, 2), (5, 1)], [0, 1, 2])
+)
 def test_the_compiled_tick_believes_what_the_estimator_believes(
     delays: tuple[int, ...], suns: int
 ) -> None:

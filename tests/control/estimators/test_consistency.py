@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from tests.representatives import representatives
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
@@ -44,6 +45,7 @@ def filters() -> Iterator[tuple[str, Make]]:
 
 
 FILTERS = dict(filters())
+REST, SLEW = (0.0, 0.0), (0.3, -0.2)  # rates of the joints [rad/s]
 
 
 class Truth:
@@ -115,7 +117,9 @@ def band(share: float, degrees: int, count: int) -> tuple[float, float]:
     return chi2.ppf(outside, degrees) / count, chi2.ppf(1.0 - outside, degrees) / count
 
 
-@pytest.mark.parametrize("rates", [(0.0, 0.0), (0.3, -0.2)], ids=["rest", "slew"])
+@pytest.mark.parametrize(
+    "rates", representatives([REST, SLEW], SLEW, single=True), ids=["rest", "slew"]
+)
 @pytest.mark.parametrize("name", FILTERS)
 def test_errors_and_innovations_are_as_large_as_the_covariance_says(
     name: str, rates: tuple[float, ...]

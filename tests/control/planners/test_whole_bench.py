@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from tests.plants import plant
+from tests.representatives import products
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription
@@ -120,8 +121,7 @@ def wish(seed: int) -> Asked:
     return Asked(bench, Feedback(kp=(20.0,), kd=(80.0,)), goal)
 
 
-@pytest.mark.parametrize("seed", [0, 2])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("method", "seed"), products(METHODS, [0, 2]))
 def test_a_plan_flies_as_promised_or_warns(method: str, seed: int) -> None:
     asked = wish(seed)
     values = {"method": method, "goal": asked.goal, **METHODS[method]}
@@ -158,8 +158,7 @@ LAWS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("method", ["input_shaping", "time_optimal"])
+@pytest.mark.parametrize(("law", "method"), products(LAWS, ["input_shaping", "time_optimal"]))
 def test_a_plan_that_any_law_flies_leaves_what_it_promises_or_warns(method: str, law: str) -> None:
     asked = wish(2)
     values = {"method": method, "goal": asked.goal, **METHODS[method]}

@@ -7,6 +7,7 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from tests.representatives import representatives
 from typer.testing import CliRunner
 
 import flexslew as fs
@@ -109,7 +110,7 @@ LAWS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", representatives(LAWS, "lqr", "linear"))
 def test_what_a_law_predicts_is_flown_with_lag_and_delay(law: str) -> None:
     """Every pole that efforts move and sensors see, and every margin of an effort."""
     delay = {"at": 0.0, "fault": {"kind": "command_delay", "ticks": 1.5}}

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from tests.representatives import representatives
 
 from flexslew_lab.cli import early, operate
 
@@ -12,7 +13,11 @@ DESIGN = ("control", "ctrlsys", "matplotlib", "daqp", "optuna")  # what no fligh
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], ["trial", "--help"], ["log", "--help"], ["console", "--help"]]
+    "arguments",
+    representatives(
+        [["--help"], ["trial", "--help"], ["log", "--help"], ["console", "--help"]],
+        ["trial", "--help"],
+    ),
 )
 def test_help_loads_no_numerics(arguments: list[str]) -> None:
     program = (

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.representatives import representatives
 
 from flexslew_lab.cli.main import main
 
@@ -21,6 +22,7 @@ COMMANDS = {
     "plan": ["plan"],
     "compare": ["compare", "--out", "OUT"],
 }
+SEARCHES = (["--set", "plan.functions=40"], ["--method", "minimax_feedforward"])
 
 
 def interrupted(words: list[str], moment: str, folder: Path) -> tuple[int, list[str]]:
@@ -46,12 +48,12 @@ def interrupted(words: list[str], moment: str, folder: Path) -> tuple[int, list[
     return child.returncode, said
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.parametrize("moment", representatives(MOMENTS, "numba"))
 def test_an_interrupted_import_ends_in_one_line(tmp_path: Path, moment: str) -> None:
     assert interrupted(COMMANDS["trial"], moment, tmp_path) == (130, ["interrupted"])
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", representatives(COMMANDS, "trial"))
 def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -> None:
     moment = {"trial": "flexslew_lab.run.in_process", "plan": "flexslew_control.plan_file",
               "compare": "flexslew_lab.comparison.comparison"}[command]  # fmt: skip
@@ -60,9 +62,7 @@ def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -
     assert said == ["interrupted"]
 
 
-@pytest.mark.parametrize(
-    "search", [["--set", "plan.functions=40"], ["--method", "minimax_feedforward"]]
-)
+@pytest.mark.parametrize("search", representatives(SEARCHES, SEARCHES[0]))
 def test_interrupted_planning_leaves_no_file(tmp_path: Path, search: list[str]) -> None:
     words = ["plan", "--out", "p.yaml", "--figure", "f.html", *search]
     child = subprocess.Popen(

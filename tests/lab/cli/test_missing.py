@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.representatives import representatives
 
 from flexslew_lab.cli.missing import remedy
 from flexslew_lab.run.domain import own_domain
@@ -29,7 +30,11 @@ def without(packages: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize(
     "arguments",
-    [["trial"], ["controllers"], ["switch", "pd_feedforward"], ["live"], ["play", str(ROOT)]],
+    representatives(
+        [["trial"], ["controllers"], ["switch", "pd_feedforward"], ["live"], ["play", str(ROOT)]],
+        ["trial"],
+        ["switch", "pd_feedforward"],
+    ),
 )
 def test_without_ros_one_line_says_what_to_do(
     arguments: list[str], monkeypatch: pytest.MonkeyPatch

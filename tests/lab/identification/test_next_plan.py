@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.representatives import representatives
 
 from flexslew_lab.cli.main import main as cli
 from flexslew_lab.run.run_trial import run_trial
@@ -34,7 +35,7 @@ def identify(capfd: Any, monkeypatch: Any, *words: Any) -> tuple[Any, str, str]:
     return end.value.code, *capfd.readouterr()
 
 
-@pytest.mark.parametrize("free_mass", [0.7, 1.4])
+@pytest.mark.parametrize("free_mass", representatives([0.7, 1.4], 1.4))
 def test_the_next_plan_is_better_as_foretold(
     tmp_path: Path, capfd: Any, monkeypatch: Any, free_mass: float
 ) -> None:

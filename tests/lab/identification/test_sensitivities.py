@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.lab.identification.shaken import bench
+from tests.representatives import representatives
 
 from flexslew_lab.identification.flights import Flights
 from flexslew_lab.identification.record import Output, Quantity, Record
@@ -58,7 +59,12 @@ CASES: dict[str, tuple[str, float]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    representatives(
+        CASES, "csa parameters.bending_stiffness", "own_spacecraft appendages.left.stiffness"
+    ),
+)
 def test_slopes_are_the_limit_of_differences_of_flights(case: str) -> None:
     """Of large motions: joints turn by a radian, where nothing is linear."""
     kind, largest = CASES[case]

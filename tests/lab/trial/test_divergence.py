@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.representatives import representatives
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.log.bag_reader import BagReader
@@ -25,9 +26,10 @@ schedule: [{{at: 1.0, disturbance: {{base_yaw: 5.0}}}}]
 
 # refused at this period, and silent without a plan that has gains
 NEVER_FLIES = {"disturbance_minimisation", "planned_gains"}
+FLYING = [law for law in CONTROLLERS if law not in NEVER_FLIES]
 
 
-@pytest.mark.parametrize("law", [law for law in CONTROLLERS if law not in NEVER_FLIES])
+@pytest.mark.parametrize("law", representatives(FLYING, "pd_feedforward", "lqr"))
 def test_a_trial_that_diverges_has_its_log_and_metrics(tmp_path: Path, law: Any) -> None:
     trial = parse_trial(TRIAL.format(law=law), "test")
     result = run_trial(trial, "test", tmp_path / "run", in_process=True, report=False)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.representatives import products
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.plan import Plan
@@ -103,9 +104,12 @@ def test_the_command_ends_with_1_and_the_final_error_comes_before_the_tip(
     assert page.index("final error") < page.index("residual tip deflection")
 
 
-@pytest.mark.parametrize("law", ["modal_space", "pd_feedforward", "lqr"])
 @pytest.mark.parametrize(
-    "method", ["optimized_feedforward", "robust_feedforward", "reference_only", "none"]
+    ("method", "law"),
+    products(
+        ["optimized_feedforward", "robust_feedforward", "reference_only", "none"],
+        ["modal_space", "pd_feedforward", "lqr"],
+    ),
 )
 def test_on_the_oscillator_nothing_needs_nan(method: str, law: str, tmp_path: Path) -> None:
     text = OSCILLATOR.format(method=method, law=law, settings="{}")

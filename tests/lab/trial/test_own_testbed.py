@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.present import present
+from tests.representatives import representatives
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import PLANNERS
@@ -73,7 +74,7 @@ def test_the_laws_of_this_file_are_those_of_the_table() -> None:
     assert set(LAWS) | RETARGETING == set(CONTROLLERS)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", representatives(LAWS, "pd_feedforward", "output_feedback"))
 def test_every_law_flies_it_to_its_goal(law: Any, tmp_path: Path) -> None:
     damped = f"{{kind: {KIND}, modes: 1, damping_ratio: 0.02}}"
     requested = trial(controllers=f"{{{law}: {LAWS[law]}}}", active=law, testbed=damped)
@@ -106,7 +107,7 @@ def test_the_plans_of_this_file_are_those_of_the_table() -> None:
     assert {*PLANS, *REFUSED} == {name for name, entry in PLANNERS.items() if entry.slews}
 
 
-@pytest.mark.parametrize("method", PLANS)
+@pytest.mark.parametrize("method", representatives(PLANS, "input_shaping", "optimized_feedforward"))
 def test_every_planner_plans_it_and_the_plan_flies(method: Any, tmp_path: Path) -> None:
     requested = trial(plan=PLANS[method], testbed=f"{{kind: {KIND}, modes: 1}}", duration=60.0)
     plan = present(plan_of_trial(requested))

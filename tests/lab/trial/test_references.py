@@ -6,6 +6,7 @@ from zlib import crc32
 
 import numpy as np
 import pytest
+from tests.representatives import products
 
 import flexslew as fs
 from flexslew_control.planners import PLANNERS
@@ -26,8 +27,7 @@ QUICK: dict[str, dict[str, Any]] = {
 CLOSE = 3e-6  # what the solvers leave: minimax_feedforward up to 2e-6 [rad or m, and per second]
 
 
-@pytest.mark.parametrize("method", SLEWS)
-@pytest.mark.parametrize("bench", TESTBEDS)
+@pytest.mark.parametrize(("bench", "method"), products(TESTBEDS, SLEWS))
 def test_it_goes_from_start_to_goal_and_rests_there_without_a_step(bench: str, method: str) -> None:
     rng = np.random.default_rng(crc32(f"{bench} {method}".encode()))
     trial = fs.trial(bench, {"schedule": [], "plan": {"method": "none"}})

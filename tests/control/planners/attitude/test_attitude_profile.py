@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.control.planners.attitude.test_eigenaxis import INERTIA, open_loop, rigid
 from tests.plants import plant
+from tests.representatives import products, representatives, seeds
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.law import PlantDescription
@@ -39,7 +40,7 @@ def path_of(plan: Plan) -> Rotation:
     return Rotation.from_rotvec(plan.position.copy())
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", seeds(3))
 def test_a_profile_passes_its_attitudes_smoothly_and_its_efforts_alone_fly_it(seed: int) -> None:
     rng = np.random.default_rng(seed)
     start = Rotation.random(rng=rng)
@@ -136,8 +137,7 @@ LAWS: dict[str, dict[str, Any]] = {
 PERIOD = 0.05
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("ends", ["in a profile", "in a spin"])
+@pytest.mark.parametrize(("law", "ends"), products(LAWS, ["in a profile", "in a spin"]))
 def test_a_craft_with_panels_and_wheels_flies_it_under_feedback(law: str, ends: str) -> None:
     testbed = shipped("three_axes").testbed
     bench = PlantDescription(testbed, PERIOD, np.array(testbed.effort_limit))
@@ -156,7 +156,7 @@ def test_a_craft_with_panels_and_wheels_flies_it_under_feedback(law: str, ends: 
     assert off.attitude < 1e-5  # drift of the hold
 
 
-@pytest.mark.parametrize("gyroscopic", [False, True])
+@pytest.mark.parametrize("gyroscopic", representatives([False, True], True))
 def test_a_rigid_craft_is_kept_on_its_spin_under_feedback(gyroscopic: bool) -> None:
     bench = rigid(np.array([1.0, 0.5, -2.0]))
     plan = planned(

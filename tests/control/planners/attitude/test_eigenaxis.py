@@ -1,11 +1,13 @@
 """Slews about the eigenaxis: they stay on it, whatever the frame, and fly as predicted."""
 
 from dataclasses import fields, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.representatives import products, representatives, seeds
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription
@@ -189,7 +191,7 @@ class _Left:
     answer = event = question
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", seeds(20))
 def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int) -> None:
     wheels = {
         name: {"axis": axis, "inertia": 0.02, "limit": 0.5, "momentum_limit": 10.0}
@@ -271,8 +273,12 @@ REFUSED: dict[tuple[str, str], str] = {
 }
 
 
-@pytest.mark.parametrize("axes", ["one axis", "three axes"])
-@pytest.mark.parametrize("method", PLANNERS)
+@pytest.mark.parametrize(
+    ("method", "axes"),
+    representatives(
+        product(PLANNERS, ["one axis", "three axes"]), *product(PLANNERS, ["three axes"])
+    ),
+)
 def test_every_planner_turns_a_rigid_craft_or_refuses_it_in_one_line(
     method: str, axes: str
 ) -> None:
@@ -294,8 +300,10 @@ def test_every_planner_turns_a_rigid_craft_or_refuses_it_in_one_line(
         assert abs(end[10:13]).max() < FLOWN[method]
 
 
-@pytest.mark.parametrize("feedforward", ["elastic", "rigid", "zero_order"])
-@pytest.mark.parametrize("shaper", ["clamped", "system", "none"])
+@pytest.mark.parametrize(
+    ("shaper", "feedforward"),
+    products(["clamped", "system", "none"], ["elastic", "rigid", "zero_order"]),
+)
 def test_pulses_of_a_rigid_craft_have_nothing_to_shape(shaper: str, feedforward: str) -> None:
     bench = rigid(np.zeros(len(NAMES)))
     keys = {"duration": 40.0, "shaper": shaper, "feedforward": feedforward}

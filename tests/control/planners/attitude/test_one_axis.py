@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.present import present
+from tests.representatives import products
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
@@ -100,8 +101,10 @@ def test_a_drive_askew_to_the_turn_reads_its_share_of_it(askew: float) -> None:
     np.testing.assert_allclose(rate, plan.velocity[1:], atol=1e-5)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.9])
-@pytest.mark.parametrize("goal", [{"pitch": 0.5}, {"axis": [1.0, 2.0, -1.0], "angle": 0.6}])
+@pytest.mark.parametrize(
+    ("goal", "angle"),
+    products([{"pitch": 0.5}, {"axis": [1.0, 2.0, -1.0], "angle": 0.6}], [0.0, 0.9]),
+)
 def test_a_driven_hinge_stays_where_it_starts_held_by_its_motor(goal: Any, angle: float) -> None:
     """The efforts alone fly hub and dish along the plan, and none would leave the hinge behind."""
     craft = {

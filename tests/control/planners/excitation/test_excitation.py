@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.representatives import products
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners.excitation.excitation import Excitation, plan_excitation
@@ -23,8 +24,10 @@ def planned(kind: str = "csa", gains: Any = (460.0, 920.0), **keys: Any) -> Any:
     return plan_excitation(settings, plant, Feedback(kp=(gains[0],), kd=(gains[1],))), plant
 
 
-@pytest.mark.parametrize("kind", ["csa", "floating_oscillator", "hub_with_appendages"])
-@pytest.mark.parametrize("signal", SIGNALS)
+@pytest.mark.parametrize(
+    ("kind", "signal"),
+    products(["csa", "floating_oscillator", "hub_with_appendages"], SIGNALS),
+)
 def test_the_largest_amplitude_keeps_the_limits_when_it_is_flown(kind: str, signal: str) -> None:
     gains = (460.0, 920.0) if kind == "csa" else (0.5, 1.0)
     plan, plant = planned(kind, gains, signal=signal, duration=120.0, band=[0.5, 8.0],

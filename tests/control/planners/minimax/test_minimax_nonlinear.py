@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.plants import late, plant
 from tests.present import present
+from tests.representatives import representatives, seeds
 
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.minimax import shortest
@@ -41,8 +42,14 @@ def left(kind: str, plan: Any, error: float) -> float:
     return predicted(plan, slew).tip_deflection
 
 
-@pytest.mark.parametrize(("lag", "delay"), [(0.0, 0.0), (0.15, 2.3)])
-@pytest.mark.parametrize("kind", GAINS)
+@pytest.mark.parametrize(
+    ("kind", "lag", "delay"),
+    representatives(
+        [(kind, *path) for kind in GAINS for path in ((0.0, 0.0), (0.15, 2.3))],
+        ("csa", 0.15, 2.3),
+        ("hub_with_appendages", 0.0, 0.0),
+    ),
+)
 def test_the_derivatives_of_a_flight_are_exact(kind: str, lag: float, delay: float) -> None:
     testbed = read_testbed({"kind": kind}, "t")
     limit = testbed.effort_limit
@@ -79,7 +86,7 @@ def test_the_derivatives_of_a_flight_are_exact(kind: str, lag: float, delay: flo
         np.testing.assert_allclose(found.end[0][:, k], end, atol=1e-8)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", seeds(3))
 def test_random_slews_keep_their_promise_on_members_and_between(seed: int) -> None:
     rng = np.random.default_rng(seed)
     start, goal = rng.uniform(-0.6, 0.6, 2), rng.uniform(-0.6, 0.6, 2)
@@ -174,7 +181,7 @@ def test_too_short_a_slew_says_how_long_one_takes() -> None:
         planned(duration=10.0)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", seeds(4))
 def test_a_mass_on_a_spring_that_varies_is_led_to_its_goal(seed: int) -> None:
     """It has no tip, and no motion that is free: the nominal one ends at rest, in 5 s and after."""
     rng = np.random.default_rng([30, seed])

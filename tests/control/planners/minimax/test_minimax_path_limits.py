@@ -14,6 +14,7 @@ from tests.control.planners.minimax.test_minimax_three_axes import (
     derivatives_and_flights,
 )
 from tests.control.planners.time_optimal.three_axes.test_three_axes_flexible import AXES, booms
+from tests.representatives import representatives
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
@@ -103,12 +104,15 @@ def flown(plan: Plan, plant: PlantDescription, error: float) -> Flight:
 
 @pytest.mark.parametrize(
     ("seed", "cones", "duration", "keys"),
-    [  # durations are 1.25 to 1.5 times what a rigid craft takes
-        (1, 2, 15.3, {}),
-        (3, 1, 12.8, {"exact_nominal": True}),
+    representatives(
+        [  # durations are 1.25 to 1.5 times what a rigid craft takes
+            (1, 2, 15.3, {}),
+            (3, 1, 12.8, {"exact_nominal": True}),
+            (2, 1, 22.9, {"rate_limit": 0.075}),
+            (6, 0, 16.0, {"rate_limit": {"roll": 0.06, "pitch": 0.05}}),
+        ],
         (2, 1, 22.9, {"rate_limit": 0.075}),
-        (6, 0, 16.0, {"rate_limit": {"roll": 0.06, "pitch": 0.05}}),
-    ],
+    ),
 )
 def test_every_member_keeps_to_cones_and_rates_and_leaves_what_was_promised(
     seed: int, cones: int, duration: float, keys: Any

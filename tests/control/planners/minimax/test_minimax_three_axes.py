@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.control.planners.time_optimal.three_axes.test_three_axes_flexible import AXES, booms
 from tests.present import present
+from tests.representatives import seeds
 
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
@@ -72,7 +73,7 @@ def turn(rng: np.random.Generator) -> tuple[dict[str, float], dict[str, Any], fl
     return by_joint, {"axis": axis.tolist(), "angle": angle}, 1.2 * rigid
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", seeds(2))
 def test_random_turns_keep_their_promise_on_members_and_between(seed: int) -> None:
     """Flown by the law's own controller on the bench; 1e-5 m is what counts as none."""
     by_joint, goal, duration = turn(np.random.default_rng([33, seed]))

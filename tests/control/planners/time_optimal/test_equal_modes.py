@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.control.planners.time_optimal.least_time import least_time
+from tests.representatives import products, representatives
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan
@@ -30,7 +31,9 @@ def section(**values: Any) -> TimeOptimal:
     return found
 
 
-@pytest.mark.parametrize("goal", [0.05, 0.1, 0.2, 0.3, 0.6, 1.0, 1.5, -0.4])
+@pytest.mark.parametrize(
+    "goal", representatives([0.05, 0.1, 0.2, 0.3, 0.6, 1.0, 1.5, -0.4], 0.05, -0.4)
+)
 def test_the_shipped_spacecraft_is_slewed_in_the_least_time(goal: float) -> None:
     trial = shipped("own_spacecraft")
     asked = section(goal={"roll": goal}, structure="optimal")
@@ -81,9 +84,8 @@ def craft(rng: np.random.Generator, alike: str, joint: str, modes: int) -> Space
     return testbed
 
 
-@pytest.mark.parametrize("joint", AXES)
-@pytest.mark.parametrize("alike", ALIKE)
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("alike", "joint"), products(ALIKE, AXES))
+@pytest.mark.parametrize("seed", representatives([1, 2], 1))
 def test_slews_of_random_craft_take_the_least_time(alike: str, joint: str, seed: int) -> None:
     rng = np.random.default_rng([seed, list(ALIKE).index(alike), list(AXES).index(joint)])
     testbed = craft(rng, alike, joint, 1)

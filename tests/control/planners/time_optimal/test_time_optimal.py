@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from tests.plants import plant
 from tests.present import present
+from tests.representatives import seeds
 
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
@@ -306,7 +307,7 @@ def test_a_damped_hub_gets_the_extremal_that_it_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize("robust", [False, True])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", seeds(4))
 def test_no_slew_of_the_linear_model_is_faster_than_its_optimum(robust: Any, seed: Any) -> None:
     rng = np.random.default_rng(seed)
     testbed = FloatingOscillatorTestbed(damping_ratio=float(rng.uniform(0.0, 0.1)))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from benchmarks.study_bounds import CONFIDENCE, METRICS, QUANTILES, SAMPLED, cell, study
 from scipy import stats
+from tests.representatives import products
 
 from flexslew_lab.studies.findings.population import Population
 
@@ -19,9 +20,7 @@ MOST = 0.97  # of a stated 90 %, so that bounds are not wide for nothing
 HALF = 0.5  # of the studies that bound both ends: below, they are a choice of their own
 
 
-@pytest.mark.parametrize("method", SAMPLED)
-@pytest.mark.parametrize("n", [64, 1024])
-@pytest.mark.parametrize("name", METRICS)
+@pytest.mark.parametrize(("name", "n", "method"), products(METRICS, [64, 1024], SAMPLED))
 def test_bounds_hold_as_often_as_stated_and_not_much_more(method: str, n: int, name: str) -> None:
     found = cell(method, n, name, STUDIES)
     assert found.disordered == 0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.lab.studies.lanes.both_ways import CRAFT as BOOM
 from tests.lab.studies.lanes.both_ways import require_equal
+from tests.representatives import representatives
 
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
@@ -77,7 +78,9 @@ FLOWN: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("drives", FLOWN)
+@pytest.mark.parametrize(
+    "drives", representatives(FLOWN, "thrusters", "unloaded wheels", "gyros", "wheels, filter")
+)
 def test_a_torque_that_is_shared_out_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], drives: str
 ) -> None:

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from copy import deepcopy
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.lab.studies.lanes.both_ways import CRAFT, require_equal
+from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.flight import flown
@@ -28,8 +30,12 @@ MOTORS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("motor", MOTORS)
-@pytest.mark.parametrize("law", ["pd_feedforward", "proportional_integral"])
+@pytest.mark.parametrize(
+    ("law", "motor"),
+    representatives(
+        product(["pd_feedforward", "proportional_integral"], MOTORS), ("pd_feedforward", "both")
+    ),
+)
 def test_motors_with_a_lag_or_a_slew_rate_fly_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], law: str, motor: str
 ) -> None:
@@ -98,8 +104,10 @@ BETWEEN: dict[str, dict[str, Any]] = {  # what stands between a demand and what 
 }
 
 
-@pytest.mark.parametrize("between", BETWEEN)
-@pytest.mark.parametrize("law", OWN_WINDING)
+@pytest.mark.parametrize(
+    ("law", "between"),
+    representatives(product(OWN_WINDING, BETWEEN), ("linear", "lost"), ("planned_gains", "gain")),
+)
 def test_an_integral_does_not_wind_back_by_what_motors_make_of_its_demand(
     study_of: Callable[..., Study], law: str, between: str
 ) -> None:

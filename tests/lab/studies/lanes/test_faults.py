@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.lab.studies.lanes.both_ways import CRAFT, require_equal, ways_of
+from tests.representatives import representatives, seeds
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.flight import flown
@@ -88,7 +89,7 @@ def test_every_fault_but_those_that_silence_a_law_is_flown_alone_below() -> None
 
 
 @pytest.mark.parametrize("fault", KINDS, ids=lambda fault: "-".join(map(str, fault.values())))
-@pytest.mark.parametrize("law", ["pd", "lqr"])  # on joints, and on an estimate with tips
+@pytest.mark.parametrize("law", representatives(["pd", "lqr"], "lqr"))  # on an estimate with tips
 def test_a_fault_acts_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], law: str, fault: dict[str, Any]
 ) -> None:
@@ -106,7 +107,7 @@ def test_delays_and_gains_that_overlap_act_as_on_the_bench(study_of: Callable[..
     require_equal(prepare(faulty(study_of, faults, max_missed=100)), [0, 1, 2])
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", seeds(6, default=2))  # each kind of motors
 def test_random_faults_fly_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], seed: int
 ) -> None:
@@ -143,7 +144,7 @@ def blind(at: float, until: float, **keys: Any) -> dict[str, Any]:
     return {"at": at, "until": until, "fault": {**NAN, **keys}}
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", representatives(LAWS, "lqr"))
 def test_who_reads_no_numbers_for_a_while_begins_anew_as_on_the_bench(
     study_of: Callable[..., Study], law: str
 ) -> None:
@@ -250,7 +251,9 @@ def test_a_fault_that_the_bench_refuses_is_refused(study_of: Callable[..., Study
     assert ways_of(ready, len(ways)) == ways
 
 
-@pytest.mark.parametrize("attitude", [{}, {"modes": {}}], ids=["rigid", "modes"])
+@pytest.mark.parametrize(
+    "attitude", representatives([{}, {"modes": {}}], {"modes": {}}), ids=["rigid", "modes"]
+)
 def test_instruments_and_filters_of_an_attitude_are_misled_alike(
     study_of: Callable[..., Study], attitude: dict[str, Any]
 ) -> None:
@@ -289,7 +292,7 @@ def test_instruments_and_filters_of_an_attitude_are_misled_alike(
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 3])
 
 
-@pytest.mark.parametrize("window", [1, 7, 400])
+@pytest.mark.parametrize("window", representatives([1, 7, 400], 7))
 def test_what_the_drive_finds_implausible_is_left_to_the_bench_and_nothing_else(
     study_of: Callable[..., Study], window: int
 ) -> None:

@@ -1,10 +1,12 @@
 """Laws whose attitude filter knows the appendages' modes fly in lanes as on the bench."""
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
+from tests.representatives import representatives
 
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.studies.cases import case_of, case_trial
@@ -58,8 +60,12 @@ FILTERS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("tracker", TRACKERS)
-@pytest.mark.parametrize("filter_", FILTERS)
+@pytest.mark.parametrize(
+    ("tracker", "filter_"),
+    representatives(
+        product(TRACKERS, FILTERS), ("late", "another craft"), ("blind at first", "as it is")
+    ),
+)
 def test_a_law_by_such_a_filter_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], tracker: str, filter_: str
 ) -> None:

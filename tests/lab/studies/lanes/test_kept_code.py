@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from tests.lab.studies.lanes.both_ways import CRAFT
+from tests.representatives import representatives
 
 from flexslew_lab.studies.study import Study
 
@@ -30,10 +31,12 @@ KP = {"controllers.pd_feedforward.kp": {"uniform": [100.0, 200.0]}}
 CONTROL = {"pd_feedforward": {"kp": [150.0], "kd": [300.0]}}
 TURN = {"method": "reference_only", "goal": {"roll": 0.01}, "duration": 0.5}
 
+STAGES = {"testbed": CRAFT, "plan": TURN, "controllers": CONTROL}
+
 
 @pytest.mark.parametrize(
     "flown",
-    [{}, {"testbed": CRAFT, "plan": TURN, "controllers": CONTROL}],
+    representatives([{}, STAGES], STAGES),
     ids=["steps as a whole", "stage by stage"],
 )
 def test_the_second_process_compiles_nothing(

@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
+from tests.representatives import representatives
 
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 
 
-@pytest.mark.parametrize("law", ["lqr", "proportional_integral"])
+@pytest.mark.parametrize("law", representatives(["lqr", "proportional_integral"], "lqr"))
 def test_a_filter_acts_in_lanes_as_on_the_bench(study_of: Callable[..., Study], law: str) -> None:
     trial = {
         "duration": 12.0,

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from tests.lab.studies.lanes.both_ways import CRAFT, require_equal
+from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.lanes.fleet import Lanes
@@ -35,7 +36,7 @@ def held(law: str, **keys: Any) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", representatives(LAWS, "collocated_pid", "output_feedback"))
 def test_every_law_holds_what_it_has_measured_as_on_the_bench(
     study_of: Callable[..., Study], law: str
 ) -> None:
@@ -46,7 +47,9 @@ def test_every_law_holds_what_it_has_measured_as_on_the_bench(
     )
 
 
-@pytest.mark.parametrize("law", ["pd_feedforward", "collocated_pid"])
+@pytest.mark.parametrize(
+    "law", representatives(["pd_feedforward", "collocated_pid"], "pd_feedforward")
+)
 def test_lanes_that_hold_positions_of_their_own_fly_beside_each_other(
     study_of: Callable[..., Study], law: str
 ) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from tests.lab.studies.lanes.both_ways import CRAFT as BOOM
 from tests.lab.studies.lanes.both_ways import require_equal
+from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import Cases, case_of
 from flexslew_lab.studies.flight import flown
@@ -80,12 +81,10 @@ def surrounded(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
 
 @pytest.mark.parametrize(
     ("orbit", "shaking", "law"),
-    [
-        (True, False, {}),
-        (False, True, {}),
+    representatives(
+        [(True, False, {}), (False, True, {}), (True, True, {}), (True, True, {"attitude": {}})],
         (True, True, {}),
-        (True, True, {"attitude": {}}),
-    ],
+    ),
 )
 def test_what_acts_from_outside_acts_in_lanes_as_on_the_bench(
     surrounded: Callable[..., Preparation], orbit: bool, shaking: bool, law: dict[str, Any]

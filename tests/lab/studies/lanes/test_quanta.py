@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.lab.studies.lanes.both_ways import require_equal, ways_of
+from tests.representatives import seeds
 
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
@@ -42,7 +43,7 @@ def in_quanta(
 
 
 @pytest.mark.parametrize("law", ["pd_feedforward", "lqr"])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", seeds(5))
 def test_random_quanta_fly_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], law: str, seed: int
 ) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
+from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.flight import flown
@@ -92,7 +93,7 @@ def turning(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
     return make
 
 
-@pytest.mark.parametrize("sensors", [{}, NOISE], ids=["exact", "noisy"])
+@pytest.mark.parametrize("sensors", representatives([{}, NOISE], NOISE), ids=["exact", "noisy"])
 @pytest.mark.parametrize("law", LAWS)
 def test_a_law_on_fewer_readings_than_motions_flies_as_on_the_bench(
     turning: Callable[..., Preparation], law: str, sensors: dict[str, Any]
@@ -114,7 +115,10 @@ def test_an_integral_on_an_observer_stops_at_the_limits_as_on_the_bench(
     assert (flown(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
 
 
-@pytest.mark.parametrize("who", ["testbed", "controllers.disturbance_accommodating.model"])
+@pytest.mark.parametrize(
+    "who",
+    representatives(["testbed", "controllers.disturbance_accommodating.model"], "testbed"),
+)
 def test_an_observer_is_as_wrong_about_its_bench_in_lanes(
     turning: Callable[..., Preparation], who: str
 ) -> None:

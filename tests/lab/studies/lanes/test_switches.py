@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
+from tests.representatives import seeds
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.lanes.fleet import Lanes
@@ -69,7 +70,7 @@ def test_every_law_takes_over_from_every_other_in_lanes_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 3])
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", seeds(6))
 def test_random_schedules_fly_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], seed: int
 ) -> None:

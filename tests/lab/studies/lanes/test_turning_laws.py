@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
+from tests.representatives import representatives
 
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.studies.cases import case_of
@@ -38,7 +39,7 @@ def trial_of(controllers: dict[str, Any], active: str, *events: dict[str, Any]) 
 BIAS = {"sensors.joint_position.bias": {"uniform": [-1e-4, 1e-4]}}
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", representatives(LAWS, "output_feedback, rest"))
 def test_a_law_about_its_plan_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], law: str
 ) -> None:

@@ -1,10 +1,12 @@
 """Trials whose law has a monitor fly in lanes until a test of it fails."""
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import pytest
 from tests.lab.studies.lanes.both_ways import require_equal, ways_of
+from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.flight import flown
@@ -30,7 +32,11 @@ BENCHES: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
 
 @pytest.mark.parametrize(
     ("bench", "window"),
-    [*((bench, 20) for bench in BENCHES), ("by matrices", 1), ("by matrices", 400)],
+    representatives(
+        [*product(BENCHES, (20,)), ("by matrices", 1), ("by matrices", 400)],
+        ("on the equations of motion", 20),
+        ("by matrices", 1),
+    ),
 )
 def test_what_a_monitor_doubts_is_left_to_the_bench_and_nothing_else(
     study_of: Callable[..., Study], bench: str, window: int

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import root
+from tests.representatives import representatives, seeds
 
 from flexslew_control.planners.time_optimal.linear.linear_multistart import linear_slews
 from flexslew_control.planners.time_optimal.linear.linear_switching import (
@@ -22,6 +23,9 @@ def five_switch_equations(z: Any, a: Any) -> list[Any]:
     ]
 
 
+WAYS = (10.0 ** np.random.default_rng(1).uniform(-3.0, 3.5, 8)).tolist()  # lengths of slews
+
+
 def ringing(durations: Any, damping: Any) -> tuple[Any, Any, Any, Any]:
     """Return the end of a mode of frequency 1 and of its derivative by the frequency, and the way.
 
@@ -37,7 +41,7 @@ def ringing(durations: Any, damping: Any) -> tuple[Any, Any, Any, Any]:
     return np.abs(modes).max(), np.abs(slopes).max(), jumps @ tau, jumps @ tau**2 / 2.0
 
 
-@pytest.mark.parametrize("a", 10.0 ** np.random.default_rng(1).uniform(-3.0, 3.5, 8))
+@pytest.mark.parametrize("a", representatives(WAYS, *WAYS[:2]))
 def test_no_antisymmetric_five_switch_slew_is_shorter(a: Any) -> None:
     rng = np.random.default_rng(2)
     found = five_switches(a)
@@ -55,7 +59,7 @@ def test_no_antisymmetric_five_switch_slew_is_shorter(a: Any) -> None:
 
 
 @pytest.mark.parametrize("switches", [3, 5])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", seeds(5))
 def test_slews_of_the_damped_mode_end_at_rest_and_none_is_found_shorter_elsewhere(
     switches: int, seed: Any
 ) -> None:
