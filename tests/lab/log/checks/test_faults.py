@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.representatives import products
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
@@ -43,8 +44,7 @@ schedule: {yaml_text([{"at": 0.1, "until": 0.3, "fault": fault}], flow=True)}
     return folder / "run" / "bag"
 
 
-@pytest.mark.parametrize("kind", FAULTS)
-@pytest.mark.parametrize("after", ["[lqr]", "[]"])
+@pytest.mark.parametrize(("kind", "after"), products(FAULTS, ["[lqr]", "[]"]))
 def test_no_fault_makes_a_log_wrong(tmp_path: Path, kind: str, after: str) -> None:
     wrong = [f for f in check_log(flown(tmp_path, kind, after)) if not f.ok]
     assert not wrong
