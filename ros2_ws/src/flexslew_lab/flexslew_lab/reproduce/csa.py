@@ -5,11 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.controllers.margins import (
-    best_gains,
-    guaranteed_margin,
-    stability_margin,
-)
 from flexslew_lab.reproduce.csa_figures import csa_figures as csa_figures
 from flexslew_lab.reproduce.csa_flights import (
     EVEN_SMALLER_RHO,
@@ -26,6 +21,11 @@ from flexslew_lab.reproduce.csa_flights import (
     flown,
     residual_tip,
     step_response,
+)
+from flexslew_lab.reproduce.pd_margins import (
+    best_gains,
+    guaranteed_margin,
+    stability_margin,
 )
 from flexslew_lab.reproduce.rows import Row, absolute, at_most
 from flexslew_plant.testbeds.csa import CsaTestbed, beam

@@ -4,11 +4,6 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from flexslew_control.controllers.margins import (
-    PITCH_RANGE,
-    best_gains,
-    margin_table,
-)
 from flexslew_lab.report.panels import COLOURS, INK
 from flexslew_lab.reproduce.csa_flights import (
     KD,
@@ -19,6 +14,11 @@ from flexslew_lab.reproduce.csa_flights import (
     csa_model,
     flown,
     step_response,
+)
+from flexslew_lab.reproduce.pd_margins import (
+    PITCH_RANGE,
+    best_gains,
+    margin_table,
 )
 from flexslew_plant.arrays import Vector
 

@@ -13,12 +13,12 @@ from flexslew_control.planners.time_optimal.optimal_switching import extremal_du
 from flexslew_control.planners.time_optimal.pontryagin import switching_function
 from flexslew_control.planners.time_optimal.structures import found_durations
 from flexslew_control.planners.time_optimal.switching import continued_durations, linear_durations
-from flexslew_control.planners.time_optimal.switching_time_optimisation import (
-    switch_time_optimisation,
-)
 from flexslew_control.planners.time_optimal.time_optimal import on_ticks
 from flexslew_lab.report.panels import COLOURS
 from flexslew_lab.reproduce.rows import absolute
+from flexslew_lab.reproduce.switch_time_gradient import (
+    switch_time_optimisation,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds import Testbed

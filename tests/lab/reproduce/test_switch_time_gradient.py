@@ -5,7 +5,7 @@ import pytest
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.switching import linear_durations
-from flexslew_control.planners.time_optimal.switching_time_optimisation import (
+from flexslew_lab.reproduce.switch_time_gradient import (
     gradients,
     switch_time_optimisation,
 )

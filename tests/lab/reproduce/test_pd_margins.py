@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from flexslew_control.controllers.margins import (
+from flexslew_lab.reproduce.pd_margins import (
     best_gains,
     guaranteed_margin,
     margin_table,
