@@ -106,7 +106,7 @@ BETWEEN: dict[str, dict[str, Any]] = {  # what stands between a demand and what 
 
 @pytest.mark.parametrize(
     ("law", "between"),
-    representatives(product(OWN_WINDING, BETWEEN), ("linear", "lost"), ("planned_gains", "gain")),
+    representatives(product(OWN_WINDING, BETWEEN), ("linear", "lost")),
 )
 def test_an_integral_does_not_wind_back_by_what_motors_make_of_its_demand(
     study_of: Callable[..., Study], law: str, between: str

@@ -252,7 +252,7 @@ def test_a_fault_that_the_bench_refuses_is_refused(study_of: Callable[..., Study
 
 
 @pytest.mark.parametrize(
-    "attitude", representatives([{}, {"modes": {}}], {"modes": {}}), ids=["rigid", "modes"]
+    "attitude", representatives([{}, {"modes": {}}], {}), ids=["rigid", "modes"]
 )
 def test_instruments_and_filters_of_an_attitude_are_misled_alike(
     study_of: Callable[..., Study], attitude: dict[str, Any]

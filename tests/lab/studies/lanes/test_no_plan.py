@@ -36,7 +36,7 @@ def held(law: str, **keys: Any) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("law", representatives(LAWS, "collocated_pid", "output_feedback"))
+@pytest.mark.parametrize("law", representatives(LAWS, "output_feedback"))
 def test_every_law_holds_what_it_has_measured_as_on_the_bench(
     study_of: Callable[..., Study], law: str
 ) -> None:

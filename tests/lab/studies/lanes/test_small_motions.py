@@ -127,6 +127,7 @@ def test_an_observer_is_as_wrong_about_its_bench_in_lanes(
     require_equal(ready, [0, 1, 3])
 
 
+@pytest.mark.matrix
 def test_an_observer_whose_joints_come_first_flies_in_lanes(study_of: Callable[..., Study]) -> None:
     trial = {
         "plan": {"method": "none", "goal": {"base_yaw": 0.0}},

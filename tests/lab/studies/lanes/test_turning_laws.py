@@ -39,7 +39,7 @@ def trial_of(controllers: dict[str, Any], active: str, *events: dict[str, Any]) 
 BIAS = {"sensors.joint_position.bias": {"uniform": [-1e-4, 1e-4]}}
 
 
-@pytest.mark.parametrize("law", representatives(LAWS, "output_feedback, rest"))
+@pytest.mark.parametrize("law", representatives(LAWS, "output_feedback"))
 def test_a_law_about_its_plan_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], law: str
 ) -> None:
@@ -47,6 +47,7 @@ def test_a_law_about_its_plan_flies_in_lanes_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=BIAS)), [0, 3])
 
 
+@pytest.mark.matrix
 def test_laws_about_their_plan_take_over_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study],
 ) -> None:
