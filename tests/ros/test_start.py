@@ -64,3 +64,21 @@ def test_a_parameter_that_ros_cannot_read_is_refused_in_words(given: str, words:
     with pytest.raises(BadInput, match="parameter override rule") as refused:
         start_ros(context=rclpy.Context(), args=["--ros-args", "-p", given])
     assert words in str(refused.value)
+
+
+def test_a_process_whose_log_folder_cannot_be_written_has_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    settings = ({"HOME": "/proc"}, {"ROS_HOME": "/proc/ros"}, {"ROS_LOG_DIR": f"{tmp_path}/file"})
+    for setting in settings:
+        with monkeypatch.context() as patch:
+            for name in ("ROS_HOME", "ROS_LOG_DIR"):
+                patch.delenv(name, raising=False)
+            for name, value in setting.items():
+                patch.setenv(name, value)
+            for args in ([], ["--ros-args", "-p", "kp:=1.0"]):
+                context = rclpy.Context()
+                start_ros(context=context, args=args)
+                rclpy.create_node("one", context=context).destroy_node()
+                context.shutdown()

@@ -2,14 +2,19 @@
 
 import json
 import os
-import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from flexslew_lab.run.domain_locks import (
+    DomainLock,
+    domain_locks,
+    is_locked,
+    lock_domain,
+    user,
+)
 from flexslew_plant.errors import BadInput, FlexslewError
-from flexslew_plant.processes.file_lock import lock_file
 
 _HIGHEST = 101  # above it the ports of DDS meet the ephemeral ones of Linux
 _LAST = 232  # that DDS knows
@@ -57,28 +62,51 @@ def own_domain(what: str = "", folder: Path | None = None, bench: bool = True) -
 
     Raises:
         BadInput: ROS_DOMAIN_ID is not a number of a domain.
-        FlexslewError: all are taken.
+        FlexslewError: if no domain is free.
     """
-    requested = chosen_domain()
+    requested, handle = chosen_domain(), None
     if requested is not None:
         if requested in _held:  # claimed by this process before it knew the folder
             _describe(_held[requested], what, folder, bench)
-        handle = _locked(requested, what, folder, bench)
+        number = requested
+        with suppress(OSError):
+            handle = lock_domain(number, domain_locks())
+    else:
+        number, handle = _free_domain()
+    try:
+        if handle is not None:
+            _held[number] = handle
+            _describe(handle, what, folder, bench)
+        yield number
+    finally:
+        _released(number, handle)
+
+
+def _free_domain() -> tuple[int, int]:
+    """Return the free domain whose last run is the oldest, and its locked file.
+
+    The highest comes first: a number that a person sets by hand is usually low.
+
+    Raises:
+        FlexslewError: if no domain is free.
+    """
+    locks = domain_locks()
+    last = {lock.domain: lock.modified for lock in sorted(locks, key=_modified)}
+    errors = []
+    for number in sorted(range(1, _HIGHEST + 1), key=lambda n: (last.get(n, 0.0), -n)):
         try:
-            yield requested
-        finally:
-            _released(requested, handle)
-        return
-    for number in sorted(range(1, _HIGHEST + 1), key=_last_used):
-        handle = _locked(number, what, folder, bench)
-        if handle is None:
+            handle = lock_domain(number, locks)
+        except OSError as error:
+            errors.append(f"{error.filename or number}: {error.strerror}")
             continue
-        try:
-            yield number
-        finally:
-            _released(number, handle)
-        return
-    raise FlexslewError("all ROS domains from 1 to 101 are in use; set ROS_DOMAIN_ID to one")
+        if handle is not None:
+            return number, handle
+    in_use = _HIGHEST - len(errors)
+    others = f", {len(errors)} cannot be locked ({errors[0]})" if errors else ""
+    raise FlexslewError(
+        f"no ROS domain from 1 to {_HIGHEST} is free: {in_use} are in use{others}; set "
+        "ROS_DOMAIN_ID to one"
+    )
 
 
 def chosen_domain() -> int | None:
@@ -102,17 +130,11 @@ def running_benches(everybody: bool = False) -> list[RunningBench]:
         everybody: those of other users, too, as far as their locks can be read.
     """
     found = []
-    for path in _folder().glob("flexslew_domain_*.lock"):
-        number = path.stem.rpartition("_")[2]
-        try:
-            handle = lock_file(path, create=False)
-            if handle is None:
-                found.append(_described(int(number), path))
-            else:
-                os.close(handle)
-        except (OSError, ValueError):
-            continue  # another user's, or no lock of ours
-    mine = _user()
+    for lock in domain_locks():
+        with suppress(OSError):  # one that this user cannot read
+            if is_locked(lock.path):
+                found.append(_described(lock))
+    mine = user()
     return sorted(b for b in found if b.bench and (everybody or b.user == mine))
 
 
@@ -129,7 +151,7 @@ def bench_to_operate() -> RunningBench:
     chosen = chosen_domain()
     if chosen is not None:
         bench = next((b for b in running_benches(everybody=True) if b.domain == chosen), None)
-        if bench is not None and bench.user != _user():
+        if bench is not None and bench.user != user():
             raise FlexslewError(f"ROS_DOMAIN_ID {chosen} is the bench of another user")
         return bench or RunningBench(chosen, known=False)
     found = running_benches()
@@ -163,38 +185,23 @@ def bench_domain() -> tuple[int, bool]:
     return bench.domain, bench.known
 
 
-def _described(number: int, path: Path) -> RunningBench:
-    """Return what a lock says of its run; of one of another version only its owner is known."""
-    with path.open(encoding="utf-8", errors="replace") as file:
-        text = file.read(_WORDS)
+def _described(lock: DomainLock) -> RunningBench:
+    """Return the run that a lock file describes; only its owner for a file of another version."""
+    with lock.path.open(encoding="utf-8", errors="replace") as file:
+        text, owner = file.read(_WORDS), os.fstat(file.fileno()).st_uid
     try:
         claim = json.loads(text)
         trial, folder, root = (str(claim[key]) for key in ("trial", "folder", "root"))
         bench = bool(claim.get("bench", True))
-        return RunningBench(number, trial, folder, root, int(claim["user"]), bench=bench)
+        return RunningBench(lock.domain, trial, folder, root, owner, bench=bench)
     except (ValueError, KeyError, TypeError):
-        return RunningBench(number, user=path.stat().st_uid)
-
-
-def _locked(number: int, what: str, folder: Path | None, bench: bool) -> int | None:
-    """Return the open lock of a domain; None where another run holds it."""
-    try:
-        handle = lock_file(_lock_path(number), 0o666)
-    except OSError:
-        return None  # another user's
-    if handle is None:
-        return None
-    _held[number] = handle
-    _describe(handle, what, folder, bench)
-    return handle
+        return RunningBench(lock.domain, user=owner)
 
 
 def _describe(handle: int, what: str, folder: Path | None, bench: bool) -> None:
     """Write into a lock what runs in its domain, for those who look for a bench."""
     where = "" if folder is None else str(folder.resolve())
-    facts = {
-        "trial": what[:200], "folder": where, "root": _ROOT, "user": _user(), "bench": bench
-    }  # fmt: skip
+    facts = {"trial": what[:200], "folder": where, "root": _ROOT, "bench": bench}
     os.ftruncate(handle, 0)
     os.pwrite(handle, json.dumps(facts).encode(), 0)
 
@@ -206,21 +213,5 @@ def _released(number: int, handle: int | None) -> None:
         os.close(handle)
 
 
-def _lock_path(number: int) -> Path:
-    return _folder() / f"flexslew_domain_{number}.lock"
-
-
-def _last_used(number: int) -> float:
-    """Return when a run has taken or left a domain; 0: never since the machine started."""
-    try:
-        return _lock_path(number).stat().st_mtime
-    except OSError:
-        return 0.0
-
-
-def _user() -> int:
-    return getattr(os, "getuid", int)()
-
-
-def _folder() -> Path:
-    return Path(tempfile.gettempdir())
+def _modified(lock: DomainLock) -> float:
+    return lock.modified

@@ -71,6 +71,7 @@ class Supervisor:
         self._held_up: set[str] = set()  # who had to be ended after the plant
         self._parameters = parameters
         self._environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
+        self._environment.setdefault("ROS_LOG_DIR", str(log.parent.resolve() / "ros_log"))
         for process in processes:
             self._start(process)
 

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 _LINKS = getattr(os, "O_NOFOLLOW", 0)  # not on Windows
+_PIPES = getattr(os, "O_NONBLOCK", 0)  # opening one would wait for its writer
 
 
 def lock_file(path: Path, mode: int = 0o644, create: bool = True) -> int | None:
@@ -15,12 +16,13 @@ def lock_file(path: Path, mode: int = 0o644, create: bool = True) -> int | None:
     Args:
         path: of the file, which is no link.
         mode: of a file that is made.
-        create: whether to make one.
+        create: make and open it for writing; else open an existing one for reading.
 
     Raises:
         OSError: the file cannot be opened.
     """
-    handle = os.open(path, os.O_RDWR | _LINKS | (os.O_CREAT if create else 0), mode)
+    access = os.O_RDWR | os.O_CREAT if create else os.O_RDONLY | _PIPES
+    handle = os.open(path, access | _LINKS, mode)
     try:
         held = hold(handle, wait=False)
     except BaseException:

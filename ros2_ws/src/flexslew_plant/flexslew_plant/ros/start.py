@@ -2,6 +2,7 @@
 
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -14,8 +15,13 @@ from flexslew_plant.ros.loop import SUPERVISOR
 MIDDLEWARES = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")  # those that read the profiles
 
 
+_WITHOUT_LOG = ("--ros-args", "--disable-external-lib-logs")
+
+
 def start_ros(**how: Any) -> None:
     """Initialise ROS where only those may reach it who are meant to.
+
+    A process whose log folder cannot be written has no log file of ROS.
 
     Args:
         how: for rclpy.init.
@@ -33,9 +39,22 @@ def start_ros(**how: Any) -> None:
         )
     if SUPERVISOR not in os.environ:  # the process that started this one has told it
         tell()
+    if not _log_folder_is_writable():
+        how["args"] = [*(sys.argv if how.get("args") is None else how["args"]), *_WITHOUT_LOG]
     try:
         rclpy.init(**how)
     except rclpy_implementation.RCLError as error:
         hint = "; a value that is YAML stands in quotes of its own: -p plan:=\"'{goal: ...}'\""
         given = any(":={" in argument for argument in how.get("args") or sys.argv)
         raise BadInput(f"{error}{hint * given}") from None
+
+
+def _log_folder_is_writable() -> bool:
+    """Return whether ROS can write its log: ROS_LOG_DIR, else `log` in ROS_HOME or ~/.ros."""
+    home = os.environ.get("ROS_HOME") or os.path.join(os.environ.get("HOME", ""), ".ros")
+    folder = Path(os.environ.get("ROS_LOG_DIR") or os.path.join(home, "log")).expanduser()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK | os.X_OK)

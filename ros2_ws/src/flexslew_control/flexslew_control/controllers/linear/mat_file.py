@@ -11,6 +11,8 @@ from typing import Any
 
 _VERSION_7_3 = b"\x00\x02IM"  # bytes 124 to 127, also where MATLAB writes big-endian: never
 _LONGEST = 60.0  # of a reader [s]
+_MEMORY = 256 << 20  # of a reader, besides its modules [B]
+_TOO_LARGE = 3  # exit code of a reader that needs more
 
 
 def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> dict[str, Any]:
@@ -33,7 +35,9 @@ def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> di
     asked = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names])]
     try:
         done = subprocess.run(asked, capture_output=True, text=True, timeout=_LONGEST, check=True)
-    except (subprocess.CalledProcessError, subprocess.TimeoutExpired):
+    except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+        if getattr(error, "returncode", None) == _TOO_LARGE:
+            raise ValueError(f"it unpacks to more than {_MEMORY >> 20} MiB") from None
         raise ValueError("it is no MATLAB file of version 5 to 7, or damaged") from None
     found: dict[str, Any] = json.loads(done.stdout)
     return found
@@ -50,10 +54,26 @@ def _main(path: str, asked: str) -> None:
         return str(entry).strip()
 
     numbers, names = json.loads(asked)
-    held = loadmat(path, variable_names=[*numbers, *names])
+    _limit_memory()
+    try:
+        held = loadmat(path, variable_names=[*numbers, *names])
+    except MemoryError:
+        sys.exit(_TOO_LARGE)
     found: dict[str, Any] = {key: held[key].tolist() for key in numbers if key in held}
     found |= {key: [text(entry) for entry in held[key].ravel()] for key in names if key in held}
     print(json.dumps(found))
+
+
+def _limit_memory() -> None:
+    """Limit the address space of this process, where the system can."""
+    try:
+        import resource
+
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+    except (ImportError, OSError):
+        return
+    limit = pages * resource.getpagesize() + _MEMORY
+    resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
 if __name__ == "__main__":

@@ -24,7 +24,6 @@ x,y,z,mass,mode_1_x,mode_1_y,mode_1_z,mode_2_x,...
 """
 
 import os
-import zipfile
 from dataclasses import replace
 from functools import lru_cache
 from importlib import resources
@@ -36,6 +35,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.npz_file import read_npz
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
     Integrals,
     Points,
@@ -140,13 +140,12 @@ def _read(path: Path, content: bytes) -> dict[str, Any]:
     """Return what the file holds, by key."""
     try:
         if path.suffix == ".npz":
-            with np.load(BytesIO(content)) as archive:
-                data = dict(archive)
+            data: dict[str, Any] = dict(read_npz(BytesIO(content)))
             for key in [k for k in data if k.startswith("rigid_")]:
                 data.setdefault("rigid", {})[key.removeprefix("rigid_")] = data.pop(key)
             return {k: v.item() if getattr(v, "shape", 1) == () else v for k, v in data.items()}
         text = TextIOWrapper(BytesIO(content), encoding="utf-8").read()
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+    except ValueError as error:
         raise BadInput(f"cannot be read as modal data: {error}", path) from None
     if path.suffix == ".csv":
         return _read_csv(text, path)
