@@ -92,7 +92,7 @@ def test_points_between_ticks_keep_their_impulse(later: list[float], efforts: li
     ("points", "words"),
     [
         ([], "points: [] is not allowed: at least one"),
-        ([{"at": 1.0, "position": {"elbow": 1.0}}], "points.0.position: 'elbow' is not allowed"),
+        ([{"at": 1.0, "position": {"elbow": 1.0}}], "points.0.position: elbow is not a joint"),
         ([point(1.0, 0.1), point(1.0, 0.2)], "points.1.at: 1.0 is not allowed: later than"),
         ([point(0.0, 0.1)], "points.0.at: 0.0 is not allowed: above 0 s at the last point"),
         ([point(1.0, 0.1, velocity=0.2)], "points.0.velocity: {'base_yaw': 0.2} is not allowed"),

@@ -202,7 +202,7 @@ def test_a_manoeuvre_that_a_method_does_not_know_is_refused_in_one_line() -> Non
         other_method(settings, "wishing", "trial.yaml")
     hub = plan_settings({"method": "time_optimal", "goal": {"hub": 1.0}}, "trial.yaml")
     with pytest.raises(
-        BadInput, match="goal: hub is not a joint of the testbed; allowed: base_yaw"
+        BadInput, match="goal: hub is not a joint of the testbed; did you mean hub_pitch"
     ):
         make_plan(other_method(hub, "input_shaping", "trial.yaml"), plant())
 

@@ -17,6 +17,7 @@ from flexslew_control.linear_design import Designed
 from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.known_joints import require_joints
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Appendages, Model
 
@@ -65,10 +66,7 @@ class LinearModel:
 
     def rest(self, positions: Mapping[str, float]) -> Vector:
         """Return z with the joints named at these positions, shape (n,); see Model.rest."""
-        unknown = sorted(set(positions) - set(self.joint_names))
-        if unknown:
-            names = ", ".join(self.joint_names)
-            raise BadInput(f"{unknown[0]} is not a joint of the testbed; allowed: {names}")
+        require_joints(positions, self.joint_names)
         rest = np.zeros(self.coordinates)
         rest[: self.joints] = [positions.get(name, 0.0) for name in self.joint_names]
         return rest

@@ -10,6 +10,7 @@ from scipy.linalg import eig
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Appendages
 
@@ -64,7 +65,7 @@ class Designed(Protocol):
 
 
 OperatingPoint = Annotated[
-    dict[str, float] | None,
+    ByJoint[float] | None,
     Field(
         validation_alias=AliasChoices("operating_point", "set_point"),  # as in logs of before
         description="joint positions at which the law is designed, by name [rad or m]; null: "

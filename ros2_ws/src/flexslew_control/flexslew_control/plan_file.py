@@ -89,6 +89,9 @@ def load_plan(path: Path | str) -> Plan:
             "flexslew_plan",
             content["flexslew_plan"],
         )
+    unknown = sorted(map(str, set(content) - {"flexslew_plan", "hash", *_names(), _GAINS}))
+    if unknown:
+        raise BadInput(f"unknown key; allowed: {', '.join(_names())}", path, unknown[0])
     missing = [name for name in ("hash", *_names()) if name not in content]
     if missing:
         raise BadInput(f"is damaged: missing {', '.join(missing)}; plan again", path)

@@ -4,6 +4,7 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field
 
+from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive
 
 BelievedModel: TypeAlias = Annotated[
@@ -20,7 +21,7 @@ WholeModel: TypeAlias = Annotated[
     ),
 ]
 Initial: TypeAlias = Annotated[
-    dict[str, float] | None,
+    ByJoint[float] | None,
     Field(
         description="joint positions at the start, at rest, by name [rad or m]; null: those of "
         "the testbed"

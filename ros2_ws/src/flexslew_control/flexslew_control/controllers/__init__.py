@@ -19,8 +19,10 @@ from flexslew_control.law import Estimator, Law, PlantDescription, per_joint
 from flexslew_plant.entries import table
 from flexslew_plant.errors import BadInput
 from flexslew_plant.joint_quantities import require_units_of_joints
+from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.own_code import code_hash
 from flexslew_plant.settings import NonNegative, plain, section, validated
+from flexslew_plant.testbeds import believed
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.yaml_data import yaml_text
 
@@ -142,6 +144,9 @@ def require_settings(
     if law not in CONTROLLERS:
         return
     settings = _settings(law, law_values(values), plant, source)
+    require_joints_of(settings, plant.joint_names, source=source)
+    if getattr(settings, "model", None):
+        believed(plant.testbed, settings.model, f"{source}: model", plant.trust)
     model = plant.testbed.model()
     if model.attitude is None and getattr(settings, "allocation", None) is None:
         for key in _BY_JOINT:

@@ -4,7 +4,7 @@ One of your own needs no line: `method: my_shaper.py:Shaper`, or an entry point 
 flexslew.planners. It is a section with `method`, `start` and `plan`, see OwnPlanner.
 
 Offers: attitude.one_axis, excitation.excitation, feedforward.basis, feedforward.gauss_newton,
-feedforward.manoeuvre, feedforward.optimized_feedforward, feedforward.shooting,
+feedforward.manoeuvre, feedforward.optimized_feedforward, feedforward.shooting, first_point,
 input_shaping.start_coast_stop, minimax.limit_curve, prediction, progress, reference, slew,
 time_optimal.arcs,
 time_optimal.bang_bang, time_optimal.optimal_switching, time_optimal.pontryagin,
@@ -21,19 +21,22 @@ from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import AttitudeGoal, joint_goal
 from flexslew_control.planners.attitude.keep_out import require_clear
+from flexslew_control.planners.attitude.one_axis import counted
 from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
 from flexslew_control.planners.entry import PlanSection as PlanSection
 from flexslew_control.planners.entry import Variant as Variant
+from flexslew_control.planners.first_point import with_jump
 from flexslew_control.planners.one_way import require_one_way
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, software_versions, tick_times
 from flexslew_control.planners.slewing import Slewing
 from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.own_code import PLANNERS as GROUP
 from flexslew_plant.settings import plain, validated
-from flexslew_plant.testbeds import initial_positions, joints_together
+from flexslew_plant.testbeds import believed, initial_positions, joints_together
 from flexslew_plant.yaml_data import require_short, yaml_text
 
 # isort: split
@@ -127,6 +130,25 @@ def plan_settings(values: Any, source: str, trust: Trust = NO_CODE) -> PlanSetti
     return settings
 
 
+def require_section(settings: PlanSettings, plant: PlantDescription, source: str) -> None:
+    """Check what of a section needs no planning: the names of joints, and the model.
+
+    Args:
+        settings: of a method that is built in.
+        plant: what stands on the bench.
+        source: the file to name in an error.
+
+    Raises:
+        BadInput: a name is not one of a joint, or the model has a wrong key or value.
+    """
+    require_joints_of(settings, plant.joint_names, "plan", source)
+    model, place = getattr(settings, "model", None), f"{source}: plan: model"
+    if model and planned_about_one_axis(settings, plant):
+        _, model = counted(model, place)
+    if model:
+        believed(plant.testbed, model, place, plant.trust)
+
+
 _MOST_TICKS = 10_000_000  # of a manoeuvre
 _FARTHEST = 1e3  # a goal; beyond it only the numbers of planners are tested [rad or m]
 
@@ -141,6 +163,7 @@ def _require_near(settings: PlanSettings, source: str) -> None:
 
 def _by_joint(settings: PlanSettings, plant: PlantDescription) -> PlanSettings:
     """Return a section whose goal is given by joint, and which attitudes have as it stands."""
+    require_joints_of(settings, plant.joint_names, "plan")
     given: Any = settings
     goal, initial = (getattr(given, key, None) for key in ("goal", "initial"))
     if isinstance(goal, AttitudeGoal):
@@ -148,7 +171,7 @@ def _by_joint(settings: PlanSettings, plant: PlantDescription) -> PlanSettings:
         return asked
     model, first = plant.testbed.model(), initial_positions(plant.testbed)
     for key, named in (("initial", initial), ("goal", goal)):
-        if isinstance(named, dict) and set(named) <= set(first):  # who plans refuses other names
+        if isinstance(named, dict):
             there = joints_together(model, first | named, named, f"plan.{key}", first)
             if there != first | named:
                 given = replace(given, **{key: there})
@@ -267,4 +290,5 @@ def make_plan(
     require_clear(plan, plant.testbed)
     require_one_way(plan, plant)
     require_short(yaml_text(plan.request), "plan")
-    return replace(plan, versions=software_versions())
+    begun = with_jump(plan, plant, getattr(settings, "initial", None) or {})
+    return replace(begun, versions=software_versions())

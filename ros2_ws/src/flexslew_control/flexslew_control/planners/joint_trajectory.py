@@ -22,6 +22,7 @@ from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, slew_of, tick_times
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, plain, section
 
 MOST_POINTS = 10_000
@@ -34,11 +35,11 @@ class TrajectoryPoint:
     """Where joints are at a time; a joint that no point names stays where it is."""
 
     at: NonNegative  # after the start [s]
-    position: dict[str, float]  # [rad or m]
+    position: ByJoint[float]  # [rad or m]
     # of all joints of the trajectory, or of none
-    velocity: dict[str, float] = Field(default_factory=dict)  # [rad/s or m/s]
-    acceleration: dict[str, float] = Field(default_factory=dict)  # [rad/s^2 or m/s^2]
-    effort: dict[str, float] = Field(default_factory=dict)  # feedforward [N m or N]
+    velocity: ByJoint[float] = Field(default_factory=dict)  # [rad/s or m/s]
+    acceleration: ByJoint[float] = Field(default_factory=dict)  # [rad/s^2 or m/s^2]
+    effort: ByJoint[float] = Field(default_factory=dict)  # feedforward [N m or N]
 
 
 Points = Annotated[tuple[TrajectoryPoint, ...], Field(max_length=MOST_POINTS)]
@@ -52,7 +53,7 @@ class JointTrajectory:
 
     method: Literal["joint_trajectory"] = "joint_trajectory"
     points: Points = ()  # in the order of their times; first the joints rest, unless one is at 0
-    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
+    initial: ByJoint[float] | None = None  # where joints start [rad or m]; null: as the testbed
     start: NonNegative = 0.0  # [s]
 
 

@@ -19,6 +19,7 @@ from flexslew_control.law import PlantDescription, per_joint
 from flexslew_plant.arrays import NOTHING, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings
+from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.settings import PerJoint, flat, plain, section
 from flexslew_plant.testbeds import Model, Testbed, believed, initial_positions
 
@@ -139,10 +140,9 @@ def slew_of(
             "model.joints",
             list(names),
         )
-    first = initial_positions(testbed) | _checked(
-        getattr(settings, "initial", None), names, "initial"
-    )
-    last = first | _checked(_goal(settings, testbed, names), names, "goal")
+    require_joints_of(settings, names, "plan")
+    first = initial_positions(testbed) | (getattr(settings, "initial", None) or {})
+    last = first | _goal(settings, testbed, names)
     gains = getattr(settings, "feedback", None) or feedback or Feedback()
     slew = Slew(
         testbed,
@@ -175,15 +175,6 @@ def _goal(settings: Any, testbed: Testbed, names: tuple[str, ...]) -> dict[str, 
         listed = ", ".join(names)
         raise BadInput(f"plan: goal: missing; give one to some of the joints {listed}")
     return goal
-
-
-def _checked(given: dict[str, float] | None, names: tuple[str, ...], key: str) -> dict[str, float]:
-    for name in given or {}:
-        if name not in names:
-            raise BadInput(
-                f"plan: {key}: {name} is not a joint of the testbed; allowed: {', '.join(names)}"
-            )
-    return given or {}
 
 
 def _beliefs(slew: Slew, plant: PlantDescription, feedback: Feedback | None) -> str:

@@ -20,7 +20,14 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
-from flexslew_control.planners import PLANNERS, PlanSettings, make_plan, plan_settings
+from flexslew_control.planners import (
+    PLANNERS,
+    PlanSettings,
+    make_plan,
+    plan_settings,
+    require_section,
+)
+from flexslew_control.planners.first_point import with_jump
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.injections import injections_of, names_of
@@ -30,7 +37,9 @@ from flexslew_plant.bench.schedule import command_delays, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.commands import ControllerSilent
 from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.hardware.sensors import SensorSettings
+from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -167,16 +176,17 @@ def _require_settings(trial: Trial, source: str) -> None:
     plant = plant_of(trial)
     names = names_of(plant.testbed.model(), plant.effort_limit)
     injections_of(trial.schedule, names, trial.period, source)
+    try:
+        motors, model = trial.actuator, plant.testbed.model()
+        thrusters_of(motors.shortest_pulse, model.joint_names, plant.effort_limit, trial.period)
+        coefficients(model.own_motors, motors)
+    except BadInput as error:
+        raise BadInput(error.refusal.within("actuator", source)) from None
     for name, values in trial.controllers.items():
         law, own = law_of(name, values or {})
         require_settings(law, own, plant, f"{source}: controllers.{name}")
-    goal = getattr(trial.plan, "goal", None)
-    known = getattr(trial.plan, "method", None) in PLANNERS
-    for name in goal if known and isinstance(goal, dict) else ():
-        if name not in plant.joint_names:
-            hint, allowed = did_you_mean(name, plant.joint_names), ", ".join(plant.joint_names)
-            words = f"{name} is not a joint of the testbed; {hint}allowed: {allowed}"
-            raise BadInput(words, source, "plan.goal")
+    if getattr(trial.plan, "method", None) in PLANNERS:
+        require_section(trial.plan, plant, source)
 
 
 def _require_controller(trial: Trial, name: str, source: str, key: str) -> None:
@@ -354,10 +364,12 @@ def plan_of_trial(trial: Trial, predict: bool = True) -> Plan | None:
     """
     if trial.plan is None:
         return None
+    plant = plant_of(trial)
     if isinstance(trial.plan, SavedPlan):
-        return load_plan(trial.plan.file)
+        return with_jump(load_plan(trial.plan.file), plant, {})
     law = law_in_charge(trial)
-    return make_plan(trial.plan, plant_of(trial), feedback_of(trial), law=law, predict=predict)
+    plan = make_plan(trial.plan, plant, feedback_of(trial), law=law, predict=predict)
+    return with_jump(plan, plant, {}) if getattr(trial.plan, "initial", None) else plan
 
 
 def plan_section_of(trial: Trial, source: str) -> PlanSettings | None:

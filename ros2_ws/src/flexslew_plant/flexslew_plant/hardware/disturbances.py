@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Discriminator, Tag
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.errors import BadInput
+from flexslew_plant.known_joints import require_joints
 from flexslew_plant.settings import Positive, section
 
 
@@ -75,11 +75,7 @@ def check_disturbance(requested: Disturbance, joints: tuple[str, ...], place: st
     Raises:
         BadInput: an unknown joint, with the known ones.
     """
-    for name in requested:
-        if name not in joints:
-            raise BadInput(
-                f"{name} is not a joint of the testbed; allowed: {', '.join(joints)}", place
-            )
+    require_joints(requested, joints, place)
 
 
 def shape_effort(shape: Shape, ticks: int, period: float) -> float:

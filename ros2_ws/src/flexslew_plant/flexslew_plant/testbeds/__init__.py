@@ -12,12 +12,21 @@ spacecraft.units.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from pydantic import BeforeValidator, Discriminator, PlainValidator, Tag, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    PlainValidator,
+    Tag,
+    ValidationInfo,
+)
 
 from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
+from flexslew_plant.known_joints import unknown_joint
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.testbeds.contract import Testbed as Testbed
@@ -98,6 +107,17 @@ def _own(values: Any, info: ValidationInfo) -> Any:
         raise ValueError(str(error)) from error  # from which `validated` tells an Untrusted
 
 
+def _known_joints(testbed: Any) -> Any:
+    """Return a testbed whose `initial`, where it is a mapping, names its joints alone."""
+    initial = getattr(testbed, "initial", None)
+    if isinstance(initial, dict) and initial:
+        joints = testbed.model().joint_names
+        for name in initial:
+            if name not in joints:
+                raise ValueError(f"initial: {unknown_joint(name, joints)}")
+    return testbed
+
+
 if TYPE_CHECKING:
     TestbedSettings: TypeAlias = Testbed
 else:
@@ -111,6 +131,7 @@ else:
         ),
         Discriminator(_kind),
         BeforeValidator(_limited),
+        AfterValidator(_known_joints),
     ]
 
 
@@ -140,7 +161,8 @@ def varied(
 ) -> Testbed:
     """Return the testbed with some of its keys changed, nested sections key by key.
 
-    A change of `kind` starts from that kind's defaults.
+    A change of `kind` starts from that kind's defaults. Where the change takes a joint away, its
+    position in `initial` goes with it.
 
     Raises:
         BadInput: see read_testbed.
@@ -148,7 +170,15 @@ def varied(
     if changes.get("kind", testbed.kind) != testbed.kind:
         return read_testbed(dict(changes), source, trust)
     known = Trust(trust.names | {testbed.kind}, trust.everything)  # it has been loaded before
-    return read_testbed(_merged(plain(testbed), changes), source, known)
+    own = plain(testbed)
+    start = own.get("initial")
+    if not isinstance(testbed.initial, dict) or not start:
+        return read_testbed(_merged(own, changes), source, known)
+    found: Any = read_testbed(_merged({**own, "initial": {}}, changes), source, known)
+    joints = found.model().joint_names
+    kept = {name: at for name, at in start.items() if name in joints}
+    started: Testbed = replace(found, initial=kept | found.initial)
+    return started
 
 
 def believed(

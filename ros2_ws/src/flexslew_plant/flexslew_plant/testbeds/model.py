@@ -9,6 +9,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.known_joints import require_joints
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.compiled.bound import Bound, Rates, bound, joint_reader, rates_of
@@ -184,10 +185,7 @@ class Model:
         Raises:
             BadInput: a name is no joint of the model.
         """
-        unknown = sorted(set(positions) - set(self.joint_names))
-        if unknown:
-            names = ", ".join(self.joint_names)
-            raise BadInput(f"{unknown[0]} is not a joint of the testbed; allowed: {names}")
+        require_joints(positions, self.joint_names)
         if self.placed is not None:
             return self.placed(positions)
         rest = np.zeros(self.positions)

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.known_joints import require_joints
 from flexslew_plant.testbeds.contract import StartsMoving, Testbed
 from flexslew_plant.testbeds.many import implements
 from flexslew_plant.testbeds.model import Model
@@ -20,7 +21,7 @@ def initial_positions(testbed: Testbed) -> dict[str, float]:
     One that `initial` leaves out may read where the others put it.
 
     Raises:
-        BadInput: no attitude has those that it names.
+        BadInput: a name is not one of a joint, or no attitude has those that it names.
     """
     return _initial_positions(testbed, testbed.model())
 
@@ -29,6 +30,8 @@ def _initial_positions(testbed: Testbed, model: Model) -> dict[str, float]:
     given = testbed.initial
     values = given if isinstance(given, dict) else vars(given)
     names = model.joint_names
+    if isinstance(given, dict):
+        require_joints(given, names, "initial")
     first = {name: float(values.get(name, 0.0)) for name in names}
     if not any(first.values()):
         return first

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import section
 from flexslew_plant.testbeds import initial_positions
 from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
@@ -108,7 +109,7 @@ def _asks(goal: Mapping[Any, Any]) -> bool:
 
 
 Goal = Annotated[
-    Annotated[dict[str, float], Tag("joints")] | Annotated[AttitudeGoal, Tag("attitude")],
+    Annotated[ByJoint[float], Tag("joints")] | Annotated[AttitudeGoal, Tag("attitude")],
     Discriminator(_way),
 ]
 GoalKey = Annotated[

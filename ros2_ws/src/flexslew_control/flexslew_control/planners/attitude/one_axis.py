@@ -11,6 +11,7 @@ from flexslew_control.planners.attitude.eigenaxis import Eigenaxis, eigenaxis, f
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.testbeds import believed, initial_positions, with_model_file
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.contract import (
@@ -125,13 +126,9 @@ def reduced(
     """
     testbed: Any = plant.testbed
     names = plant.joint_names
+    require_joints_of(settings, names, "plan")
     first = initial_positions(testbed) | (getattr(settings, "initial", None) or {})
     goal = getattr(settings, "goal", None) or {}
-    unknown = sorted(set(goal) - set(names))
-    if unknown:
-        raise BadInput(
-            f"plan: goal: {unknown[0]} is not a joint of the testbed; allowed: {', '.join(names)}"
-        )
     moving = [name for name in names if goal.get(name, first[name]) != first[name]]
     attitude = testbed.model().attitude
     turning = [] if attitude is None else [attitude.axes[names.index(n)].any() for n in moving]
@@ -145,8 +142,6 @@ def reduced(
             "one axis at a time: give one joint, or an attitude where joints turn it in three axes"
         )
     count, kept = counted(getattr(settings, "model", None), "plan: model")
-    if count is not None and (type(count) is not int or count < 0):
-        raise BadInput(f"plan: model: modes: {count!r} is not allowed: a number, or relevant")
     whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
     if isinstance(whole, Wheeled):
         whole = whole.wheeled()
@@ -184,12 +179,15 @@ def counted(given: Any, place: str) -> tuple[Any, dict[str, Any]]:
         place: names it in an error.
 
     Raises:
-        BadInput: the file that it names cannot be used.
+        BadInput: the file that it names cannot be used, or the number is none.
     """
     if given is None:
         return 1, {}
     changes = dict(with_model_file(given, place))
-    return changes.pop("modes", None), changes
+    count = changes.pop("modes", None)
+    if not (count is None or count == RELEVANT or (type(count) is int and count >= 0)):
+        raise BadInput("a number, or relevant", place, "modes", count)
+    return count, changes
 
 
 def _about_joint(

@@ -52,6 +52,7 @@ from flexslew_control.planners.trajectories import Profile
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive, section
 
 _DEAR = 10.0  # of effort beyond its limit by all of it [m]: dear beside any vibration
@@ -83,9 +84,7 @@ class RobustFeedforward:
     rho: Positive = 1.0e-8  # weight of the torque [1/(N m)^2]
     # lowest and highest position that a joint may have on any model, by name: `{JOINT: [-0.1,
     # 0.6]}` [rad or m]; null: free
-    joint_range: dict[str, tuple[float, float]] | None = (
-        None  # lowest, highest, by joint; null: free
-    )
+    joint_range: ByJoint[tuple[float, float]] | None = None  # lowest, highest, by joint; null: free
     # fraction of the effort limit that the search keeps free where it can; worst_peak_effort of the
     # summary says what it took [-]
     reserve: Annotated[float, Field(ge=0.01, lt=1.0)] = 0.05
@@ -118,11 +117,6 @@ def joint_range(settings: RobustFeedforward, slew: Slew) -> Matrix | None:
     names = slew.model.joint_names
     found = np.tile([[-np.inf], [np.inf]], len(names))
     for name, (low, high) in settings.joint_range.items():
-        if name not in names:
-            raise BadInput(
-                f"plan: joint_range: {name} is not a joint of the testbed; "
-                f"allowed: {', '.join(names)}"
-            )
         j = names.index(name)
         if not low < min(slew.start[j], slew.goal[j]) <= max(slew.start[j], slew.goal[j]) < high:
             raise BadInput(

@@ -33,6 +33,7 @@ from flexslew_control.planners.slewing import Slewing
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive, section
 
 _OF_ROOM = 0.5  # share of what start and goal have to the edge of a cone that may be spared
@@ -62,10 +63,10 @@ class MinimaxFeedforward:
     exact_nominal: bool = False  # whether the planner's own model ends at rest, modes included
     # lowest and highest position that a joint may have on any member, by name [rad or m]; null:
     # free; none of a turn by all drives
-    joint_range: dict[str, tuple[float, float]] | None = None
+    joint_range: ByJoint[tuple[float, float]] | None = None
     # largest rate of a joint on any member, by name [rad/s or m/s]; one number: of the length of
     # the body rate of a turn by all drives [rad/s]; null: free
-    rate_limit: Positive | dict[str, Positive] | None = None
+    rate_limit: Positive | ByJoint[Positive] | None = None
     # largest tip deflection of any member, during the slew and after [m]; null: free
     tip_limit: Positive | None = None
     # weight of the effort, worst residual + rho times the sum of its squares [m/(N m)^2 or m/N^2]

@@ -97,10 +97,11 @@ FLOATING = replace(GROUNDED, extra_positions=1)
 _LIGHT = 1e-6  # inertia of a wheel in place of a gyro, of the platform's least [-]
 
 
-def _torques(limit: float) -> dict[str, ActuatorPlace]:
-    """Return a torque about each body axis."""
-    axes = zip(("roll", "pitch", "yaw"), IDENTITY, strict=True)
-    return {name: ActuatorPlace(kind="torque", direction=axis, limit=limit) for name, axis in axes}
+# a torque about each body axis, of a spacecraft with no drive at all; also the mark of the default
+_TORQUES = {
+    name: ActuatorPlace(kind="torque", direction=axis, limit=100.0)
+    for name, axis in zip(("roll", "pitch", "yaw"), IDENTITY, strict=True)
+}
 
 
 @section
@@ -114,8 +115,9 @@ class SpacecraftTestbed:
     wheels: dict[str, WheelSettings] = field(default_factory=dict)  # reaction wheels by name
     # control moment gyros by name
     control_moment_gyros: dict[str, MomentGyroSettings] = field(default_factory=dict)
-    # forces and torques by name
-    actuators: dict[str, ActuatorPlace] = field(default_factory=lambda: _torques(100.0))
+    # forces, torques and thrusters by name; left out: none beside wheels, control_moment_gyros or a
+    # driven hinge, else a torque of 100 N m about each body axis: roll, pitch, yaw
+    actuators: dict[str, ActuatorPlace] = field(default_factory=lambda: _TORQUES)
     # sensors besides pose, rates and tips, by name
     sensors: dict[str, AnySensor] = field(default_factory=dict)
     initial: dict[str, float] = field(default_factory=dict)  # by joint [rad or m]
@@ -138,6 +140,10 @@ class SpacecraftTestbed:
         Raises:
             ValueError: in words for the section's reader.
         """
+        if self.actuators is _TORQUES:
+            hinged = any(a.hinge.kind == "driven" for a in self.appendages.values())
+            others = self.wheels or self.control_moment_gyros or hinged
+            object.__setattr__(self, "actuators", {} if others else dict(_TORQUES))
         try:
             craft = self.craft
             if self.orbit is not None:
