@@ -65,6 +65,7 @@ def set_first(content: Any) -> None:
         (lambda c: c.update(flexslew_plan=99), "99 is not allowed"),
         (lambda c: c.pop("flexslew_plan"), "is not a plan"),
         (lambda c: c.update(position="x"), "wrong kinds"),
+        (lambda c: c.update(no_such_name=1.0), "no_such_name: unknown key; allowed: method"),
         (lambda c: c.update(joint_names=3), "wrong kinds"),
     ],
 )

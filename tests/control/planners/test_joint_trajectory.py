@@ -135,3 +135,17 @@ def test_the_rates_of_a_craft_in_three_axes_are_body_rates() -> None:
     plan = make_plan(plan_settings({"method": "joint_trajectory", "points": points}, "t"), bench)
     slopes = np.gradient(plan.position, 0.01, axis=0)[1:-1]
     assert plan.velocity[1:-1][smooth] == pytest.approx(slopes[smooth], rel=0, abs=2e-6)
+
+
+@pytest.mark.parametrize("off", [0.2, -3e-6, 0.0])
+def test_a_first_point_away_from_the_bench_is_warned_of_with_the_jump(off: float) -> None:
+    first, last = point(0.0, off), point(1.0, 0.3)
+    settings = plan_settings({"method": "joint_trajectory", "points": [first, last]}, "trial.yaml")
+    plan = make_plan(settings, plant())
+    warning = plan.summary.get("warning", "")
+    assert (f"base_yaw by {off:.4g} rad" in warning) == bool(off)
+    there = plan_settings(
+        {"method": "joint_trajectory", "points": [first, last], "initial": {"base_yaw": off}},
+        "trial.yaml",
+    )
+    assert "warning" not in make_plan(there, plant()).summary

@@ -123,3 +123,11 @@ def test_what_is_told_of_a_joint_has_its_unit() -> None:
     assert "pitch 0.0002 m; settled" in verdict(held, {}, 0.02, 0, units)
     missed = GOOD | {"goal_error": 0.5, "final_error": {"yaw": 0.5, "pitch": -0.1}}
     assert "final error: yaw 0.5 rad, pitch -0.1 m;" in verdict(missed, {}, 0.02, 0, units)
+
+
+def test_the_drives_that_acted_are_named() -> None:
+    metrics = {
+        "peak_effort": {"roll": 3.0, "w1": 0.0, "w2": 1.0, "w3": None},
+        "saturated_time": 0.0,
+    }
+    assert verdict(metrics, {}, 0.1).endswith("driven by roll, w2; no effort at its limit")

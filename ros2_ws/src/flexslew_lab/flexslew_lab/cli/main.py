@@ -192,7 +192,10 @@ def plan(
         raise BadInput(str(error), source) from None
     except PlanFailed as error:
         raise PlanFailed(f"{source}: plan: {error}") from None
-    summary = {**made.summary, "duration": made.duration, "hash": plan_hash(made)}
+    pushed = zip(made.joint_names, made.effort.any(axis=0), strict=True)
+    drives = [name for name, acts in pushed if acts]  # with an effort of the plan's own
+    facts = {"duration": made.duration, "drives": drives, "hash": plan_hash(made)}
+    summary = {**made.summary, **facts}
     rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -118,7 +118,10 @@ def _settled(metrics: Mapping[str, Any]) -> str:
 
 
 def _limits(metrics: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what the drives and the bench had to object."""
+    """Yield which drives acted, whether at their limits, and the faults of the bench."""
+    acted = [name for name, peak in (metrics.get("peak_effort") or {}).items() if peak]
+    if acted:
+        yield f"driven by {_listed(acted)}"
     saturated = metrics.get("saturated_time")
     if saturated is not None:
         yield f"efforts at their limit for {_seconds(saturated)}" if saturated else _BELOW

@@ -84,7 +84,7 @@ class RobustFeedforward:
     rho: Positive = 1.0e-8  # weight of the torque [1/(N m)^2]
     # lowest and highest position that a joint may have on any model, by name: `{JOINT: [-0.1,
     # 0.6]}` [rad or m]; null: free
-    joint_range: ByJoint[tuple[float, float]] | None = None  # lowest, highest, by joint; null: free
+    joint_range: ByJoint[tuple[float, float]] | None = None
     # fraction of the effort limit that the search keeps free where it can; worst_peak_effort of the
     # summary says what it took [-]
     reserve: Annotated[float, Field(ge=0.01, lt=1.0)] = 0.05
