@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from threading import Event
 from types import MappingProxyType
 from typing import Any
 
@@ -21,6 +22,7 @@ from flexslew_lab.run.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
 from tests.present import present
 
+LONG = 10_000.0  # simulated; such a flight is interrupted when all is seen [s]
 SLEW = """
 name: short
 duration: {duration}
@@ -78,8 +80,9 @@ def fork_server() -> ForkServer:
 class Flight:
     """Flies a trial; from the tick `at` on `act` is called once: pids by name, ROS_DOMAIN_ID.
 
-    Nodes other than the controllers get the `names` that are given for theirs; `change` returns
-    what is started in place of a node.
+    With `begin`, which gets the same, the bench waits for it to call the service `start`. Nodes
+    other than the controllers get the `names` that are given for theirs; `change` returns what is
+    started in place of a node.
     """
 
     def __init__(
@@ -91,6 +94,7 @@ class Flight:
         extra: Sequence[NodeProcess] = (),
         names: Mapping[str, str] = MappingProxyType({}),
         change: Callable[[NodeProcess], NodeProcess] = lambda node: node,
+        begin: Callable[[dict[str, int], int], None] | None = None,
     ) -> None:
         self._at, self._act = at, act
         self.folder, self.bag = folder, folder / "bag"
@@ -99,7 +103,9 @@ class Flight:
         if trial.plan is not None:
             plan = folder / "plan.yaml"
             save_plan(present(plan_of_trial(trial)), plan)
-        nodes = node_processes(trial, folder, True, {"trial_file": "test"}, plan)
+        nodes = node_processes(
+            trial, folder, True, {"trial_file": "test"}, plan, autostart=begin is None
+        )
         processes = [*extra, *(change(_renamed(node, names)) for node in nodes)]
         parameters = folder / "parameters.yaml"
         parameters.write_text(parameter_file(processes))
@@ -108,6 +114,12 @@ class Flight:
             self._supervisor = Supervisor(
                 processes, parameters, log, domain, self._progress, fork_server()
             )
+            if begin is not None:
+                try:
+                    begin(self._supervisor.pids, domain)
+                except BaseException:
+                    self._supervisor._end()
+                    raise
             self.outcome: Outcome = self._supervisor.run()
 
     def _progress(self, tick: int, last: int) -> None:
@@ -138,6 +150,19 @@ def _renamed(node: NodeProcess, names: Mapping[str, str]) -> NodeProcess:
 def kill(name: str, strength: int = signal.SIGKILL) -> Any:
     def act(pids: dict[str, int], domain: int) -> None:
         os.kill(pids[name], strength)
+
+    return act
+
+
+def kill_in_flight(name: str, folder: Path) -> Any:
+    """Return an act that kills a node of the flight in a folder after some hundred ticks more."""
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        (log,) = (folder / "bag").glob("*.mcap")
+        before = log.stat().st_size
+        while log.stat().st_size < before + 60_000:
+            Event().wait(0.01)
+        kill(name)(pids, domain)
 
     return act
 

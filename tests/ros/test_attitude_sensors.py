@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from flexslew_msgs.srv import SetRate
 from geometry_msgs.msg import QuaternionStamped
 from sensor_msgs.msg import Imu
@@ -72,6 +73,7 @@ def test_sensors_estimator_fault_and_swap_are_the_same_bits(tmp_path: Path) -> N
         assert one.tobytes() == other.tobytes()
 
 
+@pytest.mark.ros
 def test_gyro_and_star_tracker_are_heard_in_standard_messages(tmp_path: Path) -> None:
     heard: dict[type, list[Any]] = {Imu: [], QuaternionStamped: []}
 

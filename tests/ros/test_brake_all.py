@@ -12,6 +12,8 @@ from rclpy.executors import SingleThreadedExecutor
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant.ros.start import start_ros
 
+pytestmark = pytest.mark.ros
+
 
 def answer(request: Any, reply: Any) -> Any:
     reply.ok, reply.message = True, f"{request.action} granted"

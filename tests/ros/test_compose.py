@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import yaml
 
 from flexslew_lab.metrics.from_bag import metrics_of
@@ -28,6 +29,7 @@ def test_each_node_has_the_right_to_real_time_and_waits_for_its_parameters() -> 
         assert service["depends_on"]["parameters"]["condition"] == "service_completed_successfully"
 
 
+@pytest.mark.ros
 def test_the_commands_fly_the_bits_of_the_trial(tmp_path: Path) -> None:
     trial = slew(duration=3.0)
     path = tmp_path / "short.yaml"

@@ -1,13 +1,15 @@
 """External controllers in the lock-step: ours keep its rules, and each broken rule is told."""
 
 import json
-import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from flexslew_lab.cli.main import main
 
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/any_language.py"
 
@@ -34,19 +36,26 @@ int main(int count, char **words) {
 """
 
 
-def examined(*command: str, patience: float = 120.0) -> tuple[int, dict[str, str]]:
-    """Return the exit code and what is wrong by rule; a node of ours may have to compile first."""
-    ours = [sys.executable, "-P", "-m", "flexslew_lab.cli.main", "conform", "--json"]
-    done = subprocess.run(
-        [*ours, "--patience", str(patience), "--", *command],
-        capture_output=True,
-        text=True,
-        env={k: v for k, v in os.environ.items() if k != "ROS_DOMAIN_ID"},
-        check=False,
-    )
-    assert done.stdout, done.stderr
-    found: list[dict[str, Any]] = json.loads(done.stdout)
-    return done.returncode, {each["rule"].partition(":")[0]: each["wrong"] for each in found}
+Examine = Callable[..., tuple[int, dict[str, str]]]
+
+
+@pytest.fixture
+def examine(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Examine:
+    """Return a function that examines a command: the exit code and what is wrong, by rule."""
+
+    def run(*command: str, patience: float = 120.0) -> tuple[int, dict[str, str]]:
+        options = ["--json", "--patience", str(patience), "--", *command]
+        monkeypatch.setenv("ROS_DOMAIN_ID", "0")  # so that the one of conform is undone
+        monkeypatch.setattr(sys, "argv", ["flexslew", "conform", *options])
+        with pytest.raises(SystemExit) as end:
+            main()
+        written = capfd.readouterr()
+        assert written.out, written.err
+        found: list[dict[str, Any]] = json.loads(written.out)
+        rules = {each["rule"].partition(":")[0]: each["wrong"] for each in found}
+        return int(end.value.code or 0), rules
+
+    return run
 
 
 def of_example(folder: Path, *changes: tuple[str, str]) -> list[str]:
@@ -59,20 +68,22 @@ def of_example(folder: Path, *changes: tuple[str, str]) -> list[str]:
     return [sys.executable, str(folder / "controller.py")]
 
 
+@pytest.mark.ros
 @pytest.mark.parametrize("law", ["pd_feedforward", "output_feedback"])
-def test_our_own_nodes_keep_every_rule(law: str) -> None:
+def test_our_own_nodes_keep_every_rule(examine: Examine, law: str) -> None:
     node = [sys.executable, "-P", "-m", "flexslew_control.ros.controller_node"]
-    code, wrong = examined(*node, "--ros-args", "-r", f"__node:={law}", "-p", f"law:={law}")
+    code, wrong = examine(*node, "--ros-args", "-r", f"__node:={law}", "-p", f"law:={law}")
     assert wrong == dict.fromkeys(wrong, "")
     assert (code, len(wrong)) == (0, 12)
 
 
-def test_the_example_of_the_docs_keeps_every_rule(tmp_path: Path) -> None:
-    code, wrong = examined(*of_example(tmp_path))
+def test_the_example_of_the_docs_keeps_every_rule(examine: Examine, tmp_path: Path) -> None:
+    code, wrong = examine(*of_example(tmp_path))
     assert wrong == dict.fromkeys(wrong, "")
     assert (code, len(wrong)) == (0, 12)
 
 
+@pytest.mark.ros
 def test_a_program_in_c_is_built_as_the_page_says_and_joins_a_graph(tmp_path: Path) -> None:
     page = (EXAMPLE.parents[1] / "any_language.md").read_text()
     build = next(block for block in page.split("```sh\n") if "gcc" in block).partition("```")[0]
@@ -98,12 +109,13 @@ def integrating(when: str) -> tuple[tuple[str, str], ...]:
     return (line, added + line), (begin, begin + "        self.integral, self.key = 0.0, None\n")
 
 
-def test_each_broken_rule_is_told(tmp_path: Path) -> None:
+@pytest.mark.ros
+def test_each_broken_rule_is_told(examine: Examine, tmp_path: Path) -> None:
     dumb = ("self.create_timer(0.25, lambda: self.alive.publish(self.beat))", "pass")
     deaf_to_epochs = ("epoch=m.epoch,\n", "epoch=0,\n")
     answers_for_all = ("m.controller != self.get_name() or not self.limit", "not self.limit")
     changes = dumb, deaf_to_epochs, answers_for_all, INTEGRAL, *integrating("")
-    code, wrong = examined(*of_example(tmp_path, *changes))
+    code, wrong = examine(*of_example(tmp_path, *changes))
     assert code == 1
     assert {rule for rule, words in wrong.items() if words} == {
         "heartbeat", "repeat", "swap", "pause", "reset", "backlog", "start",
@@ -118,11 +130,14 @@ SEEN = "self.status.last_tick, self.status.epoch = m.tick, m.epoch"
 NAMED = "m.controller != self.get_name()"
 
 
-def test_who_would_hold_up_a_bench_or_answers_nobody_s_questions_is_told(tmp_path: Path) -> None:
+@pytest.mark.ros
+def test_who_would_hold_up_a_bench_or_answers_nobody_s_questions_is_told(
+    examine: Examine, tmp_path: Path
+) -> None:
     silent = (SEEN, "pass")
     to_nobody = (NAMED, f"m.controller and {NAMED}")
     rare = ("create_timer(0.25", "create_timer(1.9")
-    code, wrong = examined(*of_example(tmp_path, silent, to_nobody, rare))
+    code, wrong = examine(*of_example(tmp_path, silent, to_nobody, rare))
     assert code == 1
     assert "says tick 0 of epoch 0; a bench waits for who is" in wrong["lock-step"]
     assert "says tick 0 of epoch 0; a bench waits for who is" in wrong["reset"]
@@ -130,10 +145,13 @@ def test_who_would_hold_up_a_bench_or_answers_nobody_s_questions_is_told(tmp_pat
     assert wrong["heartbeat"].startswith("silent for 1.")
 
 
-def test_what_is_kept_over_a_reset_and_who_beats_as_another_are_told(tmp_path: Path) -> None:
+@pytest.mark.ros
+def test_what_is_kept_over_a_reset_and_who_beats_as_another_are_told(
+    examine: Examine, tmp_path: Path
+) -> None:
     once = integrating("if self.key != (m.epoch, m.tick): ")
     other = ('role="controller"', 'role="law"')
-    code, wrong = examined(*of_example(tmp_path, INTEGRAL, *once, other))
+    code, wrong = examine(*of_example(tmp_path, INTEGRAL, *once, other))
     assert code == 1
     assert {rule for rule, words in wrong.items() if words} == {
         "heartbeat", "pause", "reset", "backlog",
@@ -142,32 +160,37 @@ def test_what_is_kept_over_a_reset_and_who_beats_as_another_are_told(tmp_path: P
     assert wrong["reset"].startswith("tick 0 of the new epoch: another effort than at the start")
 
 
-def test_who_loses_questions_or_draws_no_number_is_told(tmp_path: Path) -> None:
+@pytest.mark.ros
+def test_who_loses_questions_or_draws_no_number_is_told(examine: Examine, tmp_path: Path) -> None:
     """Of 200 questions that come at once, a subscription of depth 1 keeps the last."""
     shallow = ("measurement, LOOP)", "measurement, 1)")
     undrawn = ("instance = random.getrandbits(63)", "instance = 7")
     once = integrating("if self.key != (m.epoch, m.tick): ")
     begin = (SEEN, f"{SEEN}; self.integral *= m.tick > 0")
     busy = ("joints = zip", "time.sleep(0.001)\n        joints = zip")
-    code, wrong = examined(*of_example(tmp_path, shallow, undrawn, INTEGRAL, *once, begin, busy))
+    code, wrong = examine(*of_example(tmp_path, shallow, undrawn, INTEGRAL, *once, begin, busy))
     assert code == 1
     assert {rule for rule, words in wrong.items() if words} == {"backlog", "start"}
     assert wrong["backlog"].endswith("measurement is heard with a depth of 4000")
     assert wrong["start"].startswith("its instance on alive is 7 after a new start")
 
 
-def test_who_tells_another_number_in_its_status_is_told(tmp_path: Path) -> None:
-    code, wrong = examined(
+@pytest.mark.ros
+def test_who_tells_another_number_in_its_status_is_told(examine: Examine, tmp_path: Path) -> None:
+    code, wrong = examine(
         *of_example(tmp_path, ("            instance=instance,\n        )", "        )"))
     )
     assert code == 1
     assert "0 in its controller_status" in wrong["heartbeat"]
 
 
-def test_who_is_ready_only_in_charge_or_shares_a_number_with_others_is_told(tmp_path: Path) -> None:
+@pytest.mark.ros
+def test_who_is_ready_only_in_charge_or_shares_a_number_with_others_is_told(
+    examine: Examine, tmp_path: Path
+) -> None:
     modest = (SEEN, f"{SEEN}; self.status.ready = not ({NAMED})")
     undrawn = ("instance = random.getrandbits(63)", "instance = 0")
-    code, wrong = examined(*of_example(tmp_path, modest, undrawn))
+    code, wrong = examine(*of_example(tmp_path, modest, undrawn))
     assert code == 1
     assert {rule for rule, words in wrong.items() if words} == {
         "heartbeat", "swap", "pause", "start",
@@ -182,6 +205,7 @@ TOLD = "        self.effort.publish("
 HEARD = "self.on_measurement, LOOP"
 
 
+@pytest.mark.ros
 @pytest.mark.parametrize(("old", "new", "rule", "words"), [
     ("effort=effort", "effort=[*effort, 0.0]", "first tick", "3 efforts; the bench has 2"),
     ("effort=effort", "effort=[float('nan')] * 2", "first tick", "an effort is not finite"),
@@ -195,24 +219,32 @@ HEARD = "self.on_measurement, LOOP"
     (HEARD, HEARD.replace("LOOP", "BEST_EFFORT"), "status", "as best effort"),
 ])  # fmt: skip
 def test_an_answer_that_a_bench_would_reject_is_told(
-    tmp_path: Path, old: str, new: str, rule: str, words: str
+    examine: Examine, tmp_path: Path, old: str, new: str, rule: str, words: str
 ) -> None:
     patience = 10.0 if rule == "status" else 120.0
-    code, wrong = examined(*of_example(tmp_path, (old, new)), patience=patience)
+    code, wrong = examine(*of_example(tmp_path, (old, new)), patience=patience)
     assert code == 1
     assert wrong[rule]
     assert words in wrong[rule]
 
 
-def test_a_command_that_ends_or_does_not_start_is_one_line(tmp_path: Path) -> None:
-    code, wrong = examined(sys.executable, "-c", "")
-    assert (code, wrong) == (1, {"status": "its process has ended"})
-    ours = [sys.executable, "-P", "-m", "flexslew_lab.cli.main", "conform"]
-    for command, words in (
+@pytest.mark.ros
+def test_a_command_that_ends_has_one_finding(examine: Examine) -> None:
+    assert examine(sys.executable, "-c", "") == (1, {"status": "its process has ended"})
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
         (["--", "no_such_command"], "COMMAND: no_such_command: No such file or directory"),
         ([], "COMMAND: give the command that starts the controller, after --"),
-    ):
-        done = subprocess.run([*ours, *command], capture_output=True, text=True, check=False)
-        assert done.returncode == 2
-        assert words in done.stderr
-        assert "Traceback" not in done.stderr
+    ],
+)
+def test_a_command_that_does_not_start_is_refused_in_one_line(
+    command: list[str],
+    words: str,
+    call: Callable[..., tuple[Any, str]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "0")  # so that the one of conform is undone
+    assert call("conform", *command) == (2, f"error: {words}")

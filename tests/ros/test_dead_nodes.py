@@ -26,6 +26,7 @@ def nodes(bench: Bystander) -> set[str]:
     return set(bench.node.get_node_names())
 
 
+@pytest.mark.ros
 def test_the_killed_leave_the_graph_at_once_and_the_stopped_stay(tmp_path: Path) -> None:
     passed: list[float] = []  # until all have let go [wall s]
     stayed: list[bool] = []
@@ -51,6 +52,7 @@ def test_the_killed_leave_the_graph_at_once_and_the_stopped_stay(tmp_path: Path)
     assert passed[0] < LEASE / 2, flight.log
 
 
+@pytest.mark.ros
 def test_who_is_stopped_at_the_end_leaves_as_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,6 +82,7 @@ def test_a_recorder_does_not_wait_for_those_that_have_ended_with_the_plant(tmp_p
     assert passed[0] < LEASE / 2, flight.log
 
 
+@pytest.mark.ros
 def test_one_that_dds_does_not_let_go_is_off_the_graph(monkeypatch: pytest.MonkeyPatch) -> None:
     with own_domain() as domain:
         rclpy.init(domain_id=domain)
@@ -100,6 +103,7 @@ def test_one_that_dds_does_not_let_go_is_off_the_graph(monkeypatch: pytest.Monke
     assert passed < LEASE / 2
 
 
+@pytest.mark.ros
 @pytest.mark.alone
 def test_nobody_is_held_up_by_the_killed(tmp_path: Path) -> None:
     killed: list[int] = []  # tick
@@ -111,7 +115,7 @@ def test_nobody_is_held_up_by_the_killed(tmp_path: Path) -> None:
             for victim in VICTIMS:
                 killed.append(bench.tick)
                 os.kill(pids[victim], signal.SIGKILL)
-                bench.pass_by(4000)
+                bench.pass_by(2500)
         raise KeyboardInterrupt
 
     flight, ours = watched(lambda: Flight(slew(1e4, 10.0, ", lqr: {}"), tmp_path, 1, act))

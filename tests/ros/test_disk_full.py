@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import rclpy
 from flexslew_msgs.msg import Event
+from flexslew_msgs.srv import SetRate
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
@@ -21,10 +21,11 @@ from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.graph.topics import EVENTS, TOPICS
 from flexslew_plant.ros.offers import qos
 
+from .bystander import beside
 from .flight import Flight, slew
 
-TICKS = 30000  # some seconds, in which DDS finds who listens
-SIZE = 300 * 1024  # of the disk [B], about a third of what the run would record
+TICKS = 6000
+SIZE = 300 * 1024  # of the disk [B], less than half of what the run would record
 INSIDE = "FLEXSLEW_TEST_IN_NAMESPACE"
 
 
@@ -61,27 +62,6 @@ def _in_a_namespace(request: pytest.FixtureRequest) -> None:
     pytest.skip("passed in a namespace of its own")
 
 
-def hear(kind: str, pid: int, domain: int) -> list[str]:
-    """Return what the events of this kind say, as soon as there is one, or when the pid is gone."""
-    rclpy.init(domain_id=domain)
-    node = rclpy.create_node("bystander")
-    found: list[str] = []
-    try:
-        events = qos(TOPICS[EVENTS])
-
-        def listen(event: Event) -> None:
-            if event.kind == kind:
-                found.append(event.message)
-
-        node.create_subscription(Event, "/events", listen, events)
-        while not found and Path(f"/proc/{pid}").exists():
-            rclpy.spin_once(node, timeout_sec=0.2)
-        return found
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
-
-
 def wrong(bag: Path) -> dict[str, str]:
     """Return what is wrong with a log."""
     return {f.what: f.detail for f in check_log(bag) if not f.ok}
@@ -89,12 +69,17 @@ def wrong(bag: Path) -> dict[str, str]:
 
 def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk: Any, tmp_path: Path) -> None:
     def listen(pids: Any, domain: int) -> None:
-        heard.extend(hear("recording_stopped", pids["recorder"], domain))
+        with beside(domain) as bench:
+            profile = qos(TOPICS[EVENTS])
+            bench.node.create_subscription(Event, EVENTS, events.append, profile)
+            bench.until(lambda: "recording_stopped" in [event.kind for event in events])
+            assert bench.ask(SetRate, "set_rate", rate_factor=0.0).ok
 
-    heard: list[str] = []
-    flight = Flight(slew(duration=0.01 * TICKS), small_disk.parent, 1, listen)
-    assert len(heard) == 1
-    assert "recording stopped: No space left on device" in heard[0]
+    events: list[Event] = []
+    trial = slew(0.01 * TICKS, 5.0, extra="max_missed: 100000")  # slow until DDS has found all
+    flight = Flight(trial, small_disk.parent, 1, listen)
+    (stopped,) = (event for event in events if event.kind == "recording_stopped")
+    assert "recording stopped: No space left on device" in stopped.message
     assert f"{TICKS} ticks in" in flight.log  # the plant's last words
     assert flight.outcome.exit_code == 3
     assert "recorder ended during the run" in flight.outcome.message
@@ -121,8 +106,9 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk: Any, tmp_pat
     assert wrong(tmp_path / "whole") == {"end of the run": recovery.statement}
 
 
+@pytest.mark.ros
 def test_a_run_folder_that_is_removed_in_flight_is_a_fault(tmp_path: Path) -> None:
-    trial = slew(duration=0.01 * TICKS)
+    trial = slew(30.0, 10.0, extra="max_missed: 100000")
     ticks: list[int] = []
 
     def progress(tick: int, last: int) -> None:
@@ -134,4 +120,4 @@ def test_a_run_folder_that_is_removed_in_flight_is_a_fault(tmp_path: Path) -> No
     assert result.exit_code == 3
     assert "recorder ended during the run" in result.message
     assert "bag_0.mcap: recording stopped: No such file or directory" in result.message
-    assert ticks[-1] == TICKS
+    assert ticks[-1] == 3000

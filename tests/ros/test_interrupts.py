@@ -88,6 +88,7 @@ def test_an_interrupt_while_a_message_is_made_is_one() -> None:
     assert (done.returncode, done.stdout.splitlines()) == (130, ["was interrupted"]), done.stderr
 
 
+@pytest.mark.ros
 def test_a_node_that_dds_does_not_let_go_ends_wherever_it_is_held() -> None:
     with own_domain() as domain:
         planner = subprocess.Popen(
@@ -104,6 +105,7 @@ def test_a_node_that_dds_does_not_let_go_ends_wherever_it_is_held() -> None:
     assert (line, planner.returncode) == ("serves\n", -signal.SIGALRM), told
 
 
+@pytest.mark.ros
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("moment", ["starting", "running"])
 def test_an_interrupt_in_a_text_that_is_run_has_the_exit_code_of_any_other(

@@ -196,6 +196,7 @@ def test_what_is_not_allowed_is_refused_before_anything_is_made(
     assert not out.exists()
 
 
+@pytest.mark.ros
 @pytest.mark.skipif(
     importlib.util.find_spec("ros2launch") is None, reason="launch_ros is not installed"
 )

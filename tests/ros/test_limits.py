@@ -18,6 +18,8 @@ from .bystander import beside, stall
 from .flight import Flight, slew
 from .namespace import in_a_namespace
 
+pytestmark = pytest.mark.ros
+
 DISPLAY = ("/clock", "/joint_states", "/appendage_states", "/tf", "/markers")
 MUCH = """
 name: much
@@ -51,7 +53,7 @@ def test_twenty_controllers_twelve_modes_and_a_display_of_one_kilohertz(tmp_path
     assert {*Counter(status.controller for _, _, status in statuses)} == {*names}
 
 
-@pytest.mark.parametrize(("stalled", "missed"), [(0.5, False), (6.0, True)])
+@pytest.mark.parametrize(("stalled", "missed"), [(0.5, False), (3.0, True)])
 def test_silence_is_missed_after_the_answer_timeout_and_not_before(
     stalled: float, missed: bool, tmp_path: Path
 ) -> None:
@@ -69,7 +71,7 @@ def test_silence_is_missed_after_the_answer_timeout_and_not_before(
     assert (flight.metrics["missed_ticks"] > 0) == missed
 
 
-@pytest.mark.parametrize(("size", "code"), [("4k", 2), ("64k", 0), ("1m", 0)])
+@pytest.mark.parametrize(("size", "code"), [("4k", 2), ("64k", 0)])
 def test_a_small_shared_memory_is_enough_or_is_named(size: str, code: int, tmp_path: Path) -> None:
     trial, run = tmp_path / "little.yaml", tmp_path / "run"
     trial.write_text(TRIAL)

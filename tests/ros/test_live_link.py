@@ -4,7 +4,7 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from time import monotonic, sleep
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import rclpy
 from flexslew_msgs import msg
+from flexslew_msgs.srv import SetRate
 from rclpy.node import Node
 
 from flexslew_lab.log.bag_reader import BagReader
@@ -24,11 +25,19 @@ from flexslew_lab.run.supervisor import Supervisor
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Noted
 from flexslew_plant.events.event import event_of
-from flexslew_plant.graph.topics import CONTROLLER_STATUS, EVENTS, RECORDED, TESTBED, TRUTH
+from flexslew_plant.graph.topics import (
+    CONTROLLER_STATUS,
+    EVENTS,
+    RECORDED,
+    TESTBED,
+    TOPICS,
+    TRUTH,
+)
 from flexslew_plant.ros.messages import event_message
-from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.offers import publisher, qos
 
-from .flight import Flight, fork_server, slew
+from .bystander import beside
+from .flight import LONG, Flight, fork_server, slew
 
 PATIENCE = 60.0  # with a bench on a busy machine [wall s]
 
@@ -88,49 +97,63 @@ def assert_flown(seen: tuple[Vector, Matrix], truth: tuple[Vector, Matrix]) -> N
     assert np.array_equal(seen[1], truth[1][at])
 
 
-# 3 s as fast as it goes, 7.5 s paced: DDS may need 3 s to find the recorder
-@pytest.mark.parametrize(("rate", "duration"), [(0.0, 200.0), (8.0, 60.0)])
+@pytest.mark.parametrize("rate", [0.0, pytest.param(8.0, marks=pytest.mark.ros)])
 def test_through_the_recorder_no_tick_is_missing(
-    tmp_path: Path, rate: float, duration: float, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, rate: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_link, "_UNRECORDED", PATIENCE)  # until they have met, busy as they are
     watchers: list[Watcher] = []
-    flight = Flight(
-        slew(duration=duration, rate=rate), tmp_path / "run", 0,
-        lambda pids, domain: watchers.append(Watcher(domain)),
-    )  # fmt: skip
+    met = Event()
+
+    def watch(pids: dict[str, int], domain: int) -> None:
+        watchers.append(Watcher(domain, met.set))
+        assert met.wait(PATIENCE)
+        with beside(domain) as bench:
+            assert bench.ask(SetRate, "set_rate", rate_factor=rate).ok
+
+    trial = slew(30.0, 1.0, extra="max_missed: 100000")
+    flight = Flight(trial, tmp_path / "run", 0, watch)
     seen = watchers[0].seen()
     assert watchers[0].listened == [RECORDED]
-    assert len(flown(flight.bag)[0]) == round(100 * duration) + 1
+    assert len(flown(flight.bag)[0]) == 3001
     assert np.allclose(np.diff(seen[0]), 0.01)
-    assert seen[0][-1] == pytest.approx(duration)
+    assert seen[0][-1] == pytest.approx(30.0)
     assert_flown(seen, flown(flight.bag))
 
 
+@pytest.mark.ros
 def test_without_the_recorder_the_ticks_themselves_are_heard(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # long enough for DDS, which may need 3 s to find either topic
-    trial = slew(duration=300.0)
     watchers: list[Watcher] = []
+    met, positions = Event(), dict[int, Vector]()  # by tick
+
+    def note(truth: msg.PlantState) -> None:
+        positions[truth.tick] = np.array(truth.position)
 
     def act(pids: dict[str, int], domain: int) -> None:
-        watchers.append(Watcher(domain, lambda: end_recorder(pids["recorder"])))
-
-    def end_recorder(pid: int) -> None:
+        watchers.append(Watcher(domain, met.set))
+        assert met.wait(PATIENCE)
         monkeypatch.setattr(live_link, "_UNRECORDED", 1.0)
-        os.kill(pid, signal.SIGKILL)
+        os.kill(pids["recorder"], signal.SIGKILL)
+        with beside(domain) as bench:
+            bench.node.create_subscription(msg.PlantState, TRUTH, note, qos(TOPICS[TRUTH]))
+            bench.until(lambda: bool(positions) and watchers[0].listened == [RECORDED, TRUTH])
+            bench.pass_by(200)
+        raise KeyboardInterrupt
 
     monkeypatch.setattr(live_link, "_UNRECORDED", PATIENCE)
-
+    trial = slew(LONG, 1.0, extra="max_missed: 100000")
     flight = Flight(trial, tmp_path / "run", 0, act)
-    seen = watchers[0].seen()
-    assert watchers[0].listened == [RECORDED, TRUTH], flight.log
-    assert seen[0][-1] > seen[0][0] + 50.0, (seen[0][[0, -1]], flight.log)
-    run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
-    assert_flown(seen, flown(tmp_path / "alone" / "bag"))
+    assert flight.outcome.exit_code == 130
+    time, place = watchers[0].seen()
+    both = [(k, tick) for k, tick in enumerate(np.rint(time / 0.01).tolist()) if tick in positions]
+    assert len(both) > 100
+    for k, tick in both:
+        np.testing.assert_array_equal(place[k], positions[tick])
 
 
+@pytest.mark.ros
 def test_a_bag_that_is_played_is_watched_without_a_recorder(tmp_path: Path) -> None:
     run_trial(slew(duration=60.0), "test", tmp_path / "run", in_process=True, report=False)
     play: dict[str, Any] = {"bag": str(tmp_path / "run" / "bag"), "rate": 6.0}

@@ -22,7 +22,7 @@ from .flight import SLEW
 from .one_by_one import CONTROLLER, PLANNER, PLANT, Bench, standing
 
 # a bench of four processes and as many second ones: on busy processors it takes minutes
-pytestmark = pytest.mark.alone
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(900)]
 
 RECORDER = "flexslew_lab.ros.recorder_node"
 # without a plan it would take charge before it hears the one that is flown

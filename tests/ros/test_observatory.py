@@ -2,12 +2,16 @@
 
 from pathlib import Path
 
+import pytest
+
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_of_values
 
 from .flight import Flight, patient
+
+pytestmark = pytest.mark.ros
 
 
 def test_thrusters_and_wheels_take_turns_to_the_same_bits(tmp_path: Path) -> None:

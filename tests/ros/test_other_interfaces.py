@@ -26,6 +26,8 @@ from .bystander import PATIENCE, Bystander, beside
 from .flight import Flight, slew
 from .test_standard_messages import trajectory
 
+pytestmark = pytest.mark.ros
+
 robots = pytest.mark.skipif(not follow_trajectory.INSTALLED, reason="control_msgs is not installed")
 simulators = pytest.mark.skipif(
     not simulation_services.INSTALLED, reason="simulation_interfaces is not installed"

@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_plant.graph import topics
 
@@ -24,6 +25,10 @@ from .flight import Flight, slew
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return Flight(slew(duration=3.0), tmp_path_factory.mktemp("flight")).bag
+
+
+def test_nothing_is_lost_in_the_log(bag: Any) -> None:
+    assert [finding for finding in check_log(bag) if not finding.ok] == []
 
 
 def test_every_topic_is_recorded(bag: Any) -> None:

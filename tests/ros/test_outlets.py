@@ -1,8 +1,8 @@
 """Copies for the log: past DDS while the recorder alone listens, and always once in the log."""
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from threading import Event
 from time import monotonic
 from typing import Any
 
@@ -16,7 +16,6 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.run.domain import own_domain
-from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.inbox import PART, Inbox
 from flexslew_plant.direct.line import LARGEST
 from flexslew_plant.direct.names import RECORDER, SETTING, address
@@ -26,8 +25,7 @@ from flexslew_plant.ros.outlet import Outlet, Turns
 from flexslew_plant.ros.outlets import Outlets
 
 from .bystander import beside
-from .flight import Flight, slew
-from .lines import Strangers, alone, every_tick
+from .flight import LONG, Flight, slew
 
 PATIENCE = 60.0  # on a busy machine [wall s]
 
@@ -245,6 +243,7 @@ def test_a_recorder_that_comes_again_is_found(recorded: Recorded) -> None:
     assert recorded.log == [sent]
 
 
+@pytest.mark.ros
 @pytest.mark.parametrize("transport", ["auto", "dds"])
 def test_a_log_has_every_tick_once_whoever_listens_in(
     transport: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -258,37 +257,14 @@ def test_a_log_has_every_tick_once_whoever_listens_in(
             before = one.heard
             one.pass_by(300)
             heard.append(one.heard - before)
+        Event().wait(0.5)  # some ticks more, for the recorder alone
+        raise KeyboardInterrupt
 
-    trial = slew(duration=200.0)
+    trial = slew(LONG, 10.0, extra="max_missed: 100000")
     flight = Flight(trial, tmp_path, 0, overhear)
-    assert flight.outcome == (0, ""), flight.log
+    assert flight.outcome.exit_code == 130
     assert heard[0] >= 300
     assert resim(flight.bag).identical
     ticks = BagReader(flight.bag).columns("/truth", {"tick"})["tick"].tolist()
-    assert ticks == [*range(20001)]
+    assert ticks == [*range(len(ticks))]
     assert flight.metrics["log_complete"]
-
-
-def test_strangers_on_the_recorder_s_socket_change_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv(SETTING, "auto")
-    strangers = Strangers(RECORDER)
-    claim = b'{"topics": ["/measurement", "/truth", "/effort_command", "/events", "/tf"]}'
-    short = [part(number, HEAD + bytes(size)) for number in range(5) for size in (0, 3, 12)]
-
-    def act(pids: dict[str, int], domain: int) -> None:
-        strangers.call(domain)  # never says a word
-        strangers.call(domain, os.urandom(3000))
-        strangers.call(domain, claim, b"?")
-        strangers.call(domain, claim, *short)
-        strangers.call(domain, claim, part(3, HEAD + b"missed\0"))
-
-    trial = slew(duration=40.0)
-    flight = Flight(trial, tmp_path, 0, act)
-    strangers.close()
-    assert flight.outcome == (0, ""), flight.log
-    assert len(strangers.lines) == 5
-    assert "left out of the log" in flight.log
-    assert flight.metrics["trajectory_hash"] == alone(trial, tmp_path)
-    every_tick(flight.bag, 4000)

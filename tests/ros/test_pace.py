@@ -22,9 +22,10 @@ from flexslew_lab.log.bag_reader import BagReader
 from tests.present import present
 
 from .bystander import Bystander, Sleepers, beside, busy, stall
-from .flight import Flight, slew
+from .flight import LONG, Flight, slew
 
 pytestmark = pytest.mark.alone
+
 
 LAWS = ("pd_feedforward", "lqr", "output_feedback", "proportional_integral")
 TUNED = dict(
@@ -52,7 +53,6 @@ rclpy.spin(node)
 MORE_LAWS = "".join(f", {law}: {{}}" for law in LAWS[1:])
 RATES = (1.0, 10.0)
 STALLS = (0.1, 0.3)  # [wall s]
-LONG = 10_000.0  # simulated; ended when all is seen [s]
 NEAR = 12  # ticks after a stall
 REST = 0.8  # until a controller looks for questions now and then only [wall s]
 OTHERS = 0.1  # who sleeps is kept waiting for less, or a processor is not ours [wall s]
@@ -82,6 +82,7 @@ def watched(fly: Callable[[], Flight]) -> tuple[Flight, bool]:
     return flight, sleepers.longest() < OTHERS
 
 
+@pytest.mark.ros
 def test_a_stall_of_the_plant_is_an_event_and_no_fault_of_any_controller(tmp_path: Path) -> None:
     stalled: list[int] = []  # the tick that was out
     before: list[int] = []  # the first of as many ticks without a stall
@@ -118,6 +119,7 @@ def test_a_stall_of_the_plant_is_an_event_and_no_fault_of_any_controller(tmp_pat
     assert not taken_over(flight) or not ours
 
 
+@pytest.mark.ros
 def test_at_real_time_busy_processors_do_not_end_in_the_brake(tmp_path: Path) -> None:
     def load(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bench, busy(BUSY):
@@ -131,6 +133,7 @@ def test_at_real_time_busy_processors_do_not_end_in_the_brake(tmp_path: Path) ->
     assert not taken_over(flight) or not ours
 
 
+@pytest.mark.ros
 def test_at_ten_times_real_time_one_that_was_behind_catches_up(tmp_path: Path) -> None:
     phases: list[int] = []
 
@@ -173,7 +176,7 @@ def test_a_controller_that_is_held_up_for_a_moment_keeps_the_bench(tmp_path: Pat
 def test_at_real_time_neither_the_start_nor_a_pause_costs_a_tick(tmp_path: Path) -> None:
     def rests(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bench:
-            for _ in range(5):
+            for _ in range(3):
                 bench.pass_by(20)
                 assert bench.ask(Trigger, "pause").success
                 Event().wait(REST)
@@ -209,6 +212,7 @@ def planned(bench: Bystander, request: str) -> str:
     return str(result.result().result.message)
 
 
+@pytest.mark.ros
 def test_at_real_time_nothing_that_is_asked_of_a_bench_costs_a_tick(tmp_path: Path) -> None:
     done: list[tuple[int, str]] = []  # from which tick on, and what
 

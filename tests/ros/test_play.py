@@ -95,6 +95,7 @@ def call(kind: Any, name: Any, request: pytest.FixtureRequest) -> Any:
         rclpy.try_shutdown()
 
 
+@pytest.mark.ros
 def test_pause_step_seek_and_resume_over_services(flown: Any, tmp_path: Path) -> None:
     def operate() -> None:
         answers.append(call(Seek, "/plant/seek", Seek.Request(time=Time(sec=7))))
@@ -143,6 +144,7 @@ def late_listener(expected: Any) -> tuple[Any, Any]:
         rclpy.try_shutdown()
 
 
+@pytest.mark.ros
 def test_after_a_seek_a_late_listener_knows_what_was_known_there_and_no_more(
     tmp_path: Path,
 ) -> None:
@@ -170,6 +172,7 @@ def test_after_a_seek_a_late_listener_knows_what_was_known_there_and_no_more(
     assert ticks.tolist() == list(range(400, 601))
 
 
+@pytest.mark.ros
 def test_a_part_of_the_bag_with_a_clock_of_its_own(flown: Any, tmp_path: Path) -> None:
     playing = Playing(
         flown, tmp_path / "again", rate=20.0, start=1.0, duration=2.0, clock=1000.0,

@@ -33,6 +33,7 @@ def scheduled(pid: int) -> set[tuple[int, int]]:
     return {(os.sched_getscheduler(t), os.sched_getparam(t).sched_priority) for t in threads}
 
 
+@pytest.mark.ros
 @pytest.mark.skipif(not allowed(), reason="needs CAP_SYS_NICE or an rtprio limit")
 def test_plant_and_controllers_are_real_time_while_a_clock_paces_them(tmp_path: Path) -> None:
     def act(pids: dict[str, int], domain: int) -> None:

@@ -69,6 +69,7 @@ def test_controllers_stand_before_the_testbed_of_a_plant_that_came_back(bench: B
     assert bench.runs("pd")
 
 
+@pytest.mark.ros
 @pytest.mark.parametrize("transport", ["auto", "dds"])
 def test_who_publishes_questions_and_is_no_plant_is_not_waited_for(
     transport: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -83,6 +84,7 @@ def test_who_publishes_questions_and_is_no_plant_is_not_waited_for(
         assert bench.statuses["pd"].ready
 
 
+@pytest.mark.ros
 def test_a_controller_that_knows_the_testbed_before_it_meets_the_questions_stays(
     bench: Bench,
 ) -> None:
@@ -98,6 +100,7 @@ def test_a_controller_that_knows_the_testbed_before_it_meets_the_questions_stays
     bench.until(lambda: not bench.runs("pd"))
 
 
+@pytest.mark.ros
 def test_after_a_reset_who_was_started_in_flight_hears_the_plan_of_tick_0(bench: Bench) -> None:
     """Of the plans of a flight a newcomer hears the latest, which a reset drops."""
     plant, state = (bench.node.create_publisher(kind, name, qos(TOPICS[name]))
@@ -171,6 +174,7 @@ class Fake:
             rclpy.spin_once(self._bench.node, timeout_sec=0.05)
 
 
+@pytest.mark.ros
 def test_after_a_reset_without_a_plan_of_tick_0_nobody_hears_those_of_the_flight_before(
     bench: Bench,
 ) -> None:
@@ -189,6 +193,7 @@ def test_after_a_reset_without_a_plan_of_tick_0_nobody_hears_those_of_the_flight
     assert fake.plans[0].hash != fake.plans[-1].hash
 
 
+@pytest.mark.ros
 def test_a_planner_that_is_started_in_flight_keeps_the_plan_of_its_parameters_for_a_reset(
     bench: Bench,
 ) -> None:

@@ -3,17 +3,21 @@
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.run.domain import own_domain
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import plan_of_trial
 from tests.present import present
 
 from .flight import fork_server, slew
+from .lines import alone, every_tick
+
+pytestmark = pytest.mark.ros
 
 TOGETHER = ("pd_feedforward", "plant")
 SWAPS = "schedule: [{at: 1.5, switch: lqr}, {at: 3.0, switch: pd_feedforward}]"
@@ -36,25 +40,12 @@ def flown(trial: Any, folder: Path) -> dict[str, Any]:
     return metrics_of(folder / "bag")
 
 
-def alone(trial: Any, folder: Path) -> str:
-    result = run_trial(trial, "test", folder / "alone", in_process=True, report=False)
-    return str(result.metrics["trajectory_hash"])
-
-
-def test_one_process_flies_the_same_bits_and_its_log_is_whole(tmp_path: Path) -> None:
-    trial = slew()
-    metrics = flown(trial, tmp_path)
-    assert (metrics["trajectory_hash"], metrics["missed_ticks"]) == (alone(trial, tmp_path), 0)
-    overview = BagReader(tmp_path / "bag").overview
-    per_tick = ("/measurement", "/effort_command", "/controller_state")
-    assert [overview.counts[name] for name in per_tick] == [600, 600, 600]
-    assert "stray" not in [event.kind for event in overview.events]
-
-
-def test_others_may_take_over_from_the_one_that_shares_the_process(tmp_path: Path) -> None:
+def test_plant_and_first_controller_in_one_process_fly_the_same_bits_across_swaps(
+    tmp_path: Path,
+) -> None:
     trial = slew(more=", lqr: {}", extra=SWAPS)
     metrics = flown(trial, tmp_path)
     assert metrics["trajectory_hash"] == alone(trial, tmp_path)
     assert (metrics["switches"], metrics["missed_ticks"]) == (2, 0)
-    events = [event.kind for event in BagReader(tmp_path / "bag").overview.events]
-    assert "stray" not in events
+    every_tick(tmp_path / "bag", 600)
+    assert "stray" not in [event.kind for event in BagReader(tmp_path / "bag").overview.events]

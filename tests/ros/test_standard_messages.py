@@ -27,6 +27,8 @@ from flexslew_plant.ros.offers import qos
 from .bystander import beside
 from .flight import Flight, slew
 
+pytestmark = pytest.mark.ros
+
 
 def recorded(bag: Path, topic: str) -> list[Any]:
     """Return the messages of a topic, decoded by the bag's own schemas."""

@@ -73,6 +73,7 @@ def test_it_flies_what_the_others_fly_before_a_reset_and_after_it(tmp_path: Path
     assert resim(flight.bag).identical
 
 
+@pytest.mark.ros
 def test_who_is_in_charge_before_it_hears_the_plan_that_is_flown_joins_it(tmp_path: Path) -> None:
     """The planner is away, as it seems where the message is on its way."""
     statuses: dict[str, Any] = {}

@@ -16,6 +16,8 @@ from flexslew_lab.run.supervisor import Outcome, Supervisor
 from .bystander import beside, held
 from .flight import Flight, fork_server, slew
 
+pytestmark = pytest.mark.ros
+
 
 def test_a_node_that_crashes_before_the_start_is_started_again_once(tmp_path: Path) -> None:
     crashes = [

@@ -5,6 +5,7 @@ import signal
 from pathlib import Path
 from typing import Any
 
+import pytest
 from flexslew_msgs.srv import ListControllers, Step, SwitchController
 from std_srvs.srv import Trigger
 
@@ -12,9 +13,9 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_plant.ros.messages import stamp
 
 from .bystander import Bystander, beside
-from .flight import Flight, slew
+from .flight import LONG, Flight, slew
 
-LONG = 10_000.0  # simulated; ended when all is seen [s]
+pytestmark = pytest.mark.ros
 
 
 def switch(bench: Bystander, controller: str, **more: Any) -> Any:

@@ -23,7 +23,9 @@ from tests.ros.bystander import held
 from tests.ros.console_page import console, trial_file
 from tests.ros.flight import Flight, slew
 
-ACTIONS = 1000  # of each
+pytestmark = pytest.mark.ros
+
+ACTIONS = 400  # of each
 ODD = [
     0.0, 1.0, 7, -1, float("nan"), 1e300, "lqr", "5.0", "[500.0, 500.0]", "", "soon", "{", True,
     "x" * 5000, None, [1, 2],

@@ -14,6 +14,8 @@ from flexslew_lab.log.recover import recover
 from tests.ros.bystander import beside, busy
 from tests.ros.flight import Flight, slew
 
+pytestmark = pytest.mark.ros
+
 MOST = 100  # ticks, or one chunk
 
 

@@ -13,11 +13,13 @@ from flexslew_plant.direct.names import SETTING
 from tests.ros.flight import Flight, slew
 from tests.ros.lines import alone, asked, over_dds, whole
 
+pytestmark = pytest.mark.ros
+
 LAWS = ("pd_feedforward", "lqr", "output_feedback")
 TICKS = 1500
 
 
-@pytest.mark.share(0.3)
+@pytest.mark.share(0.2)
 def test_any_mixture_of_sockets_and_dds_gives_the_same_bits_and_a_whole_log(
     case: np.random.Generator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

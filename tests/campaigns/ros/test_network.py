@@ -8,6 +8,8 @@ import pytest
 from flexslew_plant.network import NEWER, OLDER, RANGE, SKIP
 from tests.ros.test_network import HOSTILE, OPEN_TO_ALL, PYTHON, beside_a_stranger
 
+pytestmark = pytest.mark.ros
+
 SHELL: dict[str, tuple[str, ...]] = {  # what may stand in one; empty: nothing is there
     RANGE: ("", "OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT", "everybody"),
     "ROS_LOCALHOST_ONLY": ("", "0", "1"),
@@ -27,7 +29,7 @@ STARTS = (
 )  # fmt: skip
 
 
-@pytest.mark.share(0.3)
+@pytest.mark.share(0.2)
 def test_no_shell_opens_the_bench_to_a_stranger(tmp_path: Path, case: np.random.Generator) -> None:
     (tmp_path / "open.xml").write_text(OPEN_TO_ALL)
     shell = {name: values[case.integers(len(values))] for name, values in SHELL.items()}

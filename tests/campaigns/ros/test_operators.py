@@ -15,6 +15,8 @@ from .operators.bench import operated
 from .operators.desk import Habits
 from .operators.random_operator import RandomOperator
 
+pytestmark = pytest.mark.ros
+
 ACTS = 40  # of a case
 FLIGHT = """
 name: operated

@@ -18,6 +18,8 @@ from tests.campaigns.test_texts import FAULTS, ODD, changed
 from tests.ros.bystander import Bystander, beside
 from tests.ros.flight import Flight, slew
 
+pytestmark = pytest.mark.ros
+
 REQUESTS = 60  # of a case
 SERVICES: dict[str, Any] = {
     topics.OPERATE: srv.Operate, topics.STEP: srv.Step, topics.SET_RATE: srv.SetRate,
@@ -83,7 +85,7 @@ class Asking:
         self.answers.append((name, content, getattr(answer, "message", "")))
 
 
-@pytest.mark.share(0.3)
+@pytest.mark.share(0.2)
 def test_a_bench_flies_on_and_flies_again_whatever_it_was_asked(
     tmp_path: Path, case: np.random.Generator
 ) -> None:

@@ -19,6 +19,8 @@ from flexslew_lab.run.processes import node_processes, parameter_file
 from flexslew_lab.run.supervisor import Supervisor
 from tests.ros.flight import NODES, fork_server, slew
 
+pytestmark = pytest.mark.ros
+
 OTHERS = ", lqr: {}, output_feedback: {}"  # with recorder, planner and plant: six
 MODULES = ("flexslew_plant.ros.plant_node", "flexslew_control.ros.controller_node")
 
