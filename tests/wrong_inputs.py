@@ -73,7 +73,7 @@ def _nodes(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
 def _put(values: Any, path: Path, value: Any) -> Any:
     if not path:
         return value
-    changed = dict(values) if isinstance(values, dict) else list(values)
+    changed: Any = dict(values) if isinstance(values, dict) else list(values)
     changed[path[0]] = _put(values[path[0]], path[1:], value)
     return changed
 

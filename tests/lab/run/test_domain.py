@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -108,8 +109,8 @@ def test_a_domain_that_is_none_is_told(monkeypatch: pytest.MonkeyPatch, requeste
 
 def test_a_lock_of_a_run_that_was_killed_counts_no_more(tmp_path: Path) -> None:
     for number in range(1, 102):
-        (tmp_path / f"flexslew_domain_{number}_{domain.user()}.lock").write_text("gone")
-    os.utime(tmp_path / f"flexslew_domain_7_{domain.user()}.lock", (0, 0))
+        (tmp_path / f"flexslew_domain_{number}_{domain_locks.user()}.lock").write_text("gone")
+    os.utime(tmp_path / f"flexslew_domain_7_{domain_locks.user()}.lock", (0, 0))
     assert trials() == {}
     with domain.own_domain("m1") as number:
         assert number == 7  # the one that was used last the longest time ago
@@ -122,12 +123,15 @@ def test_a_machine_without_a_free_domain_is_reported_with_the_reason(tmp_path: P
             runs.enter_context(domain.own_domain())
         free = {*range(1, 102)} - {bench.domain for bench in domain.running_benches()}
         for number in free:
-            (tmp_path / f"flexslew_domain_{number}_{domain.user()}.lock").mkdir()
+            (tmp_path / f"flexslew_domain_{number}_{domain_locks.user()}.lock").mkdir()
         with pytest.raises(FlexslewError) as error, domain.own_domain():
             pass
     words = str(error.value)
     assert "98 are in use, 3 cannot be locked (" in words
-    assert f"{tmp_path}/flexslew_domain_{max(free)}_{domain.user()}.lock: Is a directory" in words
+    assert (
+        f"{tmp_path}/flexslew_domain_{max(free)}_{domain_locks.user()}.lock: Is a directory"
+        in words
+    )
 
 
 @pytest.fixture
@@ -178,7 +182,8 @@ def test_every_user_can_fly_after_another_one_has_used_every_domain(
 
         assert as_another_user(every_domain) == [*range(1, 102)]
         with domain.own_domain("m1") as first, domain.own_domain("m1") as second:
-            number, seen = as_another_user(another_domain)  # type: ignore[misc]
+            flown: Any = as_another_user(another_domain)
+            number, seen = flown
             assert number not in (first, second)
             assert seen == sorted((first, second, number))
         assert as_another_user(every_domain) == [*range(1, 102)]

@@ -192,8 +192,8 @@ def plan(
         raise BadInput(str(error), source) from None
     except PlanFailed as error:
         raise PlanFailed(f"{source}: plan: {error}") from None
-    pushed = zip(made.joint_names, made.effort.any(axis=0), strict=True)
-    drives = [name for name, acts in pushed if acts]  # with an effort of the plan's own
+    efforts = zip(made.joint_names, made.effort.T, strict=True)
+    drives = [name for name, effort in efforts if effort.any()]  # that the plan itself commands
     facts = {"duration": made.duration, "drives": drives, "hash": plan_hash(made)}
     summary = {**made.summary, **facts}
     rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]

@@ -185,8 +185,9 @@ def _require_settings(trial: Trial, source: str) -> None:
     for name, values in trial.controllers.items():
         law, own = law_of(name, values or {})
         require_settings(law, own, plant, f"{source}: controllers.{name}")
-    if getattr(trial.plan, "method", None) in PLANNERS:
-        require_section(trial.plan, plant, source)
+    plan: Any = trial.plan
+    if getattr(plan, "method", None) in PLANNERS:
+        require_section(plan, plant, source)
 
 
 def _require_controller(trial: Trial, name: str, source: str, key: str) -> None:
