@@ -1,7 +1,8 @@
-"""Flies a trial of the bench with files and lines added, which stand beside this process's input.
+"""Flies a trial and its studies with files and lines added to the bench.
 
-`python overlay.py FOLDER TRIAL`: FOLDER/<package>/ holds the new files of a family, and
+`python overlay.py FOLDER TRIAL [STUDY]`: FOLDER/<package>/ holds the new files of a family, and
 FOLDER/<package>.line the line for the family's table. The kernels stay where they are compiled.
+STUDY holds the keys of a study of the trial, whose cases fly as a batch and on the bench.
 """
 
 import importlib.abc
@@ -46,15 +47,43 @@ class _Overlay(importlib.abc.MetaPathFinder):
         return spec
 
 
+def both_ways(trial: Any, path: Path) -> list[dict[str, Any]]:
+    """Return for each case how the batch flew it, its metrics, and those of the bench."""
+    from flexslew_lab.studies.cases import case_of
+    from flexslew_lab.studies.flight import flown
+    from flexslew_lab.studies.lanes.fleet import Lanes
+    from flexslew_lab.studies.run import prepare
+    from flexslew_lab.studies.study import study_of_values
+    from flexslew_plant.yaml_data import load_yaml
+
+    values = load_yaml(path.read_text(), str(path))
+    ready = prepare(study_of_values(values, str(path), path.parent, trial=trial))
+    count = len(ready.samples) * len(ready.study.variants)
+    found = []
+    for results, others in Lanes(ready.study, ready.plans).fly(
+        [case_of(ready.study, ready.samples, k) for k in range(count)]
+    ):
+        pairs = [(one.number, one.way, one.metrics) for one in results]
+        pairs += [(one.case.number, one.way, None) for one in others]
+        for number, way, metrics in pairs:
+            bench = flown(ready.study, case_of(ready.study, ready.samples, number), ready.plans)
+            case = {"number": number, "way": way, "batch": metrics, "bench": bench.metrics}
+            found.append({**case, "reason": bench.reason})
+    return sorted(found, key=lambda case: case["number"])
+
+
 def main() -> None:
-    """Print metrics and events of the trial as JSON."""
+    """Print metrics and events of the trial, and the cases of the study, as JSON."""
     folder, trial = Path(sys.argv[1]), Path(sys.argv[2])
     sys.meta_path.insert(0, _Overlay(folder))
     from flexslew_lab.notebook import fly
     from flexslew_lab.notebook import trial as read
 
     flight = fly(read(trial))
-    print(json.dumps({"metrics": flight.metrics, "events": [e.kind for e in flight.events]}))
+    found = {"metrics": flight.metrics, "events": [e.kind for e in flight.events]}
+    if len(sys.argv) > 3:
+        found["cases"] = both_ways(read(trial), Path(sys.argv[3]))
+    print(json.dumps(found))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from flexslew_lab.studies.ways import Way
 from flexslew_plant.events import EVENTS
 
 OVERLAY = Path(__file__).with_name("overlay.py")
@@ -138,11 +139,23 @@ name: exercises
 duration: 60.0
 testbed: {kind: soft_oscillator}
 plan: {method: half, goal: {mass: 0.8}}
-controllers: {damper: {gain: 0.5}}
+controllers: {damper: {gain: 0.5}, pd_feedforward: {kp: [0.5], kd: [1.0]}}
 active: damper
 goal_tolerance: 0.9
 allow_faults: true
 schedule: [{at: 1.0, until: 2.0, fault: {kind: actuator_offset, offset: 0.1}}]
+"""
+# with the new law or one that batches know, and with the new fault or without
+STUDY = """
+study: exercises
+trial: exercises
+vary: {testbed.damping_ratio: {uniform: [0.05, 0.15]}}
+sampling: {method: grid, n: 2}
+compare:
+  active: [damper, pd_feedforward]
+  schedule:
+    broken: [{at: 1.0, until: 2.0, fault: {kind: actuator_offset, offset: 0.1}}]
+    whole: []
 """
 
 
@@ -157,8 +170,10 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Any:
         )
     trial = folder / "trial.yaml"
     trial.write_text(TRIAL)
+    study = folder / "study.yaml"
+    study.write_text(STUDY)
     done = subprocess.run(
-        [sys.executable, str(OVERLAY), str(folder), str(trial)],
+        [sys.executable, str(OVERLAY), str(folder), str(trial), str(study)],
         capture_output=True,
         text=True,
         check=False,
@@ -175,6 +190,20 @@ def test_each_is_one_file_and_one_line_and_flies(flown: Any) -> None:
     assert 0.35 < metrics["farthest"] < 0.9  # the metric
     assert metrics["faults"] == 1
     assert set(flown["events"]) <= set(EVENTS)
+
+
+def test_a_batch_flies_what_it_knows_as_the_bench_does_and_leaves_it_the_rest(flown: Any) -> None:
+    cases = flown["cases"]
+    assert [case["way"] for case in cases] == 2 * [Way.LAW, Way.LAW, Way.FAULT, Way.LANES]
+    assert not any(case["reason"] for case in cases)
+    for case in cases:
+        assert case["bench"]["farthest"] > 0.35
+        if case["way"] == Way.LANES:
+            for key, value in case["bench"].items():
+                batch = case["batch"][key]
+                assert batch == value or batch == pytest.approx(value, rel=1e-9, abs=1e-9), key
+    broken, known = cases[2]["bench"], cases[3]["bench"]
+    assert abs(known["farthest"] - broken["farthest"]) > 1e-4  # the new fault acts
 
 
 def test_the_exercises_are_those_of_the_guide() -> None:

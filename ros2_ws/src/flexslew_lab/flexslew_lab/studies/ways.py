@@ -20,6 +20,8 @@ class Way(StrEnum):
     NO_PLAN = "bench: no plan for a filter about one"
     JOINTS = "bench: joints that are read in another way"
     EFFORTS = "bench: efforts that are no joints'"
+    FAULT = "bench: a fault that batches do not know"
+    SENSOR = "bench: a sensor that batches do not know"
     LAW = "bench: a law that is not linear"
     SETTINGS = "bench: a law that is not linear with these settings"
     TIPS = "bench: a law that reads instruments or rates of tips"

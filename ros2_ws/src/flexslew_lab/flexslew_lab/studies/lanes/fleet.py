@@ -17,10 +17,12 @@ from flexslew_control.linear_form import (
 )
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
+from flexslew_lab.metrics import METRICS
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
 from flexslew_lab.studies.lanes.benches.judge import DISTRUSTED
+from flexslew_lab.studies.lanes.benches.lane_faults import is_known
 from flexslew_lab.studies.lanes.groups.charge import Charge
 from flexslew_lab.studies.lanes.groups.lane_laws import is_large, kind_of, size_of
 from flexslew_lab.studies.lanes.groups.lane_trial import (
@@ -37,7 +39,7 @@ from flexslew_lab.studies.lanes.inputs import (
     resting_course,
     schedule_of,
 )
-from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
+from flexslew_lab.studies.lanes.lane_metrics import COUNTED, LaneMetrics
 from flexslew_lab.studies.lanes.laws.watch import Watch, watch_of
 from flexslew_lab.studies.lanes.legs import LaneFlight, Leg
 from flexslew_lab.studies.lanes.loop import Schedule
@@ -164,6 +166,8 @@ class Lanes:
         """Return a trial with its law and gains; a way where only the bench can fly it."""
         if isinstance(lane, Way):
             return lane
+        if not all(is_known(timed.fault) for timed in lane.happens.faults):
+            return Way.FAULT
         law = self._prepare(lane)
         if isinstance(law, Way):
             return law
@@ -197,7 +201,8 @@ class Lanes:
         group, prepared = [one.lane for one in ready], ready[0].law
         first, last = group[0], ready[-1]  # which fills up
         all_lanes = [*ready, *(last for _ in range(LANES - len(ready)))]
-        recorded = isinstance(first.trial.testbed, Pointing) or bool(first.trial.metrics)
+        counted = METRICS.keys() <= COUNTED and not first.trial.metrics
+        recorded = isinstance(first.trial.testbed, Pointing) or not counted
         recorded = recorded and not first.happens.charge.failure
         flight = LaneFlight(
             [one.lane for one in all_lanes],

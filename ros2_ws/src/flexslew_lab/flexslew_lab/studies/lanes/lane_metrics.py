@@ -4,7 +4,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexslew_lab.metrics import KEYS
+from flexslew_lab.metrics import (
+    COURSE,
+    EFFORTS,
+    JITTER,
+    JOINT_ERRORS,
+    KEEP_OUT,
+    KEYS,
+    LINE_OF_SIGHT,
+    MOMENTUM,
+    OPERATOR_CHANGES,
+    PERFORMANCE_ERRORS,
+    PLATFORM_ERROR,
+    POINTING,
+    SETTLING,
+    TAKEOVERS,
+    TIP_DEFLECTION,
+    TRAJECTORY,
+    VIBRATION,
+)
 from flexslew_lab.metrics.course import CourseMetric
 from flexslew_lab.metrics.efforts import root_mean_square
 from flexslew_lab.metrics.epoch import merged
@@ -20,6 +38,29 @@ from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Event
 from flexslew_plant.testbeds.compiled.lanes import LANES
+
+# what the loop counts, and what testbeds that point alone have; others need the recorded truth
+COUNTED = frozenset(
+    entry.name
+    for entry in (
+        TIP_DEFLECTION,
+        JOINT_ERRORS,
+        SETTLING,
+        EFFORTS,
+        TAKEOVERS,
+        OPERATOR_CHANGES,
+        COURSE,
+        TRAJECTORY,
+        POINTING,
+        PLATFORM_ERROR,
+        PERFORMANCE_ERRORS,
+        JITTER,
+        MOMENTUM,
+        LINE_OF_SIGHT,
+        KEEP_OUT,
+        VIBRATION,
+    )
+)
 
 
 class LaneMetrics:

@@ -23,6 +23,11 @@ _READS: tuple[Read, ...] = (
 )  # fmt: skip
 
 
+def are_packed(instruments: Sequence[Instrument], period: float) -> bool:
+    """Return whether all instruments have readers of the table, at a period [s]."""
+    return all(one.reader(period, None).read in _READS for one in instruments)
+
+
 @dataclass(frozen=True)
 class PackedReaders:
     """What `read_instruments` takes, before tick 0, and what draws the random numbers of a tick.

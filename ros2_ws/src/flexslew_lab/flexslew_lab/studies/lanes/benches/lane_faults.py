@@ -10,11 +10,12 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from flexslew_lab.studies.lanes.groups.charge import OF_ANSWERS
 from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_lab.studies.lanes.groups.strikes import struck
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled
-from flexslew_plant.faults import Timed
+from flexslew_plant.faults import Fault, Timed
 from flexslew_plant.faults.actuators import ActuatorGain, ActuatorStuck, CommandDelay
 from flexslew_plant.faults.effects import Names
 from flexslew_plant.faults.sensors import SensorBias, SensorDropout, SensorFreeze, SensorNan
@@ -33,6 +34,11 @@ _KINDS: dict[type[Any], int] = {
 }
 _OF_SENSORS = NAN  # kinds up to this one
 _CHANNELS = ("joint_position", "joint_velocity", "tip_deflection")  # that a law may read
+
+
+def is_known(fault: Fault) -> bool:
+    """Return whether batches fly a fault: of these kinds themselves, as a new one may do more."""
+    return type(fault) in _KINDS or type(fault) in OF_ANSWERS
 
 
 class LaneFaults(NamedTuple):
@@ -99,7 +105,8 @@ def _faults(lane: LaneTrial) -> list[_Fault]:
     """Return what changes readings or efforts, in the order in which it sets in."""
     model = lane.model
     names = Names(model.joint_names, model.appendages.names, ())
-    found = [_fault(timed, names) for timed in lane.happens.faults if type(timed.fault) in _KINDS]
+    acting = [timed for timed in lane.happens.faults if type(timed.fault) not in OF_ANSWERS]
+    found = [_fault(timed, names) for timed in acting]
     known = [fault for fault in found if fault is not None]
     return sorted(known, key=lambda fault: fault.timed.start)
 

@@ -26,6 +26,7 @@ from flexslew_plant.events import (
 )
 from flexslew_plant.faults import Timed
 from flexslew_plant.faults.commands import (
+    CommandDuplicated,
     CommandLate,
     CommandLost,
     CommandReordered,
@@ -34,6 +35,8 @@ from flexslew_plant.faults.commands import (
 from flexslew_plant.refusal import Cause
 
 _LOSING = (CommandLost, CommandLate, CommandReordered)  # what comes late counts as missed, too
+# all faults of answers: a duplicate changes nothing
+OF_ANSWERS = (*_LOSING, ControllerSilent, CommandDuplicated)
 
 
 class Charge(NamedTuple):

@@ -33,6 +33,7 @@ from flexslew_plant.hardware.sensors import Sensors, exact_readings
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import initial_state, models_of
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel
+from flexslew_plant.testbeds.instruments.packed_readers import are_packed
 from flexslew_plant.testbeds.model import Model
 
 # steps where a kernel's own differ by 5e-11: then they differ by 1e-13, too
@@ -129,7 +130,7 @@ class LaneIntake:
             if isinstance(happens, Way):
                 return happens
             common = self._said(case.variant, trial, happens.charge, asked)
-            way = common.way if common.way is not Way.LANES else way_of_testbed(model)
+            way = common.way if common.way is not Way.LANES else way_of_testbed(model, trial.period)
             if way is not Way.LANES:
                 return way
             rubs = friction_of(trial.actuator, model, trial.period) is not None
@@ -293,11 +294,12 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
     return next((way for there, way in obstacles if there), Way.LANES)
 
 
-def way_of_testbed(model: Model) -> Way:
+def way_of_testbed(model: Model, period: float) -> Way:
     """Return LANES, or what of a testbed only the bench knows."""
     obstacles = (
         (model.reading is not None and model.kernels.reading is None, Way.JOINTS),
         (model.efforts != model.joints, Way.EFFORTS),
+        (not are_packed(model.appendages.instruments, period), Way.SENSOR),
     )
     return next((way for there, way in obstacles if there), Way.LANES)
 
