@@ -16,6 +16,7 @@ import control
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.representatives import representatives
 
 import flexslew as fs
 from flexslew_lab.given_objects import with_law
@@ -71,7 +72,9 @@ def test_a_plan_that_was_made_elsewhere_is_flown(flight: fs.Flight) -> None:
     assert np.array_equal(flown["reference"][50:151], rows)
 
 
-@pytest.mark.parametrize("law", ["lqr", "output_feedback", "proportional_integral"])
+@pytest.mark.parametrize(
+    "law", representatives(["lqr", "output_feedback", "proportional_integral"], "lqr")
+)
 def test_a_given_plan_flies_as_the_planner_that_made_it(law: str) -> None:
     """Laws with filters about the plan take its nominal state, too."""
     changes = {"duration": 3.0, "controllers": {law: {}}, "active": law}
@@ -82,7 +85,12 @@ def test_a_given_plan_flies_as_the_planner_that_made_it(law: str) -> None:
     assert given.metrics["trajectory_hash"] == own.metrics["trajectory_hash"]
 
 
-@pytest.mark.parametrize("name", ["control_moment_gyros", "setpoint_shaping", "observatory"])
+@pytest.mark.parametrize(
+    "name",
+    representatives(
+        ["control_moment_gyros", "setpoint_shaping", "observatory"], "control_moment_gyros"
+    ),
+)
 def test_a_craft_without_a_typical_goal_flies_given_plans_and_positions(name: str) -> None:
     slow = {"duration": 1.0, "schedule": [], "plan.duration": 300.0}
     short = fs.trial(fs.trial(name, plan="reference_only"), slow)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from tests.plants import plant
+from tests.representatives import products
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.law import ActiveLaw
@@ -86,9 +87,10 @@ def test_every_planner_is_in_one_of_the_campaigns() -> None:
     assert {*AT_REST, *OTHERS} == {name for name, entry in PLANNERS.items() if entry.slews}
 
 
-@pytest.mark.parametrize("method", AT_REST)
-@pytest.mark.parametrize("variant", ["printed", "complete"])
-@pytest.mark.parametrize("period", [0.001, 0.01, 0.05])
+@pytest.mark.parametrize(
+    ("method", "variant", "period"),
+    products(AT_REST, ["printed", "complete"], [0.01, 0.05, 0.001]),
+)
 def test_random_slews_leave_nothing_on_the_model_that_they_were_planned_on(
     method: Any, variant: CsaVariant, period: float
 ) -> None:

@@ -6,6 +6,7 @@ from typer.core import TyperCommand
 
 from flexslew_lab.cli import checkout
 from flexslew_lab.cli.suite import (
+    COMPILED,
     NOTHING_SELECTED,
     OVER_ROS,
     Selection,
@@ -44,8 +45,9 @@ def test_alone(): pass
 @pytest.fixture
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the root of a checkout with a test in each part."""
-    for part in ("tests/plant", *OVER_ROS):
+    for part in ("tests/plant", *OVER_ROS, *COMPILED):
         (tmp_path / part).mkdir(parents=True)
+    (tmp_path / COMPILED[0] / "test_loops.py").write_text(PASSES)
     (tmp_path / "tests" / "plant" / "test_plain.py").write_text(PASSES)
     (tmp_path / "tests" / "ros" / "test_marked.py").write_text(MARKED)
     (tmp_path / "tests" / "campaigns" / "ros" / "test_campaign.py").write_text(PASSES)
@@ -83,8 +85,10 @@ def test_without_arguments_three_parts_leave_out_what_is_marked() -> None:
     assert plain[4:] == ("-m", default, *(f"--ignore={part}" for part in OVER_ROS))
     assert shared[4:] == ("-m", f"{default} and not alone", *OVER_ROS)
     assert alone == ("-m", f"{default} and alone", *OVER_ROS)
-    plain, shared, alone = parts(Selection(), everything=True)
-    assert "-m" not in plain
+    plain, compiled, shared, alone = parts(Selection(), everything=True)
+    assert "-m" not in (*plain, *compiled)
+    assert f"--ignore={COMPILED[0]}" in plain
+    assert compiled[-1:] == COMPILED
     assert (shared[4:6], alone[:2]) == (("-m", "not alone"), ("-m", "alone"))
 
 
@@ -103,7 +107,7 @@ def test_without_arguments_three_parts_leave_out_what_is_marked() -> None:
 def test_paths_choose_the_parts_and_options_reach_each(
     arguments: tuple[str, ...], paths: list[list[str]]
 ) -> None:
-    chosen = [*parts(selected(*arguments), everything=True)]
+    chosen = [*parts(selected(*arguments), everything=False)]
     given = [[a for a in part[-2:] if a.startswith("tests/") or a == "tests"] for part in chosen]
     assert [g[-len(p) :] if p else g for g, p in zip(given, paths, strict=True)] == [
         list(p) for p in paths
@@ -138,6 +142,7 @@ def test_the_parts_run_what_the_markers_select(tree: Path) -> None:
     assert ended("-n", "0") == 0
     assert ended("-n", "0", "-k", "nothing_has_this_name") == NOTHING_SELECTED
     assert ended("-n", "0", "tests/ros", everything=True) == 1
+    assert ended("-n", "0", "tests/lab/studies/test_loops.py::test_passes", everything=True) == 0
 
 
 @pytest.mark.parametrize(

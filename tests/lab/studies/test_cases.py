@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.present import present
+from tests.representatives import representatives
 
 from flexslew_control.planners import PLANNERS
 from flexslew_lab.studies.cases import case_of, case_trial, changes_of, sample_table
@@ -74,7 +75,14 @@ def test_the_plan_of_a_spacecraft_in_a_study_is_that_of_its_trial(
     np.testing.assert_array_equal(flown.effort, own.effort)
 
 
-@pytest.mark.parametrize("method", [name for name, entry in PLANNERS.items() if entry.slews])
+@pytest.mark.parametrize(
+    "method",
+    representatives(
+        [name for name, entry in PLANNERS.items() if entry.slews],
+        "input_shaping",
+        "optimized_feedforward",
+    ),
+)
 def test_a_study_that_varies_no_belief_flies_the_plan_of_its_trial(
     study_of: Callable[..., Study], method: str
 ) -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 OVER_ROS = ("tests/ros", "tests/campaigns/ros")
+# of compiled loops of 20 to 50 MB, which a process keeps: a part of its own under --all
+COMPILED = ("tests/lab/studies",)
 BEYOND_DEFAULT = ("ros", "browser", "campaign", "matrix", "slow")
 NOTHING_SELECTED = 5  # pytest's exit code
 _MOST = 8  # processes that compute, of three quarters of a gigabyte each
@@ -78,18 +80,22 @@ def parts(selection: Selection, everything: bool) -> Iterator[tuple[str, ...]]:
     waiting = min(2 * workers, _MOST)
     if selection.debugs:
         workers = waiting = 0
-    plain = [path for path in selection.paths if not _within(path)]
-    ros = [part for path in selection.paths or ["."] for part in _over_ros(path)]
+    apart = (*OVER_ROS, *(COMPILED if everything else ()))
+    plain = [path for path in selection.paths if not _within(path, apart)]
+    compiled = _inside(selection.paths, COMPILED) if everything else []
+    ros = _inside(selection.paths, OVER_ROS)
     options = selection.options
     expression = selection.expression(everything)
+    marked = ("-m", expression) if expression else ()
+    shared = ("-n", f"{workers}", "--dist", "worksteal", *options, *marked)
     if plain or not selection.paths:
-        ignored = (f"--ignore={part}" for part in OVER_ROS)
-        marked = ("-m", expression) if expression else ()
-        yield ("-n", f"{workers}", "--dist", "worksteal", *options, *marked, *ignored, *plain)
+        yield (*shared, *(f"--ignore={part}" for part in apart), *plain)
+    if compiled:
+        yield (*shared, *compiled)
     if ros:
         joined = f"{expression} and " if expression else ""
-        shared = ("-n", f"{waiting}", "--dist", "loadfile")
-        yield (*shared, *options, "-m", f"{joined}not alone", *ros)
+        by_file = ("-n", f"{waiting}", "--dist", "loadfile")
+        yield (*by_file, *options, "-m", f"{joined}not alone", *ros)
         yield (*options, "-m", f"{joined}alone", *ros)
 
 
@@ -98,15 +104,18 @@ def exit_code(codes: Sequence[int]) -> int:
     return max((code for code in codes if code != NOTHING_SELECTED), default=NOTHING_SELECTED)
 
 
-def _within(path: str) -> bool:
-    """Return True if a path, or the test in it, is in a folder over ROS."""
+def _within(path: str, folders: Sequence[str]) -> bool:
+    """Return True if a path, or the test in it, is in one of the folders."""
     place = Path(path.split("::")[0]).resolve()
-    return any(place.is_relative_to(Path(part).resolve()) for part in OVER_ROS)
+    return any(place.is_relative_to(Path(folder).resolve()) for folder in folders)
 
 
-def _over_ros(path: str) -> list[str]:
-    """Return what is over ROS of a path: itself, or the folders that it contains."""
-    if _within(path):
-        return [path]
-    place = Path(path.split("::")[0]).resolve()
-    return [part for part in OVER_ROS if Path(part).resolve().is_relative_to(place)]
+def _inside(paths: Sequence[str], folders: Sequence[str]) -> list[str]:
+    """Return what paths select of folders: paths in one of them, and folders in one of the paths.
+
+    Without paths, all folders.
+    """
+    if not paths:
+        return [*folders]
+    inner = (f for path in paths for f in folders if _within(f, [path.split("::")[0]]))
+    return list(dict.fromkeys([*(path for path in paths if _within(path, folders)), *inner]))

@@ -45,6 +45,7 @@ def craft() -> PlantDescription:
     return PlantDescription(read_testbed(values, "here"), PERIOD, np.full(3, LIMIT))
 
 
+@pytest.mark.slow  # a transcription by IPOPT; one axis is in test_three_axes_flexible
 @pytest.mark.share(0.1)
 def test_a_random_turn_flies_as_predicted_and_hardly_later_than_rigid(
     case: np.random.Generator,
