@@ -75,10 +75,18 @@ class Browser:
             "POST", f"{self._address}/execute/sync", {"script": script, "args": list(arguments)}
         )
 
-    def click(self, path: str) -> None:
-        """Click the element that an XPath finds, once it is still, where a person would hit it."""
+    def click(self, path: str, tries: int = 20) -> None:
+        """Click the element that an XPath finds, once it is still, where a person would hit it.
+
+        Where the page draws it again before the click, the new one has to be still, too.
+        """
         self.until(_STILL, path)
-        self._act(path, "click", {})
+        try:
+            _call("POST", f"{self._element(path)}/click", {})
+        except AssertionError as error:
+            if not tries or "stale element" not in str(error):
+                raise
+            self.click(path, tries - 1)
 
     def write(self, path: str, text: str) -> None:
         """Replace what stands in a field that a person could write into, once it keeps the focus.
@@ -106,15 +114,6 @@ class Browser:
         )
         assert found, (script, arguments, self.run("return document.body.innerText"))
         return found
-
-    def _act(self, path: str, what: str, body: Any, tries: int = 20) -> None:
-        """Do something with an element, also where the page draws it anew meanwhile."""
-        try:
-            _call("POST", f"{self._element(path)}/{what}", body)
-        except AssertionError as error:
-            if not tries or "stale element" not in str(error):
-                raise
-            self._act(path, what, body, tries - 1)
 
     def _element(self, path: str) -> str:
         self.until(f"return {FOUND} !== null", path)

@@ -155,12 +155,16 @@ def kill(name: str, strength: int = signal.SIGKILL) -> Any:
 
 
 def kill_in_flight(name: str, folder: Path) -> Any:
-    """Return an act that kills a node of the flight in a folder after some hundred ticks more."""
+    """Return an act that kills a node of a flight once its log has grown by 200 kB.
+
+    These are the plan and about a thousand ticks.
+    """
 
     def act(pids: dict[str, int], domain: int) -> None:
         (log,) = (folder / "bag").glob("*.mcap")
         before = log.stat().st_size
-        while log.stat().st_size < before + 60_000:
+        while log.stat().st_size < before + 200_000:
+            os.kill(pids["plant"], 0)  # ProcessLookupError: the flight is over
             Event().wait(0.01)
         kill(name)(pids, domain)
 

@@ -3,8 +3,6 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -66,14 +64,17 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str],
         yield flown
 
 
-def test_a_killed_controller_ends_in_the_brake_and_a_bench_at_rest(killed: Any) -> None:
+def test_a_killed_controller_ends_in_the_brake_which_takes_the_energy_away(
+    killed: Any,
+) -> None:
     flight = killed("controller")
     assert flight.outcome.exit_code == 3
-    assert "brake" in flight.events
-    rates = BagReader(flight.bag).columns("/truth", {"velocity"})["velocity"]
-    moving, end = np.abs(rates[:, :2]).max(), np.abs(rates[-100:, :2]).max()
     assert flight.metrics["ticks"] == 4000
-    assert end < 0.05 * moving
+    bag = BagReader(flight.bag)
+    (brake,) = (event.tick for event in bag.overview.events if event.kind == "brake")
+    energy = bag.columns("/truth", {"energy"})["energy"][brake + 1 :]
+    assert np.diff(energy).max() <= 0.0
+    assert energy[-1] < 0.1 * energy[0]
 
 
 def test_a_killed_planner_disturbs_no_other_node_and_a_killed_recorder_leaves_a_readable_log(
@@ -219,20 +220,6 @@ def test_a_node_that_dds_does_not_let_go_is_ended_and_the_run_is_unharmed(tmp_pa
         slew(duration=1.0), tmp_path, extra=[NodeProcess("stuck", "tests", "stuck", {})]
     )
     assert flight.outcome == (0, ""), flight.log
-
-
-def test_bad_input_stops_before_a_folder_is_made(tmp_path: Path) -> None:
-    trial = tmp_path / "bad.yaml"
-    trial.write_text("testbed: {kind: csa, modez: 3}\n")
-    command = [sys.executable, "-m", "flexslew_lab.cli.main", "trial", str(trial), "--out"]
-    done = subprocess.run(
-        [*command, str(tmp_path / "run")], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert "modez" in done.stderr
-    assert "modes" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.ros

@@ -1,4 +1,7 @@
-"""A session at the bench in a real browser: every row of the page, and its log flown again."""
+"""A session at the bench in a real browser: every row of the page, and its log flown again.
+
+A browser that draws in software takes all of the machine: no other test runs beside it.
+"""
 
 from functools import partial
 from pathlib import Path
@@ -14,14 +17,15 @@ from .console_page import Page, console, trial_file
 
 
 @pytest.mark.browser
+@pytest.mark.alone
 @pytest.mark.timeout(1200)
 def test_a_session_worked_by_hand_flies_again_with_the_same_bits(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    trial = trial_file(tmp_path, 30.0, "max_missed: 100000")  # busy processors hold up nodes
+    trial = trial_file(tmp_path, 30.0)
     trial.write_text(trial.read_text().replace("lqr: {}", "lqr: {}, linear: {}"))
     law = tmp_path / "law.npz"
     np.savez(law, D=[[400.0, 0.0, 900.0, 0.0], [0.0, 400.0, 0.0, 900.0]])
-    bench = console(str(trial), "--out", str(run), "--rate", "0.05")
+    bench = console(str(trial), "--out", str(run), "--rate", "0.1")
     with chromium() as browser, bench as (_, address):
         browser.open(address, 1300, 1000, scale=0.25)
         page = Page(browser)
@@ -122,10 +126,10 @@ def plan(page: Page) -> None:
     page.tab("Plan")
     page.choose("Method", "reference_only")
     page.write("goal of hub_pitch", "0.2")
-    page.write("start", "0.2")
+    page.write("start", "0.5")
     page.write("duration", "5.0")
     page.click("Plan")
-    page.says("start: 0.2 is past")
+    page.says("start: 0.5 is past")
     page.write("start", "20.0")
     for decision, answer in (
         ("Refuse the draft", "reference_only from 20 s on is dropped"),

@@ -90,7 +90,7 @@ def test_a_bench_flies_on_and_flies_again_whatever_it_was_asked(
     tmp_path: Path, case: np.random.Generator
 ) -> None:
     asking = Asking(case)
-    trial = slew(duration=3600.0, more=", lqr: {}", extra="allow_faults: true")
+    trial = slew(3600.0, 10.0, more=", lqr: {}", extra="allow_faults: true")
     flight = Flight(trial, tmp_path, 20, asking)
     assert flight.outcome.exit_code == 130, flight.log
     assert len(asking.answers) == REQUESTS
