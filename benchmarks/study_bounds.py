@@ -67,6 +67,27 @@ def _corner(u: Matrix) -> Vector:
     return np.asarray(np.abs(u - 0.5).max(axis=1) + 0.2 * np.abs(u[:, 0] - 0.3))
 
 
+def _resonance(u: Matrix) -> Vector:
+    """Return the gain of an oscillator near its resonance."""
+    ratio, damping = 0.8 + 0.4 * u[:, 0], 0.005 + 0.02 * u[:, 1]
+    return np.asarray(1.0 / np.hypot(1.0 - ratio**2, 2.0 * damping))
+
+
+def _edge(u: Matrix) -> Vector:
+    """Return a distance whose median lies just beyond an edge of the strata of every size."""
+    return np.asarray(-np.abs(u[:, 0] - 0.5 + 0.32 / 1024.0))
+
+
+def _largest(u: Matrix) -> Vector:
+    """Return the largest of three responses, as a worst case of several appendages is."""
+    return np.asarray(np.max([np.exp(u[:, 0]), 1.0 + u[:, 1], 3.0 - 3.0 * u[:, 2]], axis=0))
+
+
+def _residual(u: Matrix) -> Vector:
+    """Return what a shaper of one frequency leaves of an oscillation of another."""
+    return np.asarray((1.0 + 0.2 * u[:, 1]) * np.abs(np.cos(np.pi * (0.2 + 1.1 * u[:, 0]))))
+
+
 def _failing(values: Vector, failed: NDArray[np.bool_]) -> Vector:
     return np.where(failed, inf, values)
 
@@ -77,6 +98,14 @@ METRICS: dict[str, Metric] = {
     "bent": Metric(3, 0, _bent),
     "corner": Metric(4, 0, _corner),
     "product": Metric(5, 0, lambda u: np.exp((u - 0.5) @ np.array([2.0, 1.5, 1.0, 0.5, 0.3]))),
+    "peak": Metric(2, 0, lambda u: 1.0 / (1.0 + 100.0 * (u[:, 0] - 0.37) ** 2) + 0.1 * u[:, 1]),
+    "resonance": Metric(2, 0, _resonance),
+    "edge": Metric(1, 0, _edge),
+    "kinked": Metric(2, 0, lambda u: np.abs(u[:, 0] - 0.3) + 0.5 * np.abs(u[:, 1] - 0.6)),
+    "largest": Metric(3, 0, _largest),
+    "residual": Metric(2, 0, _residual),
+    "oscillating": Metric(1, 0, lambda u: np.sin(40.0 * u[:, 0])),
+    "beating": Metric(2, 0, lambda u: np.sin(20.0 * u[:, 0]) + np.sin(23.0 * u[:, 1])),
     "noisy": Metric(2, 1, lambda u: _plane(u) + 0.2 * stats.norm.ppf(u[:, 2])),
     "noise": Metric(2, 1, lambda u: -np.log1p(-u[:, 2])),
     "fails in a region": Metric(3, 0, lambda u: _failing(_bent(u), u[:, :2].min(axis=1) > 0.78)),
@@ -156,6 +185,16 @@ def figures() -> dict[str, float]:
     return found
 
 
+def line(method: str, n: int, name: str, one: Cell) -> str:
+    """Return a row of the table."""
+    shares = "  ".join(f"{c:.3f} ({b:.2f})" for c, b in zip(one.covered, one.bounded, strict=True))
+    low, high = one.success
+    return (
+        f"{method:6} {n:6} {name:18} {shares}  {one.mean:.3f} {low:.3f} {high:.3f}"
+        f"{'  DISORDERED' if one.disordered else ''}"
+    )
+
+
 @lru_cache(maxsize=2000)  # all metrics are looked at on the same samples
 def _design(method: str, n: int, seed: int) -> tuple[Samples, Matrix]:
     sampling: Sampling = validated(Sampling, {"method": method, "n": n}, "campaign")
@@ -199,12 +238,4 @@ if __name__ == "__main__":
         for n in given.n:
             for name in METRICS:
                 one = cell(method, n, name, given.studies, given.seed)
-                shares = "  ".join(
-                    f"{c:.3f} ({b:.2f})" for c, b in zip(one.covered, one.bounded, strict=True)
-                )
-                low, high = one.success
-                print(
-                    f"{method:6} {n:6} {name:18} {shares}  {one.mean:.3f} {low:.3f} {high:.3f}"
-                    f"{'  DISORDERED' if one.disordered else ''}",
-                    flush=True,
-                )
+                print(line(method, n, name, one), flush=True)

@@ -7,31 +7,65 @@ that this happens once in 1e5 cells, of which there are some hundred: 9 % below 
 
 import numpy as np
 import pytest
-from benchmarks.study_bounds import CONFIDENCE, METRICS, QUANTILES, SAMPLED, cell, study
+from benchmarks.study_bounds import (
+    CONFIDENCE,
+    METRICS,
+    QUANTILES,
+    SAMPLED,
+    Cell,
+    cell,
+    line,
+    study,
+)
 from scipy import stats
-from tests.representatives import products
 
 from flexslew_lab.studies.findings.population import Population
 
-STUDIES = 250
+STUDIES, CAMPAIGN = 250, 500
 _CHANCE = 1e-5
 LEAST = float(stats.binom.ppf(_CHANCE, STUDIES, CONFIDENCE)) / STUDIES
 MOST = 0.97  # of a stated 90 %, so that bounds are not wide for nothing
+MEAN_AT_LEAST = {"edge": 0.78, "resonance": 0.86}  # what docs/studies.md states
+ON_EDGES = ("one value", "edge")  # shares that hardly scatter: bounds are one sample wide, and safe
 HALF = 0.5  # of the studies that bound both ends: below, they are a choice of their own
 
 
-@pytest.mark.parametrize(("name", "n", "method"), products(METRICS, [64, 1024], SAMPLED))
+@pytest.mark.parametrize("method", SAMPLED)
+@pytest.mark.parametrize("n", [64, 1024])
+@pytest.mark.parametrize("name", ["bent", "resonance", "edge"])
 def test_bounds_hold_as_often_as_stated_and_not_much_more(method: str, n: int, name: str) -> None:
-    found = cell(method, n, name, STUDIES)
+    """`edge` and `resonance` have quantiles on the edges of strata, where replicates agree."""
+    _check(cell(method, n, name, STUDIES), STUDIES, n, name)
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("method", SAMPLED)
+@pytest.mark.parametrize("n", [64, 256, 1024, 4096])
+def test_bounds_of_all_metrics_hold_as_often_as_stated(
+    method: str, n: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in METRICS:
+        found = cell(method, n, name, CAMPAIGN)
+        with capsys.disabled():
+            print(f"\n{line(method, n, name, found)}", end="", flush=True)
+        _check(found, CAMPAIGN, n, name)
+
+
+def _check(found: Cell, studies: int, n: int, name: str) -> None:
+    """Refute shares that happen once in 1 / _CHANCE cells at most."""
+    least = float(stats.binom.ppf(_CHANCE, studies, CONFIDENCE)) / studies
     assert found.disordered == 0
-    assert (found.covered >= LEAST).all()
-    assert min(found.success) >= LEAST
-    assert not found.mean < LEAST  # NaN: failures leave no mean
-    if n < 1024 or not METRICS[name].continuous:
+    assert (found.covered >= least).all()
+    assert min(found.success) >= least
+    # Student's t on 16 replicates where one of many strata holds a kink or a peak: skewed sums
+    skewed = float(stats.binom.ppf(_CHANCE, studies, MEAN_AT_LEAST.get(name, CONFIDENCE))) / studies
+    assert not found.mean < skewed  # NaN: failures leave no mean
+    if n < 1024 or not METRICS[name].continuous or name in ON_EDGES:
         return
     for j in range(len(QUANTILES)):
         if found.bounded[j] >= HALF:
-            bounded = round(found.bounded[j] * STUDIES)
+            bounded = round(found.bounded[j] * studies)
             most = float(stats.binom.ppf(1.0 - _CHANCE, bounded, MOST)) / bounded
             assert found.covered_if_bounded[j] <= most
 

@@ -59,10 +59,12 @@ def quantile_bounds(
 
     The ranks that bound the quantile of independent samples (binomial, as real numbers) move
     towards n q + 1/2 by the ratio of the shares' standard error to sqrt(q (1 - q) / n), times t / z
-    because it is estimated (Woodruff, J. Am. Stat. Assoc. 47, 1952, with replicates). What remains
-    where all replicates agree is the place of the quantile between two samples: (1 - alpha) / 2 of
-    a gap to each side. Where fewer than FEW samples are expected on a side of the quantile, the
-    ranks never come closer than those of independent samples, and are whole.
+    because it is estimated (Woodruff, J. Am. Stat. Assoc. 47, 1952, with replicates). The variance
+    of the count of samples up to the quantile is raised by 1: where the quantile lies on the edge
+    of a stratum, counts differ so rarely that a few replicates may all agree by chance. The place
+    of the quantile between two samples adds (1 - alpha) / 2 of a gap to each side. Where fewer than
+    FEW samples are expected on a side of the quantile, the ranks never come closer than those of
+    independent samples, and are whole.
 
     Args:
         values: inf where larger than any number, -inf where smaller, shape (n,).
@@ -76,6 +78,7 @@ def quantile_bounds(
     if np.isinf(estimate) or np.count_nonzero(values == estimate) > 1:  # on a step: of both sides
         before = scatter((values < estimate).astype(np.float64), parts)
         upto = max(upto, before, key=lambda side: side.error)
+    upto = upto._replace(error=hypot(upto.error, 1.0 / n))
     student = upto.margin(confidence)
     confidence = _reserved(confidence)
     normal = float(special.ndtri(0.5 + 0.5 * confidence)) * sqrt(q * (1.0 - q) / n)
