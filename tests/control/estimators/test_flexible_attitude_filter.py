@@ -33,9 +33,9 @@ SETTINGS = AppendageModesSettings(effort_noise=1e-3, initial=1e-3)
 TORQUE = np.array([0.2, -0.15, 0.1])  # of the slew, then back [N m]
 
 
-def craft(name: str = "three_axes") -> FlexibleFilter:
+def craft(name: str = "three_axes", settings: AppendageModesSettings = SETTINGS) -> FlexibleFilter:
     model = read_testbed(shipped_values(name)["testbed"], "testbed").model()
-    return flexible_filter(model, NOISE, SETTINGS, PERIOD)
+    return flexible_filter(model, NOISE, settings, PERIOD)
 
 
 class Known(NamedTuple):
@@ -48,15 +48,17 @@ class Known(NamedTuple):
     rate: Vector  # of the body rate, (ticks,) [rad/s]
 
 
-def flown(it: FlexibleFilter, chosen: Any, seed: int, slew: bool) -> Known:
-    """Return what a filter makes of a flight; NEES of all that FlexibleFilter believes."""
+def flown(
+    it: FlexibleFilter, chosen: Any, seed: int, slew: bool, bias: float = BIAS, ticks: int = TICKS
+) -> Known:
+    """Return the errors of a filter in a flight; NEES of all states of FlexibleFilter."""
     rng, model, n, m = np.random.default_rng(seed), it.model, it.platform.small.coordinates, 3
     settings = GyroSettings(
-        kind="gyro", angle_random_walk=NOISE.white, rate_random_walk=NOISE.walk, bias_spread=BIAS
+        kind="gyro", angle_random_walk=NOISE.white, rate_random_walk=NOISE.walk, bias_spread=bias
     )
     reader = TickReader(Gyro("gyro", 0, settings), PERIOD, rng)
     own = it.platform.small.linear
-    bent = SETTINGS.initial * rng.standard_normal((2, n - m))
+    bent = it.settings.initial * rng.standard_normal((2, n - m))
     bent[1] *= np.sqrt(np.diag(own.stiffness) / np.diag(own.mass))[m:]
     q = model.rest({})
     q[q.size - model.modes :] = it.found.elastic(model.modes) @ bent[0]
@@ -73,10 +75,10 @@ def flown(it: FlexibleFilter, chosen: Any, seed: int, slew: bool) -> Known:
         return product(attitude, quaternion(TRACKER * rng.standard_normal(3)))
 
     attitude, rate = body(x)
-    belief = chosen.begin(start, reader(MovingBody(attitude, rate)), (1.0, BIAS))
+    belief = chosen.begin(start, reader(MovingBody(attitude, rate)), (1.0, bias))
     belief = chosen.first_told(belief, tracked(attitude), TRACKER**2 * np.eye(3))
     rows = []
-    for k in range(TICKS):
+    for k in range(ticks):
         effort = slew * TORQUE * (1.0 if k < TICKS // 2 else -1.0)
         pushed = effort + SETTINGS.effort_noise / np.sqrt(PERIOD) * rng.standard_normal(m)
         x = model.advance(x, pushed, PERIOD, 2)
@@ -122,6 +124,25 @@ def test_errors_and_innovations_are_as_large_as_the_covariance_says(slew: bool) 
     used = np.array([run.read for run in runs]).sum()
     low, high = band(0.95, int(used), int(used))
     assert low < np.array([run.nis for run in runs]).sum() / used < high
+
+
+@pytest.mark.parametrize(
+    ("bias", "initial", "least", "most"),
+    [
+        (5e-3, 1e-3, 0.8, 1.25),
+        (BIAS, 1e-2, 0.8, 1.25),
+        (1e-2, 1e-3, 1.2, 2.5),  # of 15 states 27 and 84: twice either error, and more
+        (BIAS, 3e-2, 3.0, 12.0),
+    ],
+)
+def test_errors_of_the_start_that_the_filter_covers_are_those_that_the_docs_state(
+    bias: float, initial: float, least: float, most: float
+) -> None:
+    """NEES over the number of states, at the worst tick of 20: its small motions are linear."""
+    it = craft(settings=AppendageModesSettings(effort_noise=1e-3, initial=initial))
+    runs = [flown(it, it, seed, True, bias, ticks=20).nees for seed in range(12)]
+    states = 2 * it.platform.small.coordinates + 3
+    assert least < np.mean(runs, axis=0).max() / states < most
 
 
 def test_with_modes_attitude_and_rate_are_known_better_than_by_the_gyro_alone() -> None:
