@@ -6,9 +6,9 @@ from scipy.linalg import expm
 
 from flexslew_lab.identification.modal_fit import modal_fit, modal_response, refined
 from flexslew_lab.identification.oscillators import Oscillator
+from flexslew_lab.identification.parameter_groups import groups_of
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_lab.identification.regressors import RegressorSignals
-from flexslew_lab.identification.separable import groups_of
 from flexslew_plant.arrays import Matrix
 
 PERIOD = 0.05

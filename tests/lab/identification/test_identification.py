@@ -299,29 +299,47 @@ def test_a_csv_file_of_another_bench_gives_the_same_mode(tmp_path: Path) -> None
     assert mode.frequency.value == pytest.approx(w, rel=1e-4)
 
 
-def test_gaps_and_jitter_are_told_and_what_cannot_be_mended_is_refused(tmp_path: Path) -> None:
+def test_gaps_and_jitter_stay_in_the_record_and_are_reported(tmp_path: Path) -> None:
     _, experiment = oscillator(5)
     record = experiment.record.cut(0, 4000)
     t = record.period * np.arange(record.ticks + 1)
     path = tmp_path / "lab.csv"
     columns = ("u=mass",), ("x=position.mass",)
-    kept = np.delete(np.arange(len(t)), [700, 701, 2000])
-    part = np.column_stack((t, np.append(record.effort, 0.0), record.measured))[kept]
-    np.savetxt(path, part, delimiter=",", header="time,u,x,v,s", comments="")
-    words = foreign_record(path, *columns).words
-    assert any("3 samples are missing" in one for one in words)
-    kept = np.delete(np.arange(len(t)), np.arange(900, 1000))
-    part = np.column_stack((t, np.append(record.effort, 0.0), record.measured))[kept]
-    np.savetxt(path, part, delimiter=",", header="time,u,x,v,s", comments="")
-    with pytest.raises(BadInput, match=r"no sample for 1.01 s from 8.99 s on"):
-        foreign_record(path, *columns)
-    csv_of(path, record, t + 0.004 * np.random.default_rng(1).uniform(-1.0, 1.0, len(t)) * 1.2)
-    with pytest.raises(BadInput, match="jitter"):
-        foreign_record(path, *columns)
+    for gone in ([700, 701, 2000], np.arange(900, 1000)):
+        kept = np.delete(np.arange(len(t)), gone)
+        part = np.column_stack((t, np.append(record.effort, 0.0), record.measured))[kept]
+        np.savetxt(path, part, delimiter=",", header="time,u,x,v,s", comments="")
+        read, notes = foreign_record(path, *columns)
+        assert any(f"u: {len(gone)} samples are missing" in one for one in notes)
+        assert read.samples(0) == len(kept)
+        assert read.pieces is not None
+        unknown = np.zeros(read.ticks, dtype=bool)
+        for first, last in zip(read.pieces.first, read.pieces.last, strict=True):
+            unknown[first:last] = True
+        assert read.steps is not None
+        assert read.steps[unknown].sum() == pytest.approx(record.period * len(gone))
+        lost = np.isin(np.arange(4000), gone)
+        assert read.effort[~unknown, 0] == pytest.approx(record.effort[~lost, 0])
+    jittered = t + 0.004 * np.random.default_rng(1).uniform(-1.0, 1.0, len(t)) * 1.2
+    csv_of(path, record, jittered)
+    read, notes = foreign_record(path, *columns)
+    assert any("u: jitter of" in one for one in notes)
+    assert read.times == pytest.approx(jittered - jittered[0])
+    assert read.whole
+
+
+def test_a_file_without_its_columns_or_with_a_clock_that_steps_back_is_refused(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "lab.csv"
+    csv_of(path, oscillator(5)[1].record.cut(0, 100), 0.01 * np.arange(101))
     with pytest.raises(BadInput, match=r"no column z; there are time, u, x, v, s"):
         foreign_record(path, ("z",), ("x",))
     path.write_text("time,u,x\n0,1,2\n1,one,2\n")
     with pytest.raises(BadInput, match=r"line 3: u: give a number"):
+        foreign_record(path, ("u",), ("x",))
+    path.write_text("time,u,x\n0,1,2\n2,1,2\n1,1,2\n")
+    with pytest.raises(BadInput, match=r"u: the time steps back at 2 s"):
         foreign_record(path, ("u",), ("x",))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.planners.prediction import open_loop
-from flexslew_lab.identification.oscillators import Oscillator, times
+from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
@@ -161,7 +161,7 @@ def _reading(record: Record, model: Model) -> Callable[[Model, Matrix], Matrix]:
 
 def _free_motions(record: Record, model: Model) -> dict[Quantity, Matrix]:
     """Return bias and the small motions that the bench may have had before, by quantity."""
-    t = times(record.ticks, record.period)
+    t = record.times
     one, line = np.ones_like(t), t / record.duration
     linear = model.linearise(model.rest({}))
     poles = linear.eigenvalues

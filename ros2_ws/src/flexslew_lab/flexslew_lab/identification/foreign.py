@@ -7,13 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexslew_lab.identification.clocks import Effort, clock_notes, record_on_clocks
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
 _TIME = ("time", "t", "stamp")  # names of a CSV's column of times [s]
-_MOST_MISSING = 5.0  # longest gap that is filled, in periods
-_JITTER = 0.3  # of a period: the standard deviation beyond which a record is refused
 _AT_LIMIT = (0.01, 0.5)  # part of the samples at the largest value that looks like a drive's limit
 _FEW = 5  # samples
 # fields that hold the effort of the tick before their stamp
@@ -30,7 +29,7 @@ class Columns(NamedTuple):
 
 
 class Repaired(NamedTuple):
-    """What was done to put series on ticks, in words, for people."""
+    """A record, and notes about its gaps and clocks."""
 
     record: Record
     words: tuple[str, ...]
@@ -43,12 +42,11 @@ def foreign_record(
     period: float | None = None,
     past: bool = False,
 ) -> Repaired:
-    """Return a record of a CSV file or a bag, on ticks.
+    """Return a record of a CSV file or a bag, at the times of its samples.
 
-    An input `torque_1` or `/effort.data[0]` is held until its next value; an output is read at the
-    ticks, with a straight line where a sample is late or missing. Names of outputs say what they
-    are: `position.JOINT`, `rate.JOINT` by a `=` behind the column (`/joint_states.position[0]=
-    position.hub`), anything else is a deflection.
+    An input `torque_1` or `/effort.data[0]` is held until its next value; where a sample is
+    missing, it is unknown. The name behind a `=` gives an output's quantity, `position.JOINT` or
+    `rate.JOINT` (`/joint_states.position[0]=position.hub`); any other name is a deflection.
 
     Args:
         path: of the file, or the folder of the bag.
@@ -58,47 +56,31 @@ def foreign_record(
         past: an effort is stamped when it ends, not when it begins.
 
     Raises:
-        BadInput: no such column, no two samples, a gap or jitter beyond what can be mended; with
-            the numbers.
+        BadInput: if a column is missing or has less than two samples, a clock does not advance, or
+            too many efforts are unknown.
     """
     requested = [_named(text) for text in (*inputs, *outputs)]
     columns = (read_csv if path.suffix == ".csv" else read_bag)(
         path, [name for name, _ in requested]
     )
-    for name, _ in requested[: len(inputs)]:
-        if past or name in columns.past:
-            t, values = columns.series[name]
-            columns.series[name] = t[:-1], values[1:]
     for name, (t, _) in columns.series.items():
         if len(t) < 2 or not np.isfinite(t).all():
             raise BadInput(f"{path}: {name}: two samples and more are needed, at finite times")
+        _check_order(path, name, t)
     if period is not None and not 0.0 < period < np.inf:
         raise BadInput("a number of seconds above 0", key="--period", value=period)
-    clock = columns.series[requested[0][0]][0]
-    h = float(np.median(np.diff(clock))) if period is None else period
-    first = max(t[0] for t, _ in columns.series.values())
-    last = min(t[-1] for t, _ in columns.series.values())
-    ticks = int((last - first) / h + 1e-6)
-    if ticks < 1:
-        raise BadInput(f"{path}: the columns have no time in common")
-    grid = first + h * np.arange(ticks + 1)
-    words: list[str] = []
-    for name, _ in requested:
-        words += _told(path, name, columns.series[name][0], h)
-    for name, _ in requested[: len(inputs)]:
+    split = len(inputs)
+    words = [line for name, _ in requested for line in clock_notes(name, columns.series[name][0])]
+    for name, _ in requested[:split]:
         words += _limited(name, columns.series[name][1])
-    effort = np.column_stack([_held(columns.series[n], grid) for n, _ in requested[: len(inputs)]])
-    measured = np.column_stack(
-        [np.interp(grid, *columns.series[n]) for n, _ in requested[len(inputs) :]]
-    )
-    record = Record(
-        h,
-        effort[:-1],
-        measured,
-        tuple(label for _, label in requested[: len(inputs)]),
-        tuple(_output(label) for _, label in requested[len(inputs) :]),
+    record = record_on_clocks(
+        [
+            Effort(label, *columns.series[name], past or name in columns.past)
+            for name, label in requested[:split]
+        ],
+        [(_output(label), *columns.series[name]) for name, label in requested[split:]],
+        period,
         str(path),
-        np.full(len(inputs), np.inf),
     )
     return Repaired(record.moved(), tuple(words))
 
@@ -131,44 +113,12 @@ def _output(label: str) -> Output:
     return Output(label, "m", Quantity.DEFLECTION)
 
 
-def _held(series: tuple[Vector, Vector], grid: Vector) -> Vector:
-    """Return the mean of a series that is held between its samples over each tick, and its last."""
-    t, values = series
-    area = np.concatenate(([0.0], np.cumsum(values[:-1] * np.diff(t))))
-    edges = np.append(grid, grid[-1] + (grid[-1] - grid[-2]))
-    whole = np.interp(edges, t, area)
-    held: Vector = np.diff(whole) / np.diff(edges)
-    held[-1] = values[-1]
-    return held
-
-
-def _told(path: Path, name: str, t: Vector, h: float) -> list[str]:
-    """Return what is wrong with a clock, in words; refuse what cannot be mended."""
+def _check_order(path: Path, name: str, t: Vector) -> None:
+    """Refuse a clock that does not advance."""
     steps = np.diff(t)
     if (steps <= 0.0).any():
         at = float(t[int(np.argmax(steps <= 0.0))])
         raise BadInput(f"{path}: {name}: the time steps back at {at:.6g} s")
-    longest = float(steps.max())
-    if longest > _MOST_MISSING * h:
-        at = float(t[int(np.argmax(steps))])
-        raise BadInput(
-            f"{path}: {name}: no sample for {longest:.4g} s from {at:.6g} s on, more than "
-            f"{_MOST_MISSING:g} ticks of {h:.4g} s; cut the record there"
-        )
-    regular = steps[steps < 1.5 * h]
-    jitter = float(regular.std()) if regular.size else 0.0
-    if jitter > _JITTER * h:
-        raise BadInput(
-            f"{path}: {name}: the samples jitter by {jitter:.3g} s around {h:.4g} s: too much to "
-            "tell anything near the end of the band"
-        )
-    missing = int(np.sum(np.round(steps / h) - 1.0))
-    words = []
-    if missing:
-        words.append(f"{name}: {missing} samples are missing; a straight line stands there")
-    if jitter > 1e-3 * h:
-        words.append(f"{name}: jitter of {jitter:.2g} s; put on ticks of {h:.6g} s")
-    return words
 
 
 def read_csv(path: Path, names: list[str]) -> Columns:

@@ -14,11 +14,12 @@ from flexslew_control.planners.excitation.excitation import EXCITATION
 from flexslew_lab.identification.flights import nested
 from flexslew_lab.identification.frequency_response import FrequencyResponse, frequency_response
 from flexslew_lab.identification.from_bag import bag_of, record_of
-from flexslew_lab.identification.modal_fit import prediction_error
+from flexslew_lab.identification.modal_fit import prediction_error, refined
 from flexslew_lab.identification.model_file import testbed_of
 from flexslew_lab.identification.modes import Interval, ModalModel, identify_modes
 from flexslew_lab.identification.physical_fit import PhysicalFit, fit_parameters
 from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.short_values import short
@@ -273,9 +274,11 @@ def validated_on(model: ModalModel, record: Record) -> Validation:
     mine = model.record
     if (record.inputs, record.outputs) != (mine.inputs, mine.outputs):
         raise BadInput(f"{record.source}: has not the inputs and outputs of {mine.source}")
-    residual = prediction_error(record, model.fit)
-    spread = record.measured.std(axis=0)
-    size = residual.std(axis=0)
+    if record.pieces is not None:  # its unknown efforts are its own, too
+        own, _ = refined(RegressorSignals(record, None), model.fit.modes, model.fit.noise)
+        record = own.problem.record
+    spread = record.deviation(record.measured)
+    size = record.deviation(prediction_error(record, model.fit))
     return Validation(
         record.source,
         tuple(o.name for o in record.outputs),

@@ -6,16 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexslew_lab.identification.oscillators import Oscillator
+from flexslew_lab.identification.parameter_groups import ParameterGroup, bias_columns, groups_of
+from flexslew_lab.identification.parts import Part
 from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import RegressorSignals
-from flexslew_lab.identification.separable import (
-    ModalLeastSquares,
-    ParameterGroup,
-    Part,
-    Solution,
-    groups_of,
-)
+from flexslew_lab.identification.separable import ModalLeastSquares, Solution
 from flexslew_plant.arrays import Matrix, Vector
 
 FLOOR = 1e-6  # of an output's largest value: what no sensor resolves, and no fit may explain
@@ -84,11 +80,16 @@ def refined(
         if progress is not None:
             progress(now.cost)
         information, downhill = now.information, now.gradient
-        if not len(modes):
+        if not len(downhill):
             break
-        step = np.linalg.solve(information + damping * np.diag(np.diag(information)), downhill)
-        tried = _moved(now.modes, np.asarray(step, dtype=np.float64), signals.record.duration)
-        there = ModalLeastSquares(signals, problem.noise).solve(tried) if tried else None
+        step = np.asarray(
+            np.linalg.solve(information + damping * np.diag(np.diag(information)), downhill)
+        )
+        tried = _moved(now.modes, step[: 2 * len(modes)], signals.record.duration)
+        there = None
+        if tried is not None:
+            moved = now.problem.signals.with_efforts_moved(step[2 * len(modes) :])
+            there = ModalLeastSquares(moved, problem.noise).solve(tried)
         if there is None or there.cost > now.cost * (1.0 + 1e-12):
             damping = max(10.0 * damping, 1e-6)
             if damping > 1e8:
@@ -96,21 +97,23 @@ def refined(
             continue
         deviations = np.sqrt(np.maximum(step @ information @ step, 0.0))
         damping = 0.1 * damping if damping > 1e-9 else 0.0
-        problem = ModalLeastSquares(signals, noise_of(there))
+        problem = ModalLeastSquares(there.problem.signals, noise_of(there))
         now = problem.solve(there.modes)
         if deviations < _CONVERGED:
             break
     return now, noise_of(now)
 
 
-def _moved(modes: tuple[Oscillator, ...], step: Vector, duration: float) -> tuple[Oscillator, ...]:
-    """Return the modes after a step; empty where it leaves what an oscillator can be."""
+def _moved(
+    modes: tuple[Oscillator, ...], step: Vector, duration: float
+) -> tuple[Oscillator, ...] | None:
+    """Return the modes after a step; None where it leaves what an oscillator can be."""
     out = []
     for k, mode in enumerate(modes):
         w, zeta = mode.frequency + step[2 * k], mode.damping_ratio + step[2 * k + 1]
         near = 0.5 * mode.frequency < w < 2.0 * mode.frequency
         if not (near and zeta * w * duration > -_GROWS and zeta < 0.9):
-            return ()
+            return None
         out.append(Oscillator(float(w), float(zeta)))
     return tuple(out)
 
@@ -118,12 +121,16 @@ def _moved(modes: tuple[Oscillator, ...], step: Vector, duration: float) -> tupl
 def noise_of(solution: Solution) -> Vector:
     """Return the standard deviation of the residual of every output, (outputs,)."""
     record = solution.problem.record
-    n = solution.problem.signals.rows
+    whole = solution.problem.signals.rows  # of a signal below a frequency, not one for each tick
     found = np.empty(len(record.outputs))
     for column in range(len(record.outputs)):
         part = next(p for p in solution.parts if column in (p.group.position, p.group.rate))
         fitted = part.weights.size / (2 if min(part.group.position, part.group.rate) >= 0 else 1)
+        if record.pieces is not None:  # those that this output's group takes for unknown efforts
+            own = slice(2 * len(solution.modes), None)
+            fitted += np.sum(solution.covariance[own, own] * part.information[own, own])
         residual = solution.residual_of(column)
+        n = whole if record.known is None else record.samples(column)
         found[column] = np.sqrt(residual @ residual / max(n - fitted, 1.0))
     smallest = FLOOR * np.abs(record.measured).max(axis=0) + 1e-300
     return np.asarray(np.maximum(found, smallest))
@@ -134,9 +141,7 @@ def modal_fit(solution: Solution) -> ModalFit:
     problem, modes = solution.problem, solution.modes
     inputs = problem.record.effort.shape[1]
     order = np.argsort([mode.frequency for mode in modes])
-    covariance: Matrix = np.asarray(
-        np.linalg.pinv(solution.information, hermitian=True), dtype=np.float64
-    )
+    covariance = solution.covariance
     both = np.array([[2 * k, 2 * k + 1] for k in order], dtype=int).ravel()
     displacements = [p for p in solution.parts if p.group.position >= 0]
     residues = np.zeros((len(modes), len(displacements), inputs))
@@ -149,7 +154,7 @@ def modal_fit(solution: Solution) -> ModalFit:
             if own.size > inputs + 2:
                 lags[place, row] = own[inputs + 2 :]
         if part.group.rigid:
-            first = 3 if part.group.rate >= 0 else 2
+            first = bias_columns(part.group)
             inverse.append(part.weights[first : first + inputs])
             spread.append(
                 _linear_covariance(part, covariance)[first : first + inputs, first : first + inputs]
@@ -166,7 +171,7 @@ def modal_fit(solution: Solution) -> ModalFit:
         lags,
         np.array(inverse).reshape(joints, inputs),
         blocks,
-        np.asarray(residual.std(axis=0)),
+        problem.record.deviation(residual),
         residual,
         sum(p.weights.size for p in solution.parts) + 2 * len(modes),
     )
@@ -202,9 +207,18 @@ def prediction_error(record: Record, fit: ModalFit) -> Matrix:
                 own.append(columns[:, inputs : inputs + 2])
             free = np.hstack(own)
             free /= np.sqrt(np.einsum("ij,ij->j", free, free))
-            left[:, column] = Projection(free).solve(away)[1]
+            left[:, column] = _left(record, column, free, away)
         row += group.position >= 0
         joint += group.rigid and group.position >= 0
+    return left
+
+
+def _left(record: Record, column: int, free: Matrix, away: Vector) -> Vector:
+    """Return what free motions leave of an output, 0 where it has no sample, (ticks + 1,)."""
+    if record.known is None:
+        return Projection(free).solve(away)[1]
+    left, at = np.zeros_like(away), record.known[:, column]
+    left[at] = Projection(free[at]).solve(away[at])[1]
     return left
 
 

@@ -1,17 +1,19 @@
 """The modes of a record: where they start, how many there are, and how well they are known."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import welch
 from scipy.stats import chi2, norm
 
+from flexslew_lab.identification.clocks import evened
 from flexslew_lab.identification.modal_fit import ModalFit, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.selection import pruned, selected
+from flexslew_lab.identification.separable import Solution
 from flexslew_lab.identification.subspace import METHODS, Poles, slowed, stable
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -25,6 +27,7 @@ _POWER = 0.99  # of the efforts that lies in the band, where nobody says what it
 _BELOW = 0.5  # of the band, down to which modes are looked for [-]
 _BEYOND = 1.3  # of the band, from which on a mode stands for others [-]
 _FADING = 0.5  # damping ratio beyond which a mode may be none [-]
+_SEARCHES = 3  # at most, of a record with gaps, each with better estimates of its efforts
 _SHAKEN = 1e-3  # of the efforts' power that a band must hold
 
 
@@ -154,24 +157,29 @@ def identify_modes(
             end, the efforts do not shake the band, or ctrlsys is missing.
     """
     tell = progress or (lambda words: None)
-    band = band or power_band(record)
-    _require(record, band)
-    slow = slowed(record, band[1])
+    even = evened(record)
+    band = band or power_band(even)
+    _require(even, band)
+    slow = slowed(even, band[1])
     starts = []
     for name, method in METHODS.items():
         tell(f"poles by {name}")
         starts.append(method(slow, _ORDERS))
-    low, high = _BELOW * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
-    candidates = _merged([mode for poles in starts for mode in stable(poles, low, high)])
+    edges = _BELOW * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
+    candidates = _merged([mode for poles in starts for mode in stable(poles, *edges)])
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
-    modes, noise = _chosen(record, band, candidates, (low, high))
-    # of all ticks: the low end of a band alone would tie the noise to the efforts fed back from it
-    whole = RegressorSignals(record, None)
-    solution, noise = refined(whole, modes, noise)
-    paying = pruned(whole, solution.modes, noise)
-    if len(paying) < len(solution.modes):  # one stood for what complex shapes explain now
-        solution, _ = refined(whole, paying, noise)
+    lowest = 0.0 if record.pieces is None else edges[0]
+    modes, noise = _chosen(RegressorSignals(even, band[1], lowest), candidates, edges)
+    solution = _refined_whole(RegressorSignals(record, None), modes, noise)
+    for _ in range(_SEARCHES if record.pieces is not None else 0):
+        tell(f"{len(solution.modes)} modes; searched again with the efforts that were estimated")
+        signals = RegressorSignals(evened(_filled(solution)), band[1])
+        modes, noise = _chosen(signals, solution.modes, edges)
+        if len(modes) == len(solution.modes):
+            break
+        solution = _refined_whole(solution.problem.signals, modes, noise)
     fit = modal_fit(solution)
+    record = solution.problem.record
     return ModalModel(
         record,
         band,
@@ -184,14 +192,49 @@ def identify_modes(
 
 
 def _chosen(
-    record: Record,
-    band: tuple[float, float],
-    candidates: tuple[Oscillator, ...],
-    edges: tuple[float, float],
+    signals: RegressorSignals, candidates: tuple[Oscillator, ...], edges: tuple[float, float]
 ) -> tuple[tuple[Oscillator, ...], Vector]:
     """Return the candidates that are modes and the noise; the signals of the search are freed."""
-    chosen = selected(RegressorSignals(record, band[1]), candidates, edges)
+    chosen = selected(signals, candidates, edges)
     return chosen.modes, noise_of(chosen)
+
+
+def _filled(solution: Solution) -> Record:
+    """Return the record with the fit where an output has no sample."""
+    record = solution.problem.record
+    if record.known is None:
+        return record
+    fitted = solution.problem.fitted_in_time(solution.modes, solution.parts)
+    measured = np.where(record.known, record.measured, fitted)
+    return replace(record, measured=measured, known=None)
+
+
+def _refined_whole(
+    whole: RegressorSignals, modes: tuple[Oscillator, ...], noise: Vector
+) -> Solution:
+    """Return the fit of all ticks without the modes that do not pay.
+
+    The low end of a band alone would tie the noise to the efforts fed back from it.
+    """
+    solution, noise = refined(whole, modes, noise)
+    whole = solution.problem.signals
+    paying = pruned(whole, solution.modes, noise)
+    if len(paying) < len(solution.modes):  # one stood for what complex shapes explain now
+        solution, _ = refined(whole, paying, noise)
+    return solution if whole.record.pieces is None else _without_drifts(solution)
+
+
+def _without_drifts(solution: Solution) -> Solution:
+    """Return a fit without the modes that estimated efforts make superfluous.
+
+    Errors of the first guesses add up to a drift that a slow mode may follow.
+    """
+    for mode in solution.modes:
+        others = tuple(one for one in solution.modes if one is not mode)
+        fewer, _ = refined(solution.problem.signals, others, solution.problem.noise)
+        if modal_fit(fewer).criterion < modal_fit(solution).criterion:
+            return _without_drifts(fewer)
+    return solution
 
 
 def power_band(record: Record) -> tuple[float, float]:

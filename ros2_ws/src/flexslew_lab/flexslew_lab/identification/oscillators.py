@@ -14,8 +14,8 @@ class Oscillator:
     frequency: float  # w, undamped [rad/s]
     damping_ratio: float  # zeta [-]
 
-    def transition(self, h: float) -> Matrix:
-        """Return exp(A h) of x = (q, q'), shape (2, 2)."""
+    def transition(self, h: float | Vector) -> np.ndarray:
+        """Return exp(A h) of x = (q, q'), shape (2, 2), or (ticks, 2, 2) of many lengths."""
         w, s = self.frequency, self.damping_ratio * self.frequency
         square = w * w - s * s
         if square > 0.0:
@@ -24,11 +24,10 @@ class Oscillator:
         else:  # overdamped
             wd = np.sqrt(-square) if square < 0.0 else 1e-12
             c, n = np.cosh(wd * h), np.sinh(wd * h) / wd
-        return np.array(
-            np.exp(-s * h) * np.array([[c + s * n, n], [-w * w * n, c - s * n]]), dtype=np.float64
-        )
+        found = np.exp(-s * h) * np.array([[c + s * n, n], [-w * w * n, c - s * n]])
+        return np.moveaxis(np.asarray(found, dtype=np.float64), (0, 1), (-2, -1))
 
-    def responses(self, effort: Matrix, h: float, each: int = 1) -> tuple[Matrix, Matrix]:
+    def responses(self, effort: Matrix, h: float | Vector, each: int = 1) -> tuple[Matrix, Matrix]:
         """Return q and q' at the ticks, forced by each input from rest, then from two starts.
 
         Forced ones are times w^2, and the starts are (1, 0) and (0, w): columns of one size. Each
@@ -36,12 +35,13 @@ class Oscillator:
 
         Args:
             effort: held from tick to tick, shape (ticks, inputs).
-            h: one tick [s].
+            h: one tick, or the length of each, shape (ticks,) [s].
             each: ticks of a sum.
         """
-        step, w = self.transition(h), self.frequency
+        w = self.frequency
+        step = np.ascontiguousarray(self.transition(h).reshape(-1, 2, 2))
         # (q, q') after a unit effort held over a tick: A^-1 (exp(A h) - 1) (0, 1)
-        gain = np.array([1.0 - step[0, 0], step[0, 1] * w * w])
+        gain = np.column_stack((1.0 - step[:, 0, 0], step[:, 0, 1] * w * w))
         rows, inputs = (len(effort) + 1) // each, effort.shape[1]
         q, rate = np.zeros((2, rows, inputs + 2))
         _sweep(step, gain, w, np.ascontiguousarray(effort), each, q, rate)
@@ -50,10 +50,12 @@ class Oscillator:
 
 @compiled_once("q", "rate")
 def _sweep(
-    step: Matrix, gain: Vector, w: float, effort: Matrix, each: int, q: Matrix, rate: Matrix
+    step: np.ndarray, gain: Matrix, w: float, effort: Matrix, each: int, q: Matrix, rate: Matrix
 ) -> None:
     """Write sums of what an oscillator does, column by column."""
     inputs = effort.shape[1]
+    own = 1 if step.shape[0] > 1 else 0  # transition of each tick, or one for all
+    last = step.shape[0] - 1
     for column in range(inputs + 2):
         x = 1.0 if column == inputs else 0.0
         v = w if column == inputs + 1 else 0.0
@@ -62,23 +64,25 @@ def _sweep(
             for _ in range(each):
                 q[row, column] += x
                 rate[row, column] += v
-                ahead = step[0, 0] * x + step[0, 1] * v
-                v = step[1, 0] * x + step[1, 1] * v
+                k = min(own * tick, last)  # behind the last tick nothing is read
+                ahead = step[k, 0, 0] * x + step[k, 0, 1] * v
+                v = step[k, 1, 0] * x + step[k, 1, 1] * v
                 x = ahead
                 if column < inputs and tick < effort.shape[0]:
-                    x += gain[0] * effort[tick, column]
-                    v += gain[1] * effort[tick, column]
+                    x += gain[k, 0] * effort[tick, column]
+                    v += gain[k, 1] * effort[tick, column]
                 tick += 1
 
 
-def double_integral(effort: Matrix, h: float) -> tuple[Matrix, Matrix]:
-    """Return position and rate of a unit inertia from rest, each (ticks + 1, inputs)."""
+def double_integral(effort: Matrix, h: float | Vector) -> tuple[Matrix, Matrix]:
+    """Return position and rate of a unit inertia from rest, each (ticks + 1, inputs).
+
+    Args:
+        effort: held over every tick, shape (ticks, inputs).
+        h: one tick, or the length of each, shape (ticks,) [s].
+    """
     start = np.zeros((1, effort.shape[1]))
-    rate = np.vstack((start, h * np.cumsum(effort, axis=0)))
+    h = np.reshape(h, (-1, 1))
+    rate = np.vstack((start, np.cumsum(h * effort, axis=0)))
     moved = np.cumsum(h * rate[:-1] + 0.5 * h * h * effort, axis=0)
     return np.vstack((start, moved)), rate
-
-
-def times(ticks: int, h: float) -> Vector:
-    """Return the ticks' times from the first, (ticks + 1,) [s]."""
-    return np.asarray(h * np.arange(ticks + 1, dtype=np.float64))

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.fft import dct, prev_fast_len
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.signal import butter, sosfilt
 
 from flexslew_plant.arrays import Matrix, Vector
 
@@ -21,18 +22,22 @@ class LowFrequencies:
         samples: of a signal.
         period: between them [s].
         highest: end of the band [rad/s].
+        lowest: corner of a high pass of second order on all signals [rad/s]; 0: none. The rate of
+            a free body remembers every error of the effort; behind the filter it is forgotten.
 
     Attributes:
         each: samples of a mean.
         rows: coefficients.
     """
 
-    def __init__(self, samples: int, period: float, highest: float) -> None:
+    def __init__(self, samples: int, period: float, highest: float, lowest: float = 0.0) -> None:
         self.each = max(int(2.0 * np.pi / (_ABOVE * highest * _PER_PERIOD * period)), 1)
         # of a length with a large prime factor the transform takes fifteen times as long
         self._means = prev_fast_len(samples // self.each, real=True)
         requested = int(np.ceil(_ABOVE * highest * samples * period / np.pi)) + 1
         self.rows = min(self._means, requested)
+        nyquist = np.pi / (self.each * period)
+        self._high = butter(2, lowest / nyquist, "highpass", output="sos") if lowest else None
 
     def __call__(self, columns: Matrix) -> Matrix:
         """Return the coefficients of every column, (rows, columns)."""
@@ -45,6 +50,8 @@ class LowFrequencies:
         Sums of samples behind the last that is transformed are left out.
         """
         means = np.ascontiguousarray(sums[: self._means].T) / np.sqrt(self.each)
+        if self._high is not None:
+            means = sosfilt(self._high, means, axis=1)
         found = dct(means, type=2, norm="ortho", axis=1)[:, : self.rows]
         return np.ascontiguousarray(found.T)
 

@@ -1,10 +1,12 @@
 """What an experiment gave: the efforts that were applied and what the sensors said, on ticks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -38,9 +40,30 @@ class Output:
     joint: str = ""
 
 
+class UnknownEfforts(NamedTuple):
+    """Spans of ticks over which an effort is constant and unknown.
+
+    Args:
+        first: tick at which each begins, rising, (pieces,).
+        last: tick before which it ends, (pieces,).
+        column: of the input, (pieces,).
+        guess: effort from the samples around it, (pieces,) [N m or N].
+        spread: standard deviation of the guess, rather too large than too small, (pieces,).
+    """
+
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    column: NDArray[np.int64]
+    guess: Vector
+    spread: Vector
+
+
 @dataclass(frozen=True)
 class Record:
     """Efforts held over every tick, and the outputs at its ends.
+
+    Ticks are of one length unless `steps` gives the length of each. Where a sample is missing,
+    `effort` and `measured` hold estimates, which `pieces` and `known` mark.
 
     Args:
         period: one tick [s].
@@ -50,6 +73,9 @@ class Record:
         outputs: of the columns of `measured`.
         source: the file, for messages.
         limits: of the drives, shape (inputs,) [N m or N]; infinite where they are not known.
+        steps: length of every tick, shape (ticks,) [s]; None: all are one period long.
+        known: which entries of `measured` are samples, same shape; None: all.
+        pieces: where efforts are unknown; None: nowhere.
     """
 
     period: float
@@ -59,6 +85,9 @@ class Record:
     outputs: tuple[Output, ...]
     source: str
     limits: Vector
+    steps: Vector | None = None
+    known: NDArray[np.bool_] | None = None
+    pieces: UnknownEfforts | None = None
 
     def __post_init__(self) -> None:
         """Check that an experiment can be read from it.
@@ -89,7 +118,46 @@ class Record:
     @property
     def duration(self) -> float:
         """From the first reading to the last [s]."""
-        return self.ticks * self.period
+        return self.ticks * self.period if self.steps is None else float(self.steps.sum())
+
+    @property
+    def lengths(self) -> float | Vector:
+        """Length of all ticks, or of each of them [s]."""
+        return self.period if self.steps is None else self.steps
+
+    @property
+    def whole(self) -> bool:
+        """Whether no sample is missing."""
+        return self.known is None and self.pieces is None
+
+    @cached_property
+    def times(self) -> Vector:
+        """Times of the ticks from the first, shape (ticks + 1,) [s]."""
+        if self.steps is None:
+            return self.period * np.arange(self.ticks + 1, dtype=np.float64)
+        return np.concatenate(([0.0], np.cumsum(self.steps)))
+
+    def samples(self, column: int) -> int:
+        """Return how many samples of an output there are."""
+        return self.ticks + 1 if self.known is None else int(self.known[:, column].sum())
+
+    def deviation(self, residual: Matrix) -> Vector:
+        """Return the standard deviation of residuals at the samples, (outputs,).
+
+        Args:
+            residual: measured minus fitted, shape (ticks + 1, outputs).
+        """
+        if self.known is None:
+            return np.asarray(residual.std(axis=0))
+        return np.asarray(residual.std(axis=0, where=self.known))
+
+    def with_efforts(self, values: Vector) -> "Record":
+        """Return the record with other estimates of the unknown efforts, shape (pieces,)."""
+        assert self.pieces is not None
+        effort = self.effort.copy()
+        for first, last, column, value in zip(*self.pieces[:3], values, strict=True):
+            effort[first:last, column] = value
+        return replace(self, effort=effort)
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
@@ -125,14 +193,25 @@ class Record:
                 f"{self.source}: no effort moves: an experiment must shake the bench; see "
                 "`plan: {method: excitation}`"
             )
-        return Record(
-            self.period,
-            np.ascontiguousarray(self.effort[:, inputs]),
-            np.ascontiguousarray(self.measured[:, outputs]),
-            tuple(self.inputs[k] for k in inputs),
-            tuple(self.outputs[k] for k in outputs),
-            self.source,
-            self.limits[inputs],
+        pieces = self.pieces
+        if pieces is not None:
+            kept = np.isin(pieces.column, inputs)
+            pieces = UnknownEfforts(
+                pieces.first[kept],
+                pieces.last[kept],
+                np.searchsorted(inputs, pieces.column[kept]),
+                pieces.guess[kept],
+                pieces.spread[kept],
+            )
+        return replace(
+            self,
+            effort=np.ascontiguousarray(self.effort[:, inputs]),
+            measured=np.ascontiguousarray(self.measured[:, outputs]),
+            inputs=tuple(self.inputs[k] for k in inputs),
+            outputs=tuple(self.outputs[k] for k in outputs),
+            limits=self.limits[inputs],
+            known=None if self.known is None else self.known[:, outputs],
+            pieces=pieces if pieces is not None and pieces.first.size else None,
         )
 
     def columns(self, quantity: Quantity) -> tuple[int, ...]:
@@ -140,13 +219,12 @@ class Record:
         return tuple(k for k, o in enumerate(self.outputs) if o.quantity is quantity)
 
     def cut(self, first: int, last: int) -> "Record":
-        """Return the ticks from `first` to before `last`."""
-        return Record(
-            self.period,
-            self.effort[first:last],
-            self.measured[first : last + 1],
-            self.inputs,
-            self.outputs,
-            self.source,
-            self.limits,
+        """Return the ticks from `first` to before `last` of a record without unknown efforts."""
+        assert self.pieces is None
+        return replace(
+            self,
+            effort=self.effort[first:last],
+            measured=self.measured[first : last + 1],
+            steps=None if self.steps is None else self.steps[first:last],
+            known=None if self.known is None else self.known[first : last + 1],
         )

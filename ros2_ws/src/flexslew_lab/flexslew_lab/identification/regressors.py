@@ -7,10 +7,11 @@ from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
-from flexslew_lab.identification.oscillators import Oscillator, double_integral, times
+from flexslew_lab.identification.oscillators import Oscillator, double_integral
 from flexslew_lab.identification.projection import LowFrequencies
 from flexslew_lab.identification.record import Record
-from flexslew_plant.arrays import Matrix
+from flexslew_lab.identification.unknown_effort import estimates
+from flexslew_plant.arrays import Matrix, Vector
 
 _STEP = 1e-6  # relative, of the differences with respect to frequency
 _DAMPING_STEP = 1e-6
@@ -38,13 +39,16 @@ class RegressorSignals:
     Args:
         record: of the experiment.
         highest: end of the band [rad/s]; None: all ticks as they are.
+        lowest: what lies below is filtered away [rad/s]; 0: nothing.
     """
 
-    def __init__(self, record: Record, highest: float | None) -> None:
+    def __init__(self, record: Record, highest: float | None, lowest: float = 0.0) -> None:
         self.record = record
-        h, ticks = record.period, record.ticks
-        self._low = None if highest is None else LowFrequencies(ticks + 1, h, highest)
-        t = times(ticks, h) / record.duration
+        h, ticks = record.lengths, record.ticks
+        self._low = (
+            None if highest is None else LowFrequencies(ticks + 1, record.period, highest, lowest)
+        )
+        t = record.times / record.duration
         one = np.ones_like(t)
         self.measured = self.cut(record.measured)
         self.slope = 1.0 / record.duration
@@ -92,9 +96,19 @@ class RegressorSignals:
         )
         return position, rate
 
+    def with_efforts_moved(self, step: Vector) -> "RegressorSignals":
+        """Return the signals of all ticks with other estimates of the unknown efforts.
+
+        Args:
+            step: by which they move, shape (pieces,); empty where all are known.
+        """
+        if not step.size:
+            return self
+        return RegressorSignals(self.record.with_efforts(estimates(self.record) + step), None)
+
     def terms(self, modes: tuple[Oscillator, ...], slopes: bool) -> tuple[Terms, Terms]:
         """Return the terms for least squares: of all ticks, turned to as many rows as columns."""
-        if self._low is not None:
+        if self._low is not None or not self.record.whole:
             return self.columns(modes, slopes)
         key = modes, slopes
         if self._turned is None or self._turned[0] != key:
@@ -134,7 +148,7 @@ class RegressorSignals:
         return found
 
     def _sums(self, mode: Oscillator) -> Pair:
-        effort, h = self.record.effort, self.record.period
+        effort, h = self.record.effort, self.record.lengths
         if self._low is not None:
             return mode.responses(effort, h, self._low.each)
         q, rate = mode.responses(effort, h)

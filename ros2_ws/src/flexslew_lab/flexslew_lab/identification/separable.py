@@ -22,32 +22,18 @@ from functools import cached_property
 import numpy as np
 
 from flexslew_lab.identification.oscillators import Oscillator
+from flexslew_lab.identification.parameter_groups import ParameterGroup, bias_columns, groups_of
+from flexslew_lab.identification.parts import Part, SharedColumns
 from flexslew_lab.identification.projection import Projection
-from flexslew_lab.identification.record import Quantity, Record
 from flexslew_lab.identification.regressors import RegressorSignals, Terms
+from flexslew_lab.identification.unknown_effort import (
+    PieceColumns,
+    PieceSlopes,
+    PulseResponses,
+    estimates,
+    log_prior,
+)
 from flexslew_plant.arrays import Matrix, Vector
-
-
-@dataclass(frozen=True)
-class ParameterGroup:
-    """Outputs that share residues: a joint's position and rate, or one deflection."""
-
-    position: int  # column of the record; -1: not measured
-    rate: int  # the same
-    rigid: bool
-
-
-def groups_of(record: Record) -> tuple[ParameterGroup, ...]:
-    """Return the outputs of a record in groups of one set of residues each."""
-    found = []
-    rates = {o.joint: k for k, o in enumerate(record.outputs) if o.quantity is Quantity.JOINT_RATE}
-    for k, o in enumerate(record.outputs):
-        if o.quantity is Quantity.JOINT_POSITION:
-            found.append(ParameterGroup(k, rates.pop(o.joint, -1), True))
-    found += [ParameterGroup(-1, k, True) for k in rates.values()]
-    found += [ParameterGroup(k, -1, False) for k in record.columns(Quantity.DEFLECTION)]
-    found += [ParameterGroup(-1, k, False) for k in record.columns(Quantity.DEFLECTION_RATE)]
-    return tuple(found)
 
 
 class ModalLeastSquares:
@@ -70,14 +56,43 @@ class ModalLeastSquares:
             slopes: whether those of the residual are needed, too.
         """
         terms = self.signals.terms(modes, slopes)
-        bases: dict[tuple[bool, bool, bool, float], _Basis] = {}
+        bases: dict[tuple[object, ...], SharedColumns] = {}
         parts = []
         for group in self.groups:
-            kind = (group.rigid, group.position >= 0, group.rate >= 0, self._ratio(group))
+            samples = tuple(self._samples(column).tobytes() for column, _, _ in self.rows(group))
+            kind = (
+                group.rigid, group.position >= 0, group.rate >= 0, self._ratio(group), samples,
+            )  # fmt: skip
             if kind not in bases:
                 bases[kind] = self._basis(group, terms)
             parts.append(self._part(group, bases[kind], terms))
+        if slopes and self.record.pieces is not None:
+            parts = self._with_pieces(modes, parts)
         return Solution(self, modes, parts)
+
+    def _samples(self, column: int) -> Matrix:
+        """Return 1 where an output has a sample and 0 where it has none, (ticks + 1, 1) or (1,)."""
+        known = self.record.known
+        return np.ones(1) if known is None else known[:, column, None].astype(np.float64)
+
+    def _with_pieces(self, modes: tuple[Oscillator, ...], parts: list[Part]) -> list[Part]:
+        """Return the parts with the slopes by unknown efforts behind those by the modes."""
+        pulses = PulseResponses(self.record, modes)
+        sums = [self._piece_slopes(part, len(pulses.pieces.first)) for part in parts]
+        for each in (PieceSlopes.project, PieceSlopes.add):
+            for rows, pieces, block in pulses.blocks():
+                for one in sums:
+                    each(one, rows, pieces, block)
+        return [part.with_pieces(*one.products()) for part, one in zip(parts, sums, strict=True)]
+
+    def _piece_slopes(self, part: Part, count: int) -> PieceSlopes:
+        """Return the slopes of a part by so many pieces, before any rows are added."""
+        group, inputs = part.group, self.record.effort.shape[1]
+        rows = [(which, w * self._samples(column)) for column, which, w in self.rows(group)]
+        first = bias_columns(group)
+        columns = PieceColumns(*part.basis.factors, part.basis.turned @ part.own, part.residual)
+        inertia = part.weights[first : first + inputs] if group.rigid else None
+        return PieceSlopes(columns, rows, inertia, part.of_modes, count)
 
     def _ratio(self, group: ParameterGroup) -> float:
         """Return the weight of a group's rate beside its position."""
@@ -89,24 +104,41 @@ class ModalLeastSquares:
         rows = [(group.position, 0, 1.0)] if group.position >= 0 else []
         return rows + ([(group.rate, 1, self._ratio(group))] if group.rate >= 0 else [])
 
-    def _basis(self, group: ParameterGroup, terms: tuple[Terms, Terms]) -> "_Basis":
+    def _basis(self, group: ParameterGroup, terms: tuple[Terms, Terms]) -> SharedColumns:
         rows = self.rows(group)
-        phi = np.vstack([w * self._matrix(group, terms[which], which) for _, which, w in rows])
+        phi = np.vstack(
+            [
+                w * self._samples(column) * self._matrix(group, terms[which], which)
+                for column, which, w in rows
+            ]
+        )
         scale = np.sqrt(np.einsum("ij,ij->j", phi, phi))
         scale[scale == 0.0] = 1.0
         phi /= scale
         projection = Projection(phi)
         if not terms[0].slopes:
             empty = np.zeros((len(phi), 0))
-            return _Basis(phi, scale, projection, empty, np.zeros((phi.shape[1], 0)))
-        raw = np.vstack([w * np.hstack(terms[which].slopes) for _, which, w in rows])
+            return SharedColumns(phi, scale, projection, empty, np.zeros((phi.shape[1], 0)))
+        raw = np.vstack(
+            [
+                w * self._samples(column) * np.hstack(terms[which].slopes)
+                for column, which, w in rows
+            ]
+        )
         along = projection.coordinates(raw)
-        return _Basis(phi, scale, projection, raw - phi @ along, along)
+        return SharedColumns(phi, scale, projection, raw - phi @ along, along)
 
-    def _part(self, group: ParameterGroup, basis: "_Basis", terms: tuple[Terms, Terms]) -> "Part":
+    def _part(
+        self, group: ParameterGroup, basis: SharedColumns, terms: tuple[Terms, Terms]
+    ) -> Part:
         rows = self.rows(group)
         sigma = float(self.noise[rows[0][0]])
-        y = np.concatenate([w * terms[which].measured[:, column] for column, which, w in rows])
+        y = np.concatenate(
+            [
+                w * self._samples(column).ravel() * terms[which].measured[:, column]
+                for column, which, w in rows
+            ]
+        )
         weights, residual = basis.projection.solve(y)
         c = weights / basis.scale
         of_modes = self._of_modes(c, terms[0].modes)
@@ -124,6 +156,7 @@ class ModalLeastSquares:
             own.T @ (basis.turned.T @ residual) / sigma**2,
             own.T @ basis.products @ own / sigma**2,
             basis.along @ own,
+            own,
         )
 
     def _of_modes(self, c: Vector, modes: tuple[Matrix, ...]) -> Matrix:
@@ -139,17 +172,22 @@ class ModalLeastSquares:
             found[-1, first:] = -found[:-1, first:].sum(axis=0)
         return found
 
-    def residual_in_time(self, modes: tuple[Oscillator, ...], parts: "list[Part]") -> Matrix:
-        """Return measured minus fitted tick by tick, (ticks + 1, outputs)."""
+    def residual_in_time(self, modes: tuple[Oscillator, ...], parts: list[Part]) -> Matrix:
+        """Return measured minus fitted at the samples, 0 elsewhere, (ticks + 1, outputs)."""
+        left = self.record.measured - self.fitted_in_time(modes, parts)
+        return left if self.record.known is None else np.where(self.record.known, left, 0.0)
+
+    def fitted_in_time(self, modes: tuple[Oscillator, ...], parts: list[Part]) -> Matrix:
+        """Return what the fit gives tick by tick, (ticks + 1, outputs)."""
         terms = RegressorSignals(self.record, None).columns(modes)
-        left = self.record.measured.copy()
+        fitted = np.zeros_like(self.record.measured)
         for part in parts:
             own = part.of_modes.shape[1]  # without rates where the fit has none
             for column, which, _ in self.rows(part.group):
                 kept = tuple(mode[:, :own] for mode in terms[which].modes)
                 columns = self._matrix(part.group, terms[which]._replace(modes=kept), which)
-                left[:, column] -= columns @ part.weights
-        return left
+                fitted[:, column] = columns @ part.weights
+        return fitted
 
     def _matrix(self, group: ParameterGroup, own: Terms, which: int) -> Matrix:
         """Return the columns of a position (which 0) or a rate (1): bias, rigid, then modes."""
@@ -168,37 +206,6 @@ class ModalLeastSquares:
 
 
 @dataclass(frozen=True)
-class _Basis:
-    """What groups with the same quantities and weights share."""
-
-    columns: Matrix  # of unit length
-    scale: Vector  # lengths that they had
-    projection: Projection
-    turned: Matrix  # d(columns of the modes)/d(nonlinear), orthogonal to the columns
-    along: Matrix  # weights of the columns in it
-
-    @cached_property
-    def products(self) -> Matrix:
-        """Of the turned columns with one another."""
-        return np.asarray(self.turned.T @ self.turned)
-
-
-@dataclass(frozen=True)
-class Part:
-    """The solution of one group."""
-
-    group: ParameterGroup
-    weights: Vector  # linear parameters
-    of_modes: Matrix  # those of each mode's own columns, (modes, columns)
-    sigma: float  # standard deviation of the first quantity's noise
-    basis: _Basis
-    residual: Vector  # in standard deviations
-    downhill: Vector  # J^T r
-    information: Matrix  # J^T J
-    along: Matrix  # d(linear)/d(nonlinear) of the scaled columns, negative
-
-
-@dataclass(frozen=True)
 class Solution:
     """Residues, residual and slopes for given modes."""
 
@@ -208,21 +215,37 @@ class Solution:
 
     @property
     def cost(self) -> float:
-        """Half the squared residual, in standard deviations."""
-        return float(0.5 * sum(part.residual @ part.residual for part in self.parts))
+        """Half the squared residual, in standard deviations, with that of unknown efforts."""
+        squares = sum(part.residual @ part.residual for part in self.parts)
+        return float(0.5 * squares) + log_prior(self.problem.record)
 
     @property
     def information(self) -> Matrix:
-        """J^T J of frequencies and damping ratios with the residues eliminated."""
-        size = 2 * len(self.modes)
-        total: Matrix = sum((p.information for p in self.parts), np.zeros((size, size)))
+        """J^T J of frequencies, damping ratios and unknown efforts, the residues eliminated."""
+        total: Matrix = sum((p.information for p in self.parts[1:]), self.parts[0].information)
+        if (pieces := self.problem.record.pieces) is not None:
+            total = total + np.diag(
+                np.concatenate((np.zeros(2 * len(self.modes)), 1.0 / pieces.spread**2))
+            )
         return total
 
     @property
     def gradient(self) -> Vector:
         """Of the cost, downhill."""
-        total: Vector = sum((p.downhill for p in self.parts), np.zeros(2 * len(self.modes)))
+        total: Vector = sum((p.downhill for p in self.parts[1:]), self.parts[0].downhill)
+        if (pieces := self.problem.record.pieces) is not None:
+            back = (pieces.guess - estimates(self.problem.record)) / pieces.spread**2
+            total = total + np.concatenate((np.zeros(2 * len(self.modes)), back))
         return total
+
+    @cached_property
+    def covariance(self) -> Matrix:
+        """Of frequencies, damping ratios and unknown efforts."""
+        information = self.information
+        size = np.sqrt(np.diag(information))
+        size[size == 0.0] = 1.0
+        scaled = np.linalg.pinv(information / np.outer(size, size), hermitian=True)
+        return np.asarray(scaled / np.outer(size, size), dtype=np.float64)
 
     def residual_of(self, column: int) -> Vector:
         """Return measured minus fitted of an output, as its signals are cut, in its unit."""

@@ -22,8 +22,8 @@ from flexslew_lab.identification.modal_fit import modal_response
 from flexslew_lab.identification.model_file import file_text, testbed_of, write_model
 from flexslew_lab.identification.modes import ModalModel, identify_modes
 from flexslew_lab.identification.page import per_effort, shown
+from flexslew_lab.identification.parameter_groups import groups_of
 from flexslew_lab.identification.record import Record
-from flexslew_lab.identification.separable import groups_of
 from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
