@@ -143,7 +143,7 @@ def test_a_file_says_when_its_efforts_end_and_where_they_look_limited(tmp_path: 
     np.savetxt(path, np.column_stack((t, u, u)), delimiter=",", header="t,u,x", comments="")
     begun, ended = (foreign_record(path, ("u",), ("x",), past=past) for past in (False, True))
     # the time written has 18 digits
-    assert ended.record.effort[:-1, 0] == pytest.approx(begun.record.effort[1:398, 0], abs=1e-9)
+    assert ended.record.effort[:-1, 0] == pytest.approx(begun.record.effort[1:399, 0], abs=1e-9)
     share = float((np.abs(u) == 1.5).mean())
     assert any(f"at its largest value, 1.5, in {share:.0%}" in words for words in begun.words)
     free = np.column_stack((t, rng.standard_normal(400), u))
