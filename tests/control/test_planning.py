@@ -5,8 +5,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from flexslew_control.law import ActiveLaw
 from flexslew_control.plan import Plan
-from flexslew_control.planning import Planning, PlanRequest, plan_request
+from flexslew_control.planning import Beginning, Planning, PlanRequest, plan_request
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import Cause, Refusal
 
@@ -14,9 +15,10 @@ GOAL = "{method: none}"
 OWN = "docs/examples/my_shaper.py:Shaper"
 
 
-def test_a_request_that_can_be_used_is_passed_on_with_the_gains() -> None:
-    made = plan_request(GOAL, "", 0.01, [150.0], ((1.0,), (2.0,)))
-    assert made == PlanRequest({"method": "none"}, "", 0.01, (150.0,), (1.0,), (2.0,), {})
+def test_a_request_that_can_be_used_is_completed_by_what_is_known_of_its_start() -> None:
+    there = Beginning({"base_yaw": 0.1}, ActiveLaw("lqr", {}))
+    made = plan_request(GOAL, "", 0.01, [150.0], lambda start: there)
+    assert made == PlanRequest({"method": "none"}, "", 0.01, (150.0,), 0.0, there)
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, math.nan, math.inf])
@@ -62,7 +64,7 @@ def outcome(planning: Planning, section: str, **begins: float) -> Plan | Refusal
     """Return what comes of a request, with the reference at these positions."""
     trust = Trust(frozenset({OWN}))
     request = plan_request(
-        section, "", 0.01, [150.0, 150.0], rest_at=lambda start: begins, trust=trust
+        section, "", 0.01, [150.0, 150.0], lambda start: Beginning(begins), trust
     )
     assert isinstance(request, PlanRequest)
     planning.ask(request)
@@ -93,14 +95,14 @@ def test_a_plan_in_flight_begins_where_the_reference_is(planning: Planning, meth
 
 
 def test_a_start_with_a_unit_begins_where_the_reference_is_then() -> None:
-    def rest_at(start: float) -> dict[str, float]:
-        return {"base_yaw": start}
+    def beginning(start: float) -> Beginning:
+        return Beginning({"base_yaw": start})
 
     for start in ("6 s", "0.1 min", 6):
-        made = plan_request({"method": "none", "start": start}, "", 0.01, [150.0], rest_at=rest_at)
+        made = plan_request({"method": "none", "start": start}, "", 0.01, [150.0], beginning)
         assert isinstance(made, PlanRequest)
-        assert made.rest_at is not None
-        assert made.rest_at["base_yaw"] == pytest.approx(6.0)
+        assert made.beginning.rest is not None
+        assert made.beginning.rest["base_yaw"] == made.start == pytest.approx(6.0)
     for wrong in ("6 m", "soon", None, math.nan):
         made = plan_request({"method": "none", "start": wrong}, "", 0.01, [150.0])
         assert isinstance(made, Refusal)

@@ -53,6 +53,7 @@ class PlantDescription:
         actuator: the motors.
         delay: of what reaches each motor from the start on, shape (actuators,) [ticks]; empty:
             none.
+        schedule: of the bench.
     """
 
     testbed: Testbed
@@ -61,6 +62,7 @@ class PlantDescription:
     trust: Trust = NO_CODE
     actuator: ActuatorSettings = IDEAL
     delay: Vector = field(default_factory=lambda: NOTHING)
+    schedule: Schedule = ()
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -107,7 +109,7 @@ def described(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescri
     limit = np.array(testbed.effort_limit, dtype=np.float64)
     actuator = validated(ActuatorSettings, bench.get("actuator") or {}, f"{source}: actuator")
     delay = command_delays(schedule, testbed.model().joint_names, 0.0)
-    return PlantDescription(testbed, float(period), limit, trust, actuator, delay)
+    return PlantDescription(testbed, float(period), limit, trust, actuator, delay, schedule)
 
 
 class ActiveLaw(NamedTuple):

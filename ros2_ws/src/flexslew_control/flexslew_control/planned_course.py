@@ -79,6 +79,27 @@ class PlannedCourse:
         at = self._course.reference(round(start / self._period), self._hold).position
         return dict(zip(self._names, at.tolist(), strict=True))
 
+    def late(
+        self, start: float, now: float, last_tick: int = 0, flight: int | None = None
+    ) -> Refusal | None:
+        """Return why no plan can begin at a start [s] any more, or None; see objection."""
+        if flight not in (None, self._epoch):
+            return _OVER
+        if now > 0.0 and start <= now:
+            return Refusal(
+                f"the plan starts at {start:g} s, the bench is at {now:.2f} s; "
+                "make one that starts later",
+                cause=Cause.PAST,
+            )
+        if last_tick and round(start / self._period) >= last_tick:
+            ends = last_tick * self._period
+            return Refusal(
+                f"the plan starts at {start:g} s, the run ends at {ends:g} s; "
+                "make one that starts earlier",
+                cause=Cause.RUN_OVER,
+            )
+        return None
+
     def objection(
         self,
         plan: Plan,
@@ -97,17 +118,9 @@ class PlannedCourse:
             followed: hashes of the plans that controllers follow. Where the newest one here is not
                 among them, a planner before this one has made theirs: they know how far they jump.
         """
-        if flight not in (None, self._epoch):
-            return _OVER
-        stops = self._stops_early(plan, last_tick)
-        if now <= 0.0 or stops is not None:
-            return stops
-        if plan.start <= now:
-            return Refusal(
-                f"the plan starts at {plan.start:g} s, the bench is at {now:.2f} s; "
-                "make one that starts later",
-                cause=Cause.PAST,
-            )
+        why = self.late(plan.start, now, last_tick, flight) or self._stops_early(plan, last_tick)
+        if now <= 0.0 or why is not None:
+            return why
         newest = self.plan
         if followed and (newest is None or plan_hash(newest) not in followed):
             return None

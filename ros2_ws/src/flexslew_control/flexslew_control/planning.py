@@ -24,6 +24,17 @@ from flexslew_plant.yaml_data import load_yaml
 MOST_TICKS = 1_000_000  # of a manoeuvre
 
 
+class Beginning(NamedTuple):
+    """The bench at the start of a plan, as far as it is known beforehand."""
+
+    rest: Mapping[str, float] | None = None  # references by joint; None: those of the testbed
+    law: ActiveLaw | None = None  # of the controller that is active then; None: not known
+
+    def same(self, other: "Beginning") -> bool:
+        """Return whether a plan for the other one is a plan for this one."""
+        return (self.rest, self.law) == (other.rest, other.law)
+
+
 class PlanRequest(NamedTuple):
     """What a planner needs to know."""
 
@@ -31,11 +42,9 @@ class PlanRequest(NamedTuple):
     bench: str  # settings of what stands on the bench, YAML; empty: the default testbed
     period: float  # one tick of the bench [s]
     effort_limit: tuple[float, ...]  # of the drives, one per actuator [N m or N]
-    kp: tuple[float, ...] = ()  # gains of the controller in charge, if it has such gains
-    kd: tuple[float, ...] = ()
-    rest_at: Mapping[str, float] | None = None  # the reference at the start; None: the testbed's
+    start: float = 0.0  # of the plan [s]
+    beginning: Beginning = Beginning()
     trust: Trust = NO_CODE  # which classes of the user's own may be loaded
-    law: ActiveLaw | None = None  # of the controller in charge; None: nobody knows
 
 
 class Iteration(NamedTuple):
@@ -111,8 +120,7 @@ def plan_request(
     bench: str,
     period: float,
     effort_limit: Sequence[float],
-    gains: tuple[tuple[float, ...], tuple[float, ...]] = ((), ()),
-    rest_at: Callable[[float], dict[str, float]] = lambda start: {},
+    beginning: Callable[[float], Beginning] = lambda start: Beginning(),
     trust: Trust = NO_CODE,
 ) -> PlanRequest | Refusal:
     """Return what a client asks for, or why its numbers or its YAML cannot be used.
@@ -122,9 +130,8 @@ def plan_request(
         bench: settings of what stands on the bench, YAML; empty: the default testbed.
         period: one tick of the bench [s].
         effort_limit: one per actuator [N m or N].
-        gains: kp and kd of the controller in charge, if it has such gains.
-        rest_at: where the reference is at a start [s], by joint: a request that does not say where
-            the joints begin begins there.
+        beginning: returns the bench at a start [s]; a request without initial positions begins
+            at its references.
         trust: which classes of the user's own may be loaded.
     """
     if not (math.isfinite(period) and period > 0.0):
@@ -135,8 +142,8 @@ def plan_request(
     try:
         values = load_yaml(section, "request") if isinstance(section, str) else section
         start = values.get("start", 0.0) if isinstance(values, dict) else 0.0
-        begins = rest_at(number_in(start, ("s",), "start"))
-        return PlanRequest(values, bench, period, limit, *gains, begins, trust)
+        begin = number_in(start, ("s",), "start")
+        return PlanRequest(values, bench, period, limit, begin, beginning(begin), trust)
     except BadInput as error:
         return error.refusal
 
@@ -145,7 +152,7 @@ def _work(pipe: Connection) -> None:
     """Answer requests until the other process closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
     from flexslew_control.planners import PlanSettings, make_plan
-    from flexslew_control.planners.slew import Feedback
+    from flexslew_control.planners.law_gains import law_gains
     from flexslew_plant.settings import validated
 
     def progress(update: Any) -> None:
@@ -159,10 +166,11 @@ def _work(pipe: Connection) -> None:
                 settings = validated(PlanSettings, request.values, "plan", request.trust)
                 require_units_of_joints(PlanSettings, request.values, plant.testbed, "plan")
                 _require_ticks(settings, request.period)
-                if request.rest_at:
-                    settings, plant = _from_there(settings, plant, dict(request.rest_at))
-                gains = Feedback(kp=request.kp, kd=request.kd) if request.kp else None
-                pipe.send(make_plan(settings, plant, gains, progress, request.law))
+                rest, law = request.beginning
+                gains = law_gains(law, plant, "the active controller")
+                if rest:
+                    settings, plant = _from_there(settings, plant, {**rest})
+                pipe.send(make_plan(settings, plant, gains, progress, law))
             except BadInput as error:
                 pipe.send(Refusal(str(error)))  # its value may be one that no pipe can carry
             except PlanFailed as error:

@@ -6,6 +6,7 @@ sliding.output_feedback.
 """
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -53,7 +54,8 @@ DEFAULT = PD_FEEDFORWARD.name  # of a trial that names none
 
 LAW_HASH = "law_sha256"  # in a settings_text: of the file of a law that is not built in
 _BY_JOINT = ("kp", "ki", "kd")  # gains, one for each joint or one for all
-DERIVED = ("computed", LAW_HASH)  # keys of a settings_text that are no settings
+DUE = "due"  # in a settings_text: changes that were granted for a later tick
+DERIVED = ("computed", LAW_HASH, DUE)  # keys of a settings_text that are no settings
 
 
 @section
@@ -202,13 +204,19 @@ def _require_allocation(law: str, settings: Any, plant: PlantDescription) -> Non
     )
 
 
-def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> str:
+def settings_text(
+    controller: Controller,
+    law: str,
+    values: dict[str, Any],
+    due: Sequence[tuple[int, Mapping[str, Any]]] = (),
+) -> str:
     """Return the settings of a controller and what was computed from them, as YAML for the log.
 
     Args:
         controller: as built.
         law: what it runs.
         values: its section of a trial file; defaults are filled in where they are known.
+        due: changes of settings that were granted for a tick to come, with that tick.
     """
     common, own = _common_settings(values, law), law_values(values)
     known = law in CONTROLLERS
@@ -218,6 +226,8 @@ def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> s
         derived[LAW_HASH] = code_hash(law)
     if common.monitor is not None:
         settings["monitor"] = plain(common.monitor)
+    if due:
+        derived[DUE] = [{"tick": tick, "changes": dict(changes)} for tick, changes in due]
     return yaml_text({**settings, "handover_time": common.handover_time, **derived})
 
 

@@ -101,6 +101,11 @@ class ControllerHost:
         return max(self.controller.last_tick, 0) if self.controller else 0
 
     @property
+    def due(self) -> tuple[tuple[int, dict[str, Any]], ...]:
+        """Changes of settings that were granted and take effect at a tick to come."""
+        return tuple((tuning.tick, tuning.changes) for tuning in self._tunings)
+
+    @property
     def newest(self) -> tuple[int, int] | None:
         """Epoch and tick of the last question that counted; None: there was none."""
         return self._thread.newest

@@ -52,7 +52,7 @@ class Announcer:
         self.announced = False
         self.reason: Refusal | None = None  # as announced
         self._is_heard = False
-        self._settings = ""
+        self._settings, self._due = "", host.due
         self._tick = 0  # of the last status
 
     def look(self) -> None:
@@ -71,12 +71,15 @@ class Announcer:
         host = self._host
         self._is_heard = self._is_heard and not another_bench
         if host.controller is not None:
-            self._settings = settings_text(host.controller, self._law, host.values)
+            self._due = host.due
+            self._settings = settings_text(host.controller, self._law, host.values, host.due)
         self.announce(always=True)
 
     def seen(self, tick: int) -> None:
         """Announce now and then that it keeps up."""
-        if tick >= self._tick + _RENEW or tick == 0:
+        if self._host.due != self._due:  # those of a flight that is over are dropped
+            self.describe()
+        elif tick >= self._tick + _RENEW or tick == 0:
             self.announce(always=True)
 
     def announce(self, always: bool = False) -> None:

@@ -18,10 +18,16 @@ class BenchClock:
     Args:
         node: that listens.
         on_reset: is called when the bench was reset.
+        on_state: takes every state, before that.
     """
 
-    def __init__(self, node: Node, on_reset: Callable[[], None]) -> None:
-        self._on_reset = on_reset
+    def __init__(
+        self,
+        node: Node,
+        on_reset: Callable[[], None],
+        on_state: Callable[[msg.BenchState], None] = lambda state: None,
+    ) -> None:
+        self._on_reset, self._take = on_reset, on_state
         self._state = msg.BenchState()
         self._heard = 0.0  # when it came [wall s]
         subscription(node, topics.BENCH_STATE, self._on_state)
@@ -64,5 +70,6 @@ class BenchClock:
         if message.stamp.sec < 0 or not 0.0 <= message.rate_factor < inf:
             return  # no plant says this
         before, self._state, self._heard = self._state, message, monotonic()
+        self._take(message)
         if message.epoch != before.epoch:
             self._on_reset()

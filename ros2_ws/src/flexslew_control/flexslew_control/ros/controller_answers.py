@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from contextlib import suppress
 from time import monotonic
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ from flexslew_msgs import msg
 from rclpy.node import Node
 from rclpy.task import Future
 
+from flexslew_control.active_laws import ActiveLaws
 from flexslew_control.planned_course import PATIENCE, Answered, PlanAnswers
 from flexslew_plant.bench.operation.presence import Presence
 from flexslew_plant.errors import BadInput
@@ -36,15 +36,21 @@ class ControllerAnswers:
         loop: that serves it.
         presence: signs of life of the controllers.
         on_refusal: is called with the hash of a plan that one of them refuses.
+        laws: receive statuses and events.
     """
 
     def __init__(
-        self, node: Node, loop: Loop, presence: Presence, on_refusal: Callable[[str], None]
+        self,
+        node: Node,
+        loop: Loop,
+        presence: Presence,
+        on_refusal: Callable[[str], None],
+        laws: ActiveLaws,
     ) -> None:
         self._node, self._loop, self._presence = node, loop, presence
-        self._on_refusal = on_refusal
+        self._on_refusal, self._laws = on_refusal, laws
         self._answers, self._pending = PlanAnswers(), list[_Pending]()
-        self._statuses = Statuses(presence, self._answers.status)
+        self._statuses = Statuses(presence, self._on_status)
         subscription(node, topics.CONTROLLER_STATUS, self._statuses.hear)
         subscription(node, topics.EVENTS, self._on_event)
 
@@ -86,10 +92,22 @@ class ControllerAnswers:
         there: int = self._node.count_publishers(topics.CONTROLLER_STATUS)
         return there <= len(self._answers.known)
 
+    def end(self) -> None:
+        """Resolve every future with the answers so far: the node ends."""
+        for pending in self._pending:
+            pending.future.set_result(self.of(pending.digest))
+        self._pending.clear()
+
+    def _on_status(self, status: msg.ControllerStatus) -> None:
+        self._answers.status(status)
+        self._laws.take_status(status)
+
     def _on_event(self, event: msg.Event) -> None:
-        what = None
-        with suppress(BadInput, ValueError):  # of somebody who writes events in another way
+        try:
             what = fact_of(event.kind, json.loads(event.data))
+        except (BadInput, ValueError):  # an event in another format than this release's
+            return
+        self._laws.take_event(what, event.tick, event.epoch)
         if isinstance(what, PlanRefused) and what.controller is not None:
             self._answers.refusal(what.controller, what.hash, what.reason or "")
             self._on_refusal(what.hash)

@@ -64,7 +64,7 @@ class ControllerNode:
         self._watch = PlantWatch(loop, node, testbed, self._alive.presence, s.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
-        self._tuning = Tuning(node, self._host, self._settings.law, self._serve)
+        self._tuning = Tuning(node, self._host, s.law, self._serve, self._announcer.describe)
 
     def poll(self) -> float:
         """Look at the graph; return the wall seconds until the next look."""
@@ -115,7 +115,7 @@ class ControllerNode:
         self._host.run_ends = message.last_tick
         if message.epoch > self._host.epoch:
             self._host.begin_epoch(message.epoch)
-            self._announcer.announce(always=True)
+            self._announcer.describe()
         if message.state == RUNNING != self._state:
             self.answering.expect()
         self._state = message.state

@@ -65,6 +65,11 @@ class FollowTrajectory:
             if (end := flight.lost(self._release.clock)) is not None:
                 flight.over(end)
 
+    def end(self, why: str) -> None:
+        """Answer every goal: the node ends."""
+        for flight in self._flown.values():
+            flight.over(TrackingEnd(TrackingCode.GOAL_TOLERANCE_VIOLATED, why))
+
     def leave(self) -> None:
         """End the action."""
         self._server.destroy()
@@ -158,7 +163,11 @@ class FollowTrajectory:
         except BadInput as error:
             return error.refusal
         done, flight = self._loop.future(), self._release.flight
-        self._job.ask(self._release.requests.request(section), done.set_result)
+        self._job.ask(
+            partial(self._release.requests.request, section),
+            done.set_result,
+            late=partial(self._release.late, flight),
+        )
         return self._release.checked(await done, flight)
 
     def _tell(self, goal: ServerGoalHandle, tracking: Tracking, time: float, seen: Tracked) -> None:

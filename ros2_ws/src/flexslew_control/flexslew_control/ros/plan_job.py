@@ -1,4 +1,4 @@
-"""One plan at a time, made beside the node that is asked for it."""
+"""One plan at a time, made in a process next to the node that serves the request."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -13,10 +13,11 @@ from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 
 Outcome: TypeAlias = Plan | Refusal
+Late: TypeAlias = Callable[[float], Refusal | None]  # why a plan from a start [s] on comes too late
 
 
 class PlanJob:
-    """Whoever asks is told what comes of it, by a call.
+    """Plans for one request, and reports the outcome by a call.
 
     Args:
         loop: that serves the node.
@@ -26,44 +27,67 @@ class PlanJob:
     def __init__(self, loop: Loop, soon: bool) -> None:
         self._loop, self._planning = loop, Planning(soon)
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: no action's
-        self._heard: Callable[[Outcome], None] | None = None  # takes what comes of the plan
+        self._finished: Callable[[Outcome], None] | None = None  # takes the outcome
+        self._make: Callable[[], PlanRequest | Refusal] | None = None
+        self._late: Late = _never
+        self._request: PlanRequest | None = None  # that is planned for
 
     @property
     def busy(self) -> bool:
         """Whether a plan is under way."""
-        return self._heard is not None
+        return self._finished is not None
 
     def ask(
         self,
-        request: PlanRequest | Refusal,
-        heard: Callable[[Outcome], None],
+        make: Callable[[], PlanRequest | Refusal],
+        finished: Callable[[Outcome], None],
         goal: ServerGoalHandle | None = None,
+        late: Late | None = None,
     ) -> None:
         """Begin to plan.
 
         Args:
-            request: what is asked for; a refusal comes back as it is.
-            heard: takes what comes of it.
-            goal: that is told of every iteration, and may be canceled.
+            make: returns the request as the bench is now. Where it has changed while a plan was
+                made, that plan is dropped and another one made: its law or its start is not there.
+            finished: takes the outcome.
+            goal: that receives every iteration, and may be canceled.
+            late: returns why the bench cannot fly a plan from a start [s] on any more, or None.
+                Planning ends as soon as it returns a refusal. None: it always can.
         """
-        self._goal, self._heard = goal, heard
-        if isinstance(request, Refusal):
-            self._take(request)
-        else:
-            self._planning.ask(request)
+        self._make, self._finished, self._goal = make, finished, goal
+        self._late = late or _never
+        self._plan(make())
         self._loop.hurry()
 
     def poll(self) -> None:
-        """Take what has come, and cancel what its client does not want any more."""
+        """Take what has come, and end planning that is canceled or too late."""
         for news in self._planning.news():
             self._take(news)
-        if self.busy and self._goal is not None and self._goal.is_cancel_requested:
+        if self._request is None:
+            return
+        canceled = self._goal is not None and self._goal.is_cancel_requested
+        why = CANCELED if canceled else self._late(self._request.start)
+        if why is not None:
+            self.end(why)
+
+    def end(self, why: Refusal) -> None:
+        """End planning, if any is under way, with this refusal."""
+        if self._request is not None:
             self._planning.cancel()
-            self._take(CANCELED)
+            self._finish(why)
 
     def close(self) -> None:
         """End the process that plans."""
         self._planning.close()
+
+    def _plan(self, request: PlanRequest | Refusal) -> None:
+        why = request if isinstance(request, Refusal) else self._late(request.start)
+        if why is not None or isinstance(request, Refusal):
+            assert why is not None
+            self._finish(why)
+            return
+        self._request = request
+        self._planning.ask(request)
 
     def _take(self, news: Iteration | Outcome) -> None:
         if isinstance(news, Iteration):
@@ -72,6 +96,19 @@ class PlanJob:
                 number = values.pop("number")
                 self._goal.publish_feedback(action.PlanSlew.Feedback(iteration=number, **values))
             return
-        heard, self._heard = self._heard, None
-        if heard is not None:
-            heard(news)
+        if self._request is None or self._make is None:
+            return
+        again = self._make()
+        if isinstance(again, PlanRequest) and not again.beginning.same(self._request.beginning):
+            self._plan(again)
+        else:
+            self._finish(news)
+
+    def _finish(self, outcome: Outcome) -> None:
+        finished, self._finished, self._request = self._finished, None, None
+        if finished is not None:
+            finished(outcome)
+
+
+def _never(start: float) -> Refusal | None:
+    return None

@@ -7,19 +7,22 @@ from typing import Any
 from flexslew_msgs import msg, srv
 from rclpy.node import Node
 
+from flexslew_control.active_laws import ActiveLaws, other_law, with_law
 from flexslew_control.law import ActiveLaw, described
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planned_course import PATIENCE, PlannedCourse
+from flexslew_control.planning import Beginning
 from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_control.ros.controller_answers import ControllerAnswers
 from flexslew_control.ros.plan_offers import PlanOffers
-from flexslew_control.ros.plan_requests import Gains, PlanRequests
+from flexslew_control.ros.plan_requests import PlanRequests
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
     UNNAMED,
     Fact,
     PlanDrafted,
+    PlanOutdated,
     PlanPublished,
     PlanRefused,
     StrayMessage,
@@ -44,14 +47,14 @@ class PlanRelease:
         node: of the planner.
         loop: that serves it.
         alive: signs of life of the controllers.
-        gains: of the controller in charge, if it has such gains.
         trust: classes of the user's own that testbed and requests may name.
-        law: of the controller in charge, if it is known.
+        law: of the controller that is active first, until its status comes; None: not known.
 
     Attributes:
         clock: the time that plans start in.
-        requests: what clients ask for.
-        answers: what controllers say.
+        laws: the controllers, and which of them is active at a tick.
+        requests: completes those of clients.
+        answers: of the controllers.
     """
 
     def __init__(
@@ -59,7 +62,6 @@ class PlanRelease:
         node: Node,
         loop: Loop,
         alive: Alive,
-        gains: Gains,
         trust: Sequence[str],
         law: ActiveLaw | None = None,
     ) -> None:
@@ -69,9 +71,15 @@ class PlanRelease:
         self._stray = False  # a strange message was told of
         self._early: Plan | None = None  # to begin with, see begin
         self._begin_by = 0.0  # [wall s]
-        self.clock = BenchClock(node, self._begin_again)
-        self.requests = PlanRequests(self.clock, gains, self._trust, law, self._rest_at)
-        self.answers = ControllerAnswers(node, loop, alive.presence, self._withdraw_if_refused)
+        self._outdated: set[tuple[str, str]] = set()  # reported: hash, and for which law it is
+        self.laws = laws = ActiveLaws(law)
+        self.clock = BenchClock(
+            node, self._begin_again, lambda s: laws.take_state(s.active, s.tick, s.epoch)
+        )
+        self.requests = PlanRequests(self.clock, self._trust, self._beginning)
+        self.answers = ControllerAnswers(
+            node, loop, alive.presence, self._withdraw_if_refused, laws
+        )
         self._offers, self._events = PlanOffers(node), EventLog(node)
         service(node, srv.Operate, topics.DECIDE_PLAN, self._on_decide)
 
@@ -84,6 +92,7 @@ class PlanRelease:
         try:
             plant = described(testbed.settings, f"/{topics.TESTBED}", self._trust)
             self._course = PlannedCourse(plant)
+            self.laws.begin(plant.schedule, plant.period)
         except BadInput as error:
             if not self._stray:
                 self._stray = True
@@ -114,9 +123,25 @@ class PlanRelease:
             outcome: of the request.
             flight: in which it came, see flight.
         """
-        return (
-            (self.objection(outcome, flight) or outcome) if isinstance(outcome, Plan) else outcome
-        )
+        if isinstance(outcome, Refusal):
+            return outcome
+        return self.objection(outcome, flight) or self.stated(outcome)
+
+    def stated(self, plan: Plan) -> Plan:
+        """Return a new plan with a statement of the law that it is made for."""
+        first = plan.first_tick
+        return with_law(plan, self.laws.at(first), self.laws.switches(first, first + plan.ticks))
+
+    def late(self, flight: int | None, start: float) -> Refusal | None:
+        """Return why a plan from a start [s] on comes too late, or None.
+
+        Args:
+            flight: in which it was requested, see flight.
+            start: of the plan [s].
+        """
+        if self._course is None:
+            return None
+        return self._here.late(start, self.clock.now(), self.clock.last_tick, flight)
 
     def objection(self, plan: Plan, flight: int | None) -> Refusal | None:
         """Return why a plan is not one that the bench can fly from now on, or None."""
@@ -168,11 +193,23 @@ class PlanRelease:
             words = f"the bench is at {now:.2f} s already: it is flown after a reset"
             self.refuse(plan.method, Refusal(words, cause=Cause.PAST))
 
+    def review(self) -> None:
+        """Report plans to come whose law is another one by now than they were made for, once."""
+        for plan, _ in self._here.plans if self._course is not None else ():
+            why = self._other_law(plan) if plan.start >= self.clock.now() else ""
+            key = plan_hash(plan), why
+            if why and key not in self._outdated:
+                self._outdated.add(key)
+                self._say(PlanOutdated(key[0], plan.method, why), self._tick)
+
+    def _other_law(self, plan: Plan) -> str:
+        """Return by how much the law at a plan's start is not that of the plan; empty: it is."""
+        return other_law(plan, self.laws.at(plan.first_tick))
+
     def refuse(self, method: str, why: Refusal) -> None:
         """Say on `events` why nothing comes of a request that has no answer of its own."""
-        period = self.requests.testbed.period
         what = PlanRefused(method=method, controller="planner", reason=str(why))
-        self._say(what, round(self.clock.now() / period) if period else 0)
+        self._say(what, self._tick)
 
     def keep(self, plan: Plan, who: str) -> msg.Plan:
         """Keep a draft in the place of the last one; return it as a message."""
@@ -182,15 +219,25 @@ class PlanRelease:
         return message
 
     @property
+    def _tick(self) -> int:
+        """The tick of the bench; 0: not known."""
+        period = self.requests.testbed.period
+        return round(self.clock.now() / period) if period else 0
+
+    @property
     def _here(self) -> PlannedCourse:
         """The course in the epoch that the bench is in."""
         assert self._course is not None
         self._course.begin_epoch(self.clock.epoch)
         return self._course
 
-    def _rest_at(self, start: float) -> dict[str, float]:
-        """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""
-        return self._here.rest_at(start, self.clock.now()) if self._course is not None else {}
+    def _beginning(self, start: float) -> Beginning:
+        """Return what is known of the bench at a simulated time [s]."""
+        if self._course is None:
+            return Beginning()
+        at = self.laws.at(round(start / self.requests.testbed.period))
+        rest = self._here.rest_at(start, self.clock.now())
+        return Beginning(rest or None, at and at.law)
 
     def _begin_again(self) -> None:
         """Tell the plan of tick 0 again: a newcomer of the flight that is over heard the latest."""
@@ -261,4 +308,8 @@ class PlanRelease:
         if digest not in ("", message.hash):
             words = f"the draft is {message.hash[:12]} now, not {digest[:12]}"
             return Refusal(words, cause=Cause.UNKNOWN)
-        return self.objection(plan, flight) if word == ADOPT else None
+        if word != ADOPT:
+            return None
+        other = self._other_law(plan)
+        outdated = Refusal(f"{other}; make it again", cause=Cause.PLAN_MISMATCH) if other else None
+        return self.objection(plan, flight) or outdated

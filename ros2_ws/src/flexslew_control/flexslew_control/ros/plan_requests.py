@@ -1,4 +1,4 @@
-"""What clients ask for, as requests for what stands on the bench."""
+"""Requests of clients, completed by what is known of the bench."""
 
 from collections.abc import Callable, Sequence
 from math import ceil
@@ -7,8 +7,7 @@ from typing import Any
 from flexslew_msgs import msg
 from rclpy.node import Node
 
-from flexslew_control.law import ActiveLaw
-from flexslew_control.planning import PlanRequest, plan_request
+from flexslew_control.planning import Beginning, PlanRequest, plan_request
 from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
@@ -19,7 +18,6 @@ from flexslew_plant.yaml_data import load_yaml
 
 START_MARGIN = 1.0  # until a plan that is asked for now can begin [wall s]
 MODEL = "model"  # the parameter of the node that may be set at run time
-Gains = tuple[tuple[float, ...], tuple[float, ...]]  # kp and kd, of the one in charge
 
 
 class PlanRequests:
@@ -27,10 +25,8 @@ class PlanRequests:
 
     Args:
         clock: of the bench.
-        gains: of the controller in charge, if it has such gains.
         trust: classes of the user's own that testbed and requests may name.
-        law: of the controller in charge, if it is known.
-        rest_at: where the joints' references are at a simulated time [s], by name.
+        beginning: returns what is known of the bench at a plan's start [s].
 
     Attributes:
         testbed: what stands there; an empty message: nobody has said.
@@ -39,13 +35,10 @@ class PlanRequests:
     def __init__(
         self,
         clock: BenchClock,
-        gains: Gains,
         trust: Trust,
-        law: ActiveLaw | None,
-        rest_at: Callable[[float], dict[str, float]],
+        beginning: Callable[[float], Beginning],
     ) -> None:
-        self._clock, self._gains, self._trust = clock, gains, trust
-        self._law, self._rest_at = law, rest_at
+        self._clock, self._trust, self._beginning = clock, trust, beginning
         self._believed: dict[str, Any] | None = None  # a testbed's section; None: as each request
         self.testbed = msg.Testbed()
 
@@ -100,15 +93,15 @@ class PlanRequests:
         if not here.settings and not (period and limit):
             return NO_TESTBED
         found = plan_request(
-            section, here.settings, period or here.period, limit or here.effort_limit, self._gains,
-            self._rest_at, self._trust,
+            section, here.settings, period or here.period, limit or here.effort_limit,
+            self._beginning, self._trust,
         )  # fmt: skip
         if isinstance(found, Refusal):
             return found
         values = found.values
         if self._believed is not None and isinstance(values, dict) and not values.get("model"):
             values = values | {"model": self._believed}
-        return found._replace(law=self._law, values=values)
+        return found._replace(values=values)
 
     def own_request(self, text: str) -> PlanRequest | Refusal:
         """Return what the node's own parameters ask for; they may name any method."""

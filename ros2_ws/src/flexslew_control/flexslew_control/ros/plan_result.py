@@ -3,6 +3,7 @@
 from flexslew_msgs import action, msg
 from rclpy.action.server import ServerGoalHandle
 
+from flexslew_control.active_laws import planned_for
 from flexslew_control.plan import Plan
 from flexslew_control.planned_course import Answered
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -35,7 +36,8 @@ def plan_result(
     result = action.PlanSlew.Result()
     if isinstance(outcome, Plan):
         result.plan = plan
-        result.message = answered.message if answered is not None else ""
+        parts = [answered.message if answered is not None else "", planned_for(outcome)]
+        result.message = "; ".join(filter(None, (*parts, outcome.summary.get("warning"))))
         if answered is not None and (answered.refused or answered.silent):
             result.error_code = result.FAILED
             goal.abort()

@@ -6,6 +6,7 @@ is heard on `joint_trajectory` is published as a plan, as is a goal of `follow_j
 
 from collections.abc import Callable
 from functools import partial
+from math import inf
 from pathlib import Path
 from time import monotonic
 
@@ -16,6 +17,7 @@ from rclpy.task import Future
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
+from flexslew_control.planned_course import PATIENCE
 from flexslew_control.ros.follow_trajectory import follow_trajectory
 from flexslew_control.ros.plan_job import Outcome, PlanJob
 from flexslew_control.ros.plan_release import PlanRelease
@@ -24,7 +26,7 @@ from flexslew_control.ros.plan_result import BUSY, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_control.ros.trajectory_requests import TrajectoryRequests
 from flexslew_plant.graph import topics
-from flexslew_plant.refusal import Refusal
+from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
@@ -47,8 +49,9 @@ class Planner:
         self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
         self._job = PlanJob(loop, soon=not self._settings.file)
         self._next_look = self._due = 0.0
+        self._plan_by = inf  # when its own plan is made at the latest [wall s]
         s = self._settings
-        self._release = PlanRelease(node, loop, alive, (s.kp, s.kd), s.trust, s.in_charge())
+        self._release = PlanRelease(node, loop, alive, s.trust, s.first_law())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         self._release.requests.serve_model(node, s.model)
         self._trajectories = TrajectoryRequests(node, self._job, self._release)
@@ -80,7 +83,11 @@ class Planner:
     def _next(self, now: float) -> float:
         if now >= self._next_look:
             self._watch.look()
+            if self.loop.stopped:
+                self._end_goals(Refusal("the run is over", cause=Cause.RUN_OVER))
             self._release.begin()
+            self._release.review()
+            self._begin_own_plan(now)
             self._next_look = now + _POLL_PERIOD
             if self._following is not None:
                 self._following.poll()
@@ -96,6 +103,18 @@ class Planner:
         """End the process that plans."""
         self._job.close()
 
+    def interrupted(self) -> bool:
+        """Answer every goal before the node leaves."""
+        self._end_goals(Refusal("the planner was interrupted", cause=Cause.CANCELED))
+        return False
+
+    def _end_goals(self, why: Refusal) -> None:
+        """Answer every goal with this refusal; the answers are sent while the loop closes."""
+        self._job.end(why)
+        self._release.answers.end()
+        if self._following is not None:
+            self._following.end(str(why))
+
     def leave(self) -> None:
         """End the actions."""
         for server in self._servers:
@@ -107,7 +126,7 @@ class Planner:
         """Publish what the parameters ask for; without it the node has no purpose."""
         if isinstance(outcome, Refusal):
             raise failure(outcome)
-        self._release.begin_with(outcome)
+        self._release.begin_with(self._release.stated(outcome))
 
     def _on_testbed(self, testbed: msg.Testbed) -> None:
         if not self._release.announce(testbed):
@@ -115,8 +134,18 @@ class Planner:
         self._watch.seen = True
         if self._settings.file:
             self._release.begin_with(load_plan(Path(self._settings.file)))
-        elif self._settings.plan and not self._job.busy:
-            self._job.ask(self._release.requests.own_request(self._settings.plan), self._own_plan)
+        elif self._settings.plan:
+            self._plan_by = monotonic() + PATIENCE
+            self._next_look = 0.0
+
+    def _begin_own_plan(self, now: float) -> None:
+        """Make the plan of the parameters when it is known for which law, or patience is over."""
+        if self._job.busy or not (now >= self._plan_by or self._release.laws.known):
+            return
+        if self._plan_by < inf:
+            self._plan_by = inf
+            own = partial(self._release.requests.own_request, self._settings.plan)
+            self._job.ask(own, self._own_plan)
 
     async def _execute(
         self, hand_over: Callable[[Plan, str], msg.Plan], flown: bool, goal: ServerGoalHandle
@@ -133,10 +162,14 @@ class Planner:
         request, requests = goal.request, self._release.requests
         if self._job.busy:
             return BUSY
-        requested = requests.request(request.request, request.period, request.effort_limit)
         flight = self._release.flight
         done: Future = self.loop.future()
-        self._job.ask(requested, done.set_result, goal)
+        self._job.ask(
+            partial(requests.request, request.request, request.period, request.effort_limit),
+            done.set_result,
+            goal,
+            partial(self._release.late, flight),
+        )
         return self._release.checked(await done, flight)
 
 

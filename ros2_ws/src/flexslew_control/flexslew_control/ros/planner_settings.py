@@ -1,7 +1,7 @@
 """The parameters of the planner node."""
 
 from flexslew_control.law import ActiveLaw
-from flexslew_plant.settings import NonNegative, section
+from flexslew_plant.settings import section
 from flexslew_plant.yaml_data import load_yaml
 
 
@@ -9,9 +9,7 @@ from flexslew_plant.yaml_data import load_yaml
 class PlannerSettings:
     """The parameters of the node."""
 
-    kp: tuple[NonNegative, ...] = ()  # gains of the controller in charge, if it has such gains
-    kd: tuple[NonNegative, ...] = ()
-    law: str = ""  # of the controller in charge, which predictions are flown with; empty: unknown
+    law: str = ""  # of the controller that flies `plan`, until its status comes; empty: wait for it
     law_settings: str = ""  # its section as YAML
     plan: str = ""  # `plan` section as YAML: planned as soon as the testbed is known; empty: none
     file: str = ""  # a saved plan to publish instead; empty: none
@@ -20,8 +18,8 @@ class PlannerSettings:
     exit_with_plant: bool = False  # end the process when the plant is gone
     trust: tuple[str, ...] = ()  # classes of your own that testbed and requests may name
 
-    def in_charge(self) -> ActiveLaw | None:
-        """Return the law of the controller in charge; None: nobody says.
+    def first_law(self) -> ActiveLaw | None:
+        """Return the law of the controller that flies the plan; None: its status reports it.
 
         Raises:
             BadInput: its section is not YAML.

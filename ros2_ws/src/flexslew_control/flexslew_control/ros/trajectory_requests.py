@@ -38,7 +38,11 @@ class TrajectoryRequests:
         except BadInput as error:
             self._done(flight, error.refusal)
             return
-        self._job.ask(self._release.requests.request(section), partial(self._done, flight))
+        self._job.ask(
+            partial(self._release.requests.request, section),
+            partial(self._done, flight),
+            late=partial(self._release.late, flight),
+        )
 
     def _done(self, flight: int | None, outcome: Outcome) -> None:
         outcome = self._release.checked(outcome, flight)

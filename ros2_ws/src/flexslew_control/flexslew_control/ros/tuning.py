@@ -32,15 +32,22 @@ class Tuning:
         host: whose controller it is.
         law: that it runs.
         serve: answers a question that waits; returns whether there was one.
+        granted: is called after a change was granted, which may be due at a later tick.
 
     Raises:
         BadInput: the settings are not those of the law.
     """
 
     def __init__(
-        self, node: Node, host: ControllerHost, law: str, serve: Callable[[], bool]
+        self,
+        node: Node,
+        host: ControllerHost,
+        law: str,
+        serve: Callable[[], bool],
+        granted: Callable[[], None],
     ) -> None:
         self._node, self._host, self._serve, self._law = node, host, serve, law
+        self._granted = granted
         self._taken = False  # what is set now has been granted already
         given = {k: v for k, v in host.values.items() if k in CommonSettings.__annotations__}
         common = validated(CommonSettings, given, f"node {host.name}")
@@ -57,6 +64,8 @@ class Tuning:
         if self._taken:
             return ""
         done = self._host.tune(changes, 0, "a ROS parameter", self._beside)
+        if done.ok:
+            self._granted()
         return "" if done.ok else done.message
 
     def _on_tune(self, request: Any, reply: Any) -> Any:
@@ -78,6 +87,7 @@ class Tuning:
         reply.ok, reply.message, reply.tick = done.ok, done.message, done.tick
         if reply.ok:
             self._keep(changes)
+            self._granted()
         return reply
 
     def _beside(self, make: Callable[[], _Made]) -> _Made:

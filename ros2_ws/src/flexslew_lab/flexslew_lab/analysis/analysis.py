@@ -28,10 +28,16 @@ from flexslew_control.analysis.rest import rest_of
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import RunningLaw, running_law
 from flexslew_control.plan import Plan
-from flexslew_lab.analysis.trial_models import Point, in_charge, moment_of, point_of
+from flexslew_lab.analysis.trial_models import Point, moment_of, point_of
 from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.short_values import short
-from flexslew_lab.trial.trial import Trial, law_of, plan_of_trial, plant_of
+from flexslew_lab.trial.trial import (
+    Trial,
+    active_controller,
+    law_of,
+    plan_of_trial,
+    plant_of,
+)
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
@@ -157,7 +163,7 @@ def analysed(
     Args:
         trial: what flies.
         source: its file, for an error.
-        controller: which one; None: the one in charge then, see in_charge.
+        controller: which one; None: the one in charge then, see active_controller.
         at: simulated time [s], see point_of.
         joints: where they rest instead [rad or m], or with a unit.
         plan: that is flown; None: the trial's own.
@@ -166,7 +172,7 @@ def analysed(
         BadInput: no such controller, or it has no linear form there.
         PlanFailed: there is no plan.
     """
-    name = controller or in_charge(trial, moment_of(at))
+    name = controller or active_controller(trial, moment_of(at))
     if name not in trial.controllers:
         known = ", ".join(trial.controllers)
         raise BadInput(f"{source}: --controller: {name} is not in controllers; allowed: {known}")

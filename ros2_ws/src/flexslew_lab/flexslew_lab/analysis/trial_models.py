@@ -106,19 +106,6 @@ def _not_in_models(trial: Trial, model: Model) -> list[str]:
     return words
 
 
-def in_charge(trial: Trial, time: float) -> str:
-    """Return the controller that the schedule has put in charge by a time.
-
-    Args:
-        trial: with its switches; fallbacks of a controller that falls silent do not count.
-        time: simulated [s].
-    """
-    switches = [(round(e.at / trial.period), e.switch) for e in trial.schedule if e.switch]
-    now = time / trial.period + 1e-6  # rounding apart
-    due = sorted((switch for switch in switches if switch[0] <= now), key=lambda s: s[0])
-    return due[-1][1] if due else trial.active
-
-
 def model_of(point: Point, sampled: bool) -> Lti:
     """Return the plant from efforts to sensors: continuous, or as the bench ticks."""
     if sampled:

@@ -162,7 +162,13 @@ def plan(
     from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
     from flexslew_lab.trial.sources import read_trial
-    from flexslew_lab.trial.trial import feedback_of, law_in_charge, plan_section_of, plant_of
+    from flexslew_lab.trial.trial import (
+        feedback_of,
+        law_in_charge,
+        plan_section_of,
+        plant_of,
+        with_stated_law,
+    )
 
     for path, option in ((out, "--out"), (figure, "--figure")):
         if path is not None:
@@ -188,6 +194,7 @@ def plan(
     law = law_in_charge(requested)
     try:
         made = make_plan(settings, plant_of(requested), feedback_of(requested), told, law)
+        made = with_stated_law(requested, made)
     except BadInput as error:  # says its key
         raise BadInput(str(error), source) from None
     except PlanFailed as error:

@@ -11,7 +11,6 @@ from flexslew_lab.trial.trial import (
     SavedPlan,
     Trial,
     bench_settings,
-    feedback_of,
     law_in_charge,
     law_of,
     trial_text,
@@ -81,9 +80,6 @@ def node_processes(
             parameters["file"] = str(Path(trial.plan.file).resolve())
         else:
             parameters["plan"] = yaml_text(plain(trial.plan))
-        gains = feedback_of(trial)
-        if gains is not None:
-            parameters |= {"kp": list(gains.kp), "kd": list(gains.kd)}
         charge = law_in_charge(trial)
         parameters |= {"law": charge.law, "law_settings": yaml_text(dict(charge.settings))}
         processes.append(NodeProcess("planner", "flexslew_control", "planner", parameters))

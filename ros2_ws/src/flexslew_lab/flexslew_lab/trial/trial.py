@@ -1,18 +1,17 @@
 """A trial file: what stands on the bench, who flies it, what happens when."""
 
 from dataclasses import fields, replace
+from math import floor
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from flexslew_control.allocation import joint_gains
+from flexslew_control.active_laws import LawAt, active_at, canonical, switches_of, with_law
 from flexslew_control.controllers import (
-    CONTROLLERS,
     DEFAULT,
     build_controller,
-    law_values,
     require_settings,
     with_file,
 )
@@ -28,6 +27,7 @@ from flexslew_control.planners import (
     require_section,
 )
 from flexslew_control.planners.first_point import with_jump
+from flexslew_control.planners.law_gains import law_gains
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.injections import injections_of, names_of
@@ -368,8 +368,9 @@ def plan_of_trial(trial: Trial, predict: bool = True) -> Plan | None:
     plant = plant_of(trial)
     if isinstance(trial.plan, SavedPlan):
         return with_jump(load_plan(trial.plan.file), plant, {})
-    law = law_in_charge(trial)
-    plan = make_plan(trial.plan, plant, feedback_of(trial), law=law, predict=predict)
+    law, gains = law_in_charge(trial), feedback_of(trial)
+    plan = make_plan(trial.plan, plant, gains, law=law, predict=predict)
+    plan = with_stated_law(trial, plan)
     return with_jump(plan, plant, {}) if getattr(trial.plan, "initial", None) else plan
 
 
@@ -390,27 +391,39 @@ def plant_of(trial: Trial) -> PlantDescription:
     limit = np.array(trial.testbed.effort_limit, dtype=np.float64)
     testbed = with_schedule(trial.testbed, trial.schedule)
     delay = command_delays(trial.schedule, testbed.model().joint_names, 0.0)
-    return PlantDescription(testbed, trial.period, limit, trial.trust, trial.actuator, delay)
+    return PlantDescription(
+        testbed, trial.period, limit, trial.trust, trial.actuator, delay, trial.schedule
+    )
+
+
+def active_controller(trial: Trial, time: float) -> str:
+    """Return the controller that the schedule has made active by a simulated time [s].
+
+    Fallbacks of a controller that falls silent do not count.
+    """
+    now = floor(time / trial.period + 1e-6)  # a tick that rounding has moved is that tick
+    return active_at(trial.active, switches_of(trial.schedule, trial.period), now)
 
 
 def law_in_charge(trial: Trial) -> ActiveLaw:
-    """Return the law of the controller in charge at the start."""
-    return ActiveLaw(*law_of(trial.active, trial.controllers[trial.active] or {}))
+    """Return the law of the controller that is active at the start of the trial's plan."""
+    name = _planned_controller(trial)
+    return ActiveLaw(*law_of(name, trial.controllers[name] or {}))
 
 
 def feedback_of(trial: Trial) -> Feedback | None:
-    """Return the joint gains of the controller in charge at the start, where it has such gains."""
-    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
-    if law not in CONTROLLERS:
-        return None
-    settings = validated(CONTROLLERS[law].settings, law_values(own), f"controllers.{trial.active}")
-    kp, kd = getattr(settings, "kp", None), getattr(settings, "kd", None)
-    if kp is None or kd is None:
-        return None
-    allocation, attitude = getattr(settings, "allocation", None), trial.testbed.model().attitude
-    if attitude is not None:
-        kp, kd = (
-            joint_gains(allocation, f"controllers.{trial.active}.{key}", gains, attitude.axes)
-            for key, gains in (("kp", kp), ("kd", kd))
-        )
-    return Feedback(kp=kp, kd=kd)
+    """Return the joint gains of that law, where it has such gains."""
+    place = f"controllers.{_planned_controller(trial)}"
+    return law_gains(law_in_charge(trial), plant_of(trial), place)
+
+
+def with_stated_law(trial: Trial, plan: Plan) -> Plan:
+    """Return the plan of a trial with a statement of the law that it is made for."""
+    at = LawAt(_planned_controller(trial), canonical(law_in_charge(trial)))
+    first, last = plan.first_tick, plan.first_tick + plan.ticks
+    switches = switches_of(trial.schedule, trial.period)
+    return with_law(plan, at, [switch for switch in switches if first < switch.tick < last])
+
+
+def _planned_controller(trial: Trial) -> str:
+    return active_controller(trial, getattr(trial.plan, "start", None) or 0.0)

@@ -13,6 +13,7 @@ from flexslew_plant.events.control import EstimateBegan as EstimateBegan
 from flexslew_plant.events.control import EstimateDoubted as EstimateDoubted
 from flexslew_plant.events.control import LimitSoftened as LimitSoftened
 from flexslew_plant.events.control import PlanDrafted as PlanDrafted
+from flexslew_plant.events.control import PlanOutdated as PlanOutdated
 from flexslew_plant.events.control import PlanPublished as PlanPublished
 from flexslew_plant.events.control import PlanRefused as PlanRefused
 from flexslew_plant.events.control import StrayMessage as StrayMessage
@@ -52,6 +53,7 @@ from flexslew_plant.events.run import Stepped as Stepped
 from flexslew_plant.events.run import TransportChosen as TransportChosen
 from flexslew_plant.events.run import TurnsFar as TurnsFar
 from flexslew_plant.events.run import WasReset as WasReset
+from flexslew_plant.events.switching import BRAKE as BRAKE
 from flexslew_plant.events.switching import AnswerMissed as AnswerMissed
 from flexslew_plant.events.switching import BecameReady as BecameReady
 from flexslew_plant.events.switching import BecameUnready as BecameUnready

@@ -135,5 +135,14 @@ class PlanRefused:
     reason: Text | None = None  # of the controller, for people
 
 
+@fact("plan_outdated", Level.WARNING, "{method}: {reason}; plan again")
+class PlanOutdated:
+    """A plan that is still to be flown was made for a law that is not active at its start."""
+
+    hash: Text = ""
+    method: Text = ""
+    reason: Text = ""  # for people
+
+
 def _line(method: str, duration: float | None, what: str, digest: str) -> str:
     return f"{method}: {duration or 0.0:g} s {what}, hash {digest[:12]}"
