@@ -7,7 +7,7 @@ import pytest
 
 from flexslew_control.law import ActiveLaw
 from flexslew_control.plan import Plan
-from flexslew_control.planning import Beginning, Planning, PlanRequest, plan_request
+from flexslew_control.planning import Planning, PlanRequest, StartOfPlan, plan_request
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import Cause, Refusal
 
@@ -16,7 +16,7 @@ OWN = "docs/examples/my_shaper.py:Shaper"
 
 
 def test_a_request_that_can_be_used_is_completed_by_what_is_known_of_its_start() -> None:
-    there = Beginning({"base_yaw": 0.1}, ActiveLaw("lqr", {}))
+    there = StartOfPlan({"base_yaw": 0.1}, ActiveLaw("lqr", {}))
     made = plan_request(GOAL, "", 0.01, [150.0], lambda start: there)
     assert made == PlanRequest({"method": "none"}, "", 0.01, (150.0,), 0.0, there)
 
@@ -64,7 +64,7 @@ def outcome(planning: Planning, section: str, **begins: float) -> Plan | Refusal
     """Return what comes of a request, with the reference at these positions."""
     trust = Trust(frozenset({OWN}))
     request = plan_request(
-        section, "", 0.01, [150.0, 150.0], lambda start: Beginning(begins), trust
+        section, "", 0.01, [150.0, 150.0], lambda start: StartOfPlan(begins), trust
     )
     assert isinstance(request, PlanRequest)
     planning.ask(request)
@@ -95,8 +95,8 @@ def test_a_plan_in_flight_begins_where_the_reference_is(planning: Planning, meth
 
 
 def test_a_start_with_a_unit_begins_where_the_reference_is_then() -> None:
-    def beginning(start: float) -> Beginning:
-        return Beginning({"base_yaw": start})
+    def beginning(start: float) -> StartOfPlan:
+        return StartOfPlan({"base_yaw": start})
 
     for start in ("6 s", "0.1 min", 6):
         made = plan_request({"method": "none", "start": start}, "", 0.01, [150.0], beginning)

@@ -26,6 +26,7 @@ from flexslew_plant.settings import plain, validated
 from flexslew_plant.yaml_data import load_yaml
 
 PLANNED_FOR = "planned_for"  # key of a plan's summary
+_SMALL, _SHARE = 1e-4, 0.1  # swing that is not reported: [m], and of the prediction [-]
 _PREDICTED = "predicted_residual_tip_deflection"  # a plan without it depends on no law
 # after which no switch of an earlier tick is still to come
 _DECIDED = (Switched, SwitchRefused, FallbackTookOver, BrakeTookOver, BrakeLatched)
@@ -260,5 +261,26 @@ def with_law(plan: Plan, at: LawAt | None, later: Sequence[DueSwitch] = ()) -> P
             f"{first.controller} takes over at {first.tick * plan.period:g} s, before the plan "
             f"ends at {plan.end:g} s: plan and prediction are for {at.words}"
         )
-        summary["warning"] = "; ".join(filter(None, (plan.summary.get("warning"), words)))
+        summary["warning"] = _also(plan, words)
     return replace(plan, summary=summary)
+
+
+def with_swing(plan: Plan, swing: float) -> Plan:
+    """Return the plan with a warning of the tips' swing before it, if that is not small beside it.
+
+    Args:
+        plan: that is predicted from rest.
+        swing: largest deflection of a tip while the plan was made [m].
+    """
+    promised = plan.summary.get(_PREDICTED)
+    if promised is None or swing <= _SMALL + _SHARE * promised:
+        return plan
+    words = (
+        f"the tips swing by {swing:.3g} m before the plan begins: as much may be left, which the "
+        f"prediction of {promised:.3g} m from rest does not contain"
+    )
+    return replace(plan, summary={**plan.summary, "warning": _also(plan, words)})
+
+
+def _also(plan: Plan, words: str) -> str:
+    return "; ".join(filter(None, (plan.summary.get("warning"), words)))

@@ -18,19 +18,19 @@ from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.keys.units import number_in
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Cause, Refusal
-from flexslew_plant.testbeds import default_testbed, varied
+from flexslew_plant.testbeds import default_testbed, starts_moving, varied
 from flexslew_plant.yaml_data import load_yaml
 
 MOST_TICKS = 1_000_000  # of a manoeuvre
 
 
-class Beginning(NamedTuple):
+class StartOfPlan(NamedTuple):
     """The bench at the start of a plan, as far as it is known beforehand."""
 
     rest: Mapping[str, float] | None = None  # references by joint; None: those of the testbed
     law: ActiveLaw | None = None  # of the controller that is active then; None: not known
 
-    def same(self, other: "Beginning") -> bool:
+    def same(self, other: "StartOfPlan") -> bool:
         """Return whether a plan for the other one is a plan for this one."""
         return (self.rest, self.law) == (other.rest, other.law)
 
@@ -43,7 +43,7 @@ class PlanRequest(NamedTuple):
     period: float  # one tick of the bench [s]
     effort_limit: tuple[float, ...]  # of the drives, one per actuator [N m or N]
     start: float = 0.0  # of the plan [s]
-    beginning: Beginning = Beginning()
+    beginning: StartOfPlan = StartOfPlan()
     trust: Trust = NO_CODE  # which classes of the user's own may be loaded
 
 
@@ -120,7 +120,7 @@ def plan_request(
     bench: str,
     period: float,
     effort_limit: Sequence[float],
-    beginning: Callable[[float], Beginning] = lambda start: Beginning(),
+    beginning: Callable[[float], StartOfPlan] = lambda start: StartOfPlan(),
     trust: Trust = NO_CODE,
 ) -> PlanRequest | Refusal:
     """Return what a client asks for, or why its numbers or its YAML cannot be used.
@@ -189,6 +189,9 @@ def _from_there(
 
     A section that says nothing of it, as one of the user's own may, begins where the bench does.
     """
+    if starts_moving(plant.testbed):  # those rates were at tick 0
+        at_rest = replace(plant.testbed, initial=type(plant.testbed.initial)(**begins))
+        plant = replace(plant, testbed=at_rest)
     if not hasattr(settings, "initial"):
         testbed = varied(plant.testbed, {"initial": begins}, "plan", plant.trust)
         return settings, replace(plant, testbed=testbed)

@@ -12,13 +12,14 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.motors import Matrices, at_once, give, matrices
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds import Model
+from flexslew_plant.testbeds import Model, initial_state
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
 
 WATCHED = 40.0  # after the end of the plan, at least [s]
 MOST_WATCHED = 20_000  # ticks, where they are longer than that
 _PERIODS = 1.25  # of the slowest swing, in which softer models show their largest deflection, too
 _SWINGS = 0.1  # sine of the least angle of a pole from the real axis that swings
+_ALLOWED, _NOTHING = 0.1, 1e-5  # more than from rest, of that [-] and beyond it [m]
 _RIGID = 1e-7  # of the fastest pole: slower ones are zero but for rounding
 
 
@@ -44,32 +45,38 @@ def watched(poles: NDArray[np.complex128], period: float) -> float:
     return max(WATCHED, min(float(longest.max(initial=0.0)), MOST_WATCHED * period))
 
 
-def predicted(plan: Plan, slew: Slew) -> Prediction:
-    """Return the residuals of a plan that is flown on the model that its planner believes in.
+def predicted(plan: Plan, slew: Slew, moving: bool = False) -> Prediction:
+    """Return the residuals of a plan that is flown on the planner's model.
 
     The feedback is the PD that the planner counts with, about the plan, held over every tick
     together with the feedforward and limited by the drives, as on the bench.
 
     Args:
         plan: on the ticks of the bench.
-        slew: what was asked for.
+        slew: that was requested.
+        moving: whether the flight begins at tick 0 with the motion of the testbed's `initial`, and
+            holds the first reference until the plan begins; else it begins at rest with the plan.
     """
-    model = slew.model
+    model, before = slew.model, 0
+    start = np.concatenate((model.rest(slew.named(slew.start)), np.zeros(model.coordinates)))
+    if moving:
+        model, before = slew.testbed.model(), plan.first_tick
+        start[model.positions :] = initial_state(slew.testbed)[model.positions :]
     about = model.linearise(model.rest(slew.named(slew.goal))).with_feedback(slew.kp, slew.kd)
     after = int(np.ceil(watched(about.eigenvalues, plan.period) / plan.period))
     last = int(np.ceil(plan.duration / plan.period - 1e-9))
 
-    def held(rows: Matrix, end: Vector) -> Matrix:
-        return np.vstack((rows, np.tile(end, (after, 1))))
+    def held(rows: Matrix, end: Vector, begin: Vector) -> Matrix:
+        return np.vstack((np.tile(begin, (before, 1)), rows, np.tile(end, (after, 1))))
 
     rest = np.zeros(model.joints)
     path = _kernel()(
         model.integrate,
         model.packed,
-        np.concatenate((model.rest(slew.named(slew.start)), np.zeros(model.coordinates))),
-        held(plan.position[:-1], plan.position[-1]),
-        held(plan.velocity[:-1], rest),
-        held(plan.effort, rest),
+        start,
+        held(plan.position[:-1], plan.position[-1], plan.position[0]),
+        held(plan.velocity[:-1], rest, rest),
+        held(plan.effort, rest, rest),
         slew.kp,
         slew.kd,
         slew.effort_limit,
@@ -78,10 +85,22 @@ def predicted(plan: Plan, slew: Slew) -> Prediction:
         model.coordinates,
         model.before_modes,
     )
+    last += before
     tips = np.abs(path[:, model.joints : model.coordinates] @ model.appendages.tip.T)
     away = np.abs(path[last:, : model.joints] - plan.position[-1])
     left, peak = (float(part.max(initial=0.0)) for part in (tips[last:], tips))
     return Prediction(left, away.max(axis=0), peak)
+
+
+def swing(from_rest: Prediction, moving: Prediction) -> str:
+    """Return a warning of what the motion before a plan leaves, or "" where that is nothing."""
+    left, alone = moving.tip_deflection, from_rest.tip_deflection
+    if left <= (1.0 + _ALLOWED) * alone + _NOTHING:
+        return ""
+    return (
+        f"the bench moves before the plan begins: {left:.3g} m is left at the tips, {alone:.3g} m "
+        "from rest; damp the swing first, by the law or by a later start"
+    )
 
 
 def open_loop(model: Model, start: Vector, effort: Matrix, period: float) -> Matrix:

@@ -21,7 +21,7 @@ from flexslew_control.planners.attitude.one_axis import (
 from flexslew_control.planners.held_efforts import exact_on_ticks, joints_at_rest, missed
 from flexslew_control.planners.motors import Matrices, matrices
 from flexslew_control.planners.one_way import shared_out
-from flexslew_control.planners.prediction import Prediction, predicted
+from flexslew_control.planners.prediction import Prediction, predicted, swing
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.remedies import PlanFunction, enough_time, require_holding
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, known_motors, slew_of
@@ -39,6 +39,7 @@ from flexslew_control.planners.whole_bench import (
 )
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import starts_moving
 
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
 _EXACT_RIGID = 1e-9  # the same of a rigid body, away from its goal [rad or m]
@@ -46,6 +47,7 @@ _MISSED = 1e-6  # what nominal joints may lack of rest at the goal [rad or m, an
 RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
 MOST_MODES = 4  # frequencies that are tried for one that is enough
 _SLOWER = 4  # turns tried with less torque about the eigenaxis
+_ROUNDING = 1e-9  # of a drive's limit
 
 # of a flight of a plan on the bench
 _DIVERGES = (
@@ -72,6 +74,8 @@ class Slewing:
         late_motors: whether lag and delay of the motors are counted with.
         with_feedback: whether a plan as a whole depends on kp and kd of the joints that fly it.
         predicts: whether a plan says what it leaves where the law in charge flies it.
+        most: returns the share of every drive's limit that a section may use about the eigenaxis,
+            whatever torques across it the turn needs [-]; None: all of it.
     """
 
     plan: PlanFunction
@@ -83,6 +87,7 @@ class Slewing:
     late_motors: bool = False
     with_feedback: bool = False
     predicts: bool = True
+    most: Callable[[Any], float] | None = None
 
     def __call__(
         self,
@@ -118,7 +123,7 @@ class Slewing:
             if isinstance(error, TooMuchTorque):
                 raise PlanFailed(f"{error}; {enough_time(self.plan, settings, slew)}") from None
             raise PlanFailed(str(error)) from None
-        if turns(plant):  # nothing is promised of a step, and the slew's model is not the bench's
+        if turns(plant):  # a step has no prediction, and the slew's model is not the bench's
             return replace(plan, request=self._complete(settings, slew))
         on_model = predicted(plan, slew)
         exact = self.exact is not None and self.exact(settings)
@@ -129,8 +134,11 @@ class Slewing:
             if missed(plan, slew) > _MISSED:
                 plan = joints_at_rest(plan, slew)
             on_model = predicted(plan, slew)
+        from_rest = on_model
+        if starts_moving(slew.testbed):
+            on_model = predicted(plan, slew, moving=True)
         figures = {
-            **self._ringing(settings, on_model),
+            **self._ringing(settings, from_rest, swing(from_rest, on_model)),
             "believes": slew.beliefs,
             "predicted_residual_tip_deflection": on_model.tip_deflection,
             "predicted_residual_attitude_error": slew.named(on_model.attitude_error),
@@ -157,13 +165,18 @@ class Slewing:
             return None
         return flown_on_bench(plan, plant, flies, motors=self._motors(plant))
 
-    def _ringing(self, settings: Any, found: Prediction) -> dict[str, Any]:
-        """Return a warning of tips that swing on, where a section does not say so itself."""
-        rings = self.rings(settings) if self.rings is not None else ""
-        if not rings or found.tip_deflection <= RINGING * found.peak:
-            return {}
-        left = found.tip_deflection
-        return {"warning": f"the tip vibrates by {left:.3g} m after the end: {rings}"}
+    def _ringing(self, settings: Any, found: Prediction, more: str = "") -> dict[str, Any]:
+        """Return a warning of tips that vibrate on, where a section does not say so itself.
+
+        Args:
+            settings: the section.
+            found: the prediction from rest.
+            more: another warning; empty: none.
+        """
+        rings, left = self.rings(settings) if self.rings is not None else "", found.tip_deflection
+        words = f"the tip vibrates by {left:.3g} m after the end: {rings}"
+        parts = ([words] if rings and left > RINGING * found.peak else []) + [more] * bool(more)
+        return {"warning": "; ".join(parts)} if parts else {}
 
     def _flown_by(
         self, law: ActiveLaw, plan: Plan, settings: Any, slew: Slew, plant: PlantDescription
@@ -175,7 +188,7 @@ class Slewing:
         """
         if counted_with(law, slew) and not turns(plant):
             return plan
-        model = None if turns(plant) else slew.testbed.model()  # flown_on_bench counts from tick 0
+        model = None if turns(plant) else slew.testbed
         given = self._motors(plant)
         found = flown_on_bench(plan, plant, law, model, given)
         if found is None:
@@ -297,16 +310,16 @@ class Slewing:
             BadInput: see shared_out.
             TooMuchTorque: a drive has not what another axis needs, however slow the turn.
         """
-        share = 1.0
+        share, most = 1.0, 1.0 if self.most is None else self.most(settings)
         for _ in range(_SLOWER):
             turn = reduced(settings, plant, feedback, share)
             own = replace(self, rings=None)(  # whether it rings, the whole bench tells
                 turn.settings, turn.plant, turn.feedback, progress
             )
             plan, used = shared_out(turn.embedded(own), plant, law)
-            if isinstance(turn, OneAxis) or used <= 1.0:
+            if isinstance(turn, OneAxis) or used <= most * (1.0 + _ROUNDING):
                 return plan
-            share *= 0.99 / used
+            share *= 0.99 * most / used
         raise TooMuchTorque(
             f"about the eigenaxis a drive needs {used:.3g} times its limit; use a longer duration"
         )

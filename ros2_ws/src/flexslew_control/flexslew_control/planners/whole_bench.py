@@ -20,7 +20,7 @@ from flexslew_plant.arrays import Vector, kept
 from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.sensors import exact_readings, exact_sensors
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds import Testbed, initial_state, starts_moving
 
 _NAME = "in_charge"  # of the controller
 NOTHING = 1e-5  # residual of the tips that counts as none [m]
@@ -140,44 +140,49 @@ def flown_on_bench(
     plan: Plan,
     plant: PlantDescription,
     law: ActiveLaw,
-    model: Model | None = None,
+    testbed: Testbed | None = None,
     motors: Matrices | None = None,
 ) -> Prediction | None:
     """Return the residuals of a plan that a law flies; None: it cannot fly it, or not twice.
 
     The law's own controller flies it in this process, with motors and sensors without errors but
-    delays and gaps. It is in charge from the start on, at rest where the plan begins.
+    delays and gaps. It is active from the plan's start on, at rest where the plan begins; where the
+    testbed's `initial` has rates, from tick 0 on with these.
 
     Args:
         plan: for all joints of the bench.
         plant: what stands on the bench, and what the law is designed for.
         law: of the controller in charge.
-        model: that is flown, in the bench's time; None: the bench's.
+        testbed: that is flown, in the bench's time; None: the bench's.
         motors: from commands to efforts; None: they give at once what is commanded.
     """
     try:
         controller = build_controller(_NAME, law.law, dict(law.settings), plant, "plan")
     except BadInput:  # who builds the controllers says why
         return None
-    if controller.adopt(replace(plan, start=0.0)) or controller.reason:
+    stands = plant.testbed if testbed is None else testbed
+    before = plan.first_tick if starts_moving(stands) else 0
+    if controller.adopt(replace(plan, start=before * plan.period)) or controller.reason:
         return None
     if getattr(controller.law, "flight_only", False):
         return None
-    model = plant.testbed.model() if model is None else model
+    model = stands.model()
     names, limit, tip = plant.joint_names, plant.effort_limit, model.appendages.tip
     least = -limit
     least[list(model.one_way)] = 0.0
     rest = model.rest(dict(zip(names, plan.position[0].tolist(), strict=True)))
     x = np.concatenate((rest, np.zeros(model.coordinates)))
+    if starts_moving(stands):
+        x[model.positions :] = initial_state(stands)[model.positions :]
     sensors = exact_sensors(model, plan.period)
-    last = int(np.ceil(plan.duration / plan.period - 1e-9))
+    last = before + int(np.ceil(plan.duration / plan.period - 1e-9))
     effort = np.zeros(limit.size)
     motors = motors or at_once(limit.size)
     late = np.zeros(len(motors[0]))
     swing, peak, away = 0.0, 0.0, np.zeros(len(names))
-    driven, after, grown, k = max(len(plan.effort), last), WATCHED / plan.period, 0, -1
+    driven, after, grown, k = max(before + len(plan.effort), last), WATCHED / plan.period, 0, -1
     while (k := k + 1) <= driven + np.ceil(after):
-        now = plan.start + k * plan.period
+        now = plan.start + (k - before) * plan.period
         seen = sensors.read(exact_readings(model, x, effort, now), x)
         deflected = _largest(tip @ model.modal_state(x)[0])
         peak = max(peak, deflected)

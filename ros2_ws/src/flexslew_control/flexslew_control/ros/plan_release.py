@@ -12,7 +12,7 @@ from flexslew_control.law import ActiveLaw, described
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planned_course import PATIENCE, PlannedCourse
-from flexslew_control.planning import Beginning
+from flexslew_control.planning import StartOfPlan
 from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_control.ros.controller_answers import ControllerAnswers
 from flexslew_control.ros.plan_offers import PlanOffers
@@ -231,13 +231,13 @@ class PlanRelease:
         self._course.begin_epoch(self.clock.epoch)
         return self._course
 
-    def _beginning(self, start: float) -> Beginning:
+    def _beginning(self, start: float) -> StartOfPlan:
         """Return what is known of the bench at a simulated time [s]."""
         if self._course is None:
-            return Beginning()
+            return StartOfPlan()
         at = self.laws.at(round(start / self.requests.testbed.period))
         rest = self._here.rest_at(start, self.clock.now())
-        return Beginning(rest or None, at and at.law)
+        return StartOfPlan(rest or None, at and at.law)
 
     def _begin_again(self) -> None:
         """Tell the plan of tick 0 again: a newcomer of the flight that is over heard the latest."""

@@ -7,7 +7,7 @@ from typing import Any
 from flexslew_msgs import msg
 from rclpy.node import Node
 
-from flexslew_control.planning import Beginning, PlanRequest, plan_request
+from flexslew_control.planning import PlanRequest, StartOfPlan, plan_request
 from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
@@ -36,7 +36,7 @@ class PlanRequests:
         self,
         clock: BenchClock,
         trust: Trust,
-        beginning: Callable[[float], Beginning],
+        beginning: Callable[[float], StartOfPlan],
     ) -> None:
         self._clock, self._trust, self._beginning = clock, trust, beginning
         self._believed: dict[str, Any] | None = None  # a testbed's section; None: as each request

@@ -1,28 +1,24 @@
-"""The `planner` node: plans on request and what its parameters ask for.
+"""The `planner` node: plans for its actions, for trajectories and for its own parameters.
 
-The action `plan_slew` publishes its plan, `draft_plan` keeps it until somebody decides, and what
-is heard on `joint_trajectory` is published as a plan, as is a goal of `follow_joint_trajectory`.
+See plan_actions. A trajectory of `joint_trajectory` is published as a plan, as is a goal of
+`follow_joint_trajectory`.
 """
 
-from collections.abc import Callable
 from functools import partial
 from math import inf
 from pathlib import Path
 from time import monotonic
 
-from flexslew_msgs import action, msg
-from rclpy.action import ActionServer, CancelResponse
-from rclpy.action.server import ServerGoalHandle
-from rclpy.task import Future
+from flexslew_msgs import msg
 
-from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planned_course import PATIENCE
 from flexslew_control.ros.follow_trajectory import follow_trajectory
+from flexslew_control.ros.plan_actions import PlanActions
 from flexslew_control.ros.plan_job import Outcome, PlanJob
 from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_control.ros.plan_requests import MODEL
-from flexslew_control.ros.plan_result import BUSY, failure, plan_result
+from flexslew_control.ros.plan_result import failure
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_control.ros.trajectory_requests import TrajectoryRequests
 from flexslew_plant.graph import topics
@@ -57,19 +53,7 @@ class Planner:
         self._trajectories = TrajectoryRequests(node, self._job, self._release)
         self._following = follow_trajectory(node, loop, self._job, self._release)
         self._watch = PlantWatch(loop, node, testbed, alive.presence, s.exit_with_plant)
-        self._servers = [
-            ActionServer(
-                node,
-                action.PlanSlew,
-                name,
-                partial(self._execute, hand_over, hand_over == self._release.publish),
-                cancel_callback=lambda _: CancelResponse.ACCEPT,
-            )
-            for name, hand_over in (
-                (topics.PLAN_SLEW, self._release.publish),
-                (topics.DRAFT_PLAN, self._release.keep),
-            )
-        ]
+        self._actions = PlanActions(node, loop, self._job, self._release)
 
     def poll(self) -> float:
         """Look for the plant and for plans; return the wall seconds until the next look."""
@@ -117,8 +101,7 @@ class Planner:
 
     def leave(self) -> None:
         """End the actions."""
-        for server in self._servers:
-            server.destroy()
+        self._actions.leave()
         if self._following is not None:
             self._following.leave()
 
@@ -146,31 +129,6 @@ class Planner:
             self._plan_by = inf
             own = partial(self._release.requests.own_request, self._settings.plan)
             self._job.ask(own, self._own_plan)
-
-    async def _execute(
-        self, hand_over: Callable[[Plan, str], msg.Plan], flown: bool, goal: ServerGoalHandle
-    ) -> action.PlanSlew.Result:
-        outcome = await self._outcome(goal)
-        if not isinstance(outcome, Plan):
-            return plan_result(goal, outcome, None)
-        plan = hand_over(outcome, goal.request.who)
-        answered = await self._release.answers.awaited(plan.hash) if flown else None
-        return plan_result(goal, outcome, plan, answered)
-
-    async def _outcome(self, goal: ServerGoalHandle) -> Outcome:
-        """Return what comes of a goal."""
-        request, requests = goal.request, self._release.requests
-        if self._job.busy:
-            return BUSY
-        flight = self._release.flight
-        done: Future = self.loop.future()
-        self._job.ask(
-            partial(requests.request, request.request, request.period, request.effort_limit),
-            done.set_result,
-            goal,
-            partial(self._release.late, flight),
-        )
-        return self._release.checked(await done, flight)
 
 
 def main() -> None:

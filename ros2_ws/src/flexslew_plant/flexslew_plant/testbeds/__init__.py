@@ -39,6 +39,7 @@ from flexslew_plant.testbeds.start import initial_positions as initial_positions
 from flexslew_plant.testbeds.start import initial_state as initial_state
 from flexslew_plant.testbeds.start import initial_states as initial_states
 from flexslew_plant.testbeds.start import joints_together as joints_together
+from flexslew_plant.testbeds.start import starts_moving as starts_moving
 
 # isort: split
 # the testbeds, a line each

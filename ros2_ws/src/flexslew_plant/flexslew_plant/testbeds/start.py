@@ -116,6 +116,11 @@ def _rest_of_numbers(testbed: Testbed, model: Model) -> Any:
     return testbed.initial, model.joint_names, model.positions, model.coordinates
 
 
+def starts_moving(testbed: Testbed) -> bool:
+    """Return whether a testbed has rates at the start."""
+    return _starts_moving(testbed) and bool(testbed.initial_rates().any())
+
+
 def _starts_moving(testbed: Any) -> TypeGuard[StartsMoving]:
     kind: Any = type(testbed)
     return implements(kind, StartsMoving)

@@ -170,8 +170,8 @@ def _statement(best: Fastest) -> str:
         return f"{of} on {best.durations.size} pieces, a local optimum"
     edges = counted(best.durations.size - 1, "switch", "switches")
     if best.violation <= _ALLOWED:
-        return f"{of}, extremal with {edges}: Pontryagin's condition holds"
+        return f"{of}, extremal with {edges}: Pontryagin's condition holds; a local optimum"
     return (
-        f"{of} with {edges}; a switching function has the wrong sign by "
+        f"{of}, a local optimum with {edges}; a switching function has the wrong sign by "
         f"{100.0 * best.violation:.2g} % of its largest value"
     )

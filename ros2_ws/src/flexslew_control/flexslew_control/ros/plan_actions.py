@@ -1,0 +1,80 @@
+"""The actions `plan_slew`, which publishes its plan, and `draft_plan`, which keeps a draft."""
+
+from collections.abc import Callable
+from functools import partial
+
+from flexslew_msgs import action, msg
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from rclpy.task import Future
+
+from flexslew_control.active_laws import with_swing
+from flexslew_control.plan import Plan
+from flexslew_control.ros.plan_job import Outcome, PlanJob
+from flexslew_control.ros.plan_release import PlanRelease
+from flexslew_control.ros.plan_result import BUSY, plan_result
+from flexslew_control.ros.swing_watch import SwingWatch
+from flexslew_plant.graph import topics
+from flexslew_plant.ros.loop import Loop
+
+
+class PlanActions:
+    """Makes a plan for a goal, and answers it.
+
+    Args:
+        node: of the planner.
+        loop: that serves it.
+        job: that plans.
+        release: that publishes or keeps plans.
+    """
+
+    def __init__(self, node: Node, loop: Loop, job: PlanJob, release: PlanRelease) -> None:
+        self._node, self._loop, self._job, self._release = node, loop, job, release
+        self._servers = [
+            ActionServer(
+                node,
+                action.PlanSlew,
+                name,
+                partial(self._execute, hand_over, hand_over == release.publish),
+                cancel_callback=lambda _: CancelResponse.ACCEPT,
+            )
+            for name, hand_over in (
+                (topics.PLAN_SLEW, release.publish),
+                (topics.DRAFT_PLAN, release.keep),
+            )
+        ]
+
+    def leave(self) -> None:
+        """End the actions."""
+        for server in self._servers:
+            server.destroy()
+
+    async def _execute(
+        self, hand_over: Callable[[Plan, str], msg.Plan], flown: bool, goal: ServerGoalHandle
+    ) -> action.PlanSlew.Result:
+        outcome = await self._outcome(goal)
+        if not isinstance(outcome, Plan):
+            return plan_result(goal, outcome, None)
+        plan = hand_over(outcome, goal.request.who)
+        answered = await self._release.answers.awaited(plan.hash) if flown else None
+        return plan_result(goal, outcome, plan, answered)
+
+    async def _outcome(self, goal: ServerGoalHandle) -> Outcome:
+        """Return the plan of a goal, or why there is none."""
+        request, requests = goal.request, self._release.requests
+        if self._job.busy:
+            return BUSY
+        flight = self._release.flight
+        done: Future = self._loop.future()
+        self._job.ask(
+            partial(requests.request, request.request, request.period, request.effort_limit),
+            done.set_result,
+            goal,
+            partial(self._release.late, flight),
+        )
+        watch = SwingWatch(self._node) if flight is not None else None
+        outcome = await done
+        swing = watch.end() if watch is not None else 0.0
+        checked = self._release.checked(outcome, flight)
+        return with_swing(checked, swing) if isinstance(checked, Plan) else checked

@@ -1,0 +1,75 @@
+"""A plan in flight is made for the law that is active at its start, and every goal is answered."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flexslew_msgs.action import PlanSlew
+from flexslew_msgs.srv import Tune
+from rclpy.action import ActionClient
+from std_srvs.srv import Trigger
+
+from flexslew_lab.run.processes import NodeProcess
+from flexslew_plant.yaml_data import load_yaml
+
+from .bystander import Bystander, beside
+from .flight import Flight, slew
+
+SLEW = (
+    "{method: optimized_feedforward, goal: {base_yaw: 0.9, hub_pitch: 0.45}, track: reference, "
+    "duration: 25.0, start: %.2f}"
+)
+
+
+def asked(bench: Bystander, request: str) -> Any:
+    """Return the future of a goal's result."""
+    client = ActionClient(bench.node, PlanSlew, "plan_slew")
+    bench.until(client.server_is_ready)
+    goal = client.send_goal_async(PlanSlew.Goal(request=request))
+    bench.until(goal.done)
+    return goal.result().get_result_async()
+
+
+def by_hand(process: NodeProcess) -> NodeProcess:
+    """Start the planner without the law of the trial."""
+    own = {k: v for k, v in process.parameters.items() if not k.startswith("law")}
+    return process._replace(parameters=own if process.name == "planner" else process.parameters)
+
+
+def test_a_slew_after_a_tune_leaves_what_its_plan_promises(tmp_path: Path) -> None:
+    """Planned for the gains of the planner's start it left 1.957 m, with 0.0038 m promised."""
+    seen: dict[str, Any] = {}
+
+    def operate(pids: dict[str, int], domain: int) -> None:
+        with beside(domain) as bench:
+            assert bench.ask(Trigger, "pause").success
+            tuned = bench.ask(Tune, "pd_feedforward/tune", settings="{kp: [60.0], kd: [300.0]}")
+            assert tuned.ok, tuned.message
+            start = 0.01 * (bench.tick + 1000)
+            for name, at in (("late", 0.5), ("beyond", 200.0), ("planned", start)):
+                future = asked(bench, SLEW % at)
+                bench.until(future.done)
+                seen[name] = future.result().result
+            seen["start"] = start
+            assert bench.ask(Trigger, "start").success
+            last = asked(bench, "{method: minimax_feedforward, duration: 20.0, start: 149.9}")
+            bench.until(last.done)
+            seen["last"] = last.result().result
+
+    still = slew(150.0)  # a slew that leaves the tips at rest
+    still = replace(still, plan=replace(still.plan, goal={"base_yaw": 1e-6}))
+    trial = replace(still, goal_tolerance=10.0)
+    flight = Flight(trial, tmp_path, 100, operate, change=by_hand)
+    assert flight.outcome == (0, ""), flight.log
+    for name in ("late", "beyond", "last"):
+        assert seen[name].error_code != PlanSlew.Result.DONE
+    assert seen["late"].message.startswith("the plan starts at 0.5 s, the bench is at ")
+    assert seen["beyond"].message.startswith("the plan starts at 200 s, the run ends at 150 s")
+    plan = seen["planned"]
+    assert plan.error_code == PlanSlew.Result.DONE, plan.message
+    assert "planned for pd_feedforward (kd [300.0], kp [60.0])" in plan.message
+    promised = load_yaml(plan.plan.summary, "summary")["predicted_residual_tip_deflection"]
+    left = flight.metrics["residual_tip_deflection"]
+    assert left == pytest.approx(promised, rel=0.02)
+    assert left < 0.02
