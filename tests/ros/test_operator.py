@@ -38,8 +38,8 @@ from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 from tests.present import present
 
-# not heard by those who talk past DDS, or without a goal of follow_joint_trajectory
-NOT_ALWAYS = {"/measurement", "/effort_command", "/joint_states"}
+# not heard by those who talk past DDS, or without a goal of follow_joint_trajectory or plan_slew
+NOT_ALWAYS = {"/measurement", "/effort_command", "/joint_states", "/appendage_states"}
 WAIT = 200.0  # on a busy machine, which may have to compile first
 PATIENT = f"""
 from flexslew_lab.cli import main, operate
@@ -232,7 +232,9 @@ def test_the_planner_reports_every_iteration_and_publishes_the_plan(operator: Op
     assert refused.message.startswith("the plan starts at 0 s, the bench is at ")
     result, heard = operator.plan(request + ", start: 6000}")
     assert result.error_code == result.DONE, result.message
-    assert result.message == "taken by pd_feedforward, second"
+    taken, planned = result.message.split("; ")[:2]
+    assert taken == "taken by pd_feedforward, second"
+    assert planned.startswith("planned for pd_feedforward (")
     assert [f.iteration for f in heard] == list(range(1, len(heard) + 1))
     assert heard[-1].norm_terminal_error < 1e-6
     assert len(result.plan.hash) == 64
