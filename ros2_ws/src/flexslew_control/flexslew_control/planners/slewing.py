@@ -47,7 +47,6 @@ _MISSED = 1e-6  # what nominal joints may lack of rest at the goal [rad or m, an
 RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
 MOST_MODES = 4  # frequencies that are tried for one that is enough
 _SLOWER = 4  # turns tried with less torque about the eigenaxis
-_ROUNDING = 1e-9  # of a drive's limit
 
 # of a flight of a plan on the bench
 _DIVERGES = (
@@ -74,8 +73,6 @@ class Slewing:
         late_motors: whether lag and delay of the motors are counted with.
         with_feedback: whether a plan as a whole depends on kp and kd of the joints that fly it.
         predicts: whether a plan says what it leaves where the law in charge flies it.
-        most: returns the share of every drive's limit that a section may use about the eigenaxis,
-            whatever torques across it the turn needs [-]; None: all of it.
     """
 
     plan: PlanFunction
@@ -87,7 +84,6 @@ class Slewing:
     late_motors: bool = False
     with_feedback: bool = False
     predicts: bool = True
-    most: Callable[[Any], float] | None = None
 
     def __call__(
         self,
@@ -310,16 +306,16 @@ class Slewing:
             BadInput: see shared_out.
             TooMuchTorque: a drive has not what another axis needs, however slow the turn.
         """
-        share, most = 1.0, 1.0 if self.most is None else self.most(settings)
+        share = 1.0
         for _ in range(_SLOWER):
             turn = reduced(settings, plant, feedback, share)
             own = replace(self, rings=None)(  # whether it rings, the whole bench tells
                 turn.settings, turn.plant, turn.feedback, progress
             )
             plan, used = shared_out(turn.embedded(own), plant, law)
-            if isinstance(turn, OneAxis) or used <= most * (1.0 + _ROUNDING):
+            if isinstance(turn, OneAxis) or used <= 1.0:
                 return plan
-            share *= 0.99 * most / used
+            share *= 0.99 / used
         raise TooMuchTorque(
             f"about the eigenaxis a drive needs {used:.3g} times its limit; use a longer duration"
         )
