@@ -13,7 +13,7 @@ OSCILLATOR, CRAFT = "time_optimal_oscillator", "own_spacecraft"
     ("name", "changes", "told"),
     [
         (OSCILLATOR, [], True),
-        (OSCILLATOR, ["testbed.initial.free_mass_rate=0.05"], False),
+        (OSCILLATOR, ["testbed.initial.free_mass_rate=0.05"], True),
         (OSCILLATOR, ["sensors.joint_position.noise=0.001"], False),
         (OSCILLATOR, ["actuator.lag=0.01"], False),
         (OSCILLATOR, ["schedule=[{at: 1.0, until: 2.0, disturbance: {mass: 0.1}}]"], False),
