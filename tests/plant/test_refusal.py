@@ -2,8 +2,9 @@ import pickle
 
 import pytest
 
-from flexslew_plant.errors import BadInput
-from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.errors import BadInput, FlexslewError
+from flexslew_plant.own_code import LAWS, NO_CODE, Untrusted, find_class
+from flexslew_plant.refusal import Cause, Refusal, one_line
 
 
 @pytest.mark.parametrize(
@@ -53,3 +54,24 @@ def test_a_refusal_says_the_same_in_another_process() -> None:
 
 def test_a_sentence_alone_is_a_refusal_too() -> None:
     assert BadInput("a.yaml: is no file").refusal == Refusal("a.yaml: is no file")
+
+
+@pytest.mark.parametrize("text", ["x" * 10_000_000, "x " * 5_000_000, "\n" * 10_000_000])
+def test_a_long_value_makes_no_long_message(text: str) -> None:
+    for error in (
+        BadInput(f"{text} is not a law; allowed: lqr", "trial.yaml", "law"),
+        BadInput("a name", "trial.yaml", "law", text),
+        BadInput("a name", text, "law"),
+        BadInput("a name", "trial.yaml", text, 1),
+        FlexslewError(f"{text} is not here"),
+    ):
+        assert len(str(error)) < 4000
+    assert "allowed: lqr" in str(BadInput(f"{'x' * 10_000} is not a law; allowed: lqr"))
+    assert one_line("a word of " + "x" * 300) == "a word of " + "x" * 300
+
+
+def test_the_command_that_a_refusal_names_is_quoted_for_the_shell() -> None:
+    name = "a.py; touch X; #.py:MyLaw"
+    with pytest.raises(Untrusted) as caught:
+        find_class(name, LAWS, "law", "log", (), NO_CODE)
+    assert f"--trust '{name}'" in str(caught.value)

@@ -176,6 +176,26 @@ def test_who_loses_questions_or_draws_no_number_is_told(examine: Examine, tmp_pa
 
 
 @pytest.mark.ros
+def test_a_depth_of_one_is_found_without_an_estimator_too(examine: Examine, tmp_path: Path) -> None:
+    """And a process that does not end, whose start lies before that of every namesake."""
+    shallow = ("measurement, LOOP)", "measurement, 1)")
+    oldest = ("since=time.time_ns()", "since=0")
+    deaf = (
+        "    rclpy.init()\n",
+        "    rclpy.init()\n    signal.signal(signal.SIGTERM, signal.SIG_IGN)\n",
+    )
+    imported = ("import time\n", "import signal\nimport time\n")
+    code, wrong = examine(*of_example(tmp_path, shallow, oldest, deaf, imported), patience=30.0)
+    assert code == 1
+    assert {rule for rule, words in wrong.items() if words} == {
+        "heartbeat", "pause", "backlog", "start",
+    }  # fmt: skip
+    assert wrong["heartbeat"].startswith("its since on alive is 0, -")
+    assert "measurement is heard with a depth of 4000" in wrong["backlog"]
+    assert wrong["start"].startswith("SIGTERM has not ended its process within 5 s")
+
+
+@pytest.mark.ros
 def test_who_tells_another_number_in_its_status_is_told(examine: Examine, tmp_path: Path) -> None:
     code, wrong = examine(
         *of_example(tmp_path, ("            instance=instance,\n        )", "        )"))

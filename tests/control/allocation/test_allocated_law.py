@@ -164,6 +164,11 @@ def test_planners_count_with_joint_gains_of_the_same_torque() -> None:
         ({"kind": "wheels", "null_motion": 0.1}, {"sensors": {}}, "null_motion.*tachometer"),
         ({"kind": "wheels", "unloading": 0.1}, {"sensors": {}}, "unloading.*tachometer"),
         ({"kind": "wheels", "bias_speed": [1.0, 2.0]}, {}, "bias_speed.*give 1 or 4 numbers"),
+        ({"kind": "wheels", "bias_speed": [1.0]}, {}, "bias_speed.*no effect without null_motion"),
+        (
+            {"kind": "wheels", "null_motion": 0.1, "unloading": 0.1, "bias_speed": [9.0, 0, 0, 0]},
+            {}, r"bias_speed.*stores a momentum of \(.*the nearest bias that stores none is \[",
+        ),
         ({"kind": "wheels"}, {"platform": {"motion": "held"}, "sensors": {}}, "three axes"),
     ],
 )  # fmt: skip

@@ -17,7 +17,7 @@ def test_the_oscillator_flies_as_published() -> None:
 def test_the_planar_antenna_flies_as_published() -> None:
     rows = antennas._example_4()
     assert [row["item"] for row in rows if not row["ok"]] == []
-    assert len(rows) == 12
+    assert len(rows) == 18
 
 
 def test_the_shipped_trials_fly_as_published() -> None:

@@ -14,7 +14,8 @@ import pytest
 import flexslew as fs
 from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.cases import Case, case_of
-from flexslew_lab.studies.findings.summary import passed
+from flexslew_lab.studies.findings.summary import passed, summary
+from flexslew_lab.studies.findings.tables import missing_words
 from flexslew_lab.studies.finish import finished, fly_again, keep_worst
 from flexslew_lab.studies.flight import Flown, flown
 from flexslew_lab.studies.identity import require_same
@@ -289,6 +290,13 @@ def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) 
         run_study(ready, tmp_path / f"shard-{k}", InThisProcess(ready.job), Shard(k, 3))
     _, joined = merged([tmp_path / f"shard-{k}" for k in (3, 1, 2)], tmp_path / "joined", NO_CODE)
     assert joined.table_path.read_bytes() == whole.table_path.read_bytes()
+    assert summary(*merged([tmp_path / "shard-1"], tmp_path / "joined", NO_CODE), {})["complete"]
+    shards = [tmp_path / f"shard-{k}" for k in (1, 3)]
+    part = finished(*merged(shards, tmp_path / "part", NO_CODE))
+    assert "trials are missing" in Path(part["report"]).read_text()
+    assert not part["complete"]
+    missing = part["to_fly"] - part["trials"]
+    assert missing_words(part).startswith(f"{missing} of {part['planned']} trials are missing")
     with pytest.raises(BadInput, match="is one of the shards"):
         merged([tmp_path / "shard-1"], tmp_path / "shard-1", NO_CODE)
 

@@ -12,6 +12,7 @@ import yaml
 
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import given_text
 from flexslew_plant.yaml_data import YamlDumper, load_yaml
 
 VERSION = 1  # of the layout of the file
@@ -73,13 +74,7 @@ def load_plan(path: Path | str) -> Plan:
     Raises:
         BadInput: there is no such file, or it is no whole and unaltered plan.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-        content = load_yaml(text, str(path))
-    except OSError as error:
-        raise BadInput(f"cannot be read: {error.strerror}", path) from None
-    except UnicodeDecodeError:
-        raise BadInput("is damaged: not YAML; plan again", path) from None
+    content = load_yaml(given_text(path), str(path))
     if not isinstance(content, dict) or "flexslew_plan" not in content:
         raise BadInput("is not a plan: the key flexslew_plan is missing", path)
     if content["flexslew_plan"] != VERSION:

@@ -9,11 +9,12 @@ import hashlib
 import importlib
 import importlib.util
 import os
+import shlex
 import sys
 import traceback
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.machinery import SourceFileLoader
 from importlib.metadata import EntryPoint, entry_points
@@ -37,10 +38,18 @@ LAWS, TESTBEDS, METRICS, PLANNERS = GROUPS = (  # entry points of packages
 
 @dataclass(frozen=True)
 class Trust:
-    """Whose code may be loaded: names of classes, as they stand in files."""
+    """Whose code may be loaded, and which files may be read, by the names in trials and requests.
+
+    Attributes:
+        names: of classes, and of files where they may not be read otherwise.
+        everything: whether every name is trusted.
+        files: whether files may be read that values name; None: those that values of a person or a
+            request name, not those that a log names.
+    """
 
     names: frozenset[str] = frozenset()
     everything: bool = False
+    files: bool | None = None
 
     @classmethod
     def of(cls, names: Collection[str]) -> "Trust":
@@ -50,6 +59,18 @@ class Trust:
     def allows(self, name: str) -> bool:
         """Return whether the class of this name may be loaded."""
         return self.everything or name in self.names
+
+    def allows_file(self, path: str) -> bool:
+        """Return whether the file of this name may be read."""
+        return self.files is not False or self.allows(path)
+
+    def for_log(self) -> "Trust":
+        """Return the trust in the values of a log: by default, it names no files."""
+        return replace(self, files=bool(self.files))
+
+    def with_files(self) -> "Trust":
+        """Return the same trust after allowing the files that the values of a log name."""
+        return replace(self, files=True)
 
 
 NO_CODE, ANY_CODE = Trust(), Trust(everything=True)
@@ -68,6 +89,22 @@ class Untrusted(BadInput):
     def __init__(self, words: Refusal | str, name: str) -> None:
         super().__init__(words)
         self.name = name
+
+
+def require_file(trust: Trust, path: str, source: str) -> None:
+    """Require that the file of this name may be read.
+
+    Raises:
+        Untrusted: if it may not.
+    """
+    if not trust.allows_file(path):
+        words = f"{source}: refused to read {path:.200}, which a log names"
+        raise Untrusted(f"{words}; {allow_words(path)}", path)
+
+
+def allow_words(name: str) -> str:
+    """Return how the use of a class or a file is allowed, for the shell."""
+    return f"allow it with --trust {shlex.quote(name)}"
 
 
 def is_own_code(name: str) -> bool:
@@ -184,12 +221,12 @@ def _demand(trust: Trust, name: str, source: str) -> None:
     if path is None:
         raise Untrusted(
             f"{source}: refused to run {name} (which is not found here), which is named there; "
-            f"read the class first, then allow it with --trust {name}; a controller that was a "
+            f"read the class first, then {allow_words(name)}; a controller that was a "
             "program of its own cannot be run again",
             name,
         )
     words = f"{source}: refused to run {name} ({path.resolve()}, SHA-256 {digest}), which is named "
-    raise Untrusted(f"{words}there; read it first, then allow it with --trust {name}", name)
+    raise Untrusted(f"{words}there; read it first, then {allow_words(name)}", name)
 
 
 def module_at(path: Path) -> ModuleType:

@@ -1,5 +1,6 @@
 """Why something was not done: one record for values, requests and readiness."""
 
+import re
 from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
 from typing import Any, Final
@@ -46,6 +47,7 @@ class _Nothing(Enum):
 
 NOTHING: Final = _Nothing.NOTHING
 _LONGEST = 60  # characters of a value
+_WORD, _LINE = 300, 3000  # characters of a message
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,21 @@ NO_TESTBED = Refusal("no testbed announced yet", cause=Cause.NO_TESTBED)
 
 
 def one_line(text: str) -> str:
-    """Return a text in which what would break its line, or does not show, is escaped."""
-    return text if text.isprintable() else "".join(map(_escaped, text))
+    """Return a text in which what would break its line, or does not show, is escaped.
+
+    Words of more than 300 characters and a line of more than 3,000 are shortened in their middle.
+    """
+    if len(text) > _WORD:
+        text = _shorter(re.sub(rf"\S{{{_WORD},}}", lambda word: _shorter(word[0], _WORD), text))
+    return text if text.isprintable() else _shorter("".join(map(_escaped, text)))
+
+
+def _shorter(text: str, longest: int = _LINE) -> str:
+    """Return a text of at most this many characters, with how many are left out of its middle."""
+    left_out = len(text) - longest
+    if left_out <= 0:
+        return text
+    return f"{text[: longest // 2]}...({left_out:,} characters)...{text[-(longest // 3) :]}"
 
 
 def _escaped(letter: str) -> str:
@@ -98,5 +113,7 @@ def _escaped(letter: str) -> str:
 
 def _shown(value: Any) -> str:
     """Return a value as Python writes it, at most 60 characters of it."""
+    if isinstance(value, str | bytes):
+        value = value[: _LONGEST + 1]
     text = repr(value.tolist() if hasattr(value, "tolist") else value)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."

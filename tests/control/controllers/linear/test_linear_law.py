@@ -136,7 +136,7 @@ def test_a_damaged_file_is_refused_in_one_line_or_harmless(ending: str, tmp_path
 
 def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(pipe := tmp_path / "law.yaml")
-    with pytest.raises(BadInput, match=r"law\.yaml: is no file"):
+    with pytest.raises(BadInput, match=r"law\.yaml: cannot be read: it is no regular file"):
         with_file("linear", {"file": str(pipe)}, "here")
 
 

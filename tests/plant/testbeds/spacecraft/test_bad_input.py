@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 import yaml
 
+from flexslew_lab.trial.sources import shipped_trials
+from flexslew_lab.trial.trial import load_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds.contract import HasDoubts
 from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
 
 BOOM: dict[str, Any] = {
@@ -187,3 +190,32 @@ def test_an_appendage_that_moves_more_mass_than_it_has_is_refused(tmp_path: Path
     with pytest.raises(BadInput, match=r"appendages.sail: .* not positive definite: lowest") as e:
         read_testbed(craft(appendages={"sail": sail}, platform={"mass": 3.0}), "here")
     assert "\n" not in str(e.value)
+
+
+def test_modes_that_move_more_than_the_mass_of_a_light_appendage_are_reported(
+    tmp_path: Path,
+) -> None:
+    """Masses in tonnes on a platform that is heavy enough: nothing else contradicts them."""
+    rows = {"frequencies_hz": [0.0434470], "rotation": [[0.0], [0.0], [0.0]]}
+    inertia = np.diag([100.0, 100.0, 100.0]).tolist()
+    rigid = {"mass": 10.0, "first_moment": [0.0, 0.0, 0.0], "inertia": inertia}
+
+    def doubts(y: float, mass: float) -> tuple[str, ...]:
+        values = {**rows, "translation": [[-3.26], [y], [5.27]], "rigid": rigid | {"mass": mass}}
+        path = tmp_path / f"array_of_{mass:g}_kg.yaml"
+        path.write_text(yaml.safe_dump(values))
+        wing = {"shape": {"kind": "modal_data", "file": str(path)}}
+        bench = read_testbed(craft(appendages={"wing": wing}, platform={"mass": 1e5}), "here")
+        assert isinstance(bench, HasDoubts)
+        return bench.doubts()
+
+    (words,) = doubts(-74.14, 10.0)
+    assert "appendage wing: the effective mass of its modes along y is 5,496.74 kg" in words
+    assert "its mass is 10 kg" in words
+    assert doubts(-74.14, 5500.0) == doubts(1.0, 30.0) == ()
+
+
+def test_shipped_spacecraft_raise_no_doubts() -> None:
+    for shipped in shipped_trials():
+        bench = load_trial(shipped.path).testbed
+        assert not isinstance(bench, HasDoubts) or not bench.doubts(), shipped.name

@@ -20,6 +20,8 @@ from flexslew_plant.testbeds.contract import DriveMap, TurnedByDrives
 from flexslew_plant.testbeds.instruments import Resolver, Tachometer
 from flexslew_plant.testbeds.instruments.instrument import channels
 
+_STORED = 0.01  # of a bias: what of it may store momentum that thrusters take away
+
 
 @section
 class ThrusterAllocation:
@@ -179,8 +181,33 @@ def allocator_of(settings: AnyAllocation, plant: PlantDescription) -> Allocator:
         if getattr(settings, key) and speeds is None:
             words = "needs the wheels' speeds: give the testbed a sensor of kind tachometer"
             raise BadInput(words, key=f"allocation.{key}", value=getattr(settings, key))
+    _require_bias(settings, wheels)
     jets = thrusters("thrusters", settings.thrusters) if settings.unloading else None
     return Allocator(len(names), found.torque, (where, wheels), jets, settings.unloading, speeds)
+
+
+def _require_bias(settings: WheelAllocation, wheels: WheelSet) -> None:
+    """Refuse speeds of bias to which the wheels do not go.
+
+    Raises:
+        BadInput: there is no null motion, or thrusters take away the momentum that they store.
+    """
+    if not wheels.bias.any():
+        return
+    key, given = "allocation.bias_speed", [*settings.bias_speed]
+    if not settings.null_motion:
+        raise BadInput("has no effect without null_motion; give a rate, or no bias", "", key, given)
+    stored = wheels.torque @ wheels.bias
+    kept = wheels.bias - np.linalg.pinv(wheels.torque) @ stored
+    left_out = np.linalg.norm(wheels.bias - kept) / np.linalg.norm(wheels.bias)
+    if settings.unloading and left_out > _STORED:
+        speeds = ", ".join(f"{speed:.4g}" for speed in kept / wheels.inertia)
+        momentum = ", ".join(f"{part:.4g}" for part in stored)
+        words = (
+            f"stores a momentum of ({momentum}) N m s, which unloading takes away; the nearest "
+            f"bias that stores none is [{speeds}] rad/s"
+        )
+        raise BadInput(words, "", key, given)
 
 
 def _gyros(

@@ -21,7 +21,7 @@ from flexslew_plant.entries import table
 from flexslew_plant.errors import BadInput
 from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.known_joints import require_joints_of
-from flexslew_plant.own_code import code_hash
+from flexslew_plant.own_code import NO_CODE, Trust, code_hash, require_file
 from flexslew_plant.settings import NonNegative, plain, section, validated
 from flexslew_plant.testbeds import believed
 from flexslew_plant.testbeds.model import Model
@@ -88,7 +88,10 @@ def build_controller(
     Raises:
         BadInput: unknown law, wrong settings, or a design that does not exist.
     """
-    common, own = _common_settings(values, source), law_values(with_file(law, values, source))
+    common, own = (
+        _common_settings(values, source),
+        law_values(with_file(law, values, source, plant.trust)),
+    )
     estimator: Estimator
     built: Law
     if law in CONTROLLERS:
@@ -231,17 +234,21 @@ def settings_text(
     return yaml_text({**settings, "handover_time": common.handover_time, **derived})
 
 
-def with_file(law: str, values: dict[str, Any], source: str) -> dict[str, Any]:
+def with_file(
+    law: str, values: dict[str, Any], source: str, trust: Trust = NO_CODE
+) -> dict[str, Any]:
     """Return the settings of a law with what its `file` holds in place of the file's name.
 
     So a log holds all that the law was, and is flown again without the file.
 
     Raises:
+        Untrusted: a log names the file.
         BadInput: the file cannot be read.
     """
     entry = CONTROLLERS.get(law)
     if entry is None or entry.from_file is None or "file" not in values:
         return values
+    require_file(trust, str(values["file"]), f"{source}: file")
     own = {key: value for key, value in values.items() if key != "file"}
     return {**own, **entry.from_file(str(values["file"]), source)}
 

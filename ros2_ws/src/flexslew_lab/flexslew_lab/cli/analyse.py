@@ -1,6 +1,5 @@
 """Subcommand that analyses what flies in a trial."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +9,7 @@ from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.model import At, Joints, joints_of
 from flexslew_lab.cli.terminal import for_people, link, print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.trial.outputs import new_file, writable_file
 
 
@@ -53,7 +53,7 @@ def analyse(
             proof = proved(requested, found)
     if as_json:
         proven = {} if proof is None else {"proof": finite(proof.plain())}
-        print(json.dumps({**found.plain(), **proven}, indent=2))
+        print(json_text({**found.plain(), **proven}))
     else:
         for kind in found.point.left_out:
             say(f"left out: {kind}")

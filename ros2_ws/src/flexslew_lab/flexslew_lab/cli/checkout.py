@@ -1,6 +1,5 @@
 """Subcommands that need a checkout: benchmarks and tests."""
 
-import json
 import subprocess
 import sys
 from contextlib import chdir
@@ -19,6 +18,7 @@ from flexslew_lab.cli.suite import (
     read_selection,
 )
 from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import EXTRAS
 
@@ -58,7 +58,7 @@ def bench(
                 failed[name] = f"{type(error).__name__}: {' '.join(str(error).split())}"
                 say(f"{name}: {failed[name]}", head="failed: ")
     if as_json:
-        print(json.dumps(figures, indent=2))
+        print(json_text(figures))
     else:
         print_table(("figure", "value"), [(k, f"{v:.4g}") for k, v in figures.items()])
     if failed:

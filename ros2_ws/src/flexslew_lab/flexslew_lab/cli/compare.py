@@ -1,6 +1,5 @@
 """Subcommand that flies one manoeuvre with every planner, or with every law."""
 
-import json
 import os
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +8,7 @@ import typer
 
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import link, print_table, progress, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.trial.outputs import new_file, writable_file
 
 TrialFile = Annotated[
@@ -53,7 +53,7 @@ def compare(
     with progress("compare", "plans and flights") as advance:
         found = compared(described, advance, workers or os.cpu_count() or 1)
     if as_json:
-        print(json.dumps(found.rows(), indent=2))
+        print(json_text(found.rows()))
     else:
         short = found.filled(found.short)
         heads = (found.word, *(column.title for column in short))

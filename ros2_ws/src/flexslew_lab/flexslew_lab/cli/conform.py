@@ -1,7 +1,7 @@
 """Subcommand that examines an external controller."""
 
-import json
 import os
+import signal
 import subprocess
 from typing import Annotated
 
@@ -9,6 +9,7 @@ import typer
 
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_plant.errors import BadInput
 
 _LEAVING = 5.0  # until a controller that was asked to end is ended [wall s]
@@ -45,13 +46,17 @@ def conform(
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         process = _started(context.args)
 
-        def start_again() -> None:
+        def start_again() -> str:
             nonlocal process
-            _end(process)
+            wrong = _end(process)
             process = _started(context.args)
+            return wrong
+
+        def stop(stopped: bool) -> None:
+            process.send_signal(signal.SIGSTOP if stopped else signal.SIGCONT)
 
         try:
-            examiner = Examiner(bench, patience, lambda: process.poll() is None, start_again)
+            examiner = Examiner(bench, patience, lambda: process.poll() is None, start_again, stop)
             try:
                 with for_people.status(f"asking {' '.join(context.args)}"):
                     findings = examiner.examine()
@@ -61,7 +66,7 @@ def conform(
             _end(process)
     wrong = sum(not finding.ok for finding in findings)
     if as_json:
-        print(json.dumps([{"rule": f.rule, "wrong": f.wrong} for f in findings], indent=2))
+        print(json_text([{"rule": f.rule, "wrong": f.wrong} for f in findings]))
     else:
         print_table(("rule", "result"), [(f.rule, f.wrong or "kept") for f in findings])
         say(f"{len(findings) - wrong} of {len(findings)} rules kept")
@@ -81,10 +86,13 @@ def _started(command: list[str]) -> "subprocess.Popen[bytes]":
         raise BadInput(f"COMMAND: {command[0]}: {error.strerror}") from None
 
 
-def _end(process: "subprocess.Popen[bytes]") -> None:
+def _end(process: "subprocess.Popen[bytes]") -> str:
+    """End a process; return what is wrong if SIGTERM does not end it, else ""."""
     process.terminate()
     try:
         process.wait(_LEAVING)
+        return ""
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
+        return f"SIGTERM has not ended its process within {_LEAVING:g} s; it was killed"

@@ -1,6 +1,5 @@
 """Subcommand that searches for the gains of a trial's law."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import typer
 from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import for_people, link, print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.trial.outputs import new_file, writable_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
@@ -69,7 +69,7 @@ def gains(
             GainEnsemble(requested, source, varied), varied, trials, octaves, margin, journal, seed
         )
     if as_json:
-        print(json.dumps(found.plain(), indent=2))
+        print(json_text(found.plain()))
     else:
         print_table(columns(found), summary_rows(found))
         say(found.verdict)

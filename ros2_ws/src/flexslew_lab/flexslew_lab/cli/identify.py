@@ -1,6 +1,5 @@
 """Subcommand that identifies a bench from logs of its experiments."""
 
-import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ import typer
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.terminal import for_people, link, print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.trial.outputs import bag_folder, new_folder, writable_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
@@ -105,7 +105,7 @@ def identify(
         save_system(found.model, system)
     if as_json:
         told = {"next_plan": None if better is None else better._asdict()}
-        print(json.dumps(found.plain() | told, indent=2))
+        print(json_text(found.plain() | told))
     else:
         print_table(("", runs[0].name), summary_rows(found))
         say(verdict(found), "bold")
@@ -159,7 +159,9 @@ def _experiment(
 
 
 def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip())
+    from flexslew_lab.identification.csv_columns import column_names
+
+    return column_names(text)
 
 
 def _beside(run: Path) -> Path:

@@ -1,12 +1,12 @@
 """Subcommands for logs: info, check, recover, export."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from flexslew_lab.cli.terminal import print_line, print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.trial.outputs import bag_folder, writable_folder
 from flexslew_plant.counted import counted
 from flexslew_plant.version import VERSION
@@ -32,7 +32,7 @@ def info(bag: Bag, as_json: Json = False) -> None:
 
     found = log_info(bag_folder(bag))
     if as_json:
-        print(json.dumps(found, indent=2))
+        print(json_text(found))
         return
     bench = found["testbed"] or {"kind": "unknown", "modes": 0, "period": 0.0}
     whole = "whole" if found["complete"] else f"CUT: {found['cut']['reason']}"
@@ -64,7 +64,7 @@ def check_bag(bag: Bag, as_json: Json = False) -> None:
 
     findings = check_log(bag_folder(bag))
     if as_json:
-        print(json.dumps([finding._asdict() for finding in findings], indent=2))
+        print(json_text([finding._asdict() for finding in findings]))
     else:
         rows = [("ok" if f.ok else "WRONG", f.what, f.detail) for f in findings]
         print_table(("", "checked", "result"), rows)
@@ -95,7 +95,7 @@ def export(
     done = export_log(bag_folder(bag), target, kind, topic)  # type: ignore[arg-type]  # it says what is allowed
     if as_json:
         files = {t: str(path) for t, path in done.files.items()}
-        print(json.dumps({"files": files, "rows": done.rows, "skipped": done.skipped}, indent=2))
+        print(json_text({"files": files, "rows": done.rows, "skipped": done.skipped}))
         return
     rows = [(t, done.rows[t], str(path)) for t, path in done.files.items()]
     print_table(
@@ -118,7 +118,7 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
     done = mend(bag_folder(bag), out)
     if as_json:
         values = {**done._asdict(), "statement": done.statement}
-        print(json.dumps(values | {k: str(values[k]) for k in ("source", "out")}, indent=2))
+        print(json_text(values | {k: str(values[k]) for k in ("source", "out")}))
     else:
         print_line(done.statement)
         say(str(done.out), "bold")

@@ -1,6 +1,5 @@
 """The command line: one subcommand per task, machine-readable output with --json."""
 
-import json
 import math
 import os
 import sys
@@ -41,6 +40,7 @@ from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.reproduce import REPRODUCTIONS
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, bag_folder, new_file, writable_file
@@ -110,7 +110,7 @@ def trial(
         say(f"interrupted; what was recorded until then is in {result.folder}")
         sys.exit(INTERRUPTED)
     if as_json:
-        print(json.dumps(result.metrics, indent=2))
+        print(json_text(result.metrics))
     else:
         units = requested.testbed.model().units_by_joint
         own = keys_of(own_metrics(requested.metrics, f"{source}: metrics", requested.trust))
@@ -142,7 +142,7 @@ def trials(as_json: Json = False) -> None:
     shipped = shipped_trials()
     if as_json:
         rows = [{"name": t.name, "about": t.about, "file": str(t.path)} for t in shipped]
-        print(json.dumps(rows, indent=2))
+        print(json_text(rows))
     else:
         print_table(("trial", "about"), [(trial.name, trial.about) for trial in shipped])
 
@@ -215,7 +215,7 @@ def plan(
         write_plan(made, units, tuple(requested.testbed.effort_limit), rows, figure)
         say(f"drawn {link(figure)}")
     if as_json:
-        print(json.dumps(summary, indent=2))
+        print(json_text(summary))
     else:
         print_table(("", made.method), rows)
 
@@ -236,6 +236,7 @@ def report(
     """
     from flexslew_lab.log.bag_reader import BagReader
     from flexslew_lab.report.report import write_report
+    from flexslew_lab.report.run_data import read_run
 
     for path in bags:
         if not os.path.exists(path):
@@ -244,9 +245,13 @@ def report(
     beside = beside.parent if beside.name == "bag" else beside
     target = out or (beside / "report.html" if len(bags) == 1 else new_file("overlay.html"))
     writable_file(target, "--out")
-    bare = beside / WITHOUT
-    comparison = bare if len(bags) == 1 and bare.is_dir() else None
+    bare, comparison = beside / WITHOUT, None
     logs = [BagReader(bag_folder(path), trust=Trust.of(trust or ())) for path in bags]
+    if len(bags) == 1 and bare.is_dir():
+        try:
+            comparison = read_run(bare)
+        except BadInput as error:  # for example after a full disk
+            say(f"without the comparison: {error}", "red")
     write_report(logs, target, comparison)
     say(f"written {link(target)}")
     if open_it:
@@ -292,7 +297,7 @@ def reproduce(
         with for_people.status(f"drawing {name}"):
             write_figures(name, figures)
     if as_json:
-        print(json.dumps(found[name] if name else found, indent=2))
+        print(json_text(found[name] if name else found))
     if any(row["ok"] is False for rows in found.values() for row in rows):
         raise typer.Exit(1)
 

@@ -1,6 +1,5 @@
 """Subcommands for a bench that runs: start, pause, step, reset, brake, inject, switch."""
 
-import json
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +9,7 @@ import typer
 
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.run.domain import (
     RunningBench,
     bench_to_operate,
@@ -117,7 +117,7 @@ def controllers(as_json: Json = False, namespace: Namespace = "") -> None:
     with _bench(namespace, which) as bench:
         active, rows = bench.controllers()
     if as_json:
-        print(json.dumps({"active": active, "controllers": rows}, indent=2))
+        print(json_text({"active": active, "controllers": rows}))
     else:
         columns = ("controller", "law", "ready", "reason", "last_tick")
         table = [[short(row[c]) for c in columns] for row in rows]

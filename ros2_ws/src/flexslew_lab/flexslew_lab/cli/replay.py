@@ -1,6 +1,5 @@
 """Subcommands that replay a log: resimulate, check a controller, play; and the live view."""
 
-import json
 import os
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from flexslew_lab.cli.log import Bag, Json, demand
 from flexslew_lab.cli.terminal import for_people, link, print_line, print_table, progress, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.run.domain import chosen_domain
 from flexslew_lab.trial.outputs import bag_folder, writable_file
 from flexslew_plant.counted import counted
@@ -60,7 +60,7 @@ def resim(
     if as_json:
         values = {**again._asdict(), "first_difference": first and first._asdict()}
         values |= {"within_tolerance": again.within_tolerance, "tolerance": TOLERANCE}
-        print(json.dumps(values, indent=2))
+        print(json_text(values))
     else:
         replayed = ", ".join(f"{count} {kind}" for kind, count in again.replayed.items() if count)
         rows = [
@@ -132,7 +132,7 @@ def check(
         del values["curves"]
         values["first_divergence"] = first and {k: _plain(v) for k, v in first._asdict().items()}
         values["rows"] = [row._asdict() for row in result.rows]
-        print(json.dumps(values, indent=2))
+        print(json_text(values))
     else:
         columns = ("field", "compared", "different", "first tick", "largest", "relative")
         rows = [

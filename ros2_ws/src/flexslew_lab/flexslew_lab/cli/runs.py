@@ -1,6 +1,5 @@
 """The subcommand that lists the runs of a folder and writes the page over them."""
 
-import json
 import os
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ import typer
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.open_page import Open, open_page
 from flexslew_lab.cli.terminal import link, print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS
 from flexslew_plant.errors import BadInput
@@ -43,7 +43,7 @@ def runs(
         say(f"not readable, left out: {', '.join(unread)}")
     if as_json:
         rows = [run._asdict() | {"folder": str(run.folder)} for run in found]
-        print(json.dumps(rows, indent=2))
+        print(json_text(rows))
         return
     columns = ("run", "law", "testbed", "tip [m]", "settled [s]", "verdict")
     keys = ("residual_tip_deflection", "settling_time")

@@ -1,6 +1,5 @@
 """Subcommands of studies: run, look at, report, fly one trial again, join shards."""
 
-import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +12,7 @@ from flexslew_lab.cli.log import Json, demand
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.study_words import progress, side_by_side, tell
 from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, Trust
@@ -111,7 +111,7 @@ def status(file: Place, out: Out = None, trust: TrustOption = None, as_json: Jso
         "damaged": store.damaged,
     }
     if as_json:
-        print(json.dumps(counts, indent=2))
+        print(json_text(counts))
     else:
         shown = [(k, v) for k, v in counts.items() if k != "damaged"]
         print_table(("", store.identity["study"]["study"]), shown)
@@ -155,7 +155,7 @@ def report(
     if len(found) == 1:
         tell(found[0] | {"report": str(page)}, as_json)
     elif as_json:
-        print(json.dumps(found, indent=2))
+        print(json_text(found))
     else:
         side_by_side(names_of(opened), found)
     demand(all(map(passed, found)) and not any(store.damaged for _, store in opened))
@@ -189,7 +189,7 @@ def fly(
         store = store if store.exists else None
     result, difference = fly_again(requested, store, index, out, say)
     if as_json:
-        print(json.dumps(result.metrics, indent=2))
+        print(json_text(result.metrics))
     else:
         print_table(("metric", "value"), [(k, short(v)) for k, v in result.metrics.items()])
     say(str(result.folder), "bold")
@@ -207,6 +207,8 @@ def merge(
 ) -> None:
     """Join the shards of a study into one folder and sum it up.
 
+    The exit code is 1 while trials are missing.
+
     Example: `./flexslew study merge runs/study-m1-shard-* --out runs/study-m1`
     """
     from flexslew_lab.studies.findings.summary import passed
@@ -216,7 +218,7 @@ def merge(
     joined = merged(folders, out, Trust.of(trust or ()))
     found = finished(*joined)
     tell(found, as_json)
-    demand(passed(found))
+    demand(passed(found) and found["complete"])
 
 
 @study.command("list")
@@ -241,7 +243,7 @@ def list_studies(as_json: Json = False) -> None:
             about = str(error)
         rows.append({"study": name, "where": str(path.parent), "about": about})
     if as_json:
-        print(json.dumps(rows, indent=2))
+        print(json_text(rows))
     else:
         print_table(("study", "where", "about"), [row.values() for row in rows])
 

@@ -1,6 +1,5 @@
 """What a terminal shows of a study: how far it is, and what it found."""
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
@@ -17,6 +16,7 @@ from rich.progress import (
 )
 
 from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.json_text import json_text
 from flexslew_lab.short_values import short
 from flexslew_lab.studies.execution.pace import Pace
 from flexslew_plant.refusal import one_line
@@ -91,13 +91,14 @@ def left_words(left: float | None) -> str:
 def tell(found: dict[str, Any], as_json: bool) -> None:
     """Print what a study found: a table for people, or the whole summary as JSON."""
     if as_json:
-        print(json.dumps(found, indent=2))
+        print(json_text(found))
         return
     from flexslew_lab.studies.findings.criteria import Verdict
     from flexslew_lab.studies.findings.tables import (
         QUANTILE_NAMES,
         criterion_words,
         metric_tables,
+        missing_words,
         pair_rows,
     )
 
@@ -112,6 +113,8 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
         ("report", found.get("report", "-")),
     ]
     print_table(("", found["study"]), rows)
+    if words := missing_words(found):
+        say(words, "red", head="incomplete: ")
     for label, lines in metric_tables(found).items():
         print_table(
             (label or "metric", "unit", "mean", *QUANTILE_NAMES, "failed", "missing"),

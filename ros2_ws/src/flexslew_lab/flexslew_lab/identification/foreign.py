@@ -1,31 +1,20 @@
 """Records of other benches: a CSV file, or any rosbag2, with columns chosen by name."""
 
-import csv
-import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from flexslew_lab.identification.bag_columns import read_bag
 from flexslew_lab.identification.clocks import Effort, clock_notes, record_on_clocks
+from flexslew_lab.identification.columns import require_times
+from flexslew_lab.identification.csv_columns import read_csv
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
-_TIME = ("time", "t", "stamp")  # names of a CSV's column of times [s]
 _AT_LIMIT = (0.01, 0.5)  # part of the samples at the largest value that looks like a drive's limit
 _FEW = 5  # samples
-# fields that hold the effort of the tick before their stamp
-_PAST_EFFORTS = {("flexslew_msgs/msg/Measurement", "applied_effort")}
-_INDEX = re.compile(r"^(?P<field>.*?)\[(?P<index>\d+)\]$")
-
-
-class Columns(NamedTuple):
-    """Series of one clock each, by name."""
-
-    series: dict[str, tuple[Vector, Vector]]  # times [s] and values
-    source: str
-    past: frozenset[str] = frozenset()  # whose values held until their stamp, not from it on
 
 
 class Repaired(NamedTuple):
@@ -63,10 +52,7 @@ def foreign_record(
     columns = (read_csv if path.suffix == ".csv" else read_bag)(
         path, [name for name, _ in requested]
     )
-    for name, (t, _) in columns.series.items():
-        if len(t) < 2 or not np.isfinite(t).all():
-            raise BadInput(f"{path}: {name}: two samples and more are needed, at finite times")
-        _check_order(path, name, t)
+    require_times(columns)
     if period is not None and not 0.0 < period < np.inf:
         raise BadInput("a number of seconds above 0", key="--period", value=period)
     split = len(inputs)
@@ -111,122 +97,3 @@ def _output(label: str) -> Output:
     if kind == "rate":
         return Output(label, "rad/s", Quantity.JOINT_RATE, joint)
     return Output(label, "m", Quantity.DEFLECTION)
-
-
-def _check_order(path: Path, name: str, t: Vector) -> None:
-    """Refuse a clock that does not advance."""
-    steps = np.diff(t)
-    if (steps <= 0.0).any():
-        at = float(t[int(np.argmax(steps <= 0.0))])
-        raise BadInput(f"{path}: {name}: the time steps back at {at:.6g} s")
-
-
-def read_csv(path: Path, names: list[str]) -> Columns:
-    """Return columns of a CSV file with a header; the column of times is `time`, `t` or `stamp`.
-
-    Raises:
-        BadInput: it cannot be read, has no times, a column is missing, or an entry is no number.
-    """
-    try:
-        with path.open(newline="") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from None
-    while rows and not rows[-1]:  # blank lines at the end
-        rows.pop()
-    if len(rows) < 2:
-        raise BadInput(f"{path}: holds no rows; a header and numbers are needed")
-    header = [name.strip() for name in rows[0]]
-    clock = next((name for name in _TIME if name in header), None)
-    if clock is None:
-        raise BadInput(f"{path}: no column of times; call it {', '.join(_TIME)}")
-    columns: dict[str, Vector] = {}
-    for name in (clock, *names):
-        if name not in header:
-            raise BadInput(f"{path}: no column {name}; there are {', '.join(header)}")
-        place = header.index(name)
-        try:
-            columns[name] = np.array([float(row[place]) for row in rows[1:]])
-        except (ValueError, IndexError):
-            line = next(k for k, row in enumerate(rows[1:], 2) if not _number(row, place))
-            raise BadInput(f"{path}: line {line}: {name}: give a number") from None
-    return Columns({name: (columns[clock], columns[name]) for name in names}, str(path))
-
-
-def _number(row: list[str], place: int) -> bool:
-    try:
-        float(row[place])
-    except (ValueError, IndexError):
-        return False
-    return True
-
-
-def read_bag(path: Path, names: list[str]) -> Columns:
-    """Return series of a rosbag2 by `/topic.field[index]`, at the messages' stamps.
-
-    A header's stamp is taken where there is one, else the time of recording.
-
-    Raises:
-        BadInput: it cannot be read, or there is no such topic, field or entry.
-    """
-    from rosbags.highlevel import AnyReader
-
-    requested = [_place(path, name) for name in names]
-    found: dict[str, tuple[list[float], list[float]]] = {name: ([], []) for name in names}
-    past = set()
-    try:
-        with AnyReader([path]) as reader:
-            topics = {place.topic for place in requested}
-            connections = [c for c in reader.connections if c.topic in topics]
-            there = {c.topic for c in reader.connections}
-            for topic in topics - there:
-                raise BadInput(f"{path}: no topic {topic}; there are {', '.join(sorted(there))}")
-            for connection, stamp, raw in reader.messages(connections=connections):
-                message = reader.deserialize(raw, connection.msgtype)
-                at = _stamp(message, stamp)
-                for name, place in zip(names, requested, strict=True):
-                    if place.topic == connection.topic:
-                        if (connection.msgtype, place.field) in _PAST_EFFORTS:
-                            past.add(name)
-                        found[name][0].append(at)
-                        found[name][1].append(_entry(path, name, message, place))
-    except BadInput:
-        raise
-    except Exception as error:  # corrupt bytes meet a parser that lets all its errors through
-        raise BadInput(f"{path}: cannot be read: {error or type(error).__name__}") from None
-    series = {name: (np.array(t), np.array(values)) for name, (t, values) in found.items()}
-    for name, (t, _) in series.items():
-        if t.size < 2:
-            raise BadInput(f"{path}: {name}: {t.size} messages are no series")
-    return Columns(series, str(path), frozenset(past))
-
-
-class _Place(NamedTuple):
-    topic: str
-    field: str
-    entry: int | None
-
-
-def _place(path: Path, name: str) -> _Place:
-    topic, _, field = name.partition(".")
-    if not topic.startswith("/") or not field:
-        raise BadInput(f"{path}: {name} is no column; write /topic.field or /topic.field[index]")
-    match = _INDEX.match(field)
-    return _Place(topic, match["field"] if match else field, int(match["index"]) if match else None)
-
-
-def _stamp(message: Any, recorded: int) -> float:
-    header = getattr(message, "header", None)
-    if header is None:
-        return recorded * 1e-9
-    return float(header.stamp.sec + header.stamp.nanosec * 1e-9)
-
-
-def _entry(path: Path, name: str, message: Any, place: _Place) -> float:
-    value = message
-    try:
-        for part in place.field.split("."):
-            value = getattr(value, part)
-        return float(value if place.entry is None else value[place.entry])
-    except (AttributeError, IndexError, TypeError, ValueError):
-        raise BadInput(f"{path}: {name}: the message has no such number") from None

@@ -27,6 +27,7 @@ from flexslew_lab.log.files.read_limits import CHANNELS, UnpackedSize, check_siz
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import open_given
 
 # Every controller on the graph repeats its status more often than this
 STATUS_EVERY = 20_000_000_000  # simulated [ns]
@@ -136,7 +137,7 @@ class BagIndex:
         self, place: tuple[int, int], topics: Collection[str], unpacked: UnpackedSize
     ) -> Iterator[BagMessage]:
         at, length = place
-        with open(self.path, "rb") as file:
+        with open_given(self.path) as file:
             record = _record(file, at, self.path)
         if record.opcode != CHUNK or len(record.body) + _HEAD.size != length:
             raise BadInput(f"damaged at byte {at}: its index names another record", self.path)

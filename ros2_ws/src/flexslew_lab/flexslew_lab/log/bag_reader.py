@@ -89,7 +89,8 @@ class BagReader:
     Args:
         path: the rosbag2 folder, or the .mcap file.
         foreign: also read bags that this project has not written.
-        trust: which classes that the log names may be loaded by those who read it.
+        trust: which classes that the log names may be loaded by those who read it, and which files
+            may be read: by default none.
 
     Raises:
         BadInput: there is no bag, it is damaged, foreign, or of another version; also while
@@ -99,7 +100,7 @@ class BagReader:
 
     def __init__(self, path: Path, foreign: bool = False, trust: Trust = NO_CODE) -> None:
         self.path = find_mcap(Path(path))
-        self.trust = trust
+        self.trust = trust.for_log()
         self._foreign = foreign
         self.cut: Cut | None = None  # known after a whole pass
         self.metadata = self._leading_metadata()

@@ -1,4 +1,5 @@
 """Metrics, figures, reports and comparisons of runs.
 
-Offers: page, panels, report, runs_index, signals, sky_map, tables, told_takeovers, verdict.
+Offers: page, panels, report, run_data, runs_index, signals, sky_map, tables, told_takeovers,
+verdict.
 """

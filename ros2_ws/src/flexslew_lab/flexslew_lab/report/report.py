@@ -60,7 +60,7 @@ class _Headline(NamedTuple):
 def write_report(
     bags: Sequence[Path | BagReader],
     out: Path,
-    comparison: Path | BagReader | None = None,
+    comparison: Path | BagReader | RunData | None = None,
     labels: Sequence[str] = (),
 ) -> Path:
     """Return the path of the report that was written.
@@ -84,7 +84,11 @@ def write_report(
             runs[k] = run._replace(label=f"{run.label} no. {k + 1}")
     if len(runs) == 1 and changes_of(runs[0].overview.events):
         comparison = None  # flown without what the operator did
-    other = read_run(comparison) if comparison else None
+    other = (
+        comparison
+        if comparison is None or isinstance(comparison, RunData)
+        else (read_run(comparison))
+    )
     if other is not None:
         runs[0] = runs[0]._replace(label="with feedforward") if len(runs) == 1 else runs[0]
         other = other._replace(label="without feedforward")

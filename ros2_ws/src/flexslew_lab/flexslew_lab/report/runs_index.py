@@ -12,6 +12,7 @@ from flexslew_lab.report.page import render
 from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import given_text
 from flexslew_plant.yaml_data import load_yaml
 
 PAGE = "index.html"
@@ -100,10 +101,7 @@ def _run(folder: Path) -> Run:
 
 
 def _text(file: Path) -> str:
-    if not file.is_file():  # a pipe would be waited for
-        raise BadInput("is no file", file)
-    with file.open(encoding="utf-8") as opened:
-        return opened.read(_LARGE)
+    return given_text(file, _LARGE)
 
 
 def _worst(value: Any, moved: Sequence[str]) -> float | None:

@@ -14,8 +14,8 @@ from flexslew_control.controllers.retargeting.modal_space import modal_gains
 from flexslew_lab.reproduce import antenna_flights as flights
 from flexslew_lab.reproduce.antennas_figures import antennas_figures as antennas_figures
 from flexslew_lab.reproduce.membrane_flights import half_way, membrane_peaks
-from flexslew_lab.reproduce.planar_antenna import ROUNDED, constant
-from flexslew_lab.reproduce.rows import relative
+from flexslew_lab.reproduce.planar_antenna import ROUNDED, Antenna, constant, turning_matrices
+from flexslew_lab.reproduce.rows import absolute, relative
 from flexslew_lab.reproduce.trial_flights import shipped_trials
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.beam import wave_numbers
@@ -31,6 +31,11 @@ _COEFFICIENTS = (  # C_j of (4-1), phi-bar / m and phi-tilde / (m l) of Appendix
     ((1.0, 1.000034), (0.182, 0.181898), (0.017, 0.016542)),
     ((1.0, 0.999999), (0.141, 0.141471), (0.010, 0.010007)),
 )
+# beta_j l of (4-1) as printed, and the roots of cosh x cos x = -1
+_WAVE_NUMBERS = (
+    ("1.8751", 1.875104069), ("4.6941", 4.694091133), ("7.8548", 7.854757438),
+    ("10.9955", 10.995540735), ("14.1732, a misprint of 14.1372", 14.137168391),
+)  # fmt: skip
 _MEMBRANE = (1.086840, -1.658066, 0.728059, 0.279194, -1.069237, 0.905737, 1.150609, -0.356352)
 _PRINTED = (1.08684, -1.65807, 0.72806, 0.27919, 1.06924, 0.90574, 1.15061, -0.35635)
 _OMEGA = (16.03217, 36.80052, 25.54471, 46.77058, 34.23748, 56.11496)
@@ -64,6 +69,8 @@ def _beam_constants() -> list[dict[str, Any]]:
     translation = 2.0 * shape.integrals.translation[0, :5] / unit.mass / mass
     rotation = 2.0 * shape.integrals.rotation[1, :5] / (unit.mass * unit.length) / (5.0 * mass)
     rows = []
+    for j, ((printed, root), found) in enumerate(zip(_WAVE_NUMBERS, wave_numbers(5), strict=True)):
+        rows.append(relative(f"beta_{j + 1} l of (4-1) [-]", printed, root, float(found), 1e-9))
     for j, (c, bar, tilde) in enumerate(_COEFFICIENTS):
         b = wave_numbers(5)[j]
         ours = (np.cosh(b) + np.cos(b)) / (np.sinh(b) + np.sin(b))
@@ -185,10 +192,27 @@ def _example_4() -> list[dict[str, Any]]:
         ("Lambda from the rounded M0 [1/s^2]", "369.2661", 369.26608, float(squares[-1]), 1e-6),
     ):
         rows.append(relative(f"example 4: {item}", paper, reference, ours, tolerance))
+    rows += _appendix_e()
     for end, reference in (("zero", 5.5), ("adiabatic", 0.099)):
         item = f"example 4: RMS error of P, P1(tf) {end}"
         rows.append(relative(item, NOT_PRINTED, reference, flights.riccati_error(4, end), _ONE))
     return rows
+
+
+def _appendix_e() -> list[dict[str, Any]]:
+    """Return the sums of Appendix E, which prints them with three decimals."""
+    mass, turning = constant(Antenna())[0], turning_matrices(Antenna())
+    return [
+        absolute(f"Appendix E: {item}", printed, float(printed), float(ours), 5e-4)
+        for item, printed, ours in (
+            ("M0(2,3) [slug ft]", "0.435", mass[1, 2]),
+            ("M0(3,3) [slug ft^2]", "14.574", mass[2, 2]),
+            ("M0(3,4) [slug ft]", "0.474", mass[2, 3]),
+            ("Mc(3,3) [slug ft^2]", "0.300", turning["Mc"][2, 2]),
+            ("Mc(3,4) [slug ft]", "0.047", turning["Mc"][2, 3]),
+            ("Gs(3,3) [slug ft^2]", "0.150", turning["Gs"][2, 2]),
+        )
+    ]
 
 
 def _example_5() -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ for: what is examined is who answers what and when, and not how well.
 from collections.abc import Callable
 from contextlib import suppress
 from struct import Struct
-from time import monotonic
+from time import monotonic, time_ns
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +39,12 @@ _AFRESH = 3  # ticks after a reset that are answered as at the start
 _SOMEBODY, _NOBODY = "somebody_else", ""  # the drive brakes
 _BEHIND = 900  # questions after which a bench would soon wait for who has told none of them
 _STAMP, _HEAD = Struct("<iI"), 4  # of an answer, behind the encapsulation of CDR
+_MIDDLE, _ROUNDS = 50, 3  # questions to others before and after one to it, while it is stopped
+_EARLY, _LATE = 60.0, 1.0  # by which `since` may be before the examination, and after now [s]
+_DEPTH = (
+    "an estimator takes every question, so measurement is heard with a depth of "
+    f"{topics.LOOP_DEPTH}"
+)
 _ENDED = "its process has ended"
 
 
@@ -65,7 +71,8 @@ class Examiner:
         bench: whose testbed is announced.
         patience: for anything that must come [wall s].
         running: whether the controller's process still is.
-        start_again: ends the process and starts another one.
+        start_again: ends the process and starts another one; returns what was wrong, or "".
+        stop: stops the process (True), or lets it go on.
     """
 
     def __init__(
@@ -73,10 +80,12 @@ class Examiner:
         bench: Bench,
         patience: float,
         running: Callable[[], bool],
-        start_again: Callable[[], None],
+        start_again: Callable[[], str],
+        stop: Callable[[bool], None],
     ) -> None:
         self._bench, self._patience, self._running = bench, patience, running
-        self._start_again = start_again
+        self._start_again, self._stop = start_again, stop
+        self._began = time_ns()
         # the arguments of this process are those of the controller
         start_ros(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = node = rclpy.create_node("plant")
@@ -187,6 +196,7 @@ class Examiner:
             raise Wrong("its instance on alive changes; a process draws it once")
         if drawn == {0}:
             raise Wrong("its instance on alive is 0; a process draws it, or two count as one")
+        self._dated([beat.since for beat, _ in beats])
         if self._status is not None and self._status.instance not in drawn:
             raise Wrong(
                 f"its instance is {min(drawn)} on alive, {self._status.instance} in its "
@@ -195,6 +205,18 @@ class Examiner:
         longest = float(np.diff([began, *(at for _, at in beats), monotonic()]).max())
         if longest > SILENT_AFTER:
             raise Wrong(f"silent for {longest:.2f} s; after {SILENT_AFTER:g} s it counts as gone")
+
+    def _dated(self, since: list[int]) -> None:
+        """Refuse a date of the start that would make it older than every namesake."""
+        if len({*since}) > 1:
+            raise Wrong("its since on alive changes; it is when the process started")
+        early, late = self._began - int(1e9 * _EARLY), time_ns() + int(1e9 * _LATE)
+        if not early <= since[0] <= late:
+            raise Wrong(
+                f"its since on alive is {since[0]}, {(since[0] - time_ns()) * 1e-9:.3g} s from "
+                "now; it is when the process started [ns of the wall clock], or it counts before "
+                "others of its name"
+            )
 
     def _first(self) -> None:
         self._before = [self._answered(0).effort]
@@ -290,16 +312,36 @@ class Examiner:
         if len(self._before) == _QUESTIONS and not np.array_equal(effort, self._before[last]):
             raise Wrong(
                 f"tick {last} of questions that piled up: another effort than where each was "
-                "waited for; an estimator takes every question, so measurement is heard with a "
-                f"depth of {topics.LOOP_DEPTH}"
+                f"waited for; {_DEPTH}"
             )
+        for _ in range(_ROUNDS):
+            self._answered_after_a_stop()
+
+    def _answered_after_a_stop(self) -> None:
+        """Ask while its process is stopped: one question to it between many to somebody else."""
+        asked = self._tick + _MIDDLE + 1
+        self._answers.clear()
+        self._stop(True)
+        try:
+            for _ in range(2 * _MIDDLE + 1):
+                self._say(self._tick + 1, None if self._tick + 1 == asked else _SOMEBODY)
+            self._spin(_QUIET)
+        finally:
+            self._stop(False)
+        self._until(
+            lambda: bool(self._answers),
+            f"no answer to tick {asked}, one of {2 * _MIDDLE + 1} that came while it was stopped; "
+            f"{_DEPTH}",
+        )
+        command, at = self._answers.pop(0)
+        self._check(command, at, asked)
 
     def _another(self) -> None:
         """Compare what two processes of the same command have drawn."""
         drawn = {beat.instance for beat, _ in self._beats.get(self._who, [])}
         if not drawn:
             raise Wrong(f"no heartbeat of {self._who} on alive")
-        self._start_again()
+        ignored = self._start_again()
         self._spin(_QUIET)  # the last ones of the process that has ended
         self._beats.clear()
         self._until(lambda: self._who in self._beats, f"no heartbeat of {self._who} after a start")
@@ -308,6 +350,8 @@ class Examiner:
                 f"its instance on alive is {min(again)} after a new start, too; each process draws "
                 "its own, or one that comes back counts as its predecessor"
             )
+        if ignored:
+            raise Wrong(ignored)
 
     def _begin_epoch(self) -> None:
         self._epoch += 1

@@ -12,6 +12,7 @@ from flexslew_control.plan_file import save_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_control.planners.slew import software_versions
+from flexslew_lab.json_text import json_text
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.files.read_limits import MIB, most
 from flexslew_lab.log.recording.bag_observer import BagObserver
@@ -33,6 +34,7 @@ from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up, trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import Trust
+from flexslew_plant.testbeds.contract import HasDoubts
 
 Progress = Callable[[int, int], None]  # tick, last tick
 CHECK_FAILED = 1  # exit code of a run that is done and has failed one of its checks
@@ -102,6 +104,8 @@ def run_trial(
             f"the plan ends at {prepared.plan.end:g} s, the run at {trial.duration:g} s: "
             "the residual after the manoeuvre cannot be measured"
         )
+    for words in trial.testbed.doubts() if isinstance(trial.testbed, HasDoubts) else ():
+        warned(words)
     tips = trial.testbed.model().appendages.tip
     if tips.shape[1] and not tips.any():
         warned(
@@ -153,8 +157,8 @@ def finished(folder: Path, trust: Trust, report: bool = True) -> None:
         trust: which classes that its trial names may be loaded.
         report: with the report.
     """
-    reader = BagReader(folder / "bag", trust=trust)
-    (folder / "metrics.json").write_text(json.dumps(metrics_from(reader), indent=2) + "\n")
+    reader = BagReader(folder / "bag", trust=trust.with_files())
+    (folder / "metrics.json").write_text(json_text(metrics_from(reader)) + "\n")
     if report:
         write_report([reader], folder / "report.html")
 
@@ -226,7 +230,7 @@ def _without_feedforward(trial: Trial, source: str, folder: Path) -> BagReader |
     other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
     prepared = _prepared(other, source)
     _in_process(other, prepared, bag, {"trial_file": source}, lambda tick, last: None, bare=True)
-    return BagReader(bag, trust=trial.trust)
+    return BagReader(bag, trust=trial.trust.with_files())
 
 
 def _over_ros(
@@ -261,7 +265,7 @@ def _finished(
     result = Result(folder, outcome.exit_code, outcome.message, {}, {})
     reader = None
     try:
-        reader = BagReader(bag, trust=trust)
+        reader = BagReader(bag, trust=trust.with_files())
         changes = len(changes_of(reader.overview.events))
         result = result._replace(metrics=metrics_from(reader), changes=changes)
         if outcome.exit_code == 3:
@@ -269,7 +273,7 @@ def _finished(
             if not words or not result.metrics["log_complete"]:
                 words.append(outcome.message)
             result = result._replace(message="; ".join(words))
-        (folder / "metrics.json").write_text(json.dumps(result.metrics, indent=2) + "\n")
+        (folder / "metrics.json").write_text(json_text(result.metrics) + "\n")
     except (BadInput, OSError) as error:
         if outcome.exit_code != 130:  # an interrupted run may hold no tick at all
             result = _unwritten(result, error)

@@ -13,7 +13,9 @@ import pyarrow.parquet as pq
 from flexslew_lab.studies.disk import own_folder, put, told
 from flexslew_lab.studies.seals import is_sound, part_name, part_number
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import given_bytes
 
+TABLE = 1 << 32  # of a Parquet file of a study, at most [bytes]
 _DAMAGED = ".damaged"
 HEAD = {  # of every part; the other columns are numbers
     "index": pa.int64(),
@@ -119,12 +121,12 @@ def read_written(content: bytes) -> pa.Table:
 
 def _span(path: Path) -> tuple[int, int] | None:
     try:
-        content = path.read_bytes()
+        content = given_bytes(path, TABLE)
         if not is_sound(path.name, content):
             return None
         rows = read_written(content)
         numbers = rows["index"].to_numpy()
-    except (OSError, KeyError, pa.ArrowException):
+    except (BadInput, OSError, KeyError, pa.ArrowException):
         return None
     kinds = {field.name: field.type for field in rows.schema}
     if any(kinds.pop(name, None) != kind for name, kind in HEAD.items()):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import given_text
 
 _KEY = "sha256"
 _LINE = re.compile(r"# sha256 ([0-9a-f]{64})\s*\Z")
@@ -29,9 +30,7 @@ def opened_json(path: Path) -> dict[str, Any]:
         BadInput: it cannot be read, holds something else, or is not as it was written.
     """
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise BadInput(f"cannot be read: {error.strerror}", path) from None
+        values = json.loads(given_text(path))
     except (ValueError, RecursionError):
         raise BadInput("is damaged: no JSON; take it from a copy", path) from None
     if not isinstance(values, dict):
@@ -53,10 +52,7 @@ def check_text(path: Path) -> None:
     Raises:
         BadInput: it cannot be read, or is not.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot be read: {error}", path) from None
+    text = given_text(path)
     found = _LINE.search(text)
     if found and hashlib.sha256(text[: found.start()].encode()).hexdigest() != found[1]:
         raise BadInput(

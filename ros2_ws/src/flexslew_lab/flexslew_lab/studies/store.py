@@ -26,9 +26,10 @@ from flexslew_lab.studies.identity_file import (
     identity_text,
     kept_identity,
 )
-from flexslew_lab.studies.parts import Parts, read_written, readable, written
+from flexslew_lab.studies.parts import TABLE, Parts, read_written, readable, written
 from flexslew_lab.studies.seals import check_text, sealed_json, sealed_text
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import given_bytes
 from flexslew_plant.processes.file_lock import lock_file
 from flexslew_plant.settings import validated
 
@@ -102,9 +103,9 @@ class Store:
             needed = {"sample", "replicate", "seed", *self.identity["varied"]}
             path = self.folder / _SAMPLES
             try:
-                content = path.read_bytes()
+                content = given_bytes(path, TABLE)
                 found = read_written(content)
-            except (OSError, pa.ArrowException):
+            except (BadInput, OSError, pa.ArrowException):
                 found, content = None, b""
             digest = hashlib.sha256(content).hexdigest()
             if (

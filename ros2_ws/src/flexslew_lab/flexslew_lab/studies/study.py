@@ -16,6 +16,7 @@ from flexslew_lab.studies.varied import Varied, require_apart, varied_of
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import Trial, load_trial
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import given_text
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.yaml_data import load_yaml
@@ -87,11 +88,7 @@ def load_study(path: Path, trust: Trust = NO_CODE) -> Study:
     Raises:
         BadInput: the file cannot be read, or one of its values is not allowed.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot be read: {error}", path) from None
-    return parse_study(text, str(path), path.parent, trust)
+    return parse_study(given_text(path), str(path), path.parent, trust)
 
 
 def parse_study(text: str, source: str, folder: Path, trust: Trust = NO_CODE) -> Study:

@@ -36,6 +36,7 @@ from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import command_delays, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.commands import ControllerSilent
+from flexslew_plant.given_file import given_text
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.hardware.sensors import SensorSettings
@@ -121,11 +122,7 @@ def text_of(path: Path) -> str:
     Raises:
         BadInput: it cannot be read.
     """
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is not a text file"
-        raise BadInput(f"cannot be read: {why}", path) from None
+    return given_text(path)
 
 
 _MOST_TICKS = 1e12  # of a run
@@ -236,14 +233,14 @@ def _with_files(trial: Trial, source: str) -> Trial:
         law, _ = law_of(name, values or {})
         own, place = dict(values or {}), f"{source}: controllers.{name}"
         if "file" in own:
-            own = with_file(law, own, place)
+            own = with_file(law, own, place, trial.trust)
         if isinstance(own.get("model"), dict):
-            own["model"] = with_model_file(own["model"], f"{place}.model")
+            own["model"] = with_model_file(own["model"], f"{place}.model", trial.trust)
         read[name] = own if values else values
     plan: Any = trial.plan
     model = getattr(plan, "model", None)
     if isinstance(model, dict):
-        plan = replace(plan, model=with_model_file(model, f"{source}: plan.model"))
+        plan = replace(plan, model=with_model_file(model, f"{source}: plan.model", trial.trust))
     if read == trial.controllers and plan is trial.plan:
         return trial
     return replace(trial, controllers=read, plan=plan)

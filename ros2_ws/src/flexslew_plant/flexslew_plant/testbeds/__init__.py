@@ -170,7 +170,7 @@ def varied(
     """
     if changes.get("kind", testbed.kind) != testbed.kind:
         return read_testbed(dict(changes), source, trust)
-    known = Trust(trust.names | {testbed.kind}, trust.everything)  # it has been loaded before
+    known = replace(trust, names=trust.names | {testbed.kind})  # it has been loaded before
     own = plain(testbed)
     start = own.get("initial")
     if not isinstance(testbed.initial, dict) or not start:
@@ -197,7 +197,7 @@ def believed(
     Raises:
         BadInput: see read_testbed and with_model_file.
     """
-    given = with_model_file(changes or {}, source)
+    given = with_model_file(changes or {}, source, trust)
     if given.get("kind", testbed.kind) != testbed.kind:
         own = TESTBEDS[given["kind"]].settings.simplified if given["kind"] in TESTBEDS else {}
         other = read_testbed(_merged(dict(own), given), source, trust)

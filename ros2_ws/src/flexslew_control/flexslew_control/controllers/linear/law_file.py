@@ -1,6 +1,6 @@
 """A linear controller from a file that python-control, MATLAB, NumPy or a person wrote."""
 
-import os
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from flexslew_control.controllers.linear.mat_file import read_mat
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import given_bytes, given_text
 from flexslew_plant.npz_file import read_npz
 from flexslew_plant.yaml_data import load_yaml
 
@@ -32,10 +33,10 @@ def law_from_file(path: str, source: str) -> dict[str, Any]:
     place = Path(path)
     if place.suffix not in _ENDINGS:
         raise BadInput(f"{source}: file: {path}: give a file that ends in {', '.join(_ENDINGS)}")
-    if os.path.exists(place) and not os.path.isfile(place):  # a pipe would be waited for
-        raise BadInput(f"{source}: file: {path}: is no file")
     try:
         values = _read(place)
+    except BadInput as error:
+        raise BadInput(f"{source}: file: {error}") from None
     except OSError as error:
         raise BadInput(f"{source}: file: {path}: cannot be read: {error.strerror}") from None
     except _DAMAGED as error:
@@ -64,11 +65,12 @@ def law_from_file(path: str, source: str) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
+    content = given_bytes(path)
     if path.suffix == ".mat":
         return read_mat(path, (*_KEYS, *_KEYS.values(), "dt"), _NAMES)
     if path.suffix == ".npz":
-        return dict(read_npz(path))
-    values = load_yaml(path.read_text(encoding="utf-8"), str(path))
+        return dict(read_npz(BytesIO(content)))
+    values = load_yaml(given_text(path), str(path))
     if not isinstance(values, dict):
         raise ValueError("it holds no keys")
     return values

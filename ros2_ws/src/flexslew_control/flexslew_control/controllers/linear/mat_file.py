@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 _VERSION_7_3 = b"\x00\x02IM"  # bytes 124 to 127, also where MATLAB writes big-endian: never
+_REFUSED = "refused"  # key of what the reader prints, in place of the variables
+_MOST = 1_000_000  # numbers of a matrix
 _LONGEST = 60.0  # of a reader [s]
 _MEMORY = 256 << 20  # of a reader, besides its modules [B]
 _TOO_LARGE = 3  # exit code of a reader that needs more
@@ -25,7 +27,7 @@ def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> di
 
     Raises:
         OSError: it cannot be opened.
-        ValueError: it is of version 7.3, damaged, or no such file.
+        ValueError: it is of version 7.3, damaged or no such file, or a variable holds no numbers.
     """
     with path.open("rb") as file:
         if file.read(128)[124:] == _VERSION_7_3:
@@ -35,18 +37,44 @@ def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> di
     asked = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names])]
     try:
         done = subprocess.run(asked, capture_output=True, text=True, timeout=_LONGEST, check=True)
-    except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
-        if getattr(error, "returncode", None) == _TOO_LARGE:
+    except subprocess.TimeoutExpired:
+        raise ValueError(f"its reader has not ended within {_LONGEST:g} s") from None
+    except subprocess.CalledProcessError as error:
+        if error.returncode == _TOO_LARGE:
             raise ValueError(f"it unpacks to more than {_MEMORY >> 20} MiB") from None
         raise ValueError("it is no MATLAB file of version 5 to 7, or damaged") from None
     found: dict[str, Any] = json.loads(done.stdout)
+    if why := found.pop(_REFUSED, ""):
+        raise ValueError(why)
     return found
+
+
+class _NoNumbers(Exception):
+    """A variable is no matrix of real numbers."""
 
 
 def _main(path: str, asked: str) -> None:
     """Print the variables as JSON."""
     import numpy as np
     from scipy.io import loadmat
+    from scipy.sparse import issparse
+
+    def numbers_of(key: str) -> Any:
+        value = held[key]
+        if not issparse(value) and (
+            not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"
+        ):
+            raise _NoNumbers(f"{key} holds no matrix of numbers; save A, B, C and D one by one")
+        if np.prod(value.shape) > _MOST:
+            raise _NoNumbers(
+                f"{key} has {value.shape[0]} x {value.shape[1]} numbers, at most {_MOST:,} are read"
+            )
+        dense = value.toarray() if issparse(value) else value
+        if np.iscomplexobj(dense):
+            if dense.imag.any():
+                raise _NoNumbers(f"{key} holds complex numbers; a law has real ones")
+            dense = dense.real
+        return dense.tolist()
 
     def text(entry: Any) -> str:
         while isinstance(entry, np.ndarray):  # MATLAB keeps a name in a cell of a cell
@@ -57,10 +85,12 @@ def _main(path: str, asked: str) -> None:
     _limit_memory()
     try:
         held = loadmat(path, variable_names=[*numbers, *names])
+        found: dict[str, Any] = {key: numbers_of(key) for key in numbers if key in held}
+        found |= {key: [text(entry) for entry in held[key].ravel()] for key in names if key in held}
     except MemoryError:
         sys.exit(_TOO_LARGE)
-    found: dict[str, Any] = {key: held[key].tolist() for key in numbers if key in held}
-    found |= {key: [text(entry) for entry in held[key].ravel()] for key in names if key in held}
+    except _NoNumbers as error:
+        found = {_REFUSED: str(error)}
     print(json.dumps(found))
 
 

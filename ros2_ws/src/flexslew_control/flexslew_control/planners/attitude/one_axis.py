@@ -12,6 +12,7 @@ from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import require_joints_of
+from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import believed, initial_positions, with_model_file
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.contract import (
@@ -141,7 +142,7 @@ def reduced(
             f"plan: goal: {', '.join(moving) or 'nothing'} moves; a spacecraft is planned about "
             "one axis at a time: give one joint, or an attitude where joints turn it in three axes"
         )
-    count, kept = counted(getattr(settings, "model", None), "plan: model")
+    count, kept = counted(getattr(settings, "model", None), "plan: model", plant.trust)
     whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
     if isinstance(whole, Wheeled):
         whole = whole.wheeled()
@@ -171,19 +172,20 @@ def turns_alone(attitude: AttitudeJoints, joint: int, start: Vector) -> bool:
     return bool(np.abs(aside).max() <= _ASIDE * np.linalg.norm(axis))
 
 
-def counted(given: Any, place: str) -> tuple[Any, dict[str, Any]]:
+def counted(given: Any, place: str, trust: Trust = NO_CODE) -> tuple[Any, dict[str, Any]]:
     """Return how many frequencies a `model` section counts with, None: all; and its other keys.
 
     Args:
         given: the section; None: it is left out, and one frequency counts.
         place: names it in an error.
+        trust: whether its file may be read.
 
     Raises:
         BadInput: the file that it names cannot be used, or the number is none.
     """
     if given is None:
         return 1, {}
-    changes = dict(with_model_file(given, place))
+    changes = dict(with_model_file(given, place, trust))
     count = changes.pop("modes", None)
     if not (count is None or count == RELEVANT or (type(count) is int and count >= 0)):
         raise BadInput("a number, or relevant", place, "modes", count)

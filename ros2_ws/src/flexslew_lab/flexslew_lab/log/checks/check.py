@@ -15,6 +15,7 @@ from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_plant.counted import counted
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import RecordingEnded
+from flexslew_plant.given_file import given_text
 
 _DATA_END = 9 + 4  # bytes of the record that ends the data section
 
@@ -96,8 +97,7 @@ def _folder(path: Path, counts: dict[str, int]) -> Finding:
     if not described.exists():
         return Finding(False, METADATA_FILE, "missing; `log recover` makes it again")
     try:
-        with described.open(encoding="utf-8") as file:
-            text = file.read(most(TEXTS) + 1)
+        text = given_text(described, most(TEXTS) + 1)
         information: Any = logged_yaml(text, METADATA_FILE)["rosbag2_bagfile_information"]
         listed = {
             t["topic_metadata"]["name"]: t["message_count"]

@@ -12,6 +12,7 @@ import zstandard
 from flexslew_lab.log.bag_layout import MAGIC
 from flexslew_lab.log.files.read_limits import check_size
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import open_given
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
 CHUNK_INDEX, METADATA, DATA_END = 0x08, 0x0C, 0x0F
@@ -62,10 +63,7 @@ class RecordStream:
         self.cut: Cut | None = None
         self.sealed = False  # a checksum over the whole data section was there, and right
         self.at = 0  # where the last whole record ends
-        try:
-            self._file: BinaryIO = open(path, "rb")  # noqa: SIM115
-        except OSError as error:
-            raise BadInput(str(error.strerror), path) from None
+        self._file: BinaryIO = open_given(path)
         self._size = path.stat().st_size
 
     def __iter__(self) -> Iterator[McapRecord]:

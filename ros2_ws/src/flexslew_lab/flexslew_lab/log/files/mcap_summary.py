@@ -10,6 +10,7 @@ from flexslew_lab.log.bag_layout import MAGIC
 from flexslew_lab.log.files.mcap_scan import FOOTER, McapRecord
 from flexslew_lab.log.files.read_limits import check_size
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import open_given
 
 STATISTICS = 0x0B
 _HEAD = struct.Struct("<BQ")
@@ -33,7 +34,7 @@ def find_summary(path: Path) -> Summary | None:
         BadInput: the footer or the summary is damaged.
     """
     end = path.stat().st_size - len(MAGIC) - _FOOTER.size
-    with path.open("rb") as file:
+    with open_given(path) as file:
         file.seek(max(end, 0))
         foot = file.read()
         if len(foot) != _FOOTER.size + len(MAGIC) or not foot.endswith(MAGIC):
@@ -56,7 +57,7 @@ def summary_records(summary: Summary) -> Iterator[McapRecord]:
         BadInput: a record is cut or too large.
     """
     at = summary.start
-    with summary.path.open("rb") as file:
+    with open_given(summary.path) as file:
         file.seek(at)
         while at < summary.end:
             head = file.read(_HEAD.size)

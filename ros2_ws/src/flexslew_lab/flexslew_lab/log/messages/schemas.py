@@ -101,7 +101,17 @@ def hash_of_schema(type_name: str, text: str) -> str:
 @lru_cache
 def store() -> Typestore:
     """Return the store of all types that a bag of this project may hold."""
-    known = _standard()
+    return _with_own(_standard())
+
+
+@lru_cache
+def default_store() -> Typestore:
+    """Return the store for bags without definitions, of Foxy to Humble."""
+    return _with_own(get_typestore(Stores.ROS2_HUMBLE))
+
+
+def _with_own(known: Typestore) -> Typestore:
+    """Return a store after adding the messages of this project."""
     directory = message_directory(MESSAGES)
     if directory is None:
         raise BadInput(f"the definitions of {MESSAGES} are not found; build the workspace")

@@ -14,6 +14,7 @@ from flexslew_lab.studies.findings import figures
 from flexslew_lab.studies.findings.tables import (
     QUANTILE_NAMES,
     metric_tables,
+    missing_words,
     overall_rows,
     pair_rows,
 )
@@ -44,6 +45,7 @@ def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
     return render(
         "study.html.j2",
         found=found,
+        missing=missing_words(found),
         title=study.settings.study,
         file=study.source,
         folder=str(store.folder),
@@ -108,6 +110,7 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
     asked = ("study", "metric", "variant", "kept to", "lower bound", "")
     about = "; ".join(
         f"{called}: {counted(one['trials'], 'trial')}, {one['failed']} failed, "
+        f"{'' if one['complete'] else 'incomplete, '}"
         f"{one['sampling']['method']}"
         for called, one in zip(studies, found, strict=True)
     )

@@ -52,6 +52,8 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
         "study": study.settings.study,
         "trials": rows.num_rows,
         "planned": samples * len(study.variants),
+        "to_fly": (to_fly := planned * len(study.variants)),  # fewer where a criterion stopped it
+        "complete": rows.num_rows >= to_fly,
         "failed": pc.sum(failed).as_py() or 0,
         "wall_time": flights.get("wall_time"),
         "trials_per_second": flights.get("trials_per_second"),

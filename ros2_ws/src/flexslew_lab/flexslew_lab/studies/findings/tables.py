@@ -129,3 +129,14 @@ def _pairs(row: dict[str, Any]) -> str:
     if row["without_number"]:
         words += f", {row['without_number']} without a number left out"
     return words
+
+
+def missing_words(found: dict[str, Any]) -> str:
+    """Return what is missing of a study that is not flown to its end; empty: nothing."""
+    if found["complete"]:
+        return ""
+    missing = found["to_fly"] - found["trials"]
+    return (
+        f"{missing} of {found['to_fly']} trials are missing; all figures are of the other "
+        f"{found['trials']}: run the study, or its other shards, to the end"
+    )

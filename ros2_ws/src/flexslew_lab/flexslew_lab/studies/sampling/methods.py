@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Callable, Sequence
+from io import StringIO
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -13,6 +14,7 @@ from scipy.stats import qmc
 from flexslew_lab.studies.sampling.distributions import Distribution
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import given_text
 from flexslew_plant.settings import section
 
 MOST_FOR_SALTELLI = 64  # varied values
@@ -188,10 +190,9 @@ def list_of(path: Path, place: str) -> tuple[tuple[str, ...], tuple[NDArray[np.f
         BadInput: it cannot be read, a row has another length, or an entry is no finite number.
     """
     try:
-        with path.open(newline="") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}", place) from None
+        rows = [row for row in csv.reader(StringIO(given_text(path), newline="")) if row]
+    except (BadInput, csv.Error) as error:
+        raise BadInput(str(error), place) from None
     if len(rows) < 2:
         raise BadInput(f"{path}: holds no samples; give a row of keys and rows of numbers", place)
     keys = tuple(key.strip() for key in rows[0])

@@ -4,8 +4,10 @@ from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field, ValidationInfo
 
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.instruments import (
     GyroSettings,
@@ -14,6 +16,7 @@ from flexslew_plant.testbeds.instruments import (
     SunSensorSettings,
     TachometerSettings,
 )
+from flexslew_plant.testbeds.spacecraft.shapes.modal_file import allowed_file
 
 Triple: TypeAlias = tuple[float, float, float]
 Rows: TypeAlias = tuple[Triple, Triple, Triple]
@@ -135,12 +138,22 @@ class Membrane:
     poisson_ratio: Annotated[float, Field(ge=0.0, le=0.5)] = 0.3
 
 
+def _allowed_file(path: Path, info: ValidationInfo) -> Path:
+    """Return the file, if values from where these come may name it."""
+    try:
+        return allowed_file(path, info.context or NO_CODE)
+    except BadInput as error:
+        raise ValueError(str(error)) from error  # from which `validated` makes an Untrusted
+
+
 @section
 class ModalData:
     """Modes from a file of a finite element program; see modal_file."""
 
     kind: Literal["modal_data"] = "modal_data"
-    file: Path  # with frequencies and shapes or participation, see Modal data
+    file: Annotated[
+        Path, AfterValidator(_allowed_file)
+    ]  # with frequencies and shapes or participation, see Modal data
     modes: Annotated[int, Field(ge=1)] | None = None  # the first; null: all
 
 

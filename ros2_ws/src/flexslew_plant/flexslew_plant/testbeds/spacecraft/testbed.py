@@ -35,7 +35,7 @@ from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn, unit_direction
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft, mass_doubt
 from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of, spins_of
 from flexslew_plant.testbeds.spacecraft.assembly.packing import begun_at, packed, stiffened
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
@@ -369,6 +369,10 @@ class SpacecraftTestbed:
     def drive_map(self) -> DriveMap:
         """Return what its drives do to its turn; see contract.TurnedByDrives."""
         return drive_map(self.craft)
+
+    def doubts(self) -> tuple[str, ...]:
+        """Return what its appendages are unlikely to be; see contract.HasDoubts."""
+        return tuple(filter(None, map(mass_doubt, self.craft.appendages)))
 
     def spins(self, velocity: Matrix) -> Spins:
         """Return what its wheels store; see motions.Pointing."""

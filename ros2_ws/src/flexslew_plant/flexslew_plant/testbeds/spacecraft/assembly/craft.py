@@ -10,6 +10,8 @@ from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
 
+_ROUNDED = 0.01  # of a mass, by which the effective mass of modes may be above it in a file
+
 
 @dataclass(frozen=True)
 class PrescribedTurn:
@@ -96,6 +98,25 @@ class MomentGyro(NamedTuple):
     def across(self) -> Vector:
         """G x s, along which it turns the platform at angle zero, shape (3,)."""
         return np.cross(self.axis, self.rotor)
+
+
+def mass_doubt(a: Appendage) -> str:
+    """Return a warning if the modes of an appendage move more than its mass; else "".
+
+    The effective masses L^2 / m of all modes of a structure add up to at most its mass, along every
+    axis; L is the participation in translation and m the modal mass.
+    """
+    if not a.mass.size:
+        return ""
+    effective = np.sum(a.integrals.translation**2 / a.mass, axis=-1)
+    worst, mass = int(np.argmax(effective)), a.integrals.mass
+    if effective[worst] <= (1.0 + _ROUNDED) * mass:
+        return ""
+    return (
+        f"appendage {a.name}: the effective mass of its modes along {'xyz'[worst]} is "
+        f"{effective[worst]:,.6g} kg, its mass is {mass:,.6g} kg; look at the units of its modal "
+        "data, unless the platform holds the rest of its mass"
+    )
 
 
 class CraftDrive(NamedTuple):

@@ -35,7 +35,9 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.given_file import given_bytes
 from flexslew_plant.npz_file import read_npz
+from flexslew_plant.own_code import Trust, require_file
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
     Integrals,
     Points,
@@ -80,11 +82,22 @@ def modal_shape(path: Path) -> FlexibleShape:
     """
     if not os.path.exists(path) and os.path.exists(_SHIPPED / path):
         path = _SHIPPED / path
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise BadInput(f"cannot be read as modal data: {error}", path) from None
-    return _shape_of(path, content)
+    return _shape_of(path, given_bytes(path))
+
+
+def allowed_file(path: Path, trust: Trust) -> Path:
+    """Return a file of modal data that may be read; of those that a log names, a shipped one.
+
+    Raises:
+        Untrusted: if it may not.
+    """
+    if trust.allows_file(str(path)):
+        return path
+    shipped = (_SHIPPED / path).resolve()
+    if shipped.is_relative_to(_SHIPPED.resolve()) and shipped.is_file():
+        return shipped
+    require_file(trust, str(path), "modal data")
+    return path
 
 
 @lru_cache(maxsize=16)

@@ -1,0 +1,161 @@
+"""Columns of files that laboratories have: separators, marks, clocks, bags of older releases."""
+
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from flexslew_lab.identification.columns import require_times
+from flexslew_lab.identification.csv_columns import column_names, read_csv
+from flexslew_lab.identification.foreign import foreign_record, read_bag
+from flexslew_plant.errors import BadInput
+
+TIMES, U, X = (0.0, 0.1, 0.2, 0.3), (1.0, 0.0, -1.0, 1.0), (0.0, 0.01, 0.02, 0.03)
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+EFFORT = "std_msgs/msg/Float64"
+STAMPED = "geometry_msgs/msg/PointStamped"
+
+
+def table(delimiter: str, point: str, name: str = "u") -> str:
+    rows = (map(str, row) for row in zip(TIMES, U, X, strict=True))
+    lines = [delimiter.join(("time", name, "x"))]
+    lines += [delimiter.join(entry.replace(".", point) for entry in row) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize(
+    ("delimiter", "point", "name", "column"),
+    [
+        (",", ".", "u", "u"),
+        (";", ".", "u", "u"),
+        (";", ",", "u", "u"),
+        ("\t", ",", "u", "u"),
+        (",", ".", '"Torque, Request"', "Torque, Request"),
+        (";", ",", "Torque, Request", "Torque, Request"),
+    ],
+)
+def test_a_table_is_read_however_its_columns_are_separated(
+    mark: str, end: str, delimiter: str, point: str, name: str, column: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "lab.csv"
+    path.write_bytes((mark + table(delimiter, point, name).replace("\n", end)).encode())
+    series = read_csv(path, [column, "x"]).series
+    for key, values in ((column, U), ("x", X)):
+        np.testing.assert_array_equal(series[key], (TIMES, values))
+
+
+def test_a_name_with_a_comma_stands_in_quotes() -> None:
+    assert column_names('"Torque, Request"=hub, u2=w') == ("Torque, Request=hub", "u2=w")
+    assert column_names("u, ,x") == ("u", "x")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "holds no rows"),
+        ("time,u,x\n", "holds no rows"),
+        ("clock,u,x\n0,1,2\n", "no column of times; .*the header is: clock; u; x"),
+        ("time,speed,x\n0,1,2\n", "no column u; .*the header is: time; speed; x"),
+        ("time,u,x\n0,1,2\n1,2", "x: line 3: '' is no number; the row has 2 of 3"),
+        ("time,u,x\n0,1,2\n1,1,5,2\n", "the row has 4 of 3 columns"),
+        ("time,u,x\n0,1,2\n1,\x00,2\n", "is no number"),
+    ],
+)
+def test_what_is_no_table_is_refused_with_its_header(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "lab.csv"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=words):
+        read_csv(path, ["u", "x"])
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        ((0.0,) * 6, "u: the time stands still at 0 s in all 6 samples"),
+        ((2.5,) * 6, "u: the time stands still at 2.5 s"),
+        ((0.0, 0.0, 0.0, 0.0, 0.1, 0.2), "u: the time steps not at 0 s"),
+        ((0.0, 0.1, 0.2, 0.1, 0.2, 0.3), "u: the time steps back at 0.2 s"),
+        ((0.0, 0.1, np.nan, 0.3, 0.4, 0.5), "at finite times"),
+    ],
+)
+@pytest.mark.parametrize("period", [None, 0.1])
+def test_a_clock_that_does_not_run_is_refused(
+    times: tuple[float, ...], words: str, period: float | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "lab.csv"
+    rows = (f"{t},{k % 3},{0.01 * k}" for k, t in enumerate(times))
+    path.write_text("\n".join(("time,u,x", *rows)))
+    with pytest.raises(BadInput, match=words):
+        foreign_record(path, ("u",), ("x",), period)
+
+
+def bag(path: Path, plugin: StoragePlugin, stamps: tuple[float, ...] = TIMES) -> Path:
+    """Write a bag with efforts, stamped points, and a message of a type that nobody knows."""
+    types = STORE.types
+    with Writer(path, version=8, storage_plugin=plugin) as writer:
+        efforts = writer.add_connection("/effort", EFFORT, typestore=STORE)
+        points = writer.add_connection("/point", STAMPED, typestore=STORE)
+        other = writer.add_connection(
+            "/other", "lab_msgs/msg/Secret", msgdef="lab_msgs/Nothing[<=] x\n", rihs01="RIHS01_0"
+        )
+        for recorded, stamp, u, x in zip(TIMES, stamps, U, X, strict=True):
+            header = types["std_msgs/msg/Header"](
+                types["builtin_interfaces/msg/Time"](int(stamp), round(stamp % 1 * 1e9)), ""
+            )
+            point = types["geometry_msgs/msg/Point"](x, 0.0, 0.0)
+            send(writer, efforts, recorded, types[EFFORT](u))
+            send(writer, points, recorded, types[STAMPED](header, point))
+            writer.write(other, round(recorded * 1e9), b"\x00\x01\x00\x00")
+    return path
+
+
+def send(writer: Writer, connection: Connection, time: float, message: Any) -> None:
+    raw = STORE.serialize_cdr(message, connection.msgtype)
+    writer.write(connection, round(time * 1e9), raw)
+
+
+def without_definitions(path: Path) -> None:
+    """Take away from an SQLite bag what releases before Iron do not write."""
+    with sqlite3.connect(next(path.glob("*.db3"))) as base:
+        base.executescript(
+            "DROP TABLE schema; DROP TABLE message_definitions; DROP TABLE metadata;"
+        )
+
+
+NAMES = ["/effort.data", "/point.point.x"]
+
+
+@pytest.mark.parametrize("plugin", StoragePlugin)
+def test_a_type_that_cannot_be_read_spoils_no_other_topic(
+    plugin: StoragePlugin, tmp_path: Path
+) -> None:
+    path = bag(tmp_path / "bag", plugin)
+    series = read_bag(path, NAMES).series
+    for name, values in zip(NAMES, (U, X), strict=True):
+        np.testing.assert_allclose(series[name], (TIMES, values), atol=1e-9)
+    with pytest.raises(BadInput, match="/other: the definition of lab_msgs/msg/Secret cannot be"):
+        read_bag(path, ["/other.x"])
+
+
+def test_a_bag_without_definitions_is_read(tmp_path: Path) -> None:
+    path = bag(tmp_path / "bag", StoragePlugin.SQLITE3)
+    without_definitions(path)
+    series = read_bag(path, NAMES).series
+    np.testing.assert_allclose(series["/point.point.x"], (TIMES, X), atol=1e-9)
+    with pytest.raises(BadInput, match="/other: the type lab_msgs/msg/Secret is unknown"):
+        read_bag(path, ["/other.x"])
+
+
+def test_stamps_that_were_never_set_give_way_to_the_time_of_recording(tmp_path: Path) -> None:
+    columns = read_bag(bag(tmp_path / "bag", StoragePlugin.MCAP, (0.0,) * 4), NAMES)
+    np.testing.assert_allclose(columns.series["/point.point.x"][0], TIMES, atol=1e-9)
+    still = read_bag(bag(tmp_path / "still", StoragePlugin.MCAP, (3.0,) * 4), NAMES)
+    with pytest.raises(BadInput, match=r"/point\.point\.x: the time stands still at 3 s"):
+        require_times(still)
