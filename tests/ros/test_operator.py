@@ -619,11 +619,10 @@ def test_the_command_line_operates_the_bench(
         assert "nobody" in call("switch", "nobody")[1]
         assert call("brake")[0] == 0
         assert call("brake", "--release")[0] == 0
-        gone = RunningBench(int(os.environ["ROS_DOMAIN_ID"]) + 1, "gone", known=False)
         known = bench_to_operate()._replace(known=True)  # so that it is waited for
-        benches = [gone, known]  # never those of others who work on this machine
-        monkeypatch.setattr("flexslew_lab.cli.operate.running_benches", lambda: benches)
-        with monkeypatch.context() as hasty:
+        with own_domain() as empty, monkeypatch.context() as hasty:
+            benches = [RunningBench(empty, "gone", known=False), known]  # none of other users
+            monkeypatch.setattr("flexslew_lab.cli.operate.running_benches", lambda: benches)
             hasty.setattr("flexslew_lab.cli.operate._BY_HAND", 0.2)
             code, words = call("brake", "--all")
             assert code == 1
