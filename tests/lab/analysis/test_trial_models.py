@@ -124,11 +124,8 @@ def test_friction_quanta_of_sensors_and_thrusters_are_named() -> None:
     )
 
 
-@pytest.mark.parametrize("attitude", [{}, {"modes": {}}])
-def test_a_law_that_finds_its_attitude_by_instruments_is_refused_in_words(
-    attitude: dict[str, Any],
-) -> None:
-    law = {"pd_feedforward": {"kp": [12.0], "kd": [60.0], "attitude": attitude}}
+def test_a_law_whose_filter_estimates_appendage_modes_is_refused_in_words() -> None:
+    law = {"pd_feedforward": {"kp": [12.0], "kd": [60.0], "attitude": {"modes": {}}}}
     what = trial("three_axes", {"plan": None, "testbed.sensors": SEEN, "controllers": law})
-    with pytest.raises(BadInput, match="finds its attitude by instruments"):
+    with pytest.raises(BadInput, match="a filter with appendage modes has no linear form"):
         analysed(what, "it")

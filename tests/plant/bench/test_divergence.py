@@ -9,7 +9,8 @@ import pytest
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.divergence import FARTHEST, STABLE_TURN, is_lost
 from flexslew_plant.bench.schedule import ScheduleEntry
-from flexslew_plant.events import Level, TurnsFar, message_of
+from flexslew_plant.errors import BadInput
+from flexslew_plant.events import FastMode, Level, message_of
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.compiled.dynamics import STAGE_WEIGHTS, STEP_WEIGHTS
@@ -30,7 +31,8 @@ def flown(bed: Any, gain: float = 0.0, most: int = 2000) -> None:
 
 
 def too_slow() -> Bench:
-    return Bench(BenchSettings(active="a", period=0.1, testbed=CsaTestbed(modes=12)))
+    slow = {"period": 0.1, "integration_steps": 1}
+    return Bench(BenchSettings(active="a", testbed=CsaTestbed(modes=12), **slow))
 
 
 def pushed() -> Bench:
@@ -46,7 +48,7 @@ def unstable() -> Bench:
 @pytest.mark.parametrize(
     ("build", "gain", "cause"),
     [
-        (too_slow, 0.0, r"a period of 0\.1 s is too long for its fastest mode .* most 0\.047 s"),
+        (too_slow, 0.0, r"an integration step of 0\.1 s is too long for .* at most 0\.011 s: more"),
         (pushed, 0.0, r"a disturbance of 1e\+22 on hub_pitch, whose limit is 150"),
         (unstable, 1e5, r"a does not stabilise it"),
     ],
@@ -104,31 +106,45 @@ def test_the_stable_turn_is_where_the_method_begins_to_amplify() -> None:
     assert amplification(STABLE_TURN * 1.001) > 1.0
 
 
-@pytest.mark.parametrize(("frequency", "told"), [(31.0, False), (50.0, True)])
-def test_a_mode_that_ticks_do_not_follow_is_told_of_once_an_epoch(
-    frequency: float, told: bool
+@pytest.mark.parametrize(
+    ("frequency", "steps", "warned"), [(14.0, 1, False), (20.0, 2, True), (50.0, 3, True)]
+)
+def test_a_mode_that_turns_far_in_a_tick_is_integrated_and_warned_of_once_an_epoch(
+    frequency: float, steps: int, warned: bool
 ) -> None:
-    """A step of the hub leaves (p / w^2) (1 - cos w t) of a mode: here 3.1 and 5 rad a tick."""
+    """A step of the hub leaves (p / w^2) (1 - cos w t) of a mode: 1.4, 2 and 5 rad a tick."""
     mode = {"frequency": frequency, "joints": [0.05], "tips": [1.0]}
     bed = read_testbed({"kind": "identified", "inertia": [[100.0]], "free_modes": [mode]}, "here")
     push = ScheduleEntry(at=0.0, until=20.0, disturbance={"hub": 1.0})
-    bench = Bench(BenchSettings(active="a", period=0.1, testbed=bed, schedule=(push,)))
+    own = {"active": "a", "period": 0.1, "duration": 30.0, "testbed": bed, "schedule": (push,)}
+    bench = Bench(BenchSettings(**own))
     tips: list[float] = []
     still = np.zeros(1)
     for _ in range(2):
         tips.clear()
-        for _ in range(20):
+        for _ in range(200):
             question = bench.question
             bench.offer(EffortCommand(question.tick, question.epoch, question.controller, still))
             bench.advance()
             tips.append(bench.truth().tip_deflection[0])
         bench.reset()
-    facts = [e.what for e in bench.events if isinstance(e.what, TurnsFar)]
-    assert len(facts) == 2 * told
+    facts = [e.what for e in bench.events if isinstance(e.what, FastMode)]
+    assert len(facts) == 2 * warned
     size = 0.05 / frequency**2
-    off = np.array(tips) - size * (1.0 - np.cos(0.1 * frequency * np.arange(1, 21)))
-    assert (np.abs(off).max() > 0.1 * size) == told
+    off = np.array(tips) - size * (1.0 - np.cos(0.1 * frequency * np.arange(1, 201)))
+    assert np.abs(off).max() < 0.01 * size
     for fact in facts:
-        assert fact.turn == pytest.approx(5.0)
-        assert "50 rad/s, turns by 5 rad in a tick" in message_of(fact)
-        assert "take at most 0.06 s" in message_of(fact)
+        assert fact.turn == pytest.approx(0.1 * frequency)
+        assert fact.steps == steps
+        assert f"take at most {fact.period:g} s" in message_of(fact)
+        assert ("lower frequency" in message_of(fact)) == (fact.turn > np.pi)
+        named = Bench(BenchSettings(**{**own, "period": fact.period}))
+        named.advance()
+        assert not [e for e in named.events if isinstance(e.what, FastMode)]
+
+
+def test_a_period_that_no_number_of_steps_helps_is_refused() -> None:
+    numbers = {"driven_mass": 1.0, "free_mass": 1.0, "stiffness": 1e12}
+    bed = read_testbed({"kind": "floating_oscillator", "parameters": numbers}, "here")
+    with pytest.raises(BadInput, match=r"period: 0\.01 .*fastest mode of 1\.414e\+06 rad/s"):
+        Bench(BenchSettings(active="a", testbed=bed))

@@ -23,3 +23,22 @@ def test_a_filter_acts_in_lanes_as_on_the_bench(study_of: Callable[..., Study], 
     }
     vary = {"testbed.parameters.tip_mass": {"relative": {"uniform": [0.9, 1.1]}}}
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2])
+
+
+def test_a_tick_of_several_steps_is_one_in_lanes_as_on_the_bench(
+    study_of: Callable[..., Study],
+) -> None:
+    """At 2.9 rad a tick one step loses 0.1 % of the vibration, at 6 rad it is unstable."""
+    trial = {
+        "duration": 20.0,
+        "period": 0.1,
+        "testbed": {
+            "kind": "floating_oscillator",
+            "parameters": {"stiffness": 420.0},
+            "initial": {"free_mass_rate": 0.01},
+        },
+        "plan": {"method": "none", "goal": {"mass": 0.0}},
+        "controllers": {"pd_feedforward": {"kp": [0.05], "kd": [0.1]}},
+    }
+    vary = {"testbed.parameters.stiffness": {"uniform": [400.0, 1800.0]}}
+    require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2])

@@ -3,5 +3,5 @@
 Import it where it is used: its modules load python-control, which takes more than a second.
 
 Offers: linear_plant, loop, loop_margins, lti, minimal, model_file, modes, nonlinear_plant,
-numeric_state, rest, ring_down, save_law, signals.
+numeric_state, rest, rigid_motions, ring_down, save_law, signals.
 """

@@ -33,12 +33,14 @@ class PlantPath:
         gain: of what reaches each motor, shape (efforts,) [-]; None: one.
         delay: of what reaches each motor, shape (efforts,) [ticks]; None: none. A part of a tick
             counts by the mean over it.
+        steps: of the integration in a tick, equal ones.
     """
 
     period: float
     actuator: ActuatorSettings = IDEAL
     gain: Vector | None = None
     delay: Vector | None = None
+    steps: int = 1
 
     def on_their_way(self, efforts: int) -> "np.typing.NDArray[np.int64]":
         """Return how many commands to each motor a tick begins with, shape (efforts,)."""
@@ -61,7 +63,8 @@ def continuous_plant(rest: Rest, friction: ActuatorSettings | None = None) -> Lt
 def sampled_plant(rest: Rest, path: PlantPath, applied: bool = False) -> Lti:
     """Return what a controller commands and what it measures, tick by tick.
 
-    The hold is exact: x(k + 1) = F x(k) + G u(k), with the motors' lag, gains and delay before it.
+    x(k + 1) = F x(k) + G u(k) with the hold as the bench integrates it, and the motors' lag, gains
+    and delay before it.
 
     Args:
         rest: about which.
@@ -131,24 +134,25 @@ def _tick(rest: Rest, path: PlantPath) -> tuple[Matrix, Matrix]:
 
     Args:
         rest: of n coordinates.
-        path: says how long it is.
+        path: with period and steps of a tick.
     """
-    model, x, t, period = rest.model, rest.state, rest.time, path.period
+    model, x, t, h = rest.model, rest.state, rest.time, path.period / path.steps
     steady = np.hstack(small_motions(rest))
     drift = model.derivative(x, rest.effort, t)
     moves = model.time_varying or abs(drift).max() > _STILL * max(1.0, float(abs(steady).max()))
-    k, grown = len(steady), np.eye(steady.shape[1])
-    stages = np.zeros((STAGES, *steady.shape))
-    for i in range(STAGES):
-        slope = steady
-        if moves:
-            later = STAGE_TIMES[i] * period
-            there = model.advance(x, rest.effort, later, t=t)
-            slope = np.hstack(slopes(model, there, rest.effort, t + later))
-        grown[:k] = np.eye(*steady.shape) + period * np.tensordot(STAGE_WEIGHTS[i], stages, 1)
-        stages[i] = slope @ grown
-    after = np.eye(*steady.shape) + period * np.tensordot(STEP_WEIGHTS, stages, 1)
-    return after[:, :k], after[:, k:]
+    k, after = len(steady), np.eye(steady.shape[1])
+    for step in range(path.steps):
+        stages, grown = np.zeros((STAGES, *steady.shape)), after.copy()
+        for i in range(STAGES):
+            slope = steady
+            if moves:
+                later = (step + STAGE_TIMES[i]) * h
+                there = model.advance(x, rest.effort, later, step + 1, t)
+                slope = np.hstack(slopes(model, there, rest.effort, t + later))
+            grown[:k] = after[:k] + h * np.tensordot(STAGE_WEIGHTS[i], stages, 1)
+            stages[i] = slope @ grown
+        after[:k] = after[:k] + h * np.tensordot(STEP_WEIGHTS, stages, 1)
+    return after[:k, :k], after[:k, k:]
 
 
 def _with_friction(rest: Rest, f: Matrix, g: Matrix, path: PlantPath) -> tuple[Matrix, Matrix]:

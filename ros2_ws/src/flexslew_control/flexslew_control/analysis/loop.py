@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_control.analysis.signals import APPLIED
-from flexslew_plant.arrays import Vector
+from flexslew_control.analysis.signals import APPLIED, POSITION
+from flexslew_plant.arrays import Matrix, Vector
 
 Complex: TypeAlias = NDArray[np.complex128]
 
@@ -34,12 +34,17 @@ class ControlLoop:
         efforts: how many.
         sensors: how many the controller listens to.
         parts: plant from v to (y, applied efforts), law from (e, applied efforts) to u.
+        joint_names: of the plant.
+        joint_positions: how states show them, whether the controller reads them or not, shape
+            (joints, states).
     """
 
     system: Lti
     efforts: int
     sensors: int
     parts: tuple[Lti, Lti]
+    joint_names: tuple[str, ...]
+    joint_positions: Matrix
 
     @property
     def effort_names(self) -> tuple[str, ...]:
@@ -156,7 +161,10 @@ def loop_of(plant: Lti, law: Lti) -> ControlLoop:
     outward = plant.rows((*heard, *applied))
     columns = [law.inputs.index(name) for name in (*heard, *applied)]
     inward = replace(law, b=law.b[:, columns], d=law.d[:, columns], inputs=(*heard, *applied))
-    return ControlLoop(system, m, len(heard), (outward, inward))
+    joints = [name for name in plant.outputs if name.startswith(POSITION)]
+    shown = np.hstack((plant.rows(joints).c, zero((len(joints), k))))
+    names = tuple(name.removeprefix(POSITION) for name in joints)
+    return ControlLoop(system, m, len(heard), (outward, inward), names, shown)
 
 
 def visible_poles(loop: ControlLoop, share: float = _ACTS) -> tuple[Complex, Vector]:

@@ -3,6 +3,7 @@
 from flexslew_plant.testbeds.model import Model
 
 CHANNELS = ("position", "rate", "tip", "curvature")  # of a measurement, in this order
+POSITION = "position."  # before the name of a joint
 APPLIED = "applied"  # effort that was applied during the last tick
 
 

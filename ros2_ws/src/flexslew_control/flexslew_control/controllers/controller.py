@@ -113,6 +113,11 @@ class Controller:
         """What turns measurements into its estimates."""
         return self._estimator
 
+    def use_estimator(self, estimator: Estimator) -> None:
+        """Use another estimator, which starts with the next measurement."""
+        self._estimator, self._monitor = estimator, None
+        self._expect = getattr(estimator, "expect", None)
+
     @property
     def monitor(self) -> Monitor | None:
         """What looks at the innovations of the estimator; None: nothing does."""

@@ -1,10 +1,13 @@
 """Plans made exact for efforts that are held over every tick.
 
-A planner thinks in continuous time; the drives hold an effort over a tick. The means over the ticks
-miss the goal by a little, of second order in the period. The smallest change of the efforts that
-brings the planner's model to rest at the goal again is found by Newton's method on
+Planners compute efforts in continuous time; the drives hold an effort over a tick. The means over
+the ticks miss the goal by a little, of second order in the period. The smallest change of the
+efforts that brings the planner's model to rest at the goal again follows by Newton's method on
     x_N(u) = x_goal,    du = W G^T (G W G^T)^+ (x_goal - x_N),    G = dx_N/du,
 where W weighs the room that each effort has below the limit: an effort at its limit stays there.
+A plan whose own nominal states miss the goal, as those of a robust shaper do, keeps its efforts:
+without its residual at the nominal frequency it would be another shaper. All bounds are relative to
+the way to the goal, so that plans of linear plants scale with it.
 """
 
 from dataclasses import replace
@@ -17,16 +20,19 @@ from flexslew_plant.arrays import Indices, Matrix, Vector
 from flexslew_plant.testbeds import Model
 
 _ROUNDS = 4
-_CLOSE = 1e-11  # of the final state [rad, m and per second]
-_SMALL = 0.02  # larger misses are the plan's own [rad, m and per second]
-_GAP = 2e-4  # of the way to the goal, that efforts close without a change of what is left [-]
+# of the way to the goal, for rates per second
+_CLOSE = 1e-11  # of the final state [-]
+_SMALL = 0.02  # larger misses are the plan's own [-]
+_COMPUTED = 1e-4  # smaller ones of nominal states are errors of their computation [-]
+_GAP = 2e-4  # that efforts close without a change of what is left [-]
 
 
 def exact_on_ticks(plan: Plan, slew: Slew) -> Plan:
     """Return the plan with efforts that end at rest at the goal when each is held over its tick.
 
     Its reference becomes the flight of the planner's model under these efforts. A plan that misses
-    by more than the hold explains, or that has no room below the limits, is returned as it is.
+    by more than the hold explains, whose nominal states miss the goal by more than the hold
+    changes them, or that has no room below the limits, is returned as it is.
 
     Args:
         plan: whose nominal states end at rest at the goal.
@@ -55,8 +61,7 @@ def joints_at_rest(plan: Plan, slew: Slew) -> Plan:
         plan: whose reference is the flight of its nominal states.
         slew: what was asked for, with the feedback that the plan counts with.
     """
-    way = np.abs(slew.goal - slew.start).max()
-    if missed(plan, slew) <= _GAP * way:
+    if missed(plan, slew) <= _GAP * slew.way:
         found = _brought(plan, slew, slew.effort_limit, joints_alone=True)
         if found is not None:
             return found
@@ -99,24 +104,26 @@ def _brought(plan: Plan, slew: Slew, limit: Vector, joints_alone: bool = False) 
     """
     model, m, n = slew.model, slew.model.joints, slew.model.coordinates
     goal, rows = _aim(slew, joints_alone)
-    most = np.inf if joints_alone else _SMALL
+    most = np.inf if joints_alone else _SMALL * slew.way
     effort = plan.effort.copy()
-    states = _flown(model, plan.state[0], effort, plan.period)
+    states = _flown(slew, plan.state[0], effort)
     first = float(np.abs((goal - states[-1])[rows]).max())
-    if not _CLOSE < first < most:
+    if not _CLOSE * slew.way < first < most:
+        return plan
+    if not joints_alone and _misses_by_itself(plan, goal, states[-1], _COMPUTED * slew.way):
         return plan
     for _ in range(_ROUNDS):
         missed = (goal - states[-1])[rows]
         if not np.isfinite(missed).all():  # a step far beyond what the slopes tell
             return None
-        if np.abs(missed).max() < _CLOSE:
+        if np.abs(missed).max() < _CLOSE * slew.way:
             break
         slopes = _slopes(model, states, effort, plan.period)[rows]
         room = (np.maximum(limit - np.abs(effort), 0.0) ** 2).ravel()
         weighed = slopes * room
         change = weighed.T @ np.linalg.lstsq(weighed @ slopes.T, missed, rcond=1e-12)[0]
         effort = effort + change.reshape(effort.shape)
-        states = _flown(model, plan.state[0], effort, plan.period)
+        states = _flown(slew, plan.state[0], effort)
     left = float(np.abs((goal - states[-1])[rows]).max())
     if not left < first or (np.abs(effort) > limit * (1.0 + 1e-12)).any():
         return None
@@ -125,12 +132,29 @@ def _brought(plan: Plan, slew: Slew, limit: Vector, joints_alone: bool = False) 
     return replace(plan, position=position, velocity=velocity, effort=effort, state=states)
 
 
-def _flown(model: Model, start: Vector, effort: Matrix, period: float) -> Matrix:
+def _misses_by_itself(plan: Plan, goal: Vector, end: Vector, computed: float) -> bool:
+    """Return whether the nominal states miss the goal by more than the hold changes them.
+
+    Nominal states that are the flight under held efforts do not separate the two.
+
+    Args:
+        plan: with nominal states in continuous time.
+        goal: final state, shape (2 n,).
+        end: final state under the held efforts, shape (2 n,).
+        computed: error of the nominal states.
+    """
+    own, hold = np.abs(goal - plan.state[-1]).max(), np.abs(end - plan.state[-1]).max()
+    return bool(own > computed and own > hold > 0.0)
+
+
+def _flown(slew: Slew, start: Vector, effort: Matrix) -> Matrix:
     """Return the states at the ticks, shape (ticks + 1, 2 n)."""
     states = np.empty((len(effort) + 1, start.size))
     states[0] = start
     for k, held in enumerate(effort):
-        states[k + 1] = model.advance(states[k], held, period, t=k * period)
+        states[k + 1] = slew.model.advance(
+            states[k], held, slew.period, slew.steps, k * slew.period
+        )
     return states
 
 

@@ -82,6 +82,7 @@ def predicted(plan: Plan, slew: Slew, moving: bool = False) -> Prediction:
         slew.effort_limit,
         matrices(slew.motors(plan.period)),
         plan.period,
+        slew.steps,
         model.coordinates,
         model.before_modes,
     )
@@ -128,6 +129,7 @@ def open_loop(model: Model, start: Vector, effort: Matrix, period: float) -> Mat
         none + np.inf,
         at_once(none.size),
         period,
+        1,
         model.coordinates,
         model.before_modes,
     )
@@ -139,7 +141,7 @@ def _kernel() -> Callable[..., Matrix]:
     """Return _flown as machine code, the same for all testbeds."""
     vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
     kernel: Any = compiled(_flown)
-    sizes = types.float64, types.int64, types.int64
+    sizes = types.float64, types.int64, types.int64, types.int64
     rows = *(matrix,) * 3, *(vector,) * 3, types.UniTuple(matrix, 4)
     kernel.compile(matrix(ADVANCE, vector, vector, *rows, *sizes))
     kernel.disable_compile()  # never for the type of one testbed's function
@@ -158,6 +160,7 @@ def _flown(
     limit: Vector,
     motors: Matrices,
     period: float,
+    steps: int,
     n: int,
     before_modes: int,
 ) -> Matrix:
@@ -172,6 +175,6 @@ def _flown(
             u[j] += kd[j] * (velocity[k, j] - x[n + j])
             u[j] = min(max(u[j], -limit[j]), limit[j])
         give(motors, z, u)
-        advance(p, k * period, u, period, 1, before_modes, x)
+        advance(p, k * period, u, period, steps, before_modes, x)
         path[k + 1] = x
     return path

@@ -22,8 +22,10 @@ from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings
 from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.settings import PerJoint, flat, plain, section
 from flexslew_plant.testbeds import Model, Testbed, believed, initial_positions
+from flexslew_plant.testbeds.integration_error import steps_per_tick
 
 _LATEST = 50  # ticks, of commands that a planner counts with
+_COUNTED = 100.0  # flight for which the error of the integration counts [s]
 _LISTED = 6  # differences between model and bench that are told one by one
 
 
@@ -81,6 +83,16 @@ class Slew:
         """The equations of motion that the planner believes in, in the time of the slew."""
         return self.testbed.model().begun_at(self.begin)
 
+    @cached_property
+    def steps(self) -> int:
+        """Steps of the integration in a tick that the planner's model needs, as the bench's does.
+
+        Raises:
+            BadInput: the period is too long for the model's fastest mode.
+        """
+        poles = self.model.linearise(self.model.rest(self.named(self.start))).eigenvalues
+        return steps_per_tick(poles, self.period, _COUNTED)
+
     def motors(self, period: float) -> Lti:
         """Return what lies between commands and what the motors give, by ticks of a period [s]."""
         delay = self.delay * (self.period / period) if self.delay.size else None
@@ -91,6 +103,11 @@ class Slew:
     def still(self) -> bool:
         """Whether every joint is at its goal already."""
         return bool((self.start == self.goal).all())
+
+    @property
+    def way(self) -> float:
+        """The largest distance of a joint from its goal [rad or m]."""
+        return float(np.abs(self.goal - self.start).max())
 
     def named(self, values: Vector) -> dict[str, float]:
         """Return one number per joint by the joint's name."""

@@ -41,9 +41,10 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import starts_moving
 
-_EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
-_EXACT_RIGID = 1e-9  # the same of a rigid body, away from its goal [rad or m]
-_MISSED = 1e-6  # what nominal joints may lack of rest at the goal [rad or m, and per second]
+# of the way to the goal
+_EXACT = 1e-5  # residual above which efforts are made exact for their hold [m/rad or -]
+_EXACT_RIGID = 1e-9  # the same of a rigid body, away from its goal [-]
+_MISSED = 1e-6  # what nominal joints may lack of rest at the goal, rates per second [-]
 RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
 MOST_MODES = 4  # frequencies that are tried for one that is enough
 _SLOWER = 4  # turns tried with less torque about the eigenaxis
@@ -125,9 +126,10 @@ class Slewing:
         exact = self.exact is not None and self.exact(settings)
         rigid = not slew.model.modes
         left = on_model.attitude_error.max() if rigid else on_model.tip_deflection
-        if exact and (left > (_EXACT_RIGID if rigid else _EXACT) or missed(plan, slew) > _MISSED):
+        small, close = (_EXACT_RIGID if rigid else _EXACT) * slew.way, _MISSED * slew.way
+        if exact and (left > small or missed(plan, slew) > close):
             plan = exact_on_ticks(plan, slew)
-            if missed(plan, slew) > _MISSED:
+            if missed(plan, slew) > close:
                 plan = joints_at_rest(plan, slew)
             on_model = predicted(plan, slew)
         from_rest = on_model

@@ -21,6 +21,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.sensors import exact_readings, exact_sensors
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import Testbed, initial_state, starts_moving
+from flexslew_plant.testbeds.integration_error import steps_per_tick
 
 _NAME = "in_charge"  # of the controller
 NOTHING = 1e-5  # residual of the tips that counts as none [m]
@@ -176,6 +177,8 @@ def flown_on_bench(
         x[model.positions :] = initial_state(stands)[model.positions :]
     sensors = exact_sensors(model, plan.period)
     last = before + int(np.ceil(plan.duration / plan.period - 1e-9))
+    poles = model.linearise(rest).eigenvalues
+    steps = steps_per_tick(poles, plan.period, plan.duration + WATCHED)
     effort = np.zeros(limit.size)
     motors = motors or at_once(limit.size)
     late = np.zeros(len(motors[0]))
@@ -201,7 +204,7 @@ def flown_on_bench(
             return None
         effort = np.clip(answer.command.effort, least, limit)
         give(motors, late, effort)
-        x = model.advance(x, effort, plan.period, t=now)
+        x = model.advance(x, effort, plan.period, steps, now)
     return Prediction(swing, away, peak)
 
 

@@ -25,6 +25,7 @@ from flexslew_control.analysis.loop_margins import (
 )
 from flexslew_control.analysis.modes import Mode, natural_modes
 from flexslew_control.analysis.rest import rest_of
+from flexslew_control.analysis.rigid_motions import uncontrolled_motions
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import RunningLaw, running_law
 from flexslew_control.plan import Plan
@@ -41,6 +42,7 @@ from flexslew_lab.trial.trial import (
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
+_ON_CIRCLE = 1e-6  # distance from the unit circle at which a pole is on it
 ERRORS = (0.8, 1.0, 1.2)  # of stiffness and of payload, as factors [-]
 
 
@@ -85,6 +87,7 @@ class Analysis:
     modes: tuple[Mode, ...]
     poles: tuple[Pole, ...]
     stable: bool
+    uncontrolled: tuple[str, ...]  # joints that show rigid motions with poles at z = 1
     efforts: tuple[ChannelMargins, ...]
     sensors: tuple[ChannelMargins, ...]
     disks: dict[str, DiskMargins]
@@ -96,7 +99,7 @@ class Analysis:
         """Return one line: who closes the loop, how many poles it has, what it keeps."""
         what = f"<Analysis of {self.controller}: {len(self.poles)} poles, "
         if not self.stable:
-            return f"{what}not stable>"
+            return f"{what}{self.statement}>"
         least = min((one.delay for one in self.efforts), default=np.inf)
         disk = self.disks["input"].alpha
         return (
@@ -124,6 +127,18 @@ class Analysis:
         """The plant with the smallest disk margin; None where no loop is stable."""
         return min(self.others, key=lambda other: other.alpha, default=None)
 
+    @property
+    def statement(self) -> str:
+        """Whether the loop is stable, in words."""
+        if self.stable:
+            return "stable"
+        if not self.uncontrolled:
+            return "not stable"
+        grows = any(np.hypot(*pole.z) > 1.0 + _ON_CIRCLE for pole in self.poles)
+        names = ", ".join(self.uncontrolled)
+        verb = "is" if len(self.uncontrolled) == 1 else "are"
+        return f"{'not stable; ' if grows else ''}marginal: {names} {verb} not controlled"
+
     def plain(self) -> dict[str, Any]:
         """Return the numbers as JSON holds them; what is infinite or has no value is null."""
         rest = self.point.rest
@@ -134,11 +149,13 @@ class Analysis:
             "rest": dict(zip(rest.model.joint_names, position.tolist(), strict=True)),
             "time": rest.time,
             "left_out": list(self.point.left_out),
+            "warnings": list(self.point.warnings),
             "law_states": list(self.running.form.states),
             "law_mismatch": self.running.mismatch,
             "modes": [mode._asdict() for mode in self.modes],
             "poles": [asdict(pole) for pole in self.poles],
             "stable": self.stable,
+            "uncontrolled": list(self.uncontrolled),
             "efforts": [asdict(margins) for margins in self.efforts],
             "sensors": [asdict(margins) for margins in self.sensors],
             "disks": {name: asdict(disk) for name, disk in self.disks.items()},
@@ -164,7 +181,8 @@ def analysed(
         trial: what flies.
         source: its file, for an error.
         controller: which one; None: the one in charge then, see active_controller.
-        at: simulated time [s], see point_of.
+        at: simulated time [s], see point_of; None: the end of the manoeuvre, or the start where
+            there is none or joints are given.
         joints: where they rest instead [rad or m], or with a unit.
         plan: that is flown; None: the trial's own.
 
@@ -172,11 +190,13 @@ def analysed(
         BadInput: no such controller, or it has no linear form there.
         PlanFailed: there is no plan.
     """
+    plan = plan or plan_of_trial(trial, predict=False)
+    if at is None and not joints and plan is not None:
+        at = plan.end
     name = controller or active_controller(trial, moment_of(at))
     if name not in trial.controllers:
         known = ", ".join(trial.controllers)
         raise BadInput(f"{source}: --controller: {name} is not in controllers; allowed: {known}")
-    plan = plan or plan_of_trial(trial, predict=False)
     point = point_of(trial, at, joints, plan)
     law, values = law_of(name, trial.controllers[name] or {})
     plant = plant_of(trial)
@@ -201,8 +221,9 @@ def _measured(
     plan: Plan | None,
 ) -> Analysis:
     sweep = swept(loop)
-    poles = poles_of(loop)
-    stable = is_stable(loop)
+    motions, stable = uncontrolled_motions(loop), is_stable(loop)
+    rigid = (Pole(0.0, 0.0, (1.0, 0.0), 0.0),) * motions.poles
+    poles = tuple(p for p in poles_of(loop) if not rigid or abs(complex(*p.z) - 1.0) > _ON_CIRCLE)
     both = (*loop.effort_names, *loop.sensor_names)
     places = {"input": loop.effort_names, "output": loop.sensor_names, "both": both}
     margins = [channel_margins(sweep, channel) for channel in both] if stable else []
@@ -214,8 +235,9 @@ def _measured(
         loop,
         sweep,
         natural_modes(continuous_plant(point.rest, point.path.actuator)),
-        poles,
+        (*rigid, *poles),
         stable,
+        motions.joints,
         tuple(margins[: loop.efforts]),
         tuple(margins[loop.efforts :]),
         {place: disk_margins(sweep, cuts) for place, cuts in places.items()} if stable else {},
@@ -244,8 +266,11 @@ def poles_of(loop: ControlLoop) -> tuple[Pole, ...]:
 
 
 def is_stable(loop: ControlLoop) -> bool:
-    """Return whether no pole that anything excites and shows lies outside of the unit circle."""
-    return not unstable_poles(loop).size
+    """Return whether the loop returns every rigid motion and no pole that acts grows.
+
+    See uncontrolled_motions and unstable_poles.
+    """
+    return not unstable_poles(loop).size and not uncontrolled_motions(loop).joints
 
 
 def _other_plants(trial: Trial, point: Point, running: RunningLaw) -> tuple[OtherPlant, ...]:

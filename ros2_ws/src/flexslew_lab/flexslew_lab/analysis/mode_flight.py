@@ -179,6 +179,7 @@ def _settings(trial: Trial, analysis: Analysis, gain: Vector, delay: Vector) -> 
         plain,
         testbed=varied(trial.testbed, changes, "--prove"),
         duration=0.0,
+        integration_steps=analysis.point.path.steps,
         active=analysis.controller,
         fallback=(),
         plausibility=None,

@@ -15,6 +15,7 @@ from flexslew_plant.arrays import Vector
 _MOST_TICKS = 4000  # of a response
 _FADED = 0.02  # of a pole's part at the end of a response
 _SHOWN = 2000  # points of a curve
+_NO_GAIN = 1e-12  # smallest size that is drawn [-]
 
 
 def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> str:
@@ -100,7 +101,9 @@ def _poles(analysis: Analysis) -> Table:
          f"{p.strength:.2g}"]
         for p in analysis.poles
     ]  # fmt: skip
-    words = "Stable." if analysis.stable else "NOT STABLE: there are no margins."
+    words = f"{analysis.statement.capitalize()}."
+    if not analysis.stable:
+        words = f"{analysis.statement.upper()}: there are no margins."
     more = f" The law has {len(analysis.running.form.a)} states of its own."
     return Table(
         "Poles of the closed loop", f"{words}{more}",
@@ -124,6 +127,11 @@ def _number(value: float) -> str:
     return "-" if not np.isfinite(value) else f"{value:.5g}"
 
 
+def _decibels(size: Vector) -> Vector:
+    """Return sizes in dB; that of a loop that its law leaves open is none, drawn far below."""
+    return np.asarray(20.0 * np.log10(np.maximum(size, _NO_GAIN)))
+
+
 def _thinned(analysis: Analysis) -> Vector:
     """Return which points of the sweep are drawn."""
     count = len(analysis.sweep.grid)
@@ -136,7 +144,7 @@ def _bode(analysis: Analysis) -> Group:
     size, phase = Panel("gain of L", "dB", height=220), Panel("phase of L", "deg", height=180)
     for k, name in enumerate(names):
         value = analysis.sweep.gain((name,))[rows, 0, 0]
-        size.line(w, 20.0 * np.log10(abs(value)), name, style(k))
+        size.line(w, _decibels(abs(value)), name, style(k))
         phase.line(w, np.degrees(np.unwrap(np.angle(value))), name, style(k))
     for panel in (size, phase):
         _over_frequency(panel, w)
@@ -159,7 +167,7 @@ def _plane(kind: str, analysis: Analysis) -> Group:
         else:
             turned = np.degrees(np.angle(value)) % -360.0
             turned[np.append(False, abs(np.diff(turned)) > 180.0)] = np.nan
-            panel.line(np.asarray(turned), 20.0 * np.log10(abs(value)), name, style(k))
+            panel.line(np.asarray(turned), _decibels(abs(value)), name, style(k))
     mark = (-1.0, 0.0) if nyquist else (-180.0, 0.0)
     panel.line(np.array(mark[:1]), np.array(mark[1:]), "-1", {"color": "#c2375f"}, mode="markers")
     return Group(kind, "Each effort's loop, the others closed.", [panel], legend(names))
@@ -174,7 +182,7 @@ def _singular(analysis: Analysis) -> Group:
     for k, (name, value) in enumerate(shown):
         sizes = np.linalg.svd(value, compute_uv=False)
         for column in (0, -1):
-            panel.line(w, 20.0 * np.log10(np.maximum(sizes[:, column], 1e-12)), name, style(k))
+            panel.line(w, _decibels(sizes[:, column]), name, style(k))
     _over_frequency(panel, w)
     panel.limits, panel.y_range = (0.0,), (-80.0, 60.0)
     words = "Largest and smallest of the loop, its sensitivity and its complement."
@@ -228,7 +236,9 @@ def _over_frequency(panel: Panel, w: Vector) -> None:
 
 def summary_rows(analysis: Analysis) -> list[tuple[Any, ...]]:
     """Return the few lines that a terminal shows."""
-    rows: list[tuple[Any, ...]] = [("stable", "yes" if analysis.stable else "NO")]
+    rows: list[tuple[Any, ...]] = [
+        ("stable", "yes" if analysis.stable else f"NO: {analysis.statement}")
+    ]
     for c in analysis.efforts:
         rows.append((f"{c.name}: gain", f"{_number(c.gain_down)} to {_number(c.gain_up)}"))
         rows.append((f"{c.name}: phase [deg]", _number(np.degrees(c.phase))))

@@ -1,6 +1,6 @@
 """Margins and poles proved: what was predicted beside what the non-linear bench flies."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -221,7 +221,7 @@ class _Flights:
     def _faulted(self, gain: Vector, delay: Vector) -> tuple[PlantPath, ControlLoop]:
         """Return a path with these gains and delays of the motors, and the loop predicted."""
         point = self._analysis.point
-        path = PlantPath(self._trial.period, point.path.actuator, gain, delay)
+        path = replace(point.path, gain=gain, delay=delay)
         plant = sampled_plant(point.rest, path, applied=True)
         return path, loop_of(plant, self._analysis.running.form)
 

@@ -10,8 +10,10 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import Rest, rest_of
 from flexslew_control.plan import Plan
 from flexslew_lab.trial.trial import Trial, plan_of_trial, plant_of
+from flexslew_plant.bench.divergence import integration_of
 from flexslew_plant.bench.schedule import command_delays
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import message_of
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
 from flexslew_plant.keys.units import number_in
 from flexslew_plant.testbeds.model import Model
@@ -27,12 +29,14 @@ class Point:
         plan: of the trial, where it was needed to find the rest.
         left_out: what acts then and is in neither model: kinds of faults, limits of the motors
             within which they are not linear, forces from outside, how instruments read.
+        warnings: on the numbers of the models, each a line.
     """
 
     rest: Rest
     path: PlantPath
     plan: Plan | None
     left_out: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def moment_of(at: float | str | None) -> float:
@@ -82,9 +86,13 @@ def point_of(
             gain[names.index(entry.fault.joint)] *= entry.fault.gain
         elif not isinstance(entry.fault, CommandDelay):
             left_out.append(str(entry.fault.kind))
-    path = PlantPath(trial.period, trial.actuator, gain, delay)
     rest = rest_of(plant.testbed, joints, time)
-    return Point(rest, path, plan, (*left_out, *_not_in_models(trial, rest.model)))
+    steps, fast_mode = integration_of(
+        rest.model, rest.q, trial.period, trial.duration, trial.integration_steps
+    )
+    path = PlantPath(trial.period, trial.actuator, gain, delay, steps)
+    warnings = () if fast_mode is None else (message_of(fast_mode),)
+    return Point(rest, path, plan, (*left_out, *_not_in_models(trial, rest.model)), warnings)
 
 
 def _not_in_models(trial: Trial, model: Model) -> list[str]:

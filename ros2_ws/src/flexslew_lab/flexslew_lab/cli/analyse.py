@@ -29,10 +29,10 @@ def analyse(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Show modes, poles, margins and responses of a trial's loop about a rest.
+    """Show modes, poles, margins and responses of a trial's loop after its manoeuvre.
 
-    The law's linear form is taken from its running code. Exit code 1: the loop is not stable, or
-    what was flown is not what was predicted.
+    `--at` takes another time, `--rest` another place. The law's linear form is taken from its
+    running code. Exit code 1: the loop is not stable, or what was flown is not what was predicted.
 
     Example: `./flexslew analyse m1 --at 25`
     """
@@ -47,6 +47,8 @@ def analyse(
     target = writable_file(out or new_file(f"{requested.name}-analysis.html"), "--out", file)
     with for_people.status("analysing"):
         found = analysed(requested, source, controller, at, joints_of(rest))
+    for words in found.point.warnings:
+        say(f"warning: {words}")
     proof = None
     if prove:
         with for_people.status("flying beside the margins"):

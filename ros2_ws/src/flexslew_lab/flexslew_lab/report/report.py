@@ -26,7 +26,7 @@ from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.counted import counted
-from flexslew_plant.events import IN_CHARGE, BentFar, Switched, TurnsFar, step_words
+from flexslew_plant.events import IN_CHARGE, BentFar, FastMode, Switched, step_words
 from flexslew_plant.yaml_data import load_yaml
 
 EVENTS = 300  # of a run that the table shows
@@ -338,7 +338,7 @@ def _provenance(run: RunData) -> dict[str, Any]:
         "plans": plans,
         "events": overview.events[:EVENTS],
         "doubtful": [
-            event.message for event in overview.events if isinstance(event.what, BentFar | TurnsFar)
+            event.message for event in overview.events if isinstance(event.what, BentFar | FastMode)
         ],
         "more_events": max(len(overview.events) - EVENTS, 0),
         "counts": sorted(overview.counts.items()),

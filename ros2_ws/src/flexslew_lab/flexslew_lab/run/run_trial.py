@@ -33,6 +33,7 @@ from flexslew_lab.trial.own_code import HASHES, own_code_of
 from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up, trial_text
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.events import message_of
 from flexslew_plant.own_code import Trust
 from flexslew_plant.testbeds.contract import HasDoubts
 
@@ -112,6 +113,8 @@ def run_trial(
             f"no tip shows any mode, of {tips.shape[1]}: all tip deflections are told as 0, "
             "whatever rings; see the modes in the report"
         )
+    if prepared.bench.fast_mode is not None:
+        warned(message_of(prepared.bench.fast_mode))
     if prepared.plan is not None and "warning" in prepared.plan.summary:
         warned(f"plan: {prepared.plan.summary['warning']}")
     if prepared.plan is not None and prepared.plan.summary.get("believes"):

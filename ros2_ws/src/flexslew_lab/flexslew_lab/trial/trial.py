@@ -335,7 +335,10 @@ def set_up(
         BadInput: a law or one of its values is not allowed.
     """
     stands = trial if testbed is None else replace(trial, testbed=testbed)
-    bench = Bench(bench_settings(stands))
+    try:
+        bench = Bench(bench_settings(stands))
+    except BadInput as error:
+        raise BadInput(replace(error.refusal, source=source)) from None
     return bench, build_controllers(trial, source)
 
 

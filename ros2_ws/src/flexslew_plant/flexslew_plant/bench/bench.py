@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_plant.arrays import Vector, keep_all, kept
-from flexslew_plant.bench.divergence import diagnosis, is_lost, too_fast
+from flexslew_plant.bench.divergence import diagnosis, integration_of, is_lost
 from flexslew_plant.bench.due_ticks import past, too_late
 from flexslew_plant.bench.handover import RUN_OVER, Handover
 from flexslew_plant.bench.injections import Injections, injection_of, injections_of, names_of
@@ -93,8 +93,8 @@ class Bench:
 
     Raises:
         BadInput: a schedule entry names what the testbed does not have, or breaks something
-            although faults are off; what has no motors shall have friction; or the testbed's
-            numbers are out of range.
+            although faults are off; what has no motors shall have friction; the testbed's
+            numbers are out of range; or the period is too long for its fastest mode.
     """
 
     question: Measurement  # of this tick
@@ -119,7 +119,9 @@ class Bench:
         chosen = settings.plausibility
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None
         q, _ = self.model.split(self._start)
-        self._too_fast = too_fast(self.model, q, settings.period)
+        self._steps, self.fast_mode = integration_of(
+            self.model, q, settings.period, settings.duration, settings.integration_steps
+        )
         self._friction = friction_of(settings.actuator, self.model, settings.period)
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.allow_faults)
@@ -288,8 +290,8 @@ class Bench:
         self._x, self._applied, self._extra, self._total = after, applied, extra, total
         self.saturated_ticks += self.actuator.saturated
         self.tick += 1
-        if self.tick == 1 and self._too_fast is not None:
-            self.tell(self._too_fast)
+        if self.tick == 1 and self.fast_mode is not None:
+            self.tell(self.fast_mode)
         self._watch_tips()
         if self.tick == self.last_tick:
             self.handover.drop_all(RUN_OVER)
@@ -316,11 +318,14 @@ class Bench:
         model, period, now = self.model, self.settings.period, self.time
         x = model.pushed(self._x, 0.5 * period, now)
         if self._friction is None:
-            after = model.advance(x, effort, period, t=now)
+            after = model.advance(x, effort, period, self._steps, now)
         else:
             mobility = model.mobility(x, effort, now)
             after = self._friction.advance(
-                x, effort, mobility, lambda total: model.advance(x, total, period, t=now)
+                x,
+                effort,
+                mobility,
+                lambda total: model.advance(x, total, period, self._steps, now),
             )
         return model.pushed(after, -0.5 * period, now + period)
 
@@ -429,7 +434,7 @@ class Bench:
             disturbance,
             self.limit,
             self.drive.active,
-            self.settings.period,
+            self.settings.period / self._steps,
         )
         what = StateLost(self.tick, self.time, where, cause)
         self.failure = message_of(what)

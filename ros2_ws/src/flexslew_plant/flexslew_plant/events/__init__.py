@@ -39,6 +39,7 @@ from flexslew_plant.events.recording import RecordingEnded as RecordingEnded
 from flexslew_plant.events.recording import RecordingStarted as RecordingStarted
 from flexslew_plant.events.run import BentFar as BentFar
 from flexslew_plant.events.run import CommandRejected as CommandRejected
+from flexslew_plant.events.run import FastMode as FastMode
 from flexslew_plant.events.run import FellBehind as FellBehind
 from flexslew_plant.events.run import Interrupted as Interrupted
 from flexslew_plant.events.run import Noted as Noted
@@ -51,7 +52,6 @@ from flexslew_plant.events.run import Started as Started
 from flexslew_plant.events.run import StateLost as StateLost
 from flexslew_plant.events.run import Stepped as Stepped
 from flexslew_plant.events.run import TransportChosen as TransportChosen
-from flexslew_plant.events.run import TurnsFar as TurnsFar
 from flexslew_plant.events.run import WasReset as WasReset
 from flexslew_plant.events.switching import BRAKE as BRAKE
 from flexslew_plant.events.switching import AnswerMissed as AnswerMissed

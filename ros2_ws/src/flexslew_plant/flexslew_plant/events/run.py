@@ -1,6 +1,7 @@
 """Events of the run itself: its start and end, its pace, what the drive and the plant refuse."""
 
 from enum import StrEnum
+from math import pi
 from typing import Any
 
 from flexslew_plant.counted import counted
@@ -106,19 +107,27 @@ class BentFar:
     small: Finite = 0.0  # largest that counts as small [m]
 
 
-@fact(
-    "fast_mode",
-    Level.WARNING,
-    "the fastest mode, {frequency:.4g} rad/s, turns by {turn:.3g} rad in a tick, more "
-    "than half a turn: its vibration is not followed, and fades or grows; take at most "
-    "{period:.2g} s, or fewer modes",
-)
-class TurnsFar:
-    """A mode is too fast for the ticks to follow, for the first time of an epoch."""
+def _fast_mode(event: Any) -> str:
+    """Return what happens to a mode that turns far in a tick."""
+    words = (
+        f"the fastest mode, {event.frequency:.4g} rad/s, turns by {event.turn:.3g} rad in a tick "
+        f"of {counted(event.steps, 'step')}: an error of {100.0 * event.error:.2g} % of its "
+        "vibration over the run"
+    )
+    if event.turn > pi:
+        words += "; sensors read it at a lower frequency, as it turns by more than half a turn"
+    return f"{words}; take at most {event.period:g} s, or fewer modes"
+
+
+@fact("fast_mode", Level.WARNING, _fast_mode)
+class FastMode:
+    """A mode turns far in a tick: what integration and sampling make of it, once an epoch."""
 
     frequency: Finite = 0.0  # of the fastest mode at the start [rad/s]
     turn: Finite = 0.0  # of it in a tick [rad]
     period: Seconds = 0.0  # that is short enough [s]
+    steps: Count = 1  # of the integration in a tick
+    error: Finite = 0.0  # of its vibration over the run, of the amplitude at the start [-]
 
 
 @fact(

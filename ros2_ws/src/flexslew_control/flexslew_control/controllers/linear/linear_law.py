@@ -29,6 +29,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import believed
+from flexslew_plant.testbeds.integration_error import steps_per_tick
 from flexslew_plant.testbeds.model import Model
 
 Rows: TypeAlias = tuple[tuple[float, ...], ...]
@@ -37,6 +38,7 @@ Rows: TypeAlias = tuple[tuple[float, ...], ...]
 SIGNALS = ("error", "error_rate", "position", "rate", "reference", "reference_rate", "applied",
            "tip", "curvature")  # fmt: skip
 _OF_APPENDAGES = ("tip", "curvature")
+_COUNTED = 100.0  # flight for which the error of the integration counts [s]
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
 _UNWINDINGS = 10.0  # time constants of the anti-windup in which a state may grow e-fold
 
@@ -283,7 +285,9 @@ def _require_stable(settings: LinearSettings, plant: PlantDescription, system: L
     testbed = believed(plant.testbed, settings.model, "model")
     point = settings.operating_point
     rest = rest_of(testbed, plant.testbed.operating_point if point is None else point)
-    seen = sampled_plant(rest, PlantPath(plant.period), applied=True)
+    poles = rest.model.linearise(rest.q).eigenvalues
+    steps = steps_per_tick(poles, plant.period, _COUNTED)
+    seen = sampled_plant(rest, PlantPath(plant.period, steps=steps), applied=True)
     both = [name for name in system.inputs if name in seen.outputs or "reference" in name]
     columns = [system.inputs.index(name) for name in both]
     names = tuple(name for name in both)

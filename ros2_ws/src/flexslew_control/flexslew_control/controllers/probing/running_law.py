@@ -22,6 +22,7 @@ from flexslew_control.controllers.probing.probed_controller import (
     placed,
 )
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
+from flexslew_control.estimators.instrument_readings import with_instruments
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
@@ -81,10 +82,9 @@ def running_law(
         BadInput: it gives no answer at rest, or is not linear there.
     """
     if isinstance(controller.estimator, AttitudeEstimator):
-        raise BadInput(
-            f"{controller.name} finds its attitude by instruments, whose readings come late and "
-            "are no deviations: it has no linear form; allowed: the same law without `attitude`"
-        )
+        instruments = with_instruments(controller.estimator)
+        controller = copied(controller)
+        controller.use_estimator(instruments)
     probed = ProbedController(controller, rest, limit, gains)
     probed.settle()
     memory = probed.memory()
@@ -111,7 +111,8 @@ def running_law(
         raise BadInput(
             f"{controller.name} is not linear at this rest: its efforts differ by "
             f"{100.0 * mismatch:.2g} % from those of its linear form; it may limit its efforts here"
-            " or keep its memory outside of itself"
+            " (of drives that push one way: take another time by --at, or give the law an "
+            "`allocation`), or keep its memory outside of itself"
         )
     return RunningLaw(form, mismatch, probed.tick, probed.controller, tuple(memory))
 

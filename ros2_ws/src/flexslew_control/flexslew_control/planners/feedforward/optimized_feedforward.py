@@ -190,7 +190,7 @@ def about_its_own_trajectory(
     state = np.empty((ticks.size, 2 * n))
     state[0] = path[0]
     for k, held in enumerate(effort):
-        state[k + 1] = slew.model.advance(state[k], held, slew.period, t=float(ticks[k]))
+        state[k + 1] = slew.model.advance(state[k], held, slew.period, slew.steps, float(ticks[k]))
     position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
     position[-1], velocity[-1] = slew.goal, 0.0
     return replace(plan, position=position, velocity=velocity, effort=effort, state=state)

@@ -64,7 +64,9 @@ class Cones:
         self.size += program.trust is not None
         self.rows = ConeRows(self.size)
         self.residual_rows = ConeRows(self.size)  # with a unit residual in the column g
-        self.scale = 1.0  # of the residual [m]
+        # of the residual [m]: the way, so that solutions scale with it; a step has flights to judge
+        self.scale = program.span if program.trust is None else 1.0
+        self.least = 1e-12 * self.scale  # of those that follow [m]
         self.held: tuple[ProgramKey, ...] = ()  # rows that held up the last solution
         self._equations()
         self._fixed_rows()

@@ -19,7 +19,7 @@ from flexslew_control.planners.progress import Progress
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import PlanFailed
 
-_UNSEEN = 1e-9  # residual that no bench sees [m]
+_UNSEEN = 1e-9  # of the way, a residual that no bench measures [m/rad]
 _CERTAIN = 1.01  # times the lower bound, up to which an optimum is one for certain
 _ROUNDS = 2  # in which members join
 _PARTS = 4  # into which the members between them cut the way from one level to the next
@@ -73,7 +73,7 @@ def _unseen(question: Question, members: tuple[Member, ...], report: Report) -> 
         return None
     weights = smooth(question, grid)
     merit = Search(question, members, grid, report).merit(weights)
-    if merit.residuals.max() > _UNSEEN or merit.missed > MET:
+    if merit.residuals.max() > _UNSEEN * question.span or merit.missed > MET:
         return None
     words = "a smooth turn, which leaves nothing that can be seen; nothing better was sought"
     optimum = Optimum(weights, merit.residuals, 0.0, merit.missed)
@@ -89,7 +89,9 @@ def _convex(
     for all slews.
     """
     direct = _direct(question, members, report, enough)
-    certain = direct.optimum.worst <= _CERTAIN * direct.optimum.bound and question.fine
+    best, nothing = direct.optimum, NOTHING_SEEN * question.span
+    # which of two residuals of rounding is the smaller one is chance
+    certain = best.worst <= nothing or (best.worst <= _CERTAIN * best.bound and question.fine)
     shorter = question.rigid
     while _LONGER * shorter < question.duration:
         shorter *= _LONGER

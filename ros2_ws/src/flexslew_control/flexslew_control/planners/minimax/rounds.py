@@ -97,7 +97,7 @@ def solved(
             best = best._replace(bound=max(best.bound, found.bound))
         if _done(cones, goal, best, found, _LITTLE if k >= _LATE else NOTHING_SEEN):
             return best or found
-        cones.scale = max(found.worst, 1e-12) if np.isfinite(found.worst) else cones.scale
+        cones.scale = max(found.worst, cones.least) if np.isfinite(found.worst) else cones.scale
     if best is None and goal.rounds is None:
         raise PlanFailed(f"the limits were not kept after {_ROUNDS} rounds")
     return best or found

@@ -19,6 +19,7 @@ from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.divergence import integration_of
 from flexslew_plant.bench.injections import injections_of, names_of
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import ScheduleEntry
@@ -34,6 +35,7 @@ from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import initial_state, models_of
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel
 from flexslew_plant.testbeds.instruments.packed_readers import are_packed
+from flexslew_plant.testbeds.integration_error import COARSE
 from flexslew_plant.testbeds.model import Model
 
 # steps where a kernel's own differ by 5e-11: then they differ by 1e-13, too
@@ -195,7 +197,11 @@ class LaneIntake:
 def _lane_trial(one: _LookedAt, own: LaneSteps) -> LaneTrial | Way:
     """Return a trial ready for a lane; a way where only the bench can fly it."""
     case, trial, model, happens, common, rubs = one
-    kernel, steps = own
+    kernel = own.kernel
+    try:
+        steps = _bench_steps(trial, model, own)
+    except FlexslewError:
+        return Way.NOT_ALLOWED
     if isfinite(kernel.reach) and _is_quantised(trial):
         steps *= _FINER
     turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
@@ -214,6 +220,21 @@ def _lane_trial(one: _LookedAt, own: LaneSteps) -> LaneTrial | Way:
     law, together = (common.law, held, *bench), (common.course, *bench)
     said = trial, common.asked, model, kernel, steps, hold
     return LaneTrial(case, *said, happens, rubs, law, together)
+
+
+def _bench_steps(trial: Trial, model: Model, own: LaneSteps) -> int:
+    """Return the steps in a tick: those of the bench, or of a kernel with a scheme of its own.
+
+    Raises:
+        BadInput: the bench refuses the period.
+    """
+    kernel, steps = own
+    if isfinite(kernel.reach) and steps * kernel.reach <= COARSE:
+        return steps
+    q, _ = model.split(initial_state(trial.testbed))
+    given = trial.integration_steps
+    bench = integration_of(model, q, trial.period, trial.duration, given).steps
+    return steps if isfinite(kernel.reach) else bench
 
 
 def _turned(trial: Trial) -> tuple[Trial, str]:

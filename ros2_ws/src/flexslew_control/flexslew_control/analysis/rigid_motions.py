@@ -1,0 +1,53 @@
+"""Rigid motions of a closed sampled loop that nothing returns: poles at z = 1 that joints show.
+
+A displacement N with (A - I) N = 0 rests wherever it is left; where the rows L of L (A - I) = 0 are
+orthogonal to it, it belongs to a drift and its pole is a double one. Both follow from singular
+vectors, as eigenvalues of a double pole have half the digits only.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import matrix_balance
+
+from flexslew_control.analysis.loop import ControlLoop
+from flexslew_plant.arrays import Matrix
+
+_ZERO = 1e-12  # singular value of the balanced A - I, of the largest
+_ALONG = 1e-6  # product of unit vectors, of the largest reading of a joint [-]
+
+
+class RigidMotions(NamedTuple):
+    """Rigid motions that a loop does not control."""
+
+    joints: tuple[str, ...]  # that show them
+    poles: int  # at z = 1
+
+
+def uncontrolled_motions(loop: ControlLoop) -> RigidMotions:
+    """Return the rigid motions that joints show and the closed loop does not return."""
+    closed = loop.closed.a
+    balanced, (scale, _) = matrix_balance(closed, permute=False, separate=True)
+    pencil = balanced - np.eye(len(balanced))
+    left, sizes, right = np.linalg.svd(pencil)
+    still = sizes <= _ZERO * sizes.max(initial=0.0)
+    resting, rows = right[still].T, left[:, still].T
+    seen = loop.joint_positions * scale
+    shown = seen @ resting
+    if not still.any() or not shown.any():
+        return RigidMotions((), 0)
+    largest = np.linalg.norm(seen, axis=1).max()
+    drifting = resting @ _null(rows @ resting)
+    touched = np.linalg.norm(shown, axis=1) > _ALONG * largest
+    names = tuple(n for n, moved in zip(loop.joint_names, touched, strict=True) if moved)
+    return RigidMotions(names, _rank(shown, largest) + _rank(seen @ drifting, largest))
+
+
+def _null(matrix: Matrix) -> Matrix:
+    """Return an orthonormal basis of what a square matrix maps to zero."""
+    _, sizes, right = np.linalg.svd(matrix)
+    return np.asarray(right[sizes <= _ALONG].T)
+
+
+def _rank(matrix: Matrix, largest: float) -> int:
+    return int(np.linalg.matrix_rank(matrix, tol=_ALONG * largest)) if matrix.size else 0
