@@ -1,8 +1,8 @@
-"""What ./flexslew installs: `python setup/bill_of_materials.py FILE` writes SBOM or licences.
+"""The locked distributions: `python setup/bill_of_materials.py FILE` writes SBOM or licences.
 
 A name that ends in .json gets a CycloneDX 1.5 document with the hashes of the lock, for a release;
 one that ends in .md the table of licences, which is docs/licences.md. Run it with the Python of
-.venv: licences are what the installed distributions say of themselves.
+.venv, after .ci/tools: licences are those that the installed distributions state.
 """
 
 import json
@@ -15,7 +15,28 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parents[1]
-LOCKS = ("requirements.lock.txt", "requirements.extra.lock.txt", "requirements.source.txt")
+LOCKS = (
+    "requirements.lock.txt",
+    *sorted(path.name for path in (ROOT / "setup").glob("requirements.extra.*.lock.txt")),
+    "requirements.source.txt",
+    "requirements.develop.lock.txt",
+)
+DEVELOP = LOCKS[
+    -1
+]  # the only one that may hold tools under the GPL; ./flexslew installs none of it
+# read in their repositories, as the distributions state none
+_READ_BY_HAND = {
+    "ros-ament-cmake-gmock": "Apache License 2.0",
+    "ros-ament-cmake-gtest": "Apache License 2.0",
+    "ros-ament-cmake-pytest": "Apache License 2.0",
+    "ros-ament-cmake-ros": "Apache License 2.0",
+    "ros-fastcdr": "Apache License 2.0",
+    "ros-fastdds": "Apache License 2.0",
+    "ros-fastrtps": "Apache License 2.0",
+    "ros-fastrtps-cmake-module": "Apache License 2.0",
+    "ros-python-cmake-module": "Apache License 2.0",
+    "setuptools": "MIT",
+}
 _PIN = re.compile(r"^([A-Za-z0-9._-]+)==([^ ;]+)")
 _HASH = re.compile(r"--hash=sha256:([0-9a-f]{64})")
 _CLASSIFIER = "License :: OSI Approved :: "
@@ -24,33 +45,41 @@ UNKNOWN = "not stated"
 
 
 class Component(NamedTuple):
-    """A distribution of the lock."""
+    """A distribution of the locks."""
 
     name: str
     version: str
     hashes: tuple[str, ...]  # SHA-256 of its wheels
     licence: str
+    locks: tuple[str, ...]  # main, source, develop, or the extras that have it
 
 
 def components() -> list[Component]:
-    """Return what the locks pin, by name."""
-    found = []
+    """Return the distributions of the locks, by name."""
+    found: dict[str, Component] = {}
     for lock in LOCKS:
+        kind = lock.removeprefix("requirements.").removeprefix("extra.").partition(".")[0]
+        kind = "main" if kind == "lock" else kind
         for line in (ROOT / "setup" / lock).read_text().replace("\\\n", "").splitlines():
             pin = _PIN.match(line)
             if pin is not None:
                 hashes = tuple(_HASH.findall(line))
-                found.append(Component(pin[1], pin[2], hashes, licence_of(pin[1])))
-    return sorted(found, key=lambda one: one.name.lower())
+                others = found[pin[1]].locks if pin[1] in found else ()
+                licence = licence_of(pin[1])
+                found[pin[1]] = Component(pin[1], pin[2], hashes, licence, (*others, kind))
+    return sorted(found.values(), key=lambda one: one.name.lower())
 
 
 def licence_of(name: str) -> str:
-    """Return the licence that an installed distribution states; UNKNOWN: none, or not installed."""
+    """Return the licence of a distribution: stated, of its ROS package, or read by hand."""
     try:
         stated = stated_licence(distribution(name))
     except PackageNotFoundError:
-        return UNKNOWN
-    return stated if stated != UNKNOWN else package_licence(name)
+        stated = UNKNOWN
+    if stated == UNKNOWN:
+        stated = package_licence(name)
+    general = re.sub(r"^ros-(kilted|jazzy)-", "ros-", name)
+    return stated if stated != UNKNOWN else _READ_BY_HAND.get(general, UNKNOWN)
 
 
 def stated_licence(installed: Distribution) -> str:
@@ -67,8 +96,8 @@ def stated_licence(installed: Distribution) -> str:
 
 
 def package_licence(name: str) -> str:
-    """Return what the package.xml of a wheel of ROS 2 states."""
-    package = name.removeprefix("ros-").replace("-", "_")
+    """Return the licence that the package.xml of a wheel of ROS 2 states."""
+    package = re.sub(r"^ros-(kilted-|jazzy-)?", "", name).replace("-", "_")
     path = Path(sys.prefix) / "share" / package / "package.xml"
     if not path.is_file():
         return UNKNOWN
@@ -95,6 +124,7 @@ def sbom(parts: list[Component]) -> dict[str, object]:
         "components": [
             {
                 "type": "library",
+                "scope": "excluded" if part.locks == ("develop",) else "required",
                 "bom-ref": f"pkg:pypi/{part.name.lower()}@{part.version}",
                 "name": part.name,
                 "version": part.version,
@@ -111,16 +141,21 @@ def sbom(parts: list[Component]) -> dict[str, object]:
 
 def licences(parts: list[Component]) -> str:
     """Return the table of licences as Markdown."""
-    rows = [f"| {p.name} | {p.version} | {p.licence.replace('|', '/')} |" for p in parts]
+    rows = [
+        f"| {p.name} | {p.version} | {p.licence.replace('|', '/')} | {', '.join(p.locks)} |"
+        for p in parts
+    ]
     return "\n".join(
         (
             "# Licences of what is installed",
             "",
-            "What each distribution of the lock says of itself, written by",
-            "`.venv/bin/python setup/bill_of_materials.py docs/licences.md`.",
+            "The licence that each locked distribution states, written by",
+            "`.venv/bin/python setup/bill_of_materials.py docs/licences.md`. `./flexslew` installs",
+            "those of `main` and `source`, `./flexslew extras` those of the extras; `develop` has",
+            "tools of CI only, some of them under the GPL.",
             "",
-            "| distribution | version | licence |",
-            "|---|---|---|",
+            "| distribution | version | licence | locks |",
+            "|---|---|---|---|",
             *rows,
             "",
         )

@@ -10,12 +10,12 @@ python=${FLEXSLEW_PYTHON:-python3}
 installed_ros=${FLEXSLEW_INSTALLED_ROS:-}
 wheels=${FLEXSLEW_WHEELS:-kilted}
 lock=$root/setup/requirements.lock.txt
-extra_lock=$root/setup/requirements.extra.lock.txt
 jazzy=$root/setup/requirements.jazzy.lock.txt
 sources=$root/setup/requirements.source.txt
 all=$([ "${BASH_SOURCE[0]}" != "$0" ] || echo --wait) # an image is whole when this script ends
 started=$SECONDS
 step=
+. "$root/setup/extras.sh"
 
 say() { printf '\033[1mflexslew\033[0m %s\n' "$*" >&2; }
 fail() { printf 'flexslew: %s\n' "$*" >&2; exit 2; }
@@ -47,7 +47,7 @@ system_packages() {
   command -v "$python" >/dev/null || fail "python3 is missing; install it with: apt-get install -y python3"
   "$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' ||
     fail "Python 3.11 to 3.14 is needed, $python is $("$python" -V 2>&1); set FLEXSLEW_PYTHON to another one"
-  local missing=() as_root=()
+  local missing=()
   "$python" -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
   "$python" -c 'import os, sys, sysconfig; sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))' ||
     missing+=(python3-dev)
@@ -57,14 +57,18 @@ system_packages() {
   ((${#missing[@]})) || return 0
   say "[1/4] system packages: ${missing[*]}"
   command -v apt-get >/dev/null || fail "install by hand, there is no apt-get here: ${missing[*]}"
-  if [ "$(id -u)" != 0 ]; then
-    sudo -n true 2>/dev/null || fail "system packages are missing; install them with: sudo apt-get install -y ${missing[*]}"
-    as_root=(sudo)
-  fi
-  run "${as_root[@]}" apt-get update -qq || fail "apt-get update failed"
+  may_install || fail "system packages are missing; install them with: sudo apt-get install -y ${missing[*]}"
+  apt_install "${missing[@]}" || fail "apt-get could not install: ${missing[*]}"
+}
+
+may_install() { [ "$(id -u)" = 0 ] || sudo -n true 2>/dev/null; }
+
+apt_install() {
+  local as_root=()
+  [ "$(id -u)" = 0 ] || as_root=(sudo -n)
+  run "${as_root[@]}" apt-get update -qq || { say "apt-get update failed"; return 1; }
   run "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
-    apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
-    fail "apt-get could not install: ${missing[*]}"
+    apt-get install -y -qq --no-install-recommends "$@" >/dev/null
 }
 
 # 2. Python packages. An interrupted installation of the same list goes on, another one begins anew.
@@ -103,20 +107,11 @@ links_for_copies() {
   done
 }
 
-# What tests, benchmarks and further commands need: `./flexslew extras`, and before `test` and `bench`.
-extra_packages() {
-  local list=$venv/requirements.extra.txt
-  if [ -n "$installed_ros" ]; then beside_installed_ros <"$extra_lock" >"$list"; else cp "$extra_lock" "$list"; fi
-  install_wheels "$list" "extras: Python packages into .venv" "$extra_size"
-  touch "$extras"
-  ! workspace_built || machine_code --studies
-}
-
 # install_wheels LIST WORDS SIZE
 install_wheels() {
   local count
   count=$(grep -c '^[A-Za-z0-9]' "$1")
-  say "$2 ($count distributions, about $3)"
+  say "$2 ($count distributions, $3)"
   # a package cut off while it was unpacked has no list of its files
   for unpacked in "$venv"/lib/python3*/site-packages/*.dist-info; do
     [ ! -d "$unpacked" ] || [ -e "$unpacked/RECORD" ] || rm -rf "$unpacked"
@@ -127,12 +122,12 @@ install_wheels() {
 # The lock without what an installed ROS 2 brings: its packages, their parsers, and the NumPy that they are built for (1.26
 # on Ubuntu 24.04), with which ctrlsys does not work.
 beside_installed_ros() {
-  awk '/^[A-Za-z0-9]/ { keep = /^ros-parser==/ || !/^(ros-|catkin-pkg==|ctrlsys==|lark-parser==|numpy==)/ } keep'
+  awk '/^[A-Za-z0-9]/ { keep = !/^(ros-|catkin-pkg==|ctrlsys==|lark-parser==|numpy==)/ } keep'
 }
 
 # The lock without ROS 2 itself.
 without_wheels_of_ros() {
-  awk '/^[A-Za-z0-9]/ { keep = /^ros-parser==/ || !/^ros-/ } keep'
+  awk '/^[A-Za-z0-9]/ { keep = !/^ros-/ } keep'
 }
 
 pip_failed() {
@@ -152,11 +147,6 @@ pip_install() {
 
 # 3. the workspace, and 4. machine code
 build_workspace() {
-  if [ -d "$root/ros2_ws/install" ] && [ "$(built_for)" != "$root" ]; then # full of absolute paths
-    rm -rf "$root/ros2_ws/build" "$root/ros2_ws/install"
-    [ -L "$venv" ] || grep -lIr '^#!/.*/\.venv/bin/python' "$venv/bin" |
-      xargs -r sed -i "1s|^#!.*/\.venv/bin/|#!$venv/bin/|"
-  fi
   local paths=(src) options=(-DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" -GNinja)
   if [ -z "$installed_ros" ]; then
     paths+=("$root/setup/wheels_overlay")
@@ -191,6 +181,15 @@ workspace_environment() {
   mv "$workspace_lines.$$" "$workspace_lines"
 }
 
+# A checkout that was moved or copied: its absolute paths are rewritten, which takes seconds.
+mend_paths() {
+  local before
+  before=$(built_for)
+  [ -n "$before" ] && [ "$before" != "$root" ] || return 0
+  say "the checkout was in $before; its paths are rewritten"
+  "$python" "$root/setup/moved.py" "$before" "$root" || fail "the paths cannot be rewritten; remove $venv and $root/ros2_ws/install"
+}
+
 built_for() { cat "$root"/ros2_ws/install/flexslew.* 2>/dev/null || true; }
 
 colcon_build() {
@@ -199,10 +198,13 @@ colcon_build() {
 
 case $root in
   *[[:space:]\"\'\\\$\`:\;\&\(\)\<\>\|\*\?\[\]\{\}\#%!]*)
-    fail "the checkout lies in '$root', and the ROS 2 build tools take no spaces, quotes or signs in a path; move it" ;;
+    fail "the checkout is in '$root'; the build tools of ROS 2 allow no spaces, quotes or shell signs in a path; move it" ;;
 esac
-size="700 MB"
-extra_size="750 MB"
+case $root in
+  *[![:ascii:]]*)
+    fail "the checkout is in '$root'; the build tools of ROS 2 allow only ASCII letters in a path; move it" ;;
+esac
+size="about 700 MB"
 # each process started here delays every command
 case $wheels in
   kilted) locks=("$lock" "$sources") ;;
@@ -211,8 +213,7 @@ case $wheels in
 esac
 packages_digest=$(cat "${locks[@]}" <(printf %s "$installed_ros") | sha256sum)
 packages=$venv/flexslew.${packages_digest:0:16}
-extra_digest=$(sha256sum <"$extra_lock")
-extras=$venv/flexslew.extras.${extra_digest:0:16}
+test_programs=$venv/flexslew.test_programs
 workspace_lines=$root/ros2_ws/install/environment.sh
 workspace_digest=$({
   echo "${packages_digest:0:16}"
@@ -223,19 +224,29 @@ workspace_digest=$({
     LC_ALL=C sort -z | xargs -0 sha256sum
 } | sha256sum)
 workspace=$root/ros2_ws/install/flexslew.${workspace_digest:0:16}
-case ${all:-${1:-}} in --wait | bench | extras | test) ;; *) extras=$packages ;; esac # .venv is enough for the others
+extras=()
+case ${all:-${1:-}} in # .venv is enough for the others
+  --wait | bench | test) extras_to_install ;;
+  extras) extras_to_install "${@:2}" ;;
+esac
+case ${1:-} in test) ;; *) test_programs=$packages ;; esac
 workspace_built() { [ -e "$workspace" ] && [ "$(<"$workspace")" = "$root" ]; }
-if [ ! -e "$packages" ] || [ ! -e "$extras" ] || ! workspace_built; then
+if [ ! -e "$packages" ] || [ ! -e "$test_programs" ] || ((${#extras[@]})) || ! workspace_built; then
   trap 'interrupted 130' INT
   trap 'interrupted 143' TERM
   machine=$(uname -m)
   case $machine in
     x86_64 | amd64) ;;
-    *) fail "no packages are pinned for $machine: a 64-bit Intel or AMD PC is needed; without ROS: pip install ." ;;
+    aarch64 | arm64)
+      [ -n "$installed_ros" ] ||
+        fail "ROS 2 has no wheels for $machine: source an installed ROS 2 (Jazzy or Kilted); without ROS: pip install ." ;;
+    *) fail "no packages are pinned for $machine: a 64-bit Intel, AMD or ARM processor is needed; without ROS: pip install ." ;;
   esac
   system_packages
+  mend_paths
   if [ ! -e "$packages" ]; then python_packages; fi
-  if [ ! -e "$extras" ]; then extra_packages; fi
+  if ((${#extras[@]})); then extra_packages; fi
+  if [ ! -e "$test_programs" ]; then test_programs; fi
   workspace_built || build_workspace
   trap - INT TERM
   say "ready after $((SECONDS - started)) s"

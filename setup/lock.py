@@ -2,7 +2,7 @@
 
 A lock is a list of `name==version` (with a marker where one is needed). To add or to change a
 distribution, edit its line and run this with a recent pip, on one file or without arguments on all.
-For each Python that the bench supports, pip says which wheel it would take on 64-bit Linux; nothing
+For each supported Python and processor, pip reports the wheel that it would take on Linux; nothing
 is installed.
 """
 
@@ -21,6 +21,7 @@ PLATFORMS = (
     *("linux", "manylinux1", "manylinux2010", "manylinux2014"),
     *(f"manylinux_2_{minor}" for minor in GLIBC),
 )
+MACHINES = ("x86_64", "aarch64")  # ROS 2 has wheels for the first only
 LOCKS = sorted(Path(__file__).parent.glob("requirements.*lock.txt"))
 
 
@@ -32,21 +33,28 @@ def read(lock: Path) -> tuple[list[str], list[Requirement]]:
     return comments, [Requirement(pin) for pin in pins]
 
 
-def wheels(pins: list[Requirement], python: str) -> dict[str, str]:
-    """Return the SHA-256 of the wheel that each distribution has for a Python.
+def wheels(pins: list[Requirement], python: str, machine: str) -> dict[str, str]:
+    """Return the SHA-256 of the wheel of each distribution for a Python and a processor.
 
     Raises:
-        subprocess.CalledProcessError: pip finds no wheel for one; it says for which.
+        subprocess.CalledProcessError: if one has no such wheel; pip names it.
     """
     here = {"python_version": python, "python_full_version": f"{python}.0"}
-    requested = [pin for pin in pins if pin.marker is None or pin.marker.evaluate(here)]
+    requested = [
+        pin
+        for pin in pins
+        if (pin.marker is None or pin.marker.evaluate(here))
+        and (machine == MACHINES[0] or not pin.name.startswith("ros-"))
+    ]
+    if not requested:
+        return {}
     with tempfile.TemporaryDirectory() as folder:
         names, report = Path(folder, "names.txt"), Path(folder, "report.json")
         names.write_text("".join(f"{pin.name}{pin.specifier}\n" for pin in requested))
         command = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run"]
         command += ["--ignore-installed", "--no-deps", "--only-binary", ":all:"]
         command += ["--target", folder, "--python-version", python]
-        command += [word for p in PLATFORMS for word in ("--platform", f"{p}_x86_64")]
+        command += [word for p in PLATFORMS for word in ("--platform", f"{p}_{machine}")]
         subprocess.run([*command, "--report", report, "-r", names], check=True)
         found = json.loads(report.read_text())["install"]
     return {
@@ -60,7 +68,7 @@ def wheels(pins: list[Requirement], python: str) -> dict[str, str]:
 def locked(lock: Path) -> str:
     """Return the text of a lock with the hashes of all its wheels."""
     comments, pins = read(lock)
-    hashes = [wheels(pins, python) for python in PYTHONS]
+    hashes = [wheels(pins, python, machine) for python in PYTHONS for machine in MACHINES]
     lines = comments
     for pin in sorted(pins, key=lambda pin: canonicalize_name(pin.name)):
         name = canonicalize_name(pin.name)

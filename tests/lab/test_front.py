@@ -506,7 +506,7 @@ def test_what_needs_a_package_that_is_not_there_says_what_installs_it(
     package: str, use: Any, flight: fs.Flight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    words = rf"{package} is not installed: (./flexslew extras|pip install .flexslew\[)"
+    words = rf"{package} is not installed: (./flexslew extras export|pip install .flexslew\[)"
     with pytest.raises(ModuleNotFoundError, match=words):
         use(flight)
 

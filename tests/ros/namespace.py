@@ -1,6 +1,7 @@
 """Mounts and networks of one's own: in namespaces; who is not root is root of a user namespace."""
 
 import os
+import shutil
 import subprocess
 from functools import cache
 
@@ -14,6 +15,8 @@ def prefix(*kinds: str) -> tuple[str, ...]:
     Args:
         kinds: options of unshare besides --mount.
     """
+    if "--net" in kinds and shutil.which("ip") is None:
+        pytest.skip("no program ip here: apt-get install iproute2")
     who = () if os.geteuid() == 0 else ("--user", "--map-root-user")
     words = ("unshare", *who, "--mount", *kinds)
     if subprocess.run([*words, "true"], capture_output=True, check=False).returncode:

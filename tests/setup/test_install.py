@@ -4,6 +4,9 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
+from collections.abc import Sequence
+from hashlib import sha1
 from pathlib import Path
 
 import pytest
@@ -41,7 +44,7 @@ class Checkout:
         self.root, self.folder, self.log = root, folder, folder / "calls"
         tools = folder / "bin"
         tools.mkdir()
-        for name in ("g++", "cmake", "ninja", "python3"):
+        for name in ("g++", "cmake", "ninja", "python3", "chromedriver", "ip"):
             (tools / name).write_text(STUB)
             (tools / name).chmod(0o755)
         os.mkfifo(folder / "nothing")
@@ -58,9 +61,11 @@ class Checkout:
             "STUB_FOLDER": str(folder),
         }
 
-    def start(self, script: Path | None = None, command: str = "trial") -> subprocess.Popen[str]:
+    def start(
+        self, script: Path | None = None, command: str = "trial", words: Sequence[str] = ()
+    ) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            [script or self.root / "flexslew", command],
+            [script or self.root / "flexslew", command, *words],
             env=self.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -68,13 +73,23 @@ class Checkout:
             start_new_session=True,
         )
 
-    def call(self, script: Path | None = None, command: str = "trial") -> tuple[int, str]:
+    def call(
+        self, script: Path | None = None, command: str = "trial", words: Sequence[str] = ()
+    ) -> tuple[int, str]:
         """Return the exit code and what stood on standard error; forget the log of before."""
         self.log.write_text("")
-        process = self.start(script, command)
+        process = self.start(script, command, words)
         output, errors = process.communicate(timeout=60)
         assert (process.returncode == 0) == (output == "here is the command line\n")
         return process.returncode, errors
+
+    def use_real_python(self) -> None:
+        """Run scripts of setup/ for real; all other calls stay with the stub."""
+        python = self.folder / "bin" / "python3"
+        lines = python.read_text().split("\n", 1)
+        python.write_text(
+            f'{lines[0]}\ncase $1 in *.py) exec {sys.executable} "$@" ;; esac\n{lines[1]}'
+        )
 
     @property
     def steps(self) -> list[str]:
@@ -104,19 +119,45 @@ def test_who_needs_the_extras_gets_them_once(checkout: Checkout, command: str) -
     assert checkout.call()[0] == 0
     code, errors = checkout.call(command=command)
     assert code == 0
-    assert "extras: Python packages" in errors
+    assert "test: Python packages into .venv (78 distributions, 878 MB at most)" in errors
     assert checkout.steps == ["pip", ALL[-1]]
     for again in (command, "trial"):
         assert checkout.call(command=again) == (0, "")
         assert checkout.steps == []
 
 
-def test_extras_of_another_list_are_installed_anew_and_those_of_another_base_with_it(
+def test_extras_are_installed_by_name_once_and_an_unknown_name_installs_nothing(
+    checkout: Checkout,
+) -> None:
+    assert checkout.call(command="trial")[0] == 0
+    for words in (["sonsole"], ["console", "sonsole"], ["--help"], ["../console"]):
+        assert checkout.call(command="extras", words=words) == (0, "")
+        assert checkout.steps == []
+    code, errors = checkout.call(command="extras", words=["console", "foxglove"])
+    assert code == 0
+    assert "extras console foxglove: Python packages into .venv (39 distributions, 72 MB" in errors
+    listed = (checkout.root / ".venv" / "requirements.extra.txt").read_text()
+    assert "\nnicegui==" in listed
+    assert "casadi==" not in listed
+    assert checkout.steps == ["pip"]
+    code, errors = checkout.call(command="extras", words=["console", "export"])
+    assert "extras export: " in errors
+    assert checkout.steps == ["pip", ALL[-1]]  # the machine code of studies
+    code, errors = checkout.call(command="extras")
+    assert "extras casadi control ctrlsys dask gains test: " in errors
+    assert checkout.call(command="test")[0] == 0
+    assert checkout.steps == []
+
+
+def test_extras_of_another_list_are_installed_again_and_those_of_another_base_with_it(
     checkout: Checkout,
 ) -> None:
     assert checkout.call(command="test")[0] == 0
     assert checkout.steps == [*ALL[:3], "pip", *ALL[3:]]
-    for lock, steps in (("extra.", ["pip", ALL[-1]]), ("", [*ALL[:3], "pip", *ALL[3:]])):
+    for lock, steps in (
+        ("extra.console.", ["pip"]), ("extra.export.", ["pip", ALL[-1]]),
+        ("", [*ALL[:3], "pip", *ALL[3:]]),
+    ):  # fmt: skip
         path = checkout.root / "setup" / f"requirements.{lock}lock.txt"
         path.write_text(path.read_text() + "# another\n")
         assert checkout.call(command="test")[0] == 0
@@ -203,21 +244,61 @@ def test_what_a_file_holds_counts_and_not_when_it_was_written(checkout: Checkout
     assert checkout.steps == ALL
 
 
-def test_a_moved_checkout_builds_its_workspace_again_and_keeps_its_packages(
-    checkout: Checkout,
+@pytest.mark.parametrize("copied", [False, True])
+def test_a_moved_or_copied_checkout_has_its_paths_rewritten_and_builds_nothing(
+    checkout: Checkout, copied: bool
 ) -> None:
+    checkout.use_real_python()
     checkout.call()
-    script = checkout.root / ".venv" / "bin" / "some-tool"
-    script.write_text(f"#!{checkout.root}/.venv/bin/python3\nprint()\n")
-    moved = checkout.root.rename(checkout.folder / "moved")
-    assert checkout.call(moved / "flexslew")[0] == 0
-    assert checkout.steps == ALL[3:]
-    first = (moved / ".venv" / "bin" / "some-tool").read_text().splitlines()[0]
-    assert first == f"#!{moved}/.venv/bin/python3"
+    root, moved = checkout.root, checkout.folder / "moved.to"
+    tool = root / ".venv" / "bin" / "some-tool"
+    tool.write_text(f"#!{root}/.venv/bin/python3\nprint()\n")
+    tool.chmod(0o755)
+    workspace = root / "ros2_ws"
+    (workspace / "build" / "msgs").mkdir(parents=True)
+    flags = f"-I{root}/ros2_ws/a -S{root}/b PATH={root}:{root}2:{root}-old:/srv{root}/c\n"
+    (workspace / "build" / "msgs" / "build.ninja").write_text(flags)
+    binary = f"\0\1{root}/ros2_ws".encode()
+    (workspace / "install" / "lib.so").write_bytes(binary)
+    (workspace / "install" / "A.msg").symlink_to(workspace / "src" / "msgs" / "A.msg")
+    (workspace / "install" / "src").symlink_to(workspace / "src")
+    (workspace / "install" / "relative").symlink_to("lib.so")
+    folder = workspace / "build" / "msgs" / "msgs"
+    (workspace / "src" / "msgs" / "msgs").mkdir()
+
+    def cache(of: Path) -> Path:
+        return Path(".numba_cache", "digest", f"msgs_{sha1(str(of).encode()).hexdigest()}")
+
+    (root / cache(folder)).mkdir(parents=True)
+    written = {p: p.read_bytes() for p in root.rglob("*") if p.is_file()}
+    if copied:
+        shutil.copytree(root, moved, symlinks=True)
+    else:
+        root.rename(moved)
+    code, errors = checkout.call(moved / "flexslew")
+    assert code == 0, errors
+    assert errors.splitlines()[0].endswith(f"the checkout was in {root}; its paths are rewritten")
+    assert checkout.steps == []
+    script = moved / ".venv" / "bin" / "some-tool"
+    assert script.read_text().splitlines()[0] == f"#!{moved}/.venv/bin/python3"
+    assert os.access(script, os.X_OK)
+    build, install = moved / "ros2_ws" / "build", moved / "ros2_ws" / "install"
+    assert (build / "msgs" / "build.ninja").read_text() == (
+        f"-I{moved}/ros2_ws/a -S{moved}/b PATH={moved}:{root}2:{root}-old:/srv{root}/c\n"
+    )
+    assert (install / "lib.so").read_bytes() == binary
+    assert os.readlink(install / "A.msg") == f"{moved}/ros2_ws/src/msgs/A.msg"
+    assert os.readlink(install / "src") == f"{moved}/ros2_ws/src"
+    assert os.readlink(install / "relative") == "lib.so"
+    assert (moved / cache(moved / "ros2_ws" / "build" / "msgs" / "msgs")).is_dir()
     assert checkout.call(moved / "flexslew") == (0, "")
+    if copied:
+        assert {p: p.read_bytes() for p in root.rglob("*") if p.is_file()} == written
+        assert checkout.call() == (0, "")
+        assert checkout.steps == []
 
 
-@pytest.mark.parametrize("name", ["my checkout", "a;b", "it's", "50%", "a:b"])
+@pytest.mark.parametrize("name", ["my checkout", "a;b", "it's", "50%", "a:b", "Prüfstand", "実験"])
 def test_a_path_that_the_build_tools_cannot_take_is_refused_before_anything_is_done(
     tmp_path: Path, name: str
 ) -> None:
@@ -230,16 +311,68 @@ def test_a_path_that_the_build_tools_cannot_take_is_refused_before_anything_is_d
     assert not (checkout.root / ".venv").exists()
 
 
-def test_a_processor_without_wheels_is_told_before_anything_is_done(
-    checkout: Checkout, tmp_path: Path
+@pytest.mark.parametrize(
+    ("processor", "words"),
+    [
+        ("aarch64", "source an installed ROS 2"),
+        ("arm64", "ROS 2 has no wheels"),
+        ("riscv64", "ARM"),
+    ],
+)
+def test_a_processor_without_wheels_is_reported_before_anything_is_done(
+    checkout: Checkout, tmp_path: Path, processor: str, words: str
 ) -> None:
-    (tmp_path / "bin" / "uname").write_text("#!/bin/sh\necho aarch64\n")
-    (tmp_path / "bin" / "uname").chmod(0o755)
+    stand_in(tmp_path / "bin" / "uname", f"echo {processor}")
     code, errors = checkout.call()
     assert (code, len(errors.splitlines())) == (2, 1)
-    assert "no packages are pinned for aarch64" in errors
+    assert processor in errors
+    assert words in errors
     assert not checkout.log.read_text()
     assert not (checkout.root / ".venv").exists()
+
+
+def test_beside_an_installed_ros_an_arm_processor_is_set_up(
+    checkout: Checkout, tmp_path: Path
+) -> None:
+    stand_in(tmp_path / "bin" / "uname", "echo aarch64")
+    checkout.environment |= {"ROS_DISTRO": "jazzy", "FLEXSLEW_INSTALLED_ROS": "jazzy"}
+    assert checkout.call(command="test")[0] == 0
+    assert checkout.steps == [ALL[0], "pip", "pip", *ALL[3:]]  # empy comes with ROS
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_the_programs_that_tests_need_are_installed_once_where_the_user_may(
+    checkout: Checkout, tmp_path: Path, allowed: bool
+) -> None:
+    tools = tmp_path / "bin"
+    (tools / "chromedriver").unlink()
+    stand_in(tools / "id", "echo 1000")
+    stand_in(tools / "sudo", f'[ "{allowed}" = True ] && shift && {{ [ "$1" = true ] || "$@"; }}')
+    stand_in(tools / "apt-get", 'echo "apt-get $*" >>"$STUB_LOG"')
+    for folder in ("/usr/bin", "/bin"):  # where a chromedriver of this machine may be
+        for program in Path(folder).iterdir():
+            if program.name != "chromedriver" and not (tools / program.name).exists():
+                (tools / program.name).symlink_to(program)
+    checkout.environment["PATH"] = str(tools)
+    assert checkout.call()[0] == 0
+    assert "apt-get" not in checkout.log.read_text()
+    code, errors = checkout.call(command="test")
+    assert code == 0
+    assert "system packages for the tests: chromium chromium-driver" in errors
+    installs = "install -y -qq --no-install-recommends chromium chromium-driver"
+    assert (installs in checkout.log.read_text()) == allowed
+    assert ("the tests that need them are skipped" in errors) != allowed
+    assert checkout.call(command="test") == (0, "")
+    (next((checkout.root / ".venv").glob("flexslew.test_programs"))).unlink()
+    checkout.environment["FLEXSLEW_BROWSER"] = "0"
+    assert "system packages for the tests" not in checkout.call(command="test")[1]
+
+
+def stand_in(path: Path, body: str) -> None:
+    """Write a program that takes the place of one of the system."""
+    path.unlink(missing_ok=True)
+    path.write_text(f"#!/bin/bash\n{body}\n")
+    path.chmod(0o755)
 
 
 def test_a_symbolic_link_with_spaces_to_a_good_path_is_no_obstacle(checkout: Checkout) -> None:

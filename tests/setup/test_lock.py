@@ -3,7 +3,7 @@
 import re
 import subprocess
 import tomllib
-from importlib.metadata import distribution
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from inspect import getdoc
 from itertools import chain
 from pathlib import Path
@@ -16,10 +16,9 @@ from scipy.stats import bootstrap, qmc
 from tests.present import present
 
 ROOT = Path(__file__).parents[2]
-LOCKS = (
-    "requirements.lock.txt", "requirements.extra.lock.txt", "requirements.develop.lock.txt",
-    "requirements.source.txt",
-)  # fmt: skip
+MAIN, DEVELOP = "requirements.lock.txt", "requirements.develop.lock.txt"
+EXTRAS = sorted(path.name for path in (ROOT / "setup").glob("requirements.extra.*.lock.txt"))
+LOCKS = (MAIN, *EXTRAS, DEVELOP, "requirements.source.txt")
 JAZZY = "requirements.jazzy.lock.txt"  # in the place of what LOCKS[0] has of ROS
 
 
@@ -57,7 +56,7 @@ def test_no_lock_says_where_to_fetch_from(name: str) -> None:
 def test_the_lock_satisfies_the_project_and_its_extras() -> None:
     versions = {
         canonicalize_name(pin.name): str(pin.specifier)[2:]
-        for name in LOCKS[:3]
+        for name in (MAIN, *EXTRAS, DEVELOP)
         for pin, _ in pins(name)
     }
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -96,11 +95,11 @@ def test_beside_an_installed_ros_the_rest_of_the_lock_fits_its_numpy() -> None:
 
 def test_beside_an_installed_ros_everything_but_what_it_brings_is_pinned_with_hashes() -> None:
     kept = beside_installed_ros()
-    left = {pin.name for name in LOCKS[:2] for pin, _ in pins(name)} - {pin.name for pin, _ in kept}
+    locked = {pin.name for name in (MAIN, *EXTRAS) for pin, _ in pins(name)}
+    left = locked - {pin.name for pin, _ in kept}
     assert {name for name in left if not name.startswith("ros-")} == {
         "catkin-pkg", "ctrlsys", "lark-parser", "numpy",
     }  # fmt: skip
-    assert "ros-parser" not in left
     assert all(hashes for _, hashes in kept)
 
 
@@ -111,7 +110,7 @@ def beside_installed_ros() -> list[tuple[Requirement, list[str]]]:
     function = present(re.search(body, script, re.MULTILINE | re.DOTALL))
     text = subprocess.run(
         ["bash", "-euc", f"{function[0]}\nbeside_installed_ros"],
-        input="".join((ROOT / "setup" / name).read_text() for name in LOCKS[:2]),
+        input="".join((ROOT / "setup" / name).read_text() for name in (MAIN, *EXTRAS)),
         capture_output=True,
         text=True,
         check=True,
@@ -119,10 +118,64 @@ def beside_installed_ros() -> list[tuple[Requirement, list[str]]]:
     return parsed(text)
 
 
-def test_nothing_stands_in_two_locks() -> None:
-    names = [[canonicalize_name(pin.name) for pin, _ in pins(lock)] for lock in LOCKS]
-    flat = [name for lock in names for name in lock]
-    assert len(set(flat)) == len(flat)
+def test_only_extras_share_distributions_and_then_the_same_ones() -> None:
+    names = [
+        {canonicalize_name(pin.name) for lock in group for pin, _ in pins(lock)}
+        for group in ((MAIN,), EXTRAS, (DEVELOP,), (LOCKS[-1],))
+    ]
+    assert sum(map(len, names)) == len(set().union(*names))
+    shared: dict[str, set[str]] = {}
+    for lock in EXTRAS:
+        for pin, hashes in pins(lock):
+            shared.setdefault(pin.name, set()).add(f"{pin} {hashes}")
+    assert [name for name, lines in shared.items() if len(lines) > 1] == []
+
+
+@pytest.mark.parametrize("lock", EXTRAS)
+def test_an_extra_holds_all_that_its_distributions_require_and_states_its_size(lock: str) -> None:
+    """A person may install this one alone."""
+    assert re.fullmatch(r"# .+: \d+ MB", (ROOT / "setup" / lock).read_text().splitlines()[0])
+    held = {canonicalize_name(pin.name) for name in (MAIN, lock) for pin, _ in pins(name)}
+    for pin, _ in pins(lock):
+        try:
+            requires = distribution(pin.name).requires or ()
+        except PackageNotFoundError:
+            assert pin.marker  # of another Python
+            continue
+        for line in requires:
+            needed = Requirement(line)
+            if needed.marker is None or needed.marker.evaluate({"extra": ""}):
+                assert canonicalize_name(needed.name) in held, f"{pin.name} needs {line}"
+
+
+def test_every_extra_of_the_project_that_is_locked_brings_what_it_names() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    locked = {lock.split(".")[2]: {pin.name for pin, _ in pins(lock)} for lock in EXTRAS}
+    main = {canonicalize_name(pin.name) for pin, _ in pins(MAIN)}
+    offered = project["optional-dependencies"]
+    assert {*offered} - {*locked} == {"docs", "pandas", "xarray"}
+    assert {*locked} - {*offered} == {"control"}  # which `pip install .` always brings
+    for extra in {*offered} & {*locked}:
+        names = {canonicalize_name(Requirement(line).name) for line in offered[extra]}
+        assert names <= locked[extra] | main, extra
+
+
+def test_every_compiled_distribution_beside_an_installed_ros_has_wheels_for_both_processors() -> (
+    None
+):
+    """One for each Python and processor, but for those that have one wheel for all Pythons."""
+    for pin, hashes in beside_installed_ros():
+        wheel = distribution_or_none(pin.name)
+        if wheel is None or "-none-any" in (wheel.read_text("WHEEL") or ""):
+            continue
+        assert len(hashes) >= 2, pin
+
+
+def distribution_or_none(name: str) -> Distribution | None:
+    try:
+        return distribution(name)
+    except PackageNotFoundError:
+        return None
 
 
 def test_the_wheels_of_jazzy_bring_every_interface_that_those_of_kilted_bring() -> None:

@@ -11,7 +11,7 @@ from tests.representatives import representatives
 from flexslew_lab.cli.missing import remedy
 from flexslew_lab.run.domain import own_domain
 from flexslew_plant import extras
-from flexslew_plant.extras import EXTRAS, how_to_install
+from flexslew_plant.extras import EXTRAS, LOCK, WITH_PIP, how_to_install
 
 ROOT = Path(__file__).parents[3]
 
@@ -72,7 +72,7 @@ def test_an_extra_that_is_missing_is_named_with_the_command_that_installs_it() -
     done = without("pyarrow", "log", "export", str(ROOT))
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
-        "error: this needs the package pyarrow, which is not installed: ./flexslew extras"
+        "error: this needs the package pyarrow, which is not installed: ./flexslew extras export"
     ]
 
 
@@ -83,20 +83,24 @@ def test_gains_names_the_package_whose_extra_brings_all_that_it_needs() -> None:
 
 
 def test_outside_of_a_checkout_it_is_the_command_of_pip(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(extras, "_LOCK", "nowhere")
+    monkeypatch.setattr(extras, "LOCK", "nowhere")
     assert how_to_install("pyarrow") == "pip install 'flexslew[export]'"
     assert how_to_install("control") == "pip install control"
 
 
 def test_every_extra_is_in_the_lock_or_comes_by_pip_alone() -> None:
-    by_pip = {package for package in EXTRAS if how_to_install(package) != "./flexslew extras"}
+    by_pip = {package for package in EXTRAS if "./flexslew" not in how_to_install(package)}
     assert by_pip == {"pandas", "xarray"}
+    for package in {*EXTRAS} - by_pip:
+        extra = how_to_install(package).removeprefix("./flexslew extras ")
+        lock = (ROOT / "setup" / LOCK.format(extra)).read_text()
+        assert f"\n{'foxglove-sdk' if package == 'foxglove' else package}==" in lock, package
 
 
 def test_every_extra_named_is_one_of_the_project() -> None:
     extras = (ROOT / "pyproject.toml").read_text().partition("[project.optional-dependencies]")[2]
     for package, extra in EXTRAS.items():
-        if not extra:
+        if extra == WITH_PIP:
             continue
         assert f"\n{extra} = [" in extras.partition("\n[")[0], package
 

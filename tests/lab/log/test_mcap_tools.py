@@ -16,6 +16,10 @@ Message = tuple[str, bytes, int]
 PYMCAP = Path(sys.executable).with_name("pymcap-cli")
 MCAP = shutil.which("mcap")
 
+needs_pymcap = pytest.mark.skipif(
+    not PYMCAP.exists(),
+    reason="no pymcap-cli, a tool under the GPL: .ci/tools installs it with others for development",
+)
 needs_mcap = pytest.mark.skipif(
     MCAP is None,
     reason="no mcap on PATH: take its release from the project foxglove/mcap, or build its "
@@ -57,11 +61,13 @@ def files(
     }
 
 
+@needs_pymcap
 @pytest.mark.parametrize("name", ["closed", "recovered", "empty"])
 def test_pymcap_finds_no_fault_in_our_bags(files: dict[str, Path], name: str) -> None:
     assert set(pymcap_findings(files[name]).values()) == {"info"}  # no attachments, no messages
 
 
+@needs_pymcap
 def test_pymcap_finds_a_flipped_bit_and_a_cut(bag: Path, tmp_path: Path) -> None:
     whole = mcap_file(bag).read_bytes()
     damaged = tmp_path / "damaged.mcap"
@@ -71,6 +77,7 @@ def test_pymcap_finds_a_flipped_bit_and_a_cut(bag: Path, tmp_path: Path) -> None
     assert pymcap_findings(damaged)["MISSING_FOOTER"] == "error"
 
 
+@needs_pymcap
 def test_pymcap_counts_our_messages(bag: Path, messages: list[Message]) -> None:
     statistics = json.loads(run(PYMCAP, "info-json", mcap_file(bag)).stdout)
     assert statistics["header"] == {"library": "flexslew", "profile": "ros2"}

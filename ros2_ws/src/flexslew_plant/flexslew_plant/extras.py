@@ -1,17 +1,17 @@
-"""Packages that come when asked for, and how to get one that is missing."""
+"""Packages that are installed on request, and how to install one that is missing."""
 
 import importlib
 from pathlib import Path
 from types import ModuleType
 
-# the extra of `pip install` by package; empty: comes with the bench there, not with a checkout
+# the extra by package; `control` and its matplotlib come with the bench itself by pip
 EXTRAS = {
     "casadi": "casadi",
-    "control": "",
+    "control": "control",
     "ctrlsys": "ctrlsys",
     "distributed": "dask",
     "foxglove": "foxglove",
-    "matplotlib": "",
+    "matplotlib": "control",
     "nicegui": "console",
     "optuna": "gains",
     "pandas": "pandas",
@@ -19,24 +19,24 @@ EXTRAS = {
     "websockets": "foxglove",
     "xarray": "xarray",
 }
-_LOCK = "setup/requirements.extra.lock.txt"  # what `./flexslew extras` installs
+WITH_PIP = "control"  # what `pip install .` brings without an extra
+LOCK = "requirements.extra.{}.lock.txt"  # in setup/, for `./flexslew extras NAME`
 
 
 def how_to_install(package: str) -> str:
     """Return the command that installs a package of EXTRAS: of a checkout, or of pip."""
-    for folder in Path(__file__).resolve().parents:
-        lock = folder / _LOCK
-        if lock.is_file() and f"\n{package}" in lock.read_text():
-            return "./flexslew extras"
     extra = EXTRAS[package]
-    return f"pip install 'flexslew[{extra}]'" if extra else f"pip install {package}"
+    for folder in Path(__file__).resolve().parents:
+        if (folder / "setup" / LOCK.format(extra)).is_file():
+            return f"./flexslew extras {extra}"
+    return f"pip install {package}" if extra == WITH_PIP else f"pip install 'flexslew[{extra}]'"
 
 
 def required(package: str) -> ModuleType:
     """Return a package of EXTRAS, imported.
 
     Raises:
-        ModuleNotFoundError: it is not installed; says what installs it.
+        ModuleNotFoundError: if it is not installed; the message names the command that installs it.
     """
     try:
         return importlib.import_module(package)

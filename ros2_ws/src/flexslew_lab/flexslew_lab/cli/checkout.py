@@ -20,7 +20,7 @@ from flexslew_lab.cli.suite import (
 from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_lab.json_text import json_text
 from flexslew_plant.errors import BadInput
-from flexslew_plant.extras import EXTRAS
+from flexslew_plant.extras import EXTRAS, LOCK, WITH_PIP
 
 # they take long, or much of the machine
 LONG = ("console", "day", "gains", "identification", "margins", "study_bad_days")
@@ -81,17 +81,24 @@ def _figures_of(name: str, path: Path) -> dict[str, float]:
     return figures
 
 
-def extras() -> None:
-    """Install what tests, benchmarks and further commands need: about 750 MB, once.
+def extras(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Of the extras; left out: all, about 690 MB.")
+    ] = None,
+) -> None:
+    """Install what tests, benchmarks and further commands need, once.
 
-    Without it `console`, `gains`, `live`, `log export` and `study` name the package that they lack,
-    and so do a subspace identification and slews of `csa` by all drives.
+    A command that lacks a package names the extra that has it.
 
-    Example: `./flexslew extras`
+    Example: `./flexslew extras console export`
     """
-    known = ", ".join(sorted({*EXTRAS.values()} - {""}))
-    _root(f"this is no checkout: pip install 'flexslew[EXTRA]' brings the same; extras: {known}")
-    say("all packages are installed")  # ./flexslew has done it before this was called
+    known = ", ".join(sorted({*EXTRAS.values()} - {WITH_PIP}))
+    root = _root(f"this is no checkout: pip install 'flexslew[EXTRA]'; extras: {known}")
+    locked = sorted(path.name.split(".")[2] for path in (root / "setup").glob(LOCK.format("*")))
+    for name in names or ():
+        if name not in locked:
+            raise BadInput(f"{name} is no extra; allowed: {', '.join(locked)}")
+    say(f"installed: {', '.join(names or locked)}")  # ./flexslew has done it before this call
 
 
 def run_tests(
