@@ -6,7 +6,9 @@ from tests.lab.metrics.blocks import ticks_of
 
 from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
 from flexslew_lab.metrics.momentum import Momentum
+from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 PERIOD = 0.02  # [s]
 
@@ -76,3 +78,22 @@ def test_a_wheel_at_rest_has_no_sign() -> None:
         found = metric.result(Ending([], [], True))
         assert found["peak_wheel_speed"] == {"w": pytest.approx(10.0)}
         assert found["wheel_zero_crossings"] == {"w": crossings}
+
+
+def test_the_peak_of_a_gimbal_is_that_of_all_ticks() -> None:
+    craft = shipped("control_moment_gyros").testbed
+    assert isinstance(craft, PointingTestbed)
+    model = craft.model()
+    v = np.random.default_rng(3).standard_normal((8, model.coordinates))
+    time, none = np.arange(8.0), np.zeros((8, model.efforts))
+    aim = FlownManoeuvre(0.0, 1.0, None, np.zeros(model.joints))
+    metric = Momentum(RunSetup(model.joint_names, aim, np.ones(model.efforts), craft))
+    q = np.tile(model.rest({}), (8, 1))
+    block = Block(
+        np.arange(8), time, np.ones(8), q, v, none, none[:, :0], None, time >= 0.0, time >= 1.0
+    )
+    for first in (0, 4):
+        metric.add(ticks_of(block, first, first + 4))
+    found = metric.result(Ending([], [], True))["peak_gimbal_angle"]
+    assert found == {k: abs(angle).max() for k, angle in craft.spins(v).gimbals.items()}
+    assert len(found) == 4
