@@ -19,6 +19,8 @@ from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+from flexslew_plant.events.event import KINDS as EVENT_KINDS
+from flexslew_plant.events.event import Level
 from flexslew_plant.keys.settings_fields import FieldMeaning, own_meanings
 from flexslew_plant.yaml_data import yaml_text
 
@@ -68,7 +70,8 @@ def events_table(kinds: Mapping[str, type[Any]]) -> str:
         words = " ".join((fact.__doc__ or "").split())
         meant = {name: found.words for name, found in own_meanings(fact).items()}
         keys = [f"`{f.name.rstrip('_')}`{in_brackets(meant[f.name])}" for f in fields(fact)]
-        level = fact.level if isinstance(fact.level, str) else "info or warning"
+        fixed = EVENT_KINDS[fact].level
+        level = fixed if isinstance(fixed, Level) else "info or warning"
         rows.append(f"| {kind} | {level} | {words} | {', '.join(keys)} |\n")
     return EVENTS_HEAD + "".join(rows)
 

@@ -169,7 +169,7 @@ def test_before_any_status_the_law_that_the_planner_was_started_with_counts() ->
 
 
 def test_a_trial_is_planned_for_the_law_at_the_start_of_its_plan() -> None:
-    values = {
+    values: dict[str, Any] = {
         "controllers": CONTROLLERS,
         "active": "stiff",
         "duration": 60.0,

@@ -30,8 +30,8 @@ def test_random_slews_of_a_craft_keep_their_promise_on_members_and_between(seed:
     found = make_plan(cast(Any, what.plan), plant, feedback)
     left = []
     for error in (-0.2, -0.1, 0.0, 0.1, 0.2):
-        model = plant.testbed.scaled(stiffness=1.0 + error).model()
-        flown = flown_on_bench(found, plant, by_feedback(feedback), model)
+        testbed = plant.testbed.scaled(stiffness=1.0 + error)
+        flown = flown_on_bench(found, plant, by_feedback(feedback), testbed)
         assert flown is not None
         left.append(flown.tip_deflection)
     assert max(left) > 1e-6

@@ -106,7 +106,7 @@ ENTRIES = {
     ),
     "testbed record": of_text(lambda text: described(text, "testbed")),
     "plan request": of_text(lambda text: refused(plan_request(text, "", 0.01, (1.0,)))),
-    "law of the planner": of_text(lambda text: PlannerSettings(law_settings=text).in_charge()),
+    "law of the planner": of_text(lambda text: PlannerSettings(law_settings=text).first_law()),
     "--set of a trial": of_text(lambda text: changes_of([f"testbed={{{text}}}"])),
     "--set of a check": of_text(lambda text: _settings([f"kp={text}"])),
     "form": of_text(lambda text: value_of(FormKey("kp", "", ""), text)),

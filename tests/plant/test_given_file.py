@@ -8,7 +8,7 @@ import pytest
 
 from flexslew_control.controllers.linear.law_file import law_from_file
 from flexslew_control.plan_file import load_plan
-from flexslew_lab.identification.foreign import read_csv
+from flexslew_lab.identification.csv_columns import read_csv
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.studies.sampling.methods import list_of
 from flexslew_lab.studies.study import load_study

@@ -7,7 +7,8 @@ import pytest
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners import PLANNERS, Feedback, make_plan, plan_settings
+from flexslew_control.planners import PLANNERS, make_plan, plan_settings
+from flexslew_control.planners.slew import Feedback
 from flexslew_plant.testbeds import read_testbed
 
 BEDS: dict[str, dict[str, Any]] = {

@@ -75,7 +75,8 @@ def _clock(kind: str, ticks: int, rng: np.random.Generator) -> Vector:
         t = t + 0.05 * H * np.clip(rng.standard_normal(ticks + 1), -3.0, 3.0)
     if kind == "uneven":
         t = np.concatenate(([0.0], np.cumsum(H * rng.uniform(0.3, 1.7, ticks))))
-    return t - t[0]
+    times: Vector = t - t[0]
+    return times
 
 
 def _excitation(t: Vector, rng: np.random.Generator) -> Vector:

@@ -10,9 +10,10 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from flexslew_lab.identification.bag_columns import read_bag
 from flexslew_lab.identification.columns import require_times
 from flexslew_lab.identification.csv_columns import column_names, read_csv
-from flexslew_lab.identification.foreign import foreign_record, read_bag
+from flexslew_lab.identification.foreign import foreign_record
 from flexslew_plant.errors import BadInput
 
 TIMES, U, X = (0.0, 0.1, 0.2, 0.3), (1.0, 0.0, -1.0, 1.0), (0.0, 0.01, 0.02, 0.03)

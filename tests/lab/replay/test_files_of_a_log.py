@@ -15,7 +15,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust, Untrusted
 from flexslew_plant.yaml_data import yaml_text
 
-APPENDAGE = {"hinge": {"place": [1.0, 0.0, 0.0]}, "shape": {"kind": "modal_data"}}
+APPENDAGE: dict[str, Any] = {"hinge": {"place": [1.0, 0.0, 0.0]}, "shape": {"kind": "modal_data"}}
 PLATFORM = {"mass": 100.0, "inertia": {"xx": 50.0, "yy": 50.0, "zz": 50.0}}
 
 

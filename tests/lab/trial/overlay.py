@@ -63,7 +63,7 @@ def both_ways(trial: Any, path: Path) -> list[dict[str, Any]]:
     for results, others in Lanes(ready.study, ready.plans).fly(
         [case_of(ready.study, ready.samples, k) for k in range(count)]
     ):
-        pairs = [(one.number, one.way, one.metrics) for one in results]
+        pairs: list[tuple[int, Any, Any]] = [(one.number, one.way, one.metrics) for one in results]
         pairs += [(one.case.number, one.way, None) for one in others]
         for number, way, metrics in pairs:
             bench = flown(ready.study, case_of(ready.study, ready.samples, number), ready.plans)
@@ -80,7 +80,7 @@ def main() -> None:
     from flexslew_lab.notebook import trial as read
 
     flight = fly(read(trial))
-    found = {"metrics": flight.metrics, "events": [e.kind for e in flight.events]}
+    found: dict[str, Any] = {"metrics": flight.metrics, "events": [e.kind for e in flight.events]}
     if len(sys.argv) > 3:
         found["cases"] = both_ways(read(trial), Path(sys.argv[3]))
     print(json.dumps(found))

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
-from flexslew_control.planning import Iteration, Planning, plan_request
+from flexslew_control.planning import Iteration, Planning, StartOfPlan, plan_request
 from flexslew_lab.cli.main import app
 from flexslew_lab.comparison.comparison import compared
 from flexslew_lab.comparison.laws import laws
@@ -117,7 +117,7 @@ def test_the_planner_process_runs_it_only_where_it_is_trusted(method: str, trust
     bench = yaml_text({"testbed": {"kind": "floating_oscillator"}, "period": 0.02})
     trust = Trust.of([method]) if trusted else NO_CODE
     request = plan_request(
-        yaml_text(asked, flow=True), bench, 0.02, [1.0], ((0.5,), (1.0,)), trust=trust
+        yaml_text(asked, flow=True), bench, 0.02, [1.0], lambda start: StartOfPlan(), trust
     )
     planning, found = Planning(), list[Iteration | Plan | Refusal]()
     assert not isinstance(request, Refusal)

@@ -31,7 +31,7 @@ def flown(bed: Any, gain: float = 0.0, most: int = 2000) -> None:
 
 
 def too_slow() -> Bench:
-    slow = {"period": 0.1, "integration_steps": 1}
+    slow: dict[str, Any] = {"period": 0.1, "integration_steps": 1}
     return Bench(BenchSettings(active="a", testbed=CsaTestbed(modes=12), **slow))
 
 
@@ -116,7 +116,13 @@ def test_a_mode_that_turns_far_in_a_tick_is_integrated_and_warned_of_once_an_epo
     mode = {"frequency": frequency, "joints": [0.05], "tips": [1.0]}
     bed = read_testbed({"kind": "identified", "inertia": [[100.0]], "free_modes": [mode]}, "here")
     push = ScheduleEntry(at=0.0, until=20.0, disturbance={"hub": 1.0})
-    own = {"active": "a", "period": 0.1, "duration": 30.0, "testbed": bed, "schedule": (push,)}
+    own: dict[str, Any] = {
+        "active": "a",
+        "period": 0.1,
+        "duration": 30.0,
+        "testbed": bed,
+        "schedule": (push,),
+    }
     bench = Bench(BenchSettings(**own))
     tips: list[float] = []
     still = np.zeros(1)

@@ -149,7 +149,7 @@ class ActiveLaws:
         if not isinstance(given, dict) or "file" in given:  # a node replaces a file by its content
             return
         values = {key: value for key, value in given.items() if key not in DERIVED}
-        due = []
+        due: list[tuple[int, dict[str, Any]]] = []
         for each in given.get(DUE) or ():
             if isinstance(each, dict) and isinstance(each.get("tick"), int):
                 changes = each.get("changes")

@@ -190,7 +190,8 @@ def _from_there(
     A section that says nothing of it, as one of the user's own may, begins where the bench does.
     """
     if starts_moving(plant.testbed):  # those rates were at tick 0
-        at_rest = replace(plant.testbed, initial=type(plant.testbed.initial)(**begins))
+        section: Any = plant.testbed
+        at_rest = replace(section, initial=type(plant.testbed.initial)(**begins))
         plant = replace(plant, testbed=at_rest)
     if not hasattr(settings, "initial"):
         testbed = varied(plant.testbed, {"initial": begins}, "plan", plant.trust)

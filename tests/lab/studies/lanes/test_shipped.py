@@ -27,7 +27,7 @@ def way_of(trial: Trial) -> Way:
     charge = charge_of(trial, injected_in(trial, model).faults)
     if isinstance(charge, Way):
         return charge
-    for way in (way_of_settings(trial, charge), way_of_testbed(model)):
+    for way in (way_of_settings(trial, charge), way_of_testbed(model, trial.period)):
         if way is not Way.LANES:
             return way
     still = np.array(list(initial_positions(trial.testbed).values()))

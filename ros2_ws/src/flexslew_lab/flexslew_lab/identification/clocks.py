@@ -216,10 +216,7 @@ def _pieces(held: list[_Held], middle: Vector, source: str) -> UnknownEfforts | 
             f"{source}: the efforts have {len(found)} unknown spans; at most {_MOST_UNKNOWN} can "
             "be estimated: cut the record into shorter ones"
         )
-    first, last, column, guess, spread = zip(*sorted(found), strict=True)
-    return UnknownEfforts(
-        np.array(first), np.array(last), np.array(column), np.array(guess), np.array(spread)
-    )
+    return UnknownEfforts(*map(np.array, zip(*sorted(found), strict=True)))
 
 
 def _span(held: _Held, t: Vector) -> NDArray[np.int64]:
@@ -240,7 +237,8 @@ def _union(clocks: list[Vector], first: float, last: float, h: float) -> Vector:
     """Return the stamps of several clocks from first to last, those that are one only once."""
     t = np.sort(np.concatenate(clocks))
     t = t[(t >= first) & (t <= last)]
-    return t[np.append(True, np.diff(t) > _SAME * h)]
+    union: Vector = t[np.append(True, np.diff(t) > _SAME * h)]
+    return union
 
 
 def _near(grid: Vector, t: Vector, distance: float) -> NDArray[np.bool_]:

@@ -68,7 +68,7 @@ class Kind(NamedTuple):
     message: str | Callable[[Any], str]  # one line: a format of the fields, or of a record
 
 
-_KINDS: dict[type[Any], Kind] = {}
+KINDS: dict[type[Any], Kind] = {}
 
 
 @dataclass_transform(frozen_default=True)
@@ -88,7 +88,7 @@ def fact(
     def decorate(cls: type[_T]) -> type[_T]:
         cls.__pydantic_config__ = ConfigDict(alias_generator=_key, extra="ignore")  # type: ignore[attr-defined]
         record = dataclass(frozen=True)(cls)
-        _KINDS[record] = Kind(kind, level, message)
+        KINDS[record] = Kind(kind, level, message)
         return record
 
     return decorate
@@ -96,21 +96,21 @@ def fact(
 
 def kinds() -> dict[str, type[Any]]:
     """Return the record class of every kind that was defined so far, by its name."""
-    return {kind.name: record for record, kind in _KINDS.items()}
+    return {kind.name: record for record, kind in KINDS.items()}
 
 
 def kind_of(what: Fact | type[Fact]) -> str:
     """Return the name of a kind of event, of its record or its class."""
     if isinstance(what, Other):
         return what.name
-    return _KINDS[what if isinstance(what, type) else type(what)].name
+    return KINDS[what if isinstance(what, type) else type(what)].name
 
 
 def level_of(what: Fact) -> Level:
     """Return how bad an event is; INFO for a kind of another version."""
     if isinstance(what, Other):
         return Level.INFO
-    level = _KINDS[type(what)].level
+    level = KINDS[type(what)].level
     return level if isinstance(level, Level) else level(what)
 
 
@@ -118,7 +118,7 @@ def message_of(what: Fact) -> str:
     """Return an event as one line for a person; the kind alone for one of another version."""
     if isinstance(what, Other):
         return what.name
-    message = _KINDS[type(what)].message
+    message = KINDS[type(what)].message
     return message.format_map(vars(what)) if isinstance(message, str) else message(what)
 
 

@@ -60,16 +60,15 @@ def _main(path: str, asked: str) -> None:
     from scipy.sparse import issparse
 
     def numbers_of(key: str) -> Any:
-        value = held[key]
-        if not issparse(value) and (
-            not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"
-        ):
+        value: Any = held[key]
+        sparse = issparse(value)
+        if not sparse and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
             raise _NoNumbers(f"{key} holds no matrix of numbers; save A, B, C and D one by one")
         if np.prod(value.shape) > _MOST:
             raise _NoNumbers(
                 f"{key} has {value.shape[0]} x {value.shape[1]} numbers, at most {_MOST:,} are read"
             )
-        dense = value.toarray() if issparse(value) else value
+        dense = value.toarray() if sparse else value
         if np.iscomplexobj(dense):
             if dense.imag.any():
                 raise _NoNumbers(f"{key} holds complex numbers; a law has real ones")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,7 @@ from flexslew_plant.refusal import Cause
 
 _LOSING = (CommandLost, CommandLate, CommandReordered)  # what comes late counts as missed, too
 # all faults of answers: a duplicate changes nothing
-OF_ANSWERS = (*_LOSING, ControllerSilent, CommandDuplicated)
+OF_ANSWERS: tuple[type[Any], ...] = (*_LOSING, ControllerSilent, CommandDuplicated)
 
 
 class Charge(NamedTuple):
