@@ -202,17 +202,23 @@ def _alone(model: Model, start: Vector) -> bool:
 
 def _amplitude(settings: TimeOptimal, effort_limit: Vector) -> Vector:
     """Return the effort of every drive, shape (joints,) [N m or N]."""
-    reserve = settings.reserve
-    if reserve is None:
-        reserve = 0.0 if settings.feedback is None else RESERVE
     if settings.amplitude is None:
-        return np.asarray((1.0 - reserve) * effort_limit)
+        return np.asarray(_usable(settings) * effort_limit)
     if settings.amplitude > effort_limit.min():
         raise BadInput(
             f"plan: amplitude: {settings.amplitude:g} is above the drive's limit "
             f"{effort_limit.min():g}"
         )
     return np.full(effort_limit.size, settings.amplitude)
+
+
+def _usable(settings: TimeOptimal) -> float:
+    """Return the share of each drive's limit that a slew may use, 1 - reserve [-]."""
+    if settings.amplitude is not None:
+        return 1.0
+    if settings.reserve is None:
+        return 1.0 if settings.feedback is None else 1.0 - RESERVE
+    return 1.0 - settings.reserve
 
 
 def on_ticks(slew: ExtremalArcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
@@ -247,7 +253,11 @@ def on_ticks(slew: ExtremalArcs, durations: Vector, ticks: Vector) -> tuple[Matr
 FASTEST = PlannerEntry(
     TimeOptimal,
     Slewing(
-        plan_time_optimal, exact=lambda s: True, open_loop=True, whole=lambda s: s.drives == "all"
+        plan_time_optimal,
+        exact=lambda s: True,
+        open_loop=True,
+        whole=lambda s: s.drives == "all",
+        usable=_usable,
     ),
     compared={"reserve": RESERVE},
     variants=(Variant("robust", {"robust": True}),),
