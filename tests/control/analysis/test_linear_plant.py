@@ -116,7 +116,7 @@ def test_the_sampled_model_is_the_slope_of_a_tick_of_the_bench(
     bench = Bench(BenchSettings(testbed=testbed, period=period, active="x"))
     bench.limit = np.full(len(testbed.effort_limit), 1e12)
     bench.actuator = Actuator(bench.settings.actuator, bench.limit, period)
-    model = sampled_plant(rest, Way(period))
+    model = sampled_plant(rest, Way(period, steps=bench._steps))
     n, found = rest.model.coordinates, slopes(bench, rest)
     ours = np.hstack((model.a[: 2 * n, : 2 * n], model.b[: 2 * n]))
     sizes = abs(found[: 2 * n]).max(axis=0)
