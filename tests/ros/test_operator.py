@@ -327,11 +327,11 @@ def test_a_draft_is_followed_by_nobody_until_it_is_adopted(operator: Operator) -
 
 
 def test_a_bad_request_gets_a_code_and_one_line_and_no_plan(operator: Operator) -> None:
-    result, _ = operator.plan("{method: optimized_feedforward, duratoin: 25}")
+    result, _ = operator.plan("{method: optimized_feedforward, duratoin: 25, start: 8000}")
     assert result.error_code == result.BAD_INPUT
     assert "duratoin" in result.message
     assert "duration" in result.message
-    result, _ = operator.plan("{method: optimized_feedforward, goal: {base_yaw: 3.0}}")
+    result, _ = operator.plan("{method: optimized_feedforward, goal: {base_yaw: 3.0}, start: 8000}")
     assert result.error_code == result.FAILED
     assert "150" in result.message
     assert not result.plan.hash
