@@ -40,6 +40,7 @@ LOST = """
 name: lost
 duration: 20.0
 period: 0.1
+integration_steps: 1
 answer_timeout: 20.0
 testbed: {modes: 12}
 controllers: {pd_feedforward: {}}

@@ -108,6 +108,8 @@ class Planner:
     def _own_plan(self, outcome: Outcome) -> None:
         """Publish what the parameters ask for; without it the node has no purpose."""
         if isinstance(outcome, Refusal):
+            if self.loop.stopped or outcome.cause is Cause.CANCELED:
+                return  # the node ends for another reason
             raise failure(outcome)
         self._release.begin_with(self._release.stated(outcome))
 

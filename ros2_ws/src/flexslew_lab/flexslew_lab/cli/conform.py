@@ -12,8 +12,8 @@ from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_lab.json_text import json_text
 from flexslew_plant.errors import BadInput
 
-# until a controller that received SIGTERM is killed [wall s]; leaving the graph of Fast DDS may take
-# 10 s (docs/limits.md)
+# until a controller that received SIGTERM is killed [wall s]; a node may need 10 s to leave the
+# graph of Fast DDS (docs/limits.md)
 _LEAVING = 15.0
 
 
