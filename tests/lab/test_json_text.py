@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.json_text import json_text
+from flexslew_lab.json_text import json_text, nan_as_null
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 
@@ -19,10 +19,11 @@ def test_a_number_that_is_not_finite_is_null(value: float) -> None:
     }  # fmt: skip
 
 
-def test_nan_is_null_in_yaml() -> None:
-    assert load_yaml(yaml_text({"a": nan, "b": [nan, 1.5, -0.0]}), "t") == {
-        "a": None, "b": [None, 1.5, 0.0],
-    }  # fmt: skip
+def test_nan_is_null_in_files_of_results_and_kept_in_settings() -> None:
+    """A NaN among settings must reach the check that refuses it: null would be the default."""
+    values = {"a": nan, "b": [nan, 1.5, -inf]}
+    assert load_yaml(yaml_text(nan_as_null(values)), "t") == {"a": None, "b": [None, 1.5, -inf]}
+    assert ".nan" in yaml_text(values)
 
 
 def test_commands_print_json_by_one_function() -> None:

@@ -1,7 +1,8 @@
 """JSON that every reader takes: numbers that are not finite are null."""
 
 import json
-from math import isfinite
+from collections.abc import Callable
+from math import isfinite, isnan
 from typing import Any
 
 
@@ -15,12 +16,20 @@ def json_text(values: Any, indent: int | None = 2) -> str:
     try:
         return json.dumps(values, indent=indent, allow_nan=False)
     except ValueError:
-        return json.dumps(_finite(values), indent=indent, allow_nan=False)
+        return json.dumps(
+            _nulled(values, lambda x: not isfinite(x)), indent=indent, allow_nan=False
+        )
 
 
-def _finite(value: Any) -> Any:
+def nan_as_null(values: Any) -> Any:
+    """Return plain data with None in place of every NaN, for files that people read."""
+    return _nulled(values, isnan)
+
+
+def _nulled(value: Any, wrong: Callable[[float], bool]) -> Any:
+    """Return plain data with None in place of the numbers for which `wrong` is true."""
     if isinstance(value, dict):
-        return {key: _finite(part) for key, part in value.items()}
+        return {key: _nulled(part, wrong) for key, part in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(part) for part in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
+        return [_nulled(part, wrong) for part in value]
+    return None if isinstance(value, float) and wrong(value) else value

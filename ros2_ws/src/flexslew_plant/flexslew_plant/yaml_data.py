@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Hashable, Iterator
-from math import inf, isnan
+from math import inf
 from typing import Any
 
 import yaml
@@ -202,17 +202,11 @@ def _identity(key: Any) -> tuple[str, object]:
 
 
 class YamlDumper(yaml.CSafeDumper):
-    """Writes every value where it stands: ROS and rosbag2 read no aliases; NaN is null."""
+    """Writes every value where it stands: ROS and rosbag2 read no aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Return True, always."""
         return True
-
-    def represent_float(self, data: float) -> yaml.ScalarNode:
-        """Return the node of a number; no reader of this project takes NaN."""
-        node: yaml.ScalarNode
-        node = self.represent_none(data) if isnan(data) else super().represent_float(data)
-        return node
 
 
 # 1e-5, 1.0e3 and 1e-05, as Python and JSON write numbers: YAML 1.1 takes them for texts
@@ -233,9 +227,6 @@ YamlLoader.yaml_constructors = {
     tag: YamlLoader.yaml_constructors[tag]
     for tag in (None, *(f"tag:yaml.org,2002:{kind}" for kind in _PLAIN))
 }
-
-
-YamlDumper.add_representer(float, YamlDumper.represent_float)
 
 
 def yaml_text(values: Any, flow: bool | None = None) -> str:

@@ -10,6 +10,7 @@ from flexslew_control.analysis.model_file import save_model
 from flexslew_control.analysis.rest import rest_of
 from flexslew_lab.identification.modes import CONFIDENCE, Interval, ModalModel
 from flexslew_lab.identification.record import Quantity
+from flexslew_lab.json_text import nan_as_null
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
@@ -112,7 +113,7 @@ def file_text(found: ModalModel, fitted: dict[str, Any] | None = None) -> tuple[
         why = str(error)
     if fitted is not None:
         content["model"], why = fitted, ""
-    return yaml_text(content), why
+    return yaml_text(nan_as_null(content)), why
 
 
 def save_system(found: ModalModel, path: Path) -> None:
@@ -184,7 +185,7 @@ def appendage_file_text(found: ModalModel, axes: dict[str, str]) -> str:
             "inertia": (rotation @ rotation.T).tolist(),
         },
     }
-    return yaml_text(content)
+    return yaml_text(nan_as_null(content))
 
 
 def _interval(one: Interval) -> dict[str, float]:
