@@ -232,6 +232,5 @@ def numbers(values: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...
 
 @pytest.mark.parametrize("name", ["m1", "control_moment_gyros"])
 def test_a_boolean_is_no_number_of_modes_of_a_plan(name: str) -> None:
-    trial, _ = read_trial(name, ["plan.model.modes=true"])
     with pytest.raises(BadInput, match="modes: True is not allowed"):
-        plan_of_trial(trial)
+        plan_of_trial(read_trial(name, ["plan.model.modes=true"])[0])
