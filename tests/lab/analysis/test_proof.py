@@ -130,7 +130,6 @@ def test_what_a_law_predicts_is_flown_with_lag_and_delay(law: str) -> None:
     [
         ("disturbance_minimisation", {"design": "sampled"}),
         ("disturbance_accommodating", {}),
-        ("modal_space", {}),
     ],
 )
 def test_a_law_that_holds_a_rest_and_takes_no_reference_is_flown_too(
@@ -145,6 +144,12 @@ def test_a_law_that_holds_a_rest_and_takes_no_reference_is_flown_too(
     assert proof.holds
     assert len(proof.poles) >= 2
     assert proof.margins
+
+
+def test_a_law_of_the_flexible_mode_alone_leaves_the_rigid_motion_uncontrolled() -> None:
+    keys: Any = {**OSCILLATOR, "controllers": {"modal_space": {}}, "active": "modal_space"}
+    found = analysed(trial("time_optimal_oscillator", keys), "here")
+    assert found.statement == "marginal: mass is not controlled"
 
 
 @pytest.mark.parametrize(
