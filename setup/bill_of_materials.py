@@ -21,9 +21,8 @@ LOCKS = (
     "requirements.source.txt",
     "requirements.develop.lock.txt",
 )
-DEVELOP = LOCKS[
-    -1
-]  # the only one that may hold tools under the GPL; ./flexslew installs none of it
+# the only lock that may hold tools under the GPL; ./flexslew installs none of it
+DEVELOP = LOCKS[-1]
 # read in their repositories, as the distributions state none
 _READ_BY_HAND = {
     "ros-ament-cmake-gmock": "Apache License 2.0",
