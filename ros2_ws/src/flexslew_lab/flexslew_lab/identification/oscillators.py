@@ -17,15 +17,26 @@ class Oscillator:
     def transition(self, h: float | Vector) -> np.ndarray:
         """Return exp(A h) of x = (q, q'), shape (2, 2), or (ticks, 2, 2) of many lengths."""
         w, s = self.frequency, self.damping_ratio * self.frequency
+        c, n = self._decaying(h)
+        found = np.array([[c + s * n, n], [-w * w * n, c - s * n]])
+        return np.moveaxis(np.asarray(found, dtype=np.float64), (0, 1), (-2, -1))
+
+    def step_response(self, t: Matrix) -> tuple[Matrix, Matrix]:
+        """Return w^2 q and w^2 q' at times t after a unit effort begins, from rest."""
+        w, s = self.frequency, self.damping_ratio * self.frequency
+        c, n = self._decaying(t)
+        return 1.0 - c - s * n, w * w * n
+
+    def _decaying(self, t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return exp(-s t) cos(wd t) and exp(-s t) sin(wd t) / wd, also for an imaginary wd."""
+        w, s = self.frequency, self.damping_ratio * self.frequency
         square = w * w - s * s
         if square > 0.0:
-            wd = np.sqrt(square)
-            c, n = np.cos(wd * h), np.sin(wd * h) / wd
-        else:  # overdamped
-            wd = np.sqrt(-square) if square < 0.0 else 1e-12
-            c, n = np.cosh(wd * h), np.sinh(wd * h) / wd
-        found = np.exp(-s * h) * np.array([[c + s * n, n], [-w * w * n, c - s * n]])
-        return np.moveaxis(np.asarray(found, dtype=np.float64), (0, 1), (-2, -1))
+            wd, fading = np.sqrt(square), np.exp(-s * t)
+            return fading * np.cos(wd * t), fading * (np.sin(wd * t) / wd)
+        wd = np.sqrt(-square) if square < 0.0 else 1e-12  # overdamped
+        slow = np.exp((wd - s) * t)
+        return 0.5 * slow * (1.0 + np.exp(-2.0 * wd * t)), -0.5 * slow * np.expm1(-2.0 * wd * t) / wd
 
     def responses(self, effort: Matrix, h: float | Vector, each: int = 1) -> tuple[Matrix, Matrix]:
         """Return q and q' at the ticks, forced by each input from rest, then from two starts.

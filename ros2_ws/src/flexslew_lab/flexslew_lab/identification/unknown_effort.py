@@ -78,18 +78,9 @@ class PulseResponses:
         """Return pulses as differences of what efforts do that begin at their edges."""
         since = np.maximum(self._t[rows, None] - self._t[self._edges], 0.0)
         first, last = self._first[:count], self._last[:count]
-        steps = [(0.5 * since**2, since), *(_step(mode, since) for mode in self._modes)]
+        steps = [(0.5 * since**2, since), *(mode.step_response(since) for mode in self._modes)]
         rigid, *pulses = [(x[:, first] - x[:, last], v[:, first] - v[:, last]) for x, v in steps]
         return PulseBlock(rigid, pulses, self._modes, self.pieces.column[:count], self._inputs)
-
-
-def _step(mode: Oscillator, t: Matrix) -> tuple[Matrix, Matrix]:
-    """Return w^2 q and w^2 q' a time t after a unit effort begins, from rest."""
-    w, s = mode.frequency, mode.damping_ratio * mode.frequency
-    wd = np.sqrt(w * w - s * s)
-    fading = np.exp(-s * t)
-    c, n = fading * np.cos(wd * t), fading * np.sin(wd * t)
-    return 1.0 - c - s / wd * n, w * w / wd * n
 
 
 class PulseBlock:

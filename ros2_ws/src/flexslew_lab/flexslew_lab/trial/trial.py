@@ -338,7 +338,8 @@ def set_up(
     try:
         bench = Bench(bench_settings(stands))
     except BadInput as error:
-        raise BadInput(replace(error.refusal, source=source)) from None
+        own = error.refusal.source  # the file of a user's testbed
+        raise BadInput(replace(error.refusal, source=own or source)) from None
     return bench, build_controllers(trial, source)
 
 

@@ -20,6 +20,7 @@ from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import PlanFailed
 
 _UNSEEN = 1e-9  # of the way, a residual that no bench measures [m/rad]
+_SMALLEST = 1e-9  # the same of any way [m]
 _CERTAIN = 1.01  # times the lower bound, up to which an optimum is one for certain
 _ROUNDS = 2  # in which members join
 _PARTS = 4  # into which the members between them cut the way from one level to the next
@@ -73,7 +74,8 @@ def _unseen(question: Question, members: tuple[Member, ...], report: Report) -> 
         return None
     weights = smooth(question, grid)
     merit = Search(question, members, grid, report).merit(weights)
-    if merit.residuals.max() > _UNSEEN * question.span or merit.missed > MET:
+    unseen = max(_UNSEEN * question.span, _SMALLEST)
+    if merit.residuals.max() > unseen or merit.missed > MET:
         return None
     words = "a smooth turn, which leaves nothing that can be seen; nothing better was sought"
     optimum = Optimum(weights, merit.residuals, 0.0, merit.missed)
