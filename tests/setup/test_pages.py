@@ -64,7 +64,8 @@ def test_every_link_to_a_file_leads_somewhere(page: Path) -> None:
 def test_files_of_the_source_tree_that_a_page_names_exist() -> None:
     for page in PAGES:
         for path in re.findall(
-            r"(?<![\w/])(?:ros2_ws/src|setup|docker|docs/examples)/[\w./-]+\w", page.read_text()
+            r"(?<![\w/])(?:ros2_ws/src|setup|docker|docs/examples|tests|benchmarks)/[\w./-]+\w",
+            page.read_text(),
         ):
             assert (ROOT / path).exists(), f"{page.name}: {path}"
 
