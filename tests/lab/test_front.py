@@ -85,6 +85,7 @@ def test_a_given_plan_flies_as_the_planner_that_made_it(law: str) -> None:
     assert given.metrics["trajectory_hash"] == own.metrics["trajectory_hash"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     representatives(

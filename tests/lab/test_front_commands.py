@@ -111,6 +111,7 @@ def test_runs_tell_of_their_bench_what_the_command_prints(shaken: Path) -> None:
     assert found.believed == load_yaml(file_text(found.model)[0], "text")["model"]
 
 
+@pytest.mark.slow
 def test_a_plan_that_believes_what_was_found_leaves_less(shaken: Path) -> None:
     slew = HEAVY | {"plan.method": "optimized_feedforward", "plan.duration": 6.0, "duration": 12.0}
     modes, stiffness = fs.identify(shaken), fs.identify(shaken, fit=["parameters.free_mass"])

@@ -55,6 +55,7 @@ def test_figures_are_those_of_flights_and_of_the_analysis(
     assert outcome.residual >= worst * (1.0 - 1e-6)  # of nine benches, these are four
 
 
+@pytest.mark.slow
 def test_a_search_is_within_2_percent_of_a_grid_and_keeps_the_margin(
     bench: tuple[Trial, Gains, GainEnsemble],
 ) -> None:
@@ -116,6 +117,7 @@ def test_what_cannot_be_sought_is_refused(
         gains_of(trial("m1", {**KEYS, **keys}), "here", **{"controller": None, **options})
 
 
+@pytest.mark.slow
 def test_a_turn_that_bends_nothing_has_no_gains_to_find() -> None:
     turn = {"method": "none", "goal": {"axis": [0.0, 0.0, 1.0], "angle": 0.05}}
     with pytest.raises(BadInput, match=r"^plan: no tip rings after this manoeuvre"):

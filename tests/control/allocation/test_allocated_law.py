@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
-from tests.representatives import products, representatives, seeds
+from tests.representatives import representatives, seeds
 
 from flexslew_control.allocation import joint_gains
 from flexslew_control.allocation.allocation import WheelAllocation
@@ -88,7 +88,9 @@ def flown(
     return np.array(states)
 
 
-@pytest.mark.parametrize(("law", "seed"), products(LAWS, range(4)))
+@pytest.mark.parametrize(
+    ("law", "seed"), representatives(product(LAWS, range(4)), (next(iter(LAWS)), 0))
+)
 def test_thrusters_and_wheels_of_any_geometry_hold_any_attitude_alike(law: str, seed: int) -> None:
     """Through thrusters or wheels it is one torque, so the rates in body axes are the same.
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.spatial.transform import Rotation
+from tests.representatives import representatives
 
 from flexslew_control.analysis.loop_margins import Swept, _balanced, _best_scaling, _scaled
 from flexslew_control.controllers import build_controller
@@ -142,19 +143,23 @@ LAWS: dict[str, Any] = {
 
 @pytest.mark.parametrize(
     ("law", "kind", "schedule", "left"),
-    [
-        ("lqr", "wheels", [], 2e-5),  # [rad], nothing disturbs: what the plan leaves
-        ("lqr", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
-        ("lqr", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+    representatives(
+        [
+            ("lqr", "wheels", [], 2e-5),  # [rad], nothing disturbs: what the plan leaves
+            ("lqr", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+            ("lqr", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+            ("proportional_integral", "wheels", [], 2e-5),
+            ("linear", "wheels", [], 2e-5),
+            ("output_feedback", "wheels", [], 2e-5),
+            ("output_feedback", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+            ("output_feedback", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+            ("model_predictive", "wheels", [], 2e-5),
+            ("model_predictive", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+            ("model_predictive", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ],
         ("proportional_integral", "wheels", [], 2e-5),
-        ("linear", "wheels", [], 2e-5),
-        ("output_feedback", "wheels", [], 2e-5),
-        ("output_feedback", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
         ("output_feedback", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
-        ("model_predictive", "wheels", [], 2e-5),
-        ("model_predictive", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
-        ("model_predictive", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
-    ],
+    ),
 )
 def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
     law: str, kind: str, schedule: list[Any], left: float, tmp_path: Path
@@ -201,12 +206,15 @@ def no_other_scaling_is_better(sweep: Swept, names: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize(
     ("law", "settings", "least", "least_at_sensors"),
-    [
-        ("lqr", {}, 1.5, 0.5),
-        ("proportional_integral", {}, 1.0, 0.5),
-        ("output_feedback", {}, 0.44, 0.1),
+    representatives(
+        [
+            ("lqr", {}, 1.5, 0.5),
+            ("proportional_integral", {}, 1.0, 0.5),
+            ("output_feedback", {}, 0.44, 0.1),
+            ("linear", LAWS["linear"], 1.2, 0.4),
+        ],
         ("linear", LAWS["linear"], 1.2, 0.4),
-    ],
+    ),
 )
 def test_margins_stand_where_the_panels_are_not_as_believed_and_are_flown(
     law: str, settings: dict[str, Any], least: float, least_at_sensors: float

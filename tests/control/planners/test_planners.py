@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.plants import plant
 from tests.present import present
+from tests.representatives import representatives
 
 from flexslew_control.planners import PLANNERS, make_plan, other_method, plan_settings
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
@@ -94,7 +95,12 @@ def test_every_planner_refuses_a_start_between_ticks(method: Any) -> None:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("method", sorted(set(SLEWS) - UNLIMITED))
+@pytest.mark.parametrize(
+    "method",
+    representatives(
+        sorted(set(SLEWS) - UNLIMITED), *sorted(set(SLEWS) - UNLIMITED - {"minimax_feedforward"})
+    ),
+)
 def test_every_planner_refuses_more_effort_than_the_drives_have(method: Any) -> None:
     more = {"amplitude": 100.0} if method == "time_optimal" else {}
     with pytest.raises((BadInput, PlanFailed), match=r"limit") as caught:

@@ -134,6 +134,7 @@ def test_a_plan_flies_as_promised_or_warns(method: str, seed: int) -> None:
     assert "the other axes rigid" in summary["believes"]
 
 
+@pytest.mark.slow
 def test_the_remedy_of_the_warning_leaves_what_it_says() -> None:
     trial = shipped("own_spacecraft")
     values = {"method": "time_optimal", "goal": {"roll": 0.3}}

@@ -15,6 +15,7 @@ LOSSES = [(0.0, 1), (0.001, 1), (0.001, 20), (0.01, 1), (0.01, 20), (0.05, 1), (
 CLOCKS = ["regular", "jitter", "irregular", "apart"]
 RECORDS = 2  # of each loss; --cases sets more
 
+
 def away(found: ModalModel) -> np.ndarray:
     """Return the errors of inertia, frequencies and damping in half widths of their intervals."""
     assert len(found.modes) == 2

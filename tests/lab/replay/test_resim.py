@@ -106,6 +106,7 @@ def switch(*request: Any) -> Any:
     return lambda bench: bench.request_switch(SwitchRequest(*request))
 
 
+@pytest.mark.slow
 def test_the_swap_demo_flies_again_to_the_same_hash(tmp_path: Path) -> None:
     demo = trial_path("swap_demo")
     result = run_trial(load_trial(demo), str(demo), tmp_path / "run", in_process=True, report=False)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from tests.representatives import representatives
 
 from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
 from flexslew_control.plan import Plan
@@ -16,7 +17,12 @@ from flexslew_plant.errors import BadInput
 RESIDUAL, EFFORT = 0.1, 0.01
 
 
-@pytest.mark.parametrize("case", ["tracking (a)", "tracking (b)", "rigid hold", "open loop"])
+@pytest.mark.parametrize(
+    "case",
+    representatives(
+        ["tracking (a)", "tracking (b)", "rigid hold", "open loop"], "rigid hold", "open loop"
+    ),
+)
 def test_the_four_cases_give_the_table(
     case: str, shipped_plan: Callable[[str], Plan | None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -85,6 +85,7 @@ def knowledge_error(folder: Path, seed: int, modes: Any) -> float:
     return float(np.sqrt(np.mean(np.asarray(off)[40:] ** 2)))  # from 2 s on
 
 
+@pytest.mark.slow
 def test_with_appendage_modes_the_attitude_of_a_flight_is_known_better(tmp_path: Path) -> None:
     """Slewing through a dropout of the star tracker, with a gyro that is noisy."""
     chosen: list[dict[str, Any] | None] = [{}, None]

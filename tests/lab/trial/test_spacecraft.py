@@ -54,7 +54,7 @@ def flown(values: dict[str, Any], folder: Path, exit_code: int = 0) -> Any:
     return result.metrics
 
 
-@pytest.mark.parametrize("law", representatives(LAWS, "collocated_pid", "lqr"))
+@pytest.mark.parametrize("law", representatives(LAWS, "lqr"))
 def test_every_law_turns_a_free_platform(law: str, tmp_path: Path) -> None:
     values = shipped_values("scole_s_a") | {
         "duration": 8.0,
@@ -90,7 +90,7 @@ def test_the_matrix_holds_every_fault() -> None:
 
 @pytest.mark.parametrize(
     "kind",
-    representatives(FAULT, "actuator_stuck", "command_late", "sensor_freeze", "sensor_nan"),
+    representatives(FAULT, "actuator_stuck", "sensor_nan"),
 )
 def test_every_fault_strikes_a_spacecraft_and_flies_again(kind: str, tmp_path: Path) -> None:
     struck = {"at": 0.4, "until": 0.8, "fault": {"kind": kind, **FAULT[kind]}}
@@ -126,6 +126,7 @@ def test_faults_on_what_a_spacecraft_lacks_are_refused(fault: dict[str, Any], kn
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_the_full_scale_spacecraft_flies_to_its_end(tmp_path: Path) -> None:
     metrics = flown(shipped_values("scole_full"), tmp_path / "run")
     assert abs(metrics["final_error"]["roll"]) < 1e-5

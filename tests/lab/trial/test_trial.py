@@ -204,6 +204,7 @@ def test_a_trial_with_units_is_that_in_si() -> None:
         read_trial("m1", ["plan.duration=45 deg"])
 
 
+@pytest.mark.slow
 def test_a_boolean_is_no_number_anywhere_in_a_trial() -> None:
     """Wherever shipped trials hold a number; laws and models are read where they are built."""
     asked = set[tuple[str, ...]]()

@@ -132,6 +132,7 @@ def test_a_limit_that_no_effort_keeps_is_passed_with_an_event_and_the_goal_is_re
     assert flight.metrics["missed_ticks"] == 0
 
 
+@pytest.mark.slow
 def test_too_few_iterations_repeat_the_last_answer_and_nobody_is_silent() -> None:
     flight = oscillator(tip_limit=0.05, iterations=1)
     assert flight.metrics["missed_ticks"] == 0
@@ -150,6 +151,7 @@ def test_m1_with_the_tips_held_below_half_of_what_the_planned_feedforward_needs(
     assert softened(flight) == []
 
 
+@pytest.mark.slow
 def test_no_plan_within_the_same_limits_is_a_sixth_shorter() -> None:
     """24.2 s are at most 1.2 times the least time of minimax_feedforward: 20.16 s do not do."""
     section = {

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.present import present
-from tests.representatives import products
+from tests.representatives import products, representatives
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
@@ -25,7 +25,7 @@ def planned(name: str, **changes: Any) -> Any:
     return present(plan_of_trial(trial))
 
 
-@pytest.mark.parametrize("modes", [2, 8])
+@pytest.mark.parametrize("modes", representatives([2, 8], 2))
 def test_after_a_plan_the_modes_are_at_rest_however_many_it_has(modes: int) -> None:
     plan = planned("scole_s_a", model={"appendages": {"mast": {"shape": {"modes": modes}}}})
     assert plan.state.shape[1] == 2 * (1 + modes)
@@ -33,6 +33,7 @@ def test_after_a_plan_the_modes_are_at_rest_however_many_it_has(modes: int) -> N
     np.testing.assert_allclose(after.state, [plan.position[-1, 3], *np.zeros(1 + 2 * modes)])
 
 
+@pytest.mark.slow
 def test_the_reference_may_swing_on_after_the_end() -> None:
     plan = planned("scole_s_a", equal_frequencies=False, swing_on=2.0)
     end = round(plan.duration / plan.period) + 2

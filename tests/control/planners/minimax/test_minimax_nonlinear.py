@@ -154,16 +154,19 @@ def test_more_time_is_never_worse() -> None:
 
 @pytest.mark.parametrize(
     "more",
-    [
+    representatives(
+        [
+            {"model": {"modes": 3}},
+            {"model": {"modes": 2}, "pieces": 8},
+            {
+                "model": {"modes": 3},
+                "pieces": 16,
+                "max_steps": 5,
+                "goal": {"base_yaw": -0.7, "hub_pitch": 0.4},
+            },
+        ],
         {"model": {"modes": 3}},
-        {"model": {"modes": 2}, "pieces": 8},
-        {
-            "model": {"modes": 3},
-            "pieces": 16,
-            "max_steps": 5,
-            "goal": {"base_yaw": -0.7, "hub_pitch": 0.4},
-        },
-    ],
+    ),
 )
 def test_a_little_more_time_is_never_worse(more: Any) -> None:
     """A search that ended unsettled left .154 m in 27 s and .080 m in 26 s; .2 % is its tolerance.
@@ -176,6 +179,7 @@ def test_a_little_more_time_is_never_worse(more: Any) -> None:
         assert longer <= 1.002 * shorter
 
 
+@pytest.mark.slow
 def test_too_short_a_slew_says_how_long_one_takes() -> None:
     with pytest.raises(PlanFailed, match=r"miss by .* is enough; a rigid body takes 13\.72 s"):
         planned(duration=10.0)

@@ -174,6 +174,7 @@ def test_the_slopes_of_the_rotation_are_those_of_its_differences(angle: float) -
         np.testing.assert_allclose(np.einsum("kjs,ks->kj", found, by), expected, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_too_short_a_turn_names_a_duration_that_can_be_planned() -> None:
     goal = {"roll": 0.1, "pitch": 0.3, "yaw": 0.05}
     more = {"pieces": 8, "max_steps": 5, "ensemble": {"vary": {}}}

@@ -36,7 +36,9 @@ class Oscillator:
             return fading * np.cos(wd * t), fading * (np.sin(wd * t) / wd)
         wd = np.sqrt(-square) if square < 0.0 else 1e-12  # overdamped
         slow = np.exp((wd - s) * t)
-        return 0.5 * slow * (1.0 + np.exp(-2.0 * wd * t)), -0.5 * slow * np.expm1(-2.0 * wd * t) / wd
+        return 0.5 * slow * (1.0 + np.exp(-2.0 * wd * t)), -0.5 * slow * np.expm1(
+            -2.0 * wd * t
+        ) / wd
 
     def responses(self, effort: Matrix, h: float | Vector, each: int = 1) -> tuple[Matrix, Matrix]:
         """Return q and q' at the ticks, forced by each input from rest, then from two starts.
