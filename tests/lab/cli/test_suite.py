@@ -6,7 +6,7 @@ from typer.core import TyperCommand
 
 from flexslew_lab.cli import checkout
 from flexslew_lab.cli.suite import (
-    COMPILED,
+    GROUPS,
     NOTHING_SELECTED,
     OVER_ROS,
     Selection,
@@ -45,9 +45,9 @@ def test_alone(): pass
 @pytest.fixture
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the root of a checkout with a test in each part."""
-    for part in ("tests/plant", *OVER_ROS, *COMPILED):
-        (tmp_path / part).mkdir(parents=True)
-    (tmp_path / COMPILED[0] / "test_loops.py").write_text(PASSES)
+    for part in ("tests/plant", *OVER_ROS, *GROUPS):
+        (tmp_path / part).mkdir(parents=True, exist_ok=True)
+    (tmp_path / GROUPS[-1] / "test_loops.py").write_text(PASSES)
     (tmp_path / "tests" / "plant" / "test_plain.py").write_text(PASSES)
     (tmp_path / "tests" / "ros" / "test_marked.py").write_text(MARKED)
     (tmp_path / "tests" / "campaigns" / "ros" / "test_campaign.py").write_text(PASSES)
@@ -79,24 +79,30 @@ def ended(*arguments: str, everything: bool = False) -> int:
 
 
 @pytest.mark.usefixtures("tree")
-def test_without_arguments_three_parts_leave_out_what_is_marked() -> None:
+def test_the_whole_suite_runs_in_groups_each_test_in_one() -> None:
     default = "not (ros or browser or campaign or matrix or slow)"
-    plain, shared, alone = parts(Selection(), everything=False)
-    assert plain[4:] == ("-m", default, *(f"--ignore={part}" for part in OVER_ROS))
+    *plain, shared, alone = parts(Selection(), everything=False)
+    assert [part[-1] for part in plain] == ["tests", *GROUPS]
+    assert all(part[4:6] == ("-m", default) for part in plain)
     assert shared[4:] == ("-m", f"{default} and not alone", *OVER_ROS)
     assert alone == ("-m", f"{default} and alone", *OVER_ROS)
-    plain, compiled, shared, alone = parts(Selection(), everything=True)
-    assert "-m" not in (*plain, *compiled)
-    assert f"--ignore={COMPILED[0]}" in plain
-    assert compiled[-1:] == COMPILED
+    *plain, shared, alone = parts(Selection(), everything=True)
+    assert all("-m" not in part for part in plain)
     assert (shared[4:6], alone[:2]) == (("-m", "not alone"), ("-m", "alone"))
+    for folder in (*OVER_ROS, *GROUPS):
+        outer = [part for part in plain if f"{folder}/".startswith(f"{part[-1]}/")]
+        kept = [part for part in outer if f"--ignore={folder}" not in part]
+        assert [part[-1] for part in kept] == [folder] * (folder in GROUPS)
 
 
 @pytest.mark.usefixtures("tree")
 @pytest.mark.parametrize(
     ("arguments", "paths"),
     [
-        (("-k", "energy", "--durations=3"), [[], OVER_ROS, OVER_ROS]),
+        (
+            ("-k", "energy", "--durations=3"),
+            [["tests"], *([group] for group in GROUPS), OVER_ROS, OVER_ROS],
+        ),
         (("tests/plant", "-x"), [["tests/plant"]]),
         (("-k", "tests", "tests"), [["tests"], OVER_ROS, OVER_ROS]),
         (("tests/campaigns",), [["tests/campaigns"], OVER_ROS[1:], OVER_ROS[1:]]),
@@ -166,4 +172,4 @@ def test_no_further_part_starts_where_a_failure_stops(
     assert ended("-x") == 1
     assert len(ran) == 1
     assert ended("--durations=1") == 1
-    assert len(ran) == 4
+    assert len(ran) == 1 + len([*parts(Selection(), everything=False)])

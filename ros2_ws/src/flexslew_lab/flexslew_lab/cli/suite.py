@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 OVER_ROS = ("tests/ros", "tests/campaigns/ros")
-# of compiled loops of 20 to 50 MB, which a process keeps: a part of its own under --all
-COMPILED = ("tests/lab/studies",)
+# Each with processes of its own, as a process keeps all machine code that it has loaded
+GROUPS = ("tests/control", "tests/lab", "tests/lab/studies")
 BEYOND_DEFAULT = ("ros", "browser", "campaign", "matrix", "slow")
 NOTHING_SELECTED = 5  # pytest's exit code
 _MOST = 8  # processes that compute, of three quarters of a gigabyte each
@@ -74,24 +74,27 @@ def parts(selection: Selection, everything: bool) -> Iterator[tuple[str, ...]]:
     """Yield the arguments of pytest for each part that a selection needs.
 
     A long file without ROS is shared by workers. A file over ROS stays with one, and twice as many
-    run, as benches wait more than they compute.
+    run, as benches wait more than they compute. The whole suite starts new workers for each of
+    GROUPS, so that none needs more than 1.5 GB.
     """
     workers = min(os.cpu_count() or 2, _MOST)
     waiting = min(2 * workers, _MOST)
     if selection.debugs:
         workers = waiting = 0
-    apart = (*OVER_ROS, *(COMPILED if everything else ()))
-    plain = [path for path in selection.paths if not _within(path, apart)]
-    compiled = _inside(selection.paths, COMPILED) if everything else []
     ros = _inside(selection.paths, OVER_ROS)
     options = selection.options
     expression = selection.expression(everything)
     marked = ("-m", expression) if expression else ()
     shared = ("-n", f"{workers}", "--dist", "worksteal", *options, *marked)
-    if plain or not selection.paths:
-        yield (*shared, *(f"--ignore={part}" for part in apart), *plain)
-    if compiled:
-        yield (*shared, *compiled)
+    if selection.paths:
+        apart = OVER_ROS
+        groups = [[path for path in selection.paths if not _within(path, OVER_ROS)]]
+    else:
+        apart = (*OVER_ROS, *GROUPS)
+        groups = [["tests"], *([group] for group in GROUPS)]
+    for paths in filter(None, groups):
+        ignored = [part for part in apart if part not in paths and _within_any(part, paths)]
+        yield (*shared, *(f"--ignore={part}" for part in ignored), *paths)
     if ros:
         joined = f"{expression} and " if expression else ""
         by_file = ("-n", f"{waiting}", "--dist", "loadfile")
@@ -102,6 +105,11 @@ def parts(selection: Selection, everything: bool) -> Iterator[tuple[str, ...]]:
 def exit_code(codes: Sequence[int]) -> int:
     """Return the exit code of all parts; one that selects nothing fails only if all do."""
     return max((code for code in codes if code != NOTHING_SELECTED), default=NOTHING_SELECTED)
+
+
+def _within_any(folder: str, paths: Sequence[str]) -> bool:
+    """Return True if a folder is in one of the paths."""
+    return _within(folder, [path.split("::")[0] for path in paths])
 
 
 def _within(path: str, folders: Sequence[str]) -> bool:
