@@ -96,19 +96,19 @@ class Tracking:
         if time < self.plan.start:
             return None
         if time < self.plan.end:
-            beyond = self._beyond(self.path, tracked)
+            beyond = self._violation(self.path, tracked)
             if beyond is None:
                 return None
             words = f"at {time:g} s {beyond}; the plan is flown on, the brake would stop it"
             return TrackingEnd(TrackingCode.PATH_TOLERANCE_VIOLATED, words)
-        beyond = self._beyond(self.goal, tracked)
+        beyond = self._violation(self.goal, tracked)
         if beyond is None:
             return TrackingEnd(TrackingCode.SUCCESSFUL, f"within tolerance at {time:g} s")
         if time < self.plan.end + self.goal_time and not replaced:
             return None
         return TrackingEnd(TrackingCode.GOAL_TOLERANCE_VIOLATED, f"at {time:g} s {beyond}")
 
-    def _beyond(self, allowed: Mapping[str, Tolerance], tracked: Tracked) -> str | None:
+    def _violation(self, allowed: Mapping[str, Tolerance], tracked: Tracked) -> str | None:
         """Return which joint is farther off than it may be, and by how much."""
         for k, name in enumerate(self.joints):
             limits = allowed.get(name, Tolerance())

@@ -72,7 +72,7 @@ class Refusal:
         """Return `source: key: value is not allowed: why`, without the parts that there are not."""
         why = self.why
         if self.value is not NOTHING:
-            why = f"{_shown(self.value)} is not allowed: {why}"
+            why = f"{_shortened(self.value)} is not allowed: {why}"
         return one_line(": ".join(part for part in (self.source, self.key, why) if part))
 
     def within(self, key: str = "", source: str = "") -> "Refusal":
@@ -111,7 +111,7 @@ def _escaped(letter: str) -> str:
     return letter if letter.isprintable() else ascii(letter)[1:-1]
 
 
-def _shown(value: Any) -> str:
+def _shortened(value: Any) -> str:
     """Return a value as Python writes it, at most 60 characters of it."""
     if isinstance(value, str | bytes):
         value = value[: _LONGEST + 1]

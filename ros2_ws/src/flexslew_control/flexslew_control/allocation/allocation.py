@@ -163,7 +163,7 @@ def allocator_of(settings: AnyAllocation, plant: PlantDescription) -> Allocator:
     found, limit = testbed.drive_map(), plant.effort_limit
 
     def thrusters(key: str, given: tuple[str, ...] | None) -> tuple[Indices, ThrusterSet]:
-        where = _chosen(f"allocation.{key}", given, found.one_way, names, "thrusters")
+        where = _drive_indices(f"allocation.{key}", given, found.one_way, names, "thrusters")
         called = tuple(names[k] for k in where)
         return where, ThrusterSet.of(found.torque[:, where], limit[where], called)
 
@@ -171,7 +171,7 @@ def allocator_of(settings: AnyAllocation, plant: PlantDescription) -> Allocator:
         return Allocator(len(names), found.torque, None, thrusters("drives", settings.drives))
     if isinstance(settings, GyroAllocation):
         return Allocator(len(names), found.torque, None, None, gyros=_gyros(settings, plant, found))
-    where = _chosen("allocation.drives", settings.drives, found.wheels, names, "wheels")
+    where = _drive_indices("allocation.drives", settings.drives, found.wheels, names, "wheels")
     called = tuple(names[k] for k in where)
     inertia = found.inertia[[found.wheels.index(k) for k in where]]
     bias = inertia * per_joint("allocation.bias_speed", settings.bias_speed, called)
@@ -219,7 +219,7 @@ def _gyros(
         BadInput: see allocator_of.
     """
     names, what = plant.joint_names, "control moment gyros"
-    where = _chosen("allocation.drives", settings.drives, found.gyros, names, what)
+    where = _drive_indices("allocation.drives", settings.drives, found.gyros, names, what)
     own = [found.gyros.index(k) for k in where]
     called = tuple(names[k] for k in where)
     angles = _read_by(Resolver, plant, called)
@@ -239,7 +239,7 @@ def _gyros(
     return where, gyros, angles
 
 
-def _chosen(
+def _drive_indices(
     key: str,
     given: tuple[str, ...] | None,
     known: tuple[int, ...],

@@ -106,7 +106,7 @@ def slopes(
     a = np.zeros((2 * n, 2 * n))
     a[:n, n:] = np.eye(n)
     if v.any() and model.positions > n:
-        a[:n, :n] = _turned(model, q, v, t)
+        a[:n, :n] = _direction_stiffness(model, q, v, t)
     a[n:] = -np.linalg.solve(mass, np.hstack((stiffness, damping)))
     b = np.vstack((np.zeros_like(driving), np.linalg.solve(mass, driving)))
     if friction is not None:
@@ -118,7 +118,7 @@ def slopes(
     return a, b
 
 
-def _turned(model: Model, q: Vector, v: Vector, t: float) -> Matrix:
+def _direction_stiffness(model: Model, q: Vector, v: Vector, t: float) -> Matrix:
     """Return how displacements along v change while what they are along turns: N^+ [d(N v), N]."""
     along = model.position_rates(q, t)
     moved = _slope(lambda z: model.position_rates(q + along @ z, t) @ v, len(v))

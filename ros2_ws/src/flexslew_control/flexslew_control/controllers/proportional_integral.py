@@ -161,7 +161,7 @@ def build(
     if settings.gains is None:
         gains = design(linear, settings.weights)
     else:
-        gains = _given(model, settings.gains)
+        gains = _gain_matrices(model, settings.gains)
     names = (*state_names(model), *(f"integral of {name}" for name in model.joint_names))
     require_stable(closed_loop(linear, gains), names, "proportional_integral with these gains")
     if isinstance(model, LinearModel):
@@ -177,7 +177,7 @@ def build(
     return KalmanFilter(model, rest, settings.filter, plant.period), law
 
 
-def _given(model: Designed, gains: GivenGains) -> PiGains:
+def _gain_matrices(model: Designed, gains: GivenGains) -> PiGains:
     """Return the gains of the settings as matrices, checked for their shape."""
     shape = (model.joints, model.coordinates)
     found = []

@@ -191,7 +191,7 @@ class UserLaw:
             raise LawFailed(
                 f"{self._law} gave efforts of shape {effort.shape}, expected ({self._joints},)"
             )
-        if not np.isfinite(effort).all() and _whole(measurement):
+        if not np.isfinite(effort).all() and _all_finite(measurement):
             raise LawFailed(f"{self._law} gave {effort.tolist()}, which is not finite")
         self.terms = terms
         return effort
@@ -212,7 +212,7 @@ class UserLaw:
         return terms
 
 
-def _whole(measurement: Measurement) -> bool:
+def _all_finite(measurement: Measurement) -> bool:
     """Return whether every sensor reads a number; what comes of one that does not is no fault."""
     readings = (
         measurement.joint_position,

@@ -106,7 +106,7 @@ def _brought(plan: Plan, slew: Slew, limit: Vector, joints_alone: bool = False) 
     goal, rows = _aim(slew, joints_alone)
     most = np.inf if joints_alone else _SMALL * slew.way
     effort = plan.effort.copy()
-    states = _flown(slew, plan.state[0], effort)
+    states = _simulate(slew, plan.state[0], effort)
     first = float(np.abs((goal - states[-1])[rows]).max())
     if not _CLOSE * slew.way < first < most:
         return plan
@@ -123,7 +123,7 @@ def _brought(plan: Plan, slew: Slew, limit: Vector, joints_alone: bool = False) 
         weighed = slopes * room
         change = weighed.T @ np.linalg.lstsq(weighed @ slopes.T, missed, rcond=1e-12)[0]
         effort = effort + change.reshape(effort.shape)
-        states = _flown(slew, plan.state[0], effort)
+        states = _simulate(slew, plan.state[0], effort)
     left = float(np.abs((goal - states[-1])[rows]).max())
     if not left < first or (np.abs(effort) > limit * (1.0 + 1e-12)).any():
         return None
@@ -147,7 +147,7 @@ def _misses_by_itself(plan: Plan, goal: Vector, end: Vector, computed: float) ->
     return bool(own > computed and own > hold > 0.0)
 
 
-def _flown(slew: Slew, start: Vector, effort: Matrix) -> Matrix:
+def _simulate(slew: Slew, start: Vector, effort: Matrix) -> Matrix:
     """Return the states at the ticks, shape (ticks + 1, 2 n)."""
     states = np.empty((len(effort) + 1, start.size))
     states[0] = start

@@ -93,7 +93,7 @@ class FollowTrajectory:
         refused = self._refused(request)
         if refused is not None:
             return refused
-        outcome = await self._planned(goal)
+        outcome = await self._plan_through(goal)
         if isinstance(outcome, Refusal):
             past = outcome.cause is Cause.PAST
             code = TrackingCode.OLD_HEADER_TIMESTAMP if past else TrackingCode.INVALID_GOAL
@@ -149,12 +149,12 @@ class FollowTrajectory:
             words = "tolerances: 0 or more, or -1 (any error is allowed)"
             return TrackingEnd(TrackingCode.INVALID_GOAL, words)
         for field in _OF_PLATFORMS:
-            if _given(getattr(request, field, ())):
+            if _is_given(getattr(request, field, ())):
                 words = f"{field}: the bench moves joints; give a trajectory of joints"
                 return TrackingEnd(TrackingCode.INVALID_GOAL, words)
         return None
 
-    async def _planned(self, goal: ServerGoalHandle) -> Outcome:
+    async def _plan_through(self, goal: ServerGoalHandle) -> Outcome:
         """Return the plan through the points, or why there is none."""
         if self._job.busy:
             return BUSY
@@ -190,7 +190,7 @@ def _number(goal: ServerGoalHandle) -> bytes:
     return bytes(goal.goal_id.uuid)
 
 
-def _given(field: Any) -> bool:
+def _is_given(field: Any) -> bool:
     """Return whether a client has filled in a list, or the points of a trajectory."""
     return bool(getattr(field, "points", field))
 

@@ -110,11 +110,11 @@ class PlanRelease:
     @property
     def flight(self) -> int | None:
         """The epoch that is flown, of which a request is that comes now; None: it is at tick 0."""
-        return self._here.flight(self.clock.now()) if self._course is not None else None
+        return self._current_course.flight(self.clock.now()) if self._course is not None else None
 
     def replaced(self, plan: Plan, time: float) -> bool:
         """Return whether another plan is flown in place of one at a simulated time [s]."""
-        return self._course is not None and self._here.replaced(plan, time)
+        return self._course is not None and self._current_course.replaced(plan, time)
 
     def checked(self, outcome: Plan | Refusal, flight: int | None) -> Plan | Refusal:
         """Return what came of a request, or why the bench cannot fly the plan from now on.
@@ -141,21 +141,21 @@ class PlanRelease:
         """
         if self._course is None:
             return None
-        return self._here.late(start, self.clock.now(), self.clock.last_tick, flight)
+        return self._current_course.late(start, self.clock.now(), self.clock.last_tick, flight)
 
     def objection(self, plan: Plan, flight: int | None) -> Refusal | None:
         """Return why a plan is not one that the bench can fly from now on, or None."""
         if self._course is None:
             return None
         now, followed = self.clock.now(), self.answers.followed
-        return self._here.objection(plan, now, self.clock.last_tick, flight, followed)
+        return self._current_course.objection(plan, now, self.clock.last_tick, flight, followed)
 
     def publish(self, plan: Plan, who: str) -> msg.Plan:
         """Let the controllers follow a plan; return it as a message."""
         now = self.clock.now()
         message = self._offers.message(plan, now)
         if self._course is not None:
-            self._here.add(plan, now)
+            self._current_course.add(plan, now)
         self.answers.expect(message.hash)
         self._offers.offer(plan, message)
         self._tell(PlanPublished, plan, message, who)
@@ -186,7 +186,7 @@ class PlanRelease:
         if not in_flight:
             self.publish(plan, "")
             return
-        self._here.add(plan, 0.0)
+        self._current_course.add(plan, 0.0)
         if followed:
             self._tell_again(plan)
         else:
@@ -195,7 +195,7 @@ class PlanRelease:
 
     def review(self) -> None:
         """Report plans to come whose law is another one by now than they were made for, once."""
-        for plan, _ in self._here.plans if self._course is not None else ():
+        for plan, _ in self._current_course.plans if self._course is not None else ():
             why = self._other_law(plan) if plan.start >= self.clock.now() else ""
             key = plan_hash(plan), why
             if why and key not in self._outdated:
@@ -225,7 +225,7 @@ class PlanRelease:
         return round(self.clock.now() / period) if period else 0
 
     @property
-    def _here(self) -> PlannedCourse:
+    def _current_course(self) -> PlannedCourse:
         """The course in the epoch that the bench is in."""
         assert self._course is not None
         self._course.begin_epoch(self.clock.epoch)
@@ -236,12 +236,12 @@ class PlanRelease:
         if self._course is None:
             return StartOfPlan()
         at = self.laws.at(round(start / self.requests.testbed.period))
-        rest = self._here.rest_at(start, self.clock.now())
+        rest = self._current_course.rest_at(start, self.clock.now())
         return StartOfPlan(rest or None, at and at.law)
 
     def _begin_again(self) -> None:
         """Tell the plan of tick 0 again: a newcomer of the flight that is over heard the latest."""
-        first = self._here.plan if self._course is not None else None
+        first = self._current_course.plan if self._course is not None else None
         if first is None:
             self._offers.forget()
         elif first is not self._offers.told:
@@ -256,14 +256,14 @@ class PlanRelease:
 
         Who comes now hears the plans that are flown, and not the one that nobody took.
         """
-        plan = self._here.plan if self._course is not None else None
+        plan = self._current_course.plan if self._course is not None else None
         if plan is None or plan_hash(plan) != digest:
             return
         answered = self.answers.of(digest)
         if answered.refused and not (answered.taken or answered.silent):
-            self._here.withdraw(plan)
+            self._current_course.withdraw(plan)
             self._offers.forget()
-            for flown, of_flight in self._here.plans:
+            for flown, of_flight in self._current_course.plans:
                 now = self.clock.now() if of_flight else 0.0
                 self._offers.offer(flown, self._offers.message(flown, now))
 

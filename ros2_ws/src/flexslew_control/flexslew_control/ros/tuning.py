@@ -63,7 +63,7 @@ class Tuning:
         """Take parameters; return why not, or an empty text."""
         if self._taken:
             return ""
-        done = self._host.tune(changes, 0, "a ROS parameter", self._beside)
+        done = self._host.tune(changes, 0, "a ROS parameter", self._make_in_thread)
         if done.ok:
             self._granted()
         return "" if done.ok else done.message
@@ -83,14 +83,14 @@ class Tuning:
             return reply
         here, period = (controller.last_tick, controller.period) if controller else (0, 1.0)
         tick = requested_tick(request.at, period, here)
-        done = self._host.tune(changes, tick, request.who, self._beside)
+        done = self._host.tune(changes, tick, request.who, self._make_in_thread)
         reply.ok, reply.message, reply.tick = done.ok, done.message, done.tick
         if reply.ok:
             self._keep(changes)
             self._granted()
         return reply
 
-    def _beside(self, make: Callable[[], _Made]) -> _Made:
+    def _make_in_thread(self, make: Callable[[], _Made]) -> _Made:
         """Return what is made in a thread, while this one answers the questions of the bench."""
         interval = sys.getswitchinterval()
         sys.setswitchinterval(_SHARE)

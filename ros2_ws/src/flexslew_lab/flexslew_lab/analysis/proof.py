@@ -175,7 +175,7 @@ class _Flights:
         path, loop = self._faulted(self._gain, self._delay)
         out = []
         for s, mode in _modes(loop, _VISIBLE):
-            flown, left = self._flown(loop, path, s, mode)
+            flown, left = self._measured_pole(loop, path, s, mode)
             w, w_flown = float(abs(s)), float(abs(flown))
             damping, damping_flown = float(-s.real / w), float(-flown.real / w_flown)
             near = (
@@ -204,7 +204,7 @@ class _Flights:
                 gain[channel] *= sizes[-1]
             path, loop = self._faulted(gain, delay)
             s, mode = _mode_near(loop, frequency)
-            flown, left = self._flown(loop, path, s, mode)
+            flown, left = self._measured_pole(loop, path, s, mode)
             growth.append(float(flown.real))
             lefts.append(left)
             at.append(float(abs(flown)))
@@ -225,7 +225,7 @@ class _Flights:
         plant = sampled_plant(point.rest, path, applied=True)
         return path, loop_of(plant, self._analysis.running.form)
 
-    def _flown(
+    def _measured_pole(
         self, loop: ControlLoop, path: PlantPath, s: complex, mode: Complex
     ) -> tuple[complex, float]:
         """Return the pole [rad/s] that the bench rings down with, and what it leaves [-]."""

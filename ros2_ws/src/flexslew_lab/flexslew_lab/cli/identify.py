@@ -79,7 +79,7 @@ def identify(
     from flexslew_lab.report.page import write_page
 
     experiments = [_experiment(run, inputs, outputs, period, past, trust) for run in runs]
-    folder = out or _beside(runs[0])
+    folder = out or _output_folder(runs[0])
     for name in (MODEL, PAGE):
         writable_file(folder / name, "--out")
     if system is not None:
@@ -164,7 +164,7 @@ def _names(text: str) -> tuple[str, ...]:
     return column_names(text)
 
 
-def _beside(run: Path) -> Path:
+def _output_folder(run: Path) -> Path:
     """Return the folder of a run of this bench; for anything else a new one."""
     if run.is_dir() and (run / "bag").is_dir():
         return run

@@ -54,7 +54,9 @@ def model(
     point = point_of(requested, at, joints_of(rest))
     system = model_of(point, sampled)
     if outputs is not None:
-        system = system.rows(_known([name.strip() for name in outputs.split(",")], system.outputs))
+        system = system.rows(
+            _require_known([name.strip() for name in outputs.split(",")], system.outputs)
+        )
     if minimal:
         system = minimal_part(system)
     save_model(system, to)
@@ -69,7 +71,7 @@ def model(
     print_table(("", str(to)), rows)
 
 
-def _known(names: list[str], outputs: tuple[str, ...]) -> list[str]:
+def _require_known(names: list[str], outputs: tuple[str, ...]) -> list[str]:
     for name in names:
         if name not in outputs:
             hint = did_you_mean(name, outputs)

@@ -168,11 +168,11 @@ def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
     which = _meant()
     with _bench(namespace, which) as bench:
         reply = ask(bench)
-    if not _told(reply, which):
+    if not _print_reply(reply, which):
         raise typer.Exit(1)
 
 
-def _told(reply: "Reply", which: RunningBench, place: str = "") -> bool:
+def _print_reply(reply: "Reply", which: RunningBench, place: str = "") -> bool:
     """Print what a bench answers, and which it is; return whether it does what it was asked for."""
     where = f", namespace {place}" if place else ""
     say(f"{reply.message} ({which.words}{where})")
@@ -187,7 +187,7 @@ def _brake_all(namespace: str, release: bool) -> None:
         try:
             with _bench(namespace, which) as bench:
                 for place, reply in bench.act_everywhere(action):
-                    failed |= not _told(reply, which, place)
+                    failed |= not _print_reply(reply, which, place)
                     braked += which in unclaimed
         except FlexslewError as error:  # the others are braked all the same
             if which not in unclaimed:

@@ -86,11 +86,11 @@ def parts(selection: Selection, everything: bool) -> Iterator[tuple[str, ...]]:
     expression = selection.expression(everything)
     marked = ("-m", expression) if expression else ()
     shared = ("-n", f"{workers}", "--dist", "worksteal", *options, *marked)
+    apart: tuple[str, ...] = OVER_ROS
     if selection.paths:
-        apart = OVER_ROS
         groups = [[path for path in selection.paths if not _within(path, OVER_ROS)]]
     else:
-        apart = (*OVER_ROS, *GROUPS)
+        apart += GROUPS
         groups = [["tests"], *([group] for group in GROUPS)]
     for paths in filter(None, groups):
         ignored = [part for part in apart if part not in paths and _within_any(part, paths)]

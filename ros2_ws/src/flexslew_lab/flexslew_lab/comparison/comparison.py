@@ -216,7 +216,7 @@ def compared(
     )
     with closing(InThisProcess(job) if workers == 1 else Pool(job, workers)) as executor:
         work = _Work(executor, progress)
-        planned = _planned(described, work)
+        planned = _make_plans(described, work)
         if described.distinct:
             planned = _distinct(planned)
         return described.view(tuple(_flown(described, planned, work)))
@@ -249,7 +249,7 @@ class _Work:
         return made
 
 
-def _planned(described: Description, work: _Work) -> _Planned:
+def _make_plans(described: Description, work: _Work) -> _Planned:
     """Return the candidates with their plans, or why they have none; a plan is made once."""
     if described.trial.plan is None:
         return [(c, ComparedEntry(c.name, None, "")) for c in described.candidates]

@@ -114,20 +114,20 @@ class _Flyer(NamedTuple):
     def _outcome(self, case: PlanCase | FlightCase) -> CaseOutcome:
         try:
             if isinstance(case, PlanCase):
-                return CaseOutcome(case.number, plan=self._planned(case))
-            return CaseOutcome(case.number, flight=self._flown(case))
+                return CaseOutcome(case.number, plan=self._make_plan(case))
+            return CaseOutcome(case.number, flight=self._fly(case))
         except FlexslewError as refused:
             return CaseOutcome(case.number, refused=without_source(refused))
         except Exception as error:  # a class of the user's own may do anything
             return CaseOutcome(case.number, refused=one_line(error))
 
-    def _planned(self, case: PlanCase) -> Plan | None:
+    def _make_plan(self, case: PlanCase) -> Plan | None:
         asked = self.trial.plan
         assert not isinstance(asked, SavedPlan | None)
         section = other_method(asked, case.method, f"{self.job.source}: plan", **case.keys)
         return plan_of_trial(replace(self.trial, plan=section), predict=False)
 
-    def _flown(self, case: FlightCase) -> FlightOutcome:
+    def _fly(self, case: FlightCase) -> FlightOutcome:
         """Return the flight of a candidate on another bench than it believes in.
 
         Raises:

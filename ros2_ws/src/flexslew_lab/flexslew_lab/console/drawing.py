@@ -146,7 +146,7 @@ class PageView:
         except ValueError as error:
             self._say(f"page {self.number} sent invalid data: {error!r:.200}")
             return
-        if value == element.value or not _there(element):
+        if value == element.value or not _is_usable(element):
             return
         element.value = value
         for told in element.changed:
@@ -155,7 +155,7 @@ class PageView:
 
     def clicked(self, element: Element) -> None:
         """Take a click."""
-        if _there(element):
+        if _is_usable(element):
             for told in element.clicked:
                 told(self.number)
 
@@ -165,10 +165,12 @@ class PageView:
         return bool(self._client.has_socket_connection)
 
 
-def _there(element: Element) -> bool:
+def _is_usable(element: Element) -> bool:
     """Return whether an element can be worked: it is on the page, seen and enabled."""
     return (
-        element.visible and element.enabled and (element.parent is None or _there(element.parent))
+        element.visible
+        and element.enabled
+        and (element.parent is None or _is_usable(element.parent))
     )
 
 
@@ -283,12 +285,12 @@ def _set_label(view: PageView, element: Element, drawn: Any) -> None:
 
 
 def _set_value(view: PageView, element: Element, drawn: Any) -> None:
-    value = _shown(element)
+    value = _displayed_value(element)
     if drawn.value != value:
         drawn.value = value
 
 
-def _shown(element: Element) -> Any:
+def _displayed_value(element: Element) -> Any:
     """Return what a field shows: nothing where it holds NaN, or an option that has gone."""
     value = element.value
     gone = element.kind == "choice" and value not in element.options
@@ -297,7 +299,7 @@ def _shown(element: Element) -> Any:
 
 def _set_options(view: PageView, element: Element, drawn: Any) -> None:
     if drawn.options != list(element.options):
-        drawn.set_options(list(element.options), value=_shown(element))
+        drawn.set_options(list(element.options), value=_displayed_value(element))
     else:
         _set_value(view, element, drawn)
 
@@ -328,8 +330,10 @@ _DRAWINGS: dict[str, Callable[[PageView, Element], Any]] = {
     "brake": _button,
     "text": partial(_field, lambda e: ui.input(e.label, value=e.value)),
     "lines": partial(_field, lambda e: ui.textarea(e.label, value=e.value)),
-    "number": partial(_field, lambda e: ui.number(e.label, value=_shown(e), step=e.step)),
-    "choice": partial(_field, lambda e: ui.select(list(e.options), label=e.label, value=_shown(e))),
+    "number": partial(_field, lambda e: ui.number(e.label, value=_displayed_value(e), step=e.step)),
+    "choice": partial(
+        _field, lambda e: ui.select(list(e.options), label=e.label, value=_displayed_value(e))
+    ),
     "check": partial(_field, _check),
     "slider": partial(_field, _slider),
     "html": lambda view, e: ui.html(e.content, sanitize=False),

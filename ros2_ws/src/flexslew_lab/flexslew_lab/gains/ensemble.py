@@ -136,7 +136,7 @@ class GainEnsemble:
         """
         alphas = [self._alpha(factors) for factors in choices]
         stable = [k for k, alpha in enumerate(alphas) if alpha > 0.0]
-        flown = self._flown([choices[k] for k in stable])
+        flown = self._fly_choices([choices[k] for k in stable])
         out = [MemberOutcome(np.nan, np.nan, alpha) for alpha in alphas]
         for k, results in zip(stable, flown, strict=True):
             out[k] = MemberOutcome(_worst(results, RESIDUAL), _worst(results, EFFORT), alphas[k])
@@ -159,7 +159,7 @@ class GainEnsemble:
         loop = loop_of(sampled_plant(self._point.rest, self._point.path, applied=True), form)
         return disk_margins(swept(loop), loop.effort_names).alpha if is_stable(loop) else 0.0
 
-    def _flown(self, choices: Sequence[Sequence[float]]) -> list[list[Flown]]:
+    def _fly_choices(self, choices: Sequence[Sequence[float]]) -> list[list[Flown]]:
         """Return the flights on all benches, by choice."""
         key = f"controllers.{self._gains.controller}"
         variants = tuple(

@@ -148,7 +148,9 @@ def searched(
     about = {"gains": gains.shipped, "controller": gains.controller, "ensemble": ensemble.identity,
              "octaves": octaves, "least": margin}  # fmt: skip
     study = _study(journal, about)
-    done = [_tried(one) for one in study.get_trials(states=(optuna.trial.TrialState.COMPLETE,))]
+    done = [
+        _trial_result(one) for one in study.get_trials(states=(optuna.trial.TrialState.COMPLETE,))
+    ]
     study.sampler = optuna.samplers.TPESampler(
         seed=seed + len(done), multivariate=True, constant_liar=True, n_startup_trials=32
     )
@@ -156,7 +158,7 @@ def searched(
     while len(done) < trials:
         count = min(_BATCH, trials - len(done))
         if len(done) >= trials // 2:
-            for point in _beside(done, margin, octaves, count):
+            for point in _neighbours(done, margin, octaves, count):
                 study.enqueue_trial(dict(zip(span, point, strict=True)))
         asked = [study.ask(span) for _ in range(count)]
         factors = [tuple(2.0 ** one.params[key] for key in span) for one in asked]
@@ -198,7 +200,7 @@ def _study(journal: Path | None, about: dict[str, Any]) -> "optuna.Study":
     return study
 
 
-def _tried(one: "optuna.trial.FrozenTrial") -> Tried:
+def _trial_result(one: "optuna.trial.FrozenTrial") -> Tried:
     factors = tuple(2.0**value for value in one.params.values())
     return Tried(factors, MemberOutcome(*one.user_attrs["outcome"]))
 
@@ -215,7 +217,7 @@ def _cost(outcome: MemberOutcome, margin: float) -> float:
     return float(np.log(outcome.residual) + _PENALTY * lacks)
 
 
-def _beside(
+def _neighbours(
     done: Sequence[Tried], margin: float, octaves: float, count: int
 ) -> Iterator[list[float]]:
     """Yield up to `count` new points about the best one, in octaves, at the largest step left."""

@@ -68,7 +68,7 @@ def record_on_clocks(
     ticks = int((last - first) / h + 1e-6)
     if ticks < 1:
         raise BadInput(f"{source}: the columns have no time in common")
-    held = [_held(one) for one in efforts]
+    held = [_with_pieces(one) for one in efforts]
     grid = first + h * np.arange(ticks + 1)
     even = all(_on(t, grid, h) for t in clocks)
     if not even:
@@ -154,7 +154,7 @@ def _spread(ratio: Vector) -> float:
     return float(high - low) / _QUARTILES
 
 
-def _held(effort: Effort) -> _Held:
+def _with_pieces(effort: Effort) -> _Held:
     """Return an effort with its gaps cut into pieces of unknown values, a line for a guess."""
     t, values = effort.t, effort.values
     gaps = _gaps(t)

@@ -90,7 +90,7 @@ def frequency_response(
         same = same and layout.lines == first.lines and record.period == records[0].period
         if record.inputs != records[0].inputs or not same:
             raise BadInput(f"{record.source}: is not the experiment of {records[0].source}")
-    last = min(_whole(record, plan) for record, plan in zip(records, plans, strict=True))
+    last = min(_whole_periods(record, plan) for record, plan in zip(records, plans, strict=True))
     last = last if periods is None else min(last, periods)
     spectra = [
         _spectra(record, plan, layout, last)
@@ -131,7 +131,7 @@ def frequency_response(
     )
 
 
-def _whole(record: Record, plan: Plan) -> int:
+def _whole_periods(record: Record, plan: Plan) -> int:
     """Return how many periods of every experiment a record holds.
 
     Raises:

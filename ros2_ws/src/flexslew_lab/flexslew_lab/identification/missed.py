@@ -40,14 +40,14 @@ def missed_mode(
             most, best = explained, one
     if best is None:
         most *= _DEARER
-        for one in _beside(solution.modes, signals.record.duration):
+        for one in _neighbours(solution.modes, signals.record.duration):
             explained = gain(now, one)
             if explained > most:
                 most, best = explained, one
     return best
 
 
-def _beside(modes: tuple[Oscillator, ...], duration: float) -> list[Oscillator]:
+def _neighbours(modes: tuple[Oscillator, ...], duration: float) -> list[Oscillator]:
     """Return oscillators beside modes, from half a period of the record to half the grid away."""
     found = []
     for mode in modes:

@@ -85,7 +85,7 @@ def refined(
         step = np.asarray(
             np.linalg.solve(information + damping * np.diag(np.diag(information)), downhill)
         )
-        tried = _moved(now.modes, step[: 2 * len(modes)], signals.record.duration)
+        tried = _after_step(now.modes, step[: 2 * len(modes)], signals.record.duration)
         there = None
         if tried is not None:
             moved = now.problem.signals.with_efforts_moved(step[2 * len(modes) :])
@@ -104,7 +104,7 @@ def refined(
     return now, noise_of(now)
 
 
-def _moved(
+def _after_step(
     modes: tuple[Oscillator, ...], step: Vector, duration: float
 ) -> tuple[Oscillator, ...] | None:
     """Return the modes after a step; None where it leaves what an oscillator can be."""

@@ -169,12 +169,12 @@ def identify_modes(
     candidates = _merged([mode for poles in starts for mode in stable(poles, *edges)])
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
     lowest = 0.0 if record.pieces is None else edges[0]
-    modes, noise = _chosen(RegressorSignals(even, band[1], lowest), candidates, edges)
+    modes, noise = _select_modes(RegressorSignals(even, band[1], lowest), candidates, edges)
     solution = _refined_whole(RegressorSignals(record, None), modes, noise)
     for _ in range(_SEARCHES if record.pieces is not None else 0):
         tell(f"{len(solution.modes)} modes; searched again with the efforts that were estimated")
         signals = RegressorSignals(evened(_filled(solution)), band[1])
-        modes, noise = _chosen(signals, solution.modes, edges)
+        modes, noise = _select_modes(signals, solution.modes, edges)
         if len(modes) == len(solution.modes):
             break
         solution = _refined_whole(solution.problem.signals, modes, noise)
@@ -183,7 +183,7 @@ def identify_modes(
     return ModalModel(
         record,
         band,
-        _described(fit, record),
+        _fitted_modes(fit, record),
         _inertia(fit, record),
         fit,
         tuple(starts),
@@ -191,7 +191,7 @@ def identify_modes(
     )
 
 
-def _chosen(
+def _select_modes(
     signals: RegressorSignals, candidates: tuple[Oscillator, ...], edges: tuple[float, float]
 ) -> tuple[tuple[Oscillator, ...], Vector]:
     """Return the candidates that are modes and the noise; the signals of the search are freed."""
@@ -286,7 +286,7 @@ def _merged(found: list[Oscillator]) -> tuple[Oscillator, ...]:
     return tuple(sorted(kept, key=lambda mode: mode.frequency))
 
 
-def _described(fit: ModalFit, record: Record) -> tuple[FittedMode, ...]:
+def _fitted_modes(fit: ModalFit, record: Record) -> tuple[FittedMode, ...]:
     found = []
     spread = np.sqrt(np.diag(fit.covariance))
     for k, mode in enumerate(fit.modes):

@@ -118,13 +118,13 @@ class RegressorSignals:
 
     def responses(self, mode: Oscillator) -> Pair:
         """Return the columns of a mode: positions and rates, forced by each input, then free."""
-        return self._kept(self._responses, mode, self._computed)
+        return self._cached(self._responses, mode, self._computed)
 
     def slopes(self, mode: Oscillator) -> list[Pair]:
         """Return the slopes of these columns by frequency and by damping ratio."""
-        return self._kept(self._slopes, mode, self._differences)
+        return self._cached(self._slopes, mode, self._differences)
 
-    def _kept(
+    def _cached(
         self, kept: dict[Oscillator, T], mode: Oscillator, new: Callable[[Oscillator], T]
     ) -> T:
         if self._low is None:  # too large to be kept

@@ -47,7 +47,7 @@ def _searched(
     first = noise_of(ModalLeastSquares(signals, rough).solve(modes, slopes=False))
     # a start that is out of phase explains little: no candidate goes before it has moved
     solution, noise = refined(signals, modes, first, _FIRST_ROUNDS)
-    solution, noise = _kept(signals, pruned(signals, solution.modes, noise), noise)
+    solution, noise = _refine_selection(signals, pruned(signals, solution.modes, noise), noise)
     while (more := _more(signals, solution, noise, band)) is not None:
         solution, noise = more
     return solution
@@ -65,13 +65,13 @@ def _more(
             continue
         modes = tuple(sorted(modes, key=lambda mode: mode.frequency))
         tried, found = refined(signals, modes, noise, _FIRST_ROUNDS)
-        tried, found = _kept(signals, pruned(signals, tried.modes, found), found)
+        tried, found = _refine_selection(signals, pruned(signals, tried.modes, found), found)
         if len(tried.modes) > len(solution.modes):
             return tried, found
     return None
 
 
-def _kept(
+def _refine_selection(
     signals: RegressorSignals, modes: tuple[Oscillator, ...], noise: Vector
 ) -> tuple[Solution, Vector]:
     """Return the refined modes when none is left that must go, and the noise."""

@@ -136,14 +136,14 @@ class AnswerComparison:
     def finish(self) -> None:
         """Count what has no counterpart."""
         for key in list(self._recorded):
-            self._alone(key)
+            self._note_recorded_only(key)
         self.only_ours += len(self._ours)
         self._ours.clear()
 
     def _match(self, key: Key) -> None:
         if key not in self._recorded or key not in self._ours:
             if len(self._recorded) > _PATIENCE:
-                self._alone(next(iter(self._recorded)))
+                self._note_recorded_only(next(iter(self._recorded)))
             if len(self._ours) > _PATIENCE:
                 del self._ours[next(iter(self._ours))]
                 self.only_ours += 1
@@ -159,7 +159,7 @@ class AnswerComparison:
                 place = _term(theirs, wrong[0]) if name == "terms" else wrong[0]
                 self._note(Divergence(*key, place, *wrong[1:]))
 
-    def _alone(self, key: Key) -> None:
+    def _note_recorded_only(self, key: Key) -> None:
         effort = self._recorded.pop(key)["effort"]
         self.only_recorded += 1
         self._note(Divergence(*key, "effort", effort.tolist(), None))

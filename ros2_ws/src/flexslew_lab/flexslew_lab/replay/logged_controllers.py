@@ -104,13 +104,15 @@ class LoggedControllers:
         self._due = [a for a in adoptions(bag) if a.controller in self.by_name]
         self._first = dict(self._laws)  # before anybody tuned them
         self._begun = [
-            (k, what) for k, what in _told(bag, EstimateBegan) if what.controller in self._laws
+            (k, what)
+            for k, what in _messages_by_tick(bag, EstimateBegan)
+            if what.controller in self._laws
         ]
         self._dying = _answered_twice(bag, [(k, w.controller) for k, w in self._begun if w.fresh])
         flown = logged_laws(bag)  # settings of one law say nothing to another
         self._tunings = [
             (key, what)
-            for key, what in _told(bag, ControllerTuned)
+            for key, what in _messages_by_tick(bag, ControllerTuned)
             if (name := what.controller) in self._laws
             and name in flown
             and self._laws[name][0] == flown[name][0]
@@ -170,7 +172,7 @@ class LoggedControllers:
         )
 
 
-def _told(bag: BagReader, kind: type[_Kind]) -> list[tuple[Key, _Kind]]:
+def _messages_by_tick(bag: BagReader, kind: type[_Kind]) -> list[tuple[Key, _Kind]]:
     """Return what controllers said of this kind and at which tick, in their order."""
     told = [
         ((event.epoch, event.tick), event.what)
@@ -191,7 +193,7 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
                 values.setdefault("observer", "steady")
             laws[name] = status.law, values
     # what a status says last is what was tuned last
-    for _, what in reversed(_told(bag, ControllerTuned)):
+    for _, what in reversed(_messages_by_tick(bag, ControllerTuned)):
         if what.controller in laws:
             laws[what.controller] = laws[what.controller][0], what.before
     return laws

@@ -33,7 +33,9 @@ def verdict(
         missed_goal(metrics, tolerance, units),
         looked_inside(metrics),
         f"changed by an operator {_times(changes)}" if changes else "",
-        _vibration(metrics, {} if changes else bare) if _bends(metrics) else _held(metrics, units),
+        _vibration(metrics, {} if changes else bare)
+        if _bends(metrics)
+        else _tracking_errors(metrics, units),
         _settled(metrics),
         *_limits(metrics),
     ]
@@ -73,7 +75,7 @@ def _bends(metrics: Mapping[str, Any]) -> bool:
     )
 
 
-def _held(metrics: Mapping[str, Any], units: Mapping[str, str]) -> str:
+def _tracking_errors(metrics: Mapping[str, Any], units: Mapping[str, str]) -> str:
     """Return how far joints that were told to move, else all, were from their goals at most."""
     errors = metrics.get("residual_attitude_error") or {}
     known = {name: abs(errors[name]) for name in told_to_move(metrics) if errors.get(name)}

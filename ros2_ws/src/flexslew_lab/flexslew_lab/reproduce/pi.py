@@ -28,12 +28,12 @@ _GAINS = {  # rows of the gains of base yaw on (theta, psi, q)
 _PITCH_GAINS = {"kp": 1350.431186, "kd": 4084.949491, "ki": 116.640625}
 
 
-def _held(yaw: float, pitch: float, tick: int) -> Reference:
+def _reference_at(yaw: float, pitch: float, tick: int) -> Reference:
     state = np.array([yaw, pitch, 0.0, 0.0, 0.0, 0.0])
     return Reference(state[:2], np.zeros(2), np.zeros(2), state, state)
 
 
-_STILL = partial(_held, 0.0, 0.0)
+_STILL = partial(_reference_at, 0.0, 0.0)
 
 
 def _gain_rows(gains: PiGains) -> list[dict[str, Any]]:
@@ -174,7 +174,7 @@ def pi_rows() -> list[dict[str, Any]]:
     for time, name, reference in ((None, "none", 0.226), (2.0, "2 s", 0.066)):
         wound = ProportionalIntegral(tracking_time=time)
         built = proportional_integral.build(wound, plant_of(believed, 100.0))
-        run = closed_loop(real, built, partial(_held, 0.5, 0.0), 60.0)
+        run = closed_loop(real, built, partial(_reference_at, 0.5, 0.0), 60.0)
         over = float(run.state[:, 0].max() - 0.5)
         item = f"overshoot of a 0.5 rad step, anti-windup {name} [rad]"
         rows.append(relative(item, _FILE, reference, over, 0.01))

@@ -57,7 +57,7 @@ def switch_time_optimisation(
         if flat <= slope:
             return SwitchTimes(d, k, float(np.abs(slew.residual(d)).max()), flat)
         try:
-            new = _restored(slew, _moved(d, stride * downhill), residual)
+            new = _restored(slew, _change_durations(d, stride * downhill), residual)
         except PlanFailed:
             new = None
         if new is not None and new.sum() < d.sum():
@@ -114,11 +114,11 @@ def _restored(slew: BangBang, durations: Vector, tolerance: float) -> Vector:
         if np.abs(r).max() <= tolerance:
             return d
         change = np.linalg.lstsq(_by_relative_change(slew, d), -r, rcond=None)[0]
-        d = _moved(d, change.astype(np.float64))
+        d = _change_durations(d, change.astype(np.float64))
     raise PlanFailed("switch time optimisation found no arcs that end at the goal near its start")
 
 
-def _moved(durations: Vector, change: Vector) -> Vector:
+def _change_durations(durations: Vector, change: Vector) -> Vector:
     """Return the arcs after a relative change, which is cut to keep them long."""
     largest = max(float(-change.min()), _ROOM)
     return np.asarray(durations * (1.0 + _ROOM / largest * change))

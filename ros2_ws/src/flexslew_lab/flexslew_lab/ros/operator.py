@@ -125,7 +125,7 @@ class Operator:
         return Reply(words) if granted(reply) else Reply(refused=Refusal(words))
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
-        node, client = self._found(kind, name)
+        node, client = self._find_node(kind, name)
         executor = SingleThreadedExecutor(context=node.context)
         future = client.call_async(request)
         rclpy.spin_until_future_complete(node, future, executor, self._patience)
@@ -133,7 +133,7 @@ class Operator:
             raise FlexslewError(f"the bench did not answer {name} within {self._patience:g} s")
         return future.result()
 
-    def _found(self, kind: Any, name: str) -> tuple[Node, Any]:
+    def _find_node(self, kind: Any, name: str) -> tuple[Node, Any]:
         """Return a node that the bench knows, and its client.
 
         Once in ten times a newcomer misses the answer to its announcement and would have to wait

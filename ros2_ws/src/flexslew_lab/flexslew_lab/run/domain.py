@@ -133,7 +133,7 @@ def running_benches(everybody: bool = False) -> list[RunningBench]:
     for lock in domain_locks():
         with suppress(OSError):  # one that this user cannot read
             if is_locked(lock.path):
-                found.append(_described(lock))
+                found.append(_running_bench(lock))
     mine = user()
     return sorted(b for b in found if b.bench and (everybody or b.user == mine))
 
@@ -185,7 +185,7 @@ def bench_domain() -> tuple[int, bool]:
     return bench.domain, bench.known
 
 
-def _described(lock: DomainLock) -> RunningBench:
+def _running_bench(lock: DomainLock) -> RunningBench:
     """Return the run that a lock file describes; only its owner for a file of another version."""
     with lock.path.open(encoding="utf-8", errors="replace") as file:
         text, owner = file.read(_WORDS), os.fstat(file.fileno()).st_uid

@@ -133,7 +133,9 @@ class Chunks:
         size = self._size
         if workers > 1:
             share = length_hint(cases, sys.maxsize) // (_SHARES * workers)
-            size = max(1, min(size, self._whole(max(share, int(self._rate * _LEAST_TIME)))))
+            size = max(
+                1, min(size, self._complete_count(max(share, int(self._rate * _LEAST_TIME))))
+            )
         return list(islice(cases, size))
 
     def learn(self, count: int, seconds: float) -> None:
@@ -142,9 +144,9 @@ class Chunks:
         if count < self._size:  # a rest of another one
             return
         aim = int(self._rate * CHUNK_TIME)
-        self._size = max(1, self._whole(min(aim, _GROWTH * self._size, _LARGEST)))
+        self._size = max(1, self._complete_count(min(aim, _GROWTH * self._size, _LARGEST)))
 
-    def _whole(self, cases: int) -> int:
+    def _complete_count(self, cases: int) -> int:
         """Return as many cases, or as many of them as are done at once."""
         return cases - cases % self._at_once if cases > self._at_once else cases
 

@@ -128,7 +128,7 @@ def sets_every_key(belief: Any, testbed: Any) -> bool:
 def flown(study: Study, case: Case, plans: Plans) -> Flown:
     """Return what became of a trial; whatever a trial does is a result."""
     try:
-        metrics, digest, reason = _flown(case_trial(study, case), study.source, plans)
+        metrics, digest, reason = _fly(case_trial(study, case), study.source, plans)
     except FlexslewError as error:
         return failed(case.number, str(error))
     except Exception as error:  # a class of the user's own may do anything
@@ -143,7 +143,7 @@ def failed(number: int, reason: str) -> Flown:
     return Flown(number, {}, None, "failed", reason, Way.BENCH)
 
 
-def _flown(
+def _fly(
     trial: Trial, source: str, plans: Plans
 ) -> tuple[dict[str, float | None], str | None, str]:
     bench, controllers = set_up(trial, source)

@@ -145,9 +145,9 @@ def run_study(
     study, store = ready.study, Store(folder)
     if shard.of > 1 and study.settings.stop is not None:
         raise BadInput("stop: is not allowed for a shard, which sees a part only", study.source)
-    _is_begun(Store(folder), ready)
+    _is_started(Store(folder), ready)
     with store.locked():
-        begun = _is_begun(store, ready)  # another run may have begun one meanwhile
+        begun = _is_started(store, ready)  # another run may have begun one meanwhile
         store.clean()
         if not begun:
             store.create(ready.identity, ready.samples)
@@ -157,7 +157,7 @@ def run_study(
     return store
 
 
-def _is_begun(store: Store, ready: Preparation) -> bool:
+def _is_started(store: Store, ready: Preparation) -> bool:
     """Return whether a folder holds the study, with all of its samples.
 
     Raises:

@@ -47,7 +47,10 @@ def trial_schema() -> dict[str, Any]:
             for name, law in laws.items()
         },
         "additionalProperties": {
-            "anyOf": [{"type": "object", "allOf": list(_chosen("law", laws.items()))}, _NULL]
+            "anyOf": [
+                {"type": "object", "allOf": list(_options_of_tag("law", laws.items()))},
+                _NULL,
+            ]
         },
     }
     schema = _open_unions({"$schema": DIALECT, **trial, "$defs": definitions}, definitions)
@@ -108,7 +111,7 @@ def _open_unions(node: Any, definitions: dict[str, Any]) -> Any:
     known = [one for one in options if one]
     kinds = [definitions[one["$ref"].rpartition("/")[2]]["properties"] for one in known]
     tag = next(key for key, value in kinds[0].items() if "const" in value)
-    chosen = _chosen(tag, zip((kind[tag]["const"] for kind in kinds), known, strict=True))
+    chosen = _options_of_tag(tag, zip((kind[tag]["const"] for kind in kinds), known, strict=True))
     names = [kind[tag]["const"] for kind in kinds]
     own = {"type": "string", "pattern": ":"}
     return node | {
@@ -119,7 +122,7 @@ def _open_unions(node: Any, definitions: dict[str, Any]) -> Any:
     }
 
 
-def _chosen(tag: str, options: Iterable[tuple[str, Any]]) -> Iterable[dict[str, Any]]:
+def _options_of_tag(tag: str, options: Iterable[tuple[str, Any]]) -> Iterable[dict[str, Any]]:
     """Yield for each option that it holds where the tag names it."""
     for name, option in options:
         named = {"properties": {tag: {"const": name}}, "required": [tag]}

@@ -54,7 +54,7 @@ from flexslew_plant.testbeds.model import Model
 _RIGID_FREQUENCY = 0.1  # of the brake on what has no mode [rad/s]
 
 
-def _begun(given: Testbed, testbed: Testbed) -> tuple[Vector, Model, float]:
+def _initial_model(given: Testbed, testbed: Testbed) -> tuple[Vector, Model, float]:
     """Return the state in which a testbed begins, its model and its slowest frequency [rad/s].
 
     Args:
@@ -102,7 +102,7 @@ class Bench:
     def __init__(self, settings: BenchSettings) -> None:
         self.settings = settings
         self._testbed = with_schedule(settings.testbed, settings.schedule)
-        self._start, self.model, slowest = _begun(settings.testbed, self._testbed)
+        self._start, self.model, slowest = _initial_model(settings.testbed, self._testbed)
         self.appendages = self.model.appendages
         self.limit: Vector = np.array(settings.testbed.effort_limit, dtype=float)
         moved = self.model.inertias(self._start)

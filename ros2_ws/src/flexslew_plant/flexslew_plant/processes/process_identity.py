@@ -14,7 +14,7 @@ def own_identity() -> str:
 
 def has_ended(identity: str) -> bool:
     """Return whether a process of this machine and PID namespace has certainly ended."""
-    if not _is_here(identity):
+    if not _is_local(identity):
         return False
     try:
         state = _stat(identity)[0]
@@ -31,13 +31,13 @@ def started(identity: str) -> int | None:
     The wall clock may have been set meanwhile.
     """
     try:
-        ticks = int(_stat(identity)[_STARTED]) if _is_here(identity) else None
+        ticks = int(_stat(identity)[_STARTED]) if _is_local(identity) else None
     except OSError:
         return None
     return None if ticks is None else ticks * (1_000_000_000 // os.sysconf("SC_CLK_TCK"))
 
 
-def _is_here(identity: str) -> bool:
+def _is_local(identity: str) -> bool:
     where, _, number = identity.partition("/")
     return bool(number.isdecimal() and where and where == _where())
 

@@ -59,7 +59,7 @@ class Plant:
         self.session.presence, self._realtime = self._alive.presence, RealTime()
         self._truth, self._events = outlets.publisher(topics.TRUTH), EventLog(node, outlets)
         self.display = Display(node, outlets, bench, self._settings.display_rate)
-        self.session.watched = lambda: self._said() or self.display.due(bench.tick)
+        self.session.watched = lambda: self._is_truth_received() or self.display.due(bench.tick)
         subscription(node, topics.CONTROLLER_STATUS, self.statuses.hear)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         progress, heard = self._settings.progress, [self._exchange.questions, self._truth]
@@ -98,7 +98,7 @@ class Plant:
                 self._exchange.ask(record)
                 self.display.sense(record)
             elif isinstance(record, Truth):
-                if self._said():
+                if self._is_truth_received():
                     self._truth.publish(truth_bytes(record))
                 self.display.show(record)
             else:
@@ -109,7 +109,7 @@ class Plant:
                 tell(f"error: {failure}")  # for the one who started this node
             self.loop.stop(3 if self.session.bench.faulted else 0)
 
-    def _said(self) -> bool:
+    def _is_truth_received(self) -> bool:
         """Return whether the truth is published, and heard."""
         return self._settings.truth and self._truth.heard
 

@@ -33,7 +33,7 @@ class Template:
         for build, count in parts:
             marks = [_FIRST * (k + 1) for k in range(first, first + count)]
             data = serialize_message(build(stamp, marks))
-            found = int(np.isin(np.frombuffer(_whole(data[_HEAD:], 8), "<f8"), marks).sum())
+            found = int(np.isin(np.frombuffer(_padded(data[_HEAD:], 8), "<f8"), marks).sum())
             if found != count:
                 raise RuntimeError(f"{found} of {count} numbers found in the message")
             buffer += bytes((-len(buffer) - _HEAD) % 8)
@@ -59,6 +59,6 @@ class Template:
         return [part.tobytes() for part in self._parts]
 
 
-def _whole(data: bytes, size: int) -> bytes:
+def _padded(data: bytes, size: int) -> bytes:
     """Return what of some bytes makes whole words of this size."""
     return data[: len(data) // size * size]

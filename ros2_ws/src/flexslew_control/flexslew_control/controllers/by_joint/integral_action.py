@@ -64,7 +64,7 @@ class IntegralLaw:
         action = self.deviation(estimate, reference)
         self._s = effort - reference.effort - action.proportional - action.derivative
         if self.turning is not None:
-            self._s = self._s - self._beyond(self.turning, estimate, reference)
+            self._s = self._s - self._gyroscopic_excess(self.turning, estimate, reference)
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the joint efforts within the limit, shape (joints,) [N m or N]."""
@@ -72,7 +72,7 @@ class IntegralLaw:
         demand = reference.effort + action.proportional + action.derivative + self._s
         beyond = {}
         if self.turning is not None:
-            beyond = {"gyroscopic": self._beyond(self.turning, estimate, reference)}
+            beyond = {"gyroscopic": self._gyroscopic_excess(self.turning, estimate, reference)}
             demand = demand + beyond["gyroscopic"]
         effort = np.clip(demand, -self.limit, self.limit)
         self.terms = {
@@ -86,5 +86,7 @@ class IntegralLaw:
         self._s = self._s + self.period * integrand
         return effort
 
-    def _beyond(self, turning: Gyroscopic, estimate: Estimate, reference: Reference) -> Vector:
+    def _gyroscopic_excess(
+        self, turning: Gyroscopic, estimate: Estimate, reference: Reference
+    ) -> Vector:
         return turning.beyond(estimate.velocity[: self.limit.size], reference.velocity)

@@ -141,7 +141,7 @@ class _Found(NamedTuple):
     swing: Matrix  # lowest and highest of all members, (2, joints) [rad or m]
 
 
-def _found(problem: Problem, settings: RobustFeedforward, progress: Progress) -> _Found:
+def _best_weights(problem: Problem, settings: RobustFeedforward, progress: Progress) -> _Found:
     """Return the best weights at the problem's price of effort beyond its limit."""
     history = limited_gauss_newton(problem, settings.max_iterations, settings.tolerance, progress)
     joints = problem.members[0].manoeuvre.model.joints
@@ -203,7 +203,7 @@ def _dearer(
     """
     for price in _prices(effort_limit):
         try:
-            found = _found(replace(problem, price=price), settings, ignore)
+            found = _best_weights(replace(problem, price=price), settings, ignore)
         except PlanFailed:
             return None
         if _within(found, effort_limit, requested):
@@ -258,7 +258,7 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
         ends = np.array((np.minimum(slew.start, slew.goal), np.maximum(slew.start, slew.goal)))
         inner = np.where(np.isfinite(requested), ends + free * (requested - ends), requested)
     problem = Problem(members, basis, settings.rho, free * effort_limit, inner)
-    found = _found(problem, settings, progress)
+    found = _best_weights(problem, settings, progress)
     if not _within(found, effort_limit, requested):
         found = _dearer(problem, settings, nominal, requested, effort_limit) or found
     weights, peaks, swing = found.weights, found.peaks, found.swing

@@ -88,7 +88,7 @@ def plan_minimax_feedforward(settings: MinimaxFeedforward, slew: Slew, progress:
     """
     question = question_of(settings, slew)
     with np.errstate(over="ignore", invalid="ignore"):  # of a loop that is not stable
-        found = _found(settings, question, progress)
+        found = _optimum_of(settings, question, progress)
         plan = _plan(settings, question, found)
     lost = [
         member.errors
@@ -104,7 +104,7 @@ def plan_minimax_feedforward(settings: MinimaxFeedforward, slew: Slew, progress:
     return plan
 
 
-def _found(settings: MinimaxFeedforward, question: Question, progress: Progress) -> Found:
+def _optimum_of(settings: MinimaxFeedforward, question: Question, progress: Progress) -> Found:
     """Return the optimum of the duration, or the shortest one that leaves no more than a bound."""
     if settings.residual_bound is not None:
         return shortest(question, settings.residual_bound, progress)
@@ -183,7 +183,7 @@ def _plan(settings: MinimaxFeedforward, question: Question, found: Found) -> Pla
     if question.turn is None:
         position, velocity, state = _by_joint(slew, found, ticks)
     else:
-        position, velocity, state = _turned(slew, question.turn.motion, found, len(rest))
+        position, velocity, state = _three_axis_motion(slew, question.turn.motion, found, len(rest))
     summary: dict[str, Any] = {
         "duration": found.duration,
         "peak_effort": np.abs(efforts).max(axis=0).tolist(),
@@ -228,7 +228,7 @@ def _by_joint(slew: Slew, found: Found, ticks: Vector) -> tuple[Matrix, Matrix, 
     return position, velocity, state
 
 
-def _turned(
+def _three_axis_motion(
     slew: Slew, motion: TurningMotion, found: Found, rest: int
 ) -> tuple[Matrix, Matrix, Matrix]:
     """Return the same of a craft that turns in three axes, which rests for some ticks; no states.

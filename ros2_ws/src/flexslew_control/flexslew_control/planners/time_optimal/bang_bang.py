@@ -190,15 +190,15 @@ class BangBang:
         """Return what misses the end conditions, divided by scale, shape (rows,)."""
         efforts = self.efforts(durations.size, scale)
         z = final_states(self.ensemble, self.start, efforts, durations, self.step)
-        return self._missed(z.ravel(), scale)
+        return self._end_error(z.ravel(), scale)
 
     def linearised(self, durations: Vector, scale: float = 1.0) -> tuple[Vector, Matrix]:
         """Return the residual (rows,) and its derivatives by the durations (rows, arcs)."""
         efforts = self.efforts(durations.size, scale)
         z, slopes = final_sensitivity(self.ensemble, self.start, efforts, durations, self.step)
-        return self._missed(z, scale), np.asarray(self.conditions @ slopes / scale)
+        return self._end_error(z, scale), np.asarray(self.conditions @ slopes / scale)
 
-    def _missed(self, z: Vector, scale: float) -> Vector:
+    def _end_error(self, z: Vector, scale: float) -> Vector:
         goal = self.start.copy()
         goal[self.joint] += scale * self.distance
         r = self.conditions @ z

@@ -160,7 +160,12 @@ def found_slew(
     amplitude = _amplitude(settings, asked.effort_limit)
     rest = np.zeros(model.modes + model.coordinates)
     start = np.concatenate((first, rest))
-    if settings.drives == "all" or moving.size > 1 or moving[0] != 0 or not _alone(model, start):
+    if (
+        settings.drives == "all"
+        or moving.size > 1
+        or moving[0] != 0
+        or not _moves_alone(model, start)
+    ):
         if model.joints == 1:
             raise BadInput("there is one; use moving", "plan", "drives", "all")
         if settings.robust:
@@ -187,7 +192,7 @@ def found_slew(
     return slew, durations_or_remedy(slew, settings.structure)
 
 
-def _alone(model: Model, start: Vector) -> bool:
+def _moves_alone(model: Model, start: Vector) -> bool:
     """Return whether the first drive leaves the other joints at rest, whatever it does."""
     rng, m, n = np.random.default_rng(1), model.joints, model.coordinates
     effort = np.eye(m)[0]

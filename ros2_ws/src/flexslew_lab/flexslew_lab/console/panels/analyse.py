@@ -78,10 +78,10 @@ class AnalysePanel:
             self._reply.tell(RequestResult(False, str(error)))
             return
         self._reply.tell(RequestResult(True, "analysing ..."))
-        self._making = self._worker.submit(partial(_found, trial, name, time, plan))
+        self._making = self._worker.submit(partial(_analysis, trial, name, time, plan))
 
 
-def _found(trial: Trial, name: str, time: float, plan: Plan | None) -> _Found:
+def _analysis(trial: Trial, name: str, time: float, plan: Plan | None) -> _Found:
     """Return the page and the numbers of a controller at a time.
 
     Raises:

@@ -46,7 +46,7 @@ class ComparePanel:
             done, self._reading = self._reading, None
             try:
                 self._earlier = done.result()
-                self._charts.overlay({k: [*map(beside, c)] for k, c in self._earlier.items()})
+                self._charts.overlay({k: [*map(as_overlay, c)] for k, c in self._earlier.items()})
                 self._compared = -1
             except Exception as error:  # of a log, which may hold anything; the page goes on
                 words = str(error) if isinstance(error, BadInput | OSError) else one_line(error)
@@ -85,7 +85,7 @@ def _read(place: Path) -> Curves:
     return {name: curves for name in _COMPARED if (curves := quantities.curves_of(log.view, name))}
 
 
-def beside(curve: Curve) -> Curve:
+def as_overlay(curve: Curve) -> Curve:
     """Return a curve as it is drawn over those of the run that is seen."""
     return curve._replace(label=f"earlier {curve.label}", dashed=True, color=None)
 

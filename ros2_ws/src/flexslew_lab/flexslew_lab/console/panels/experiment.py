@@ -148,7 +148,7 @@ class ExperimentPanel:
 
     def _ask_responses(self, plan: Plan, periods: int) -> None:
         self._periods = periods
-        if (record := self._heard(plan)) is not None:
+        if (record := self._measured_record(plan)) is not None:
             self._responding = self._worker.submit(response_so_far, record, plan, periods)
 
     def _identify(self, who: str) -> None:
@@ -158,13 +158,13 @@ class ExperimentPanel:
         if self._identifying is not None:
             return
         plan = self._shaking[1]
-        if (record := self._heard(plan)) is None:
+        if (record := self._measured_record(plan)) is None:
             return
         self._outcome.tell(RequestResult(True, f"identifying {record.duration:.0f} s ..."))
         low, high = plan.summary["band"]
         self._identifying = self._worker.submit(identify_modes, record, (low, high))
 
-    def _heard(self, plan: Plan) -> Record | None:
+    def _measured_record(self, plan: Plan) -> Record | None:
         """Return what was measured so far; None: it is told why there is nothing."""
         if self._record is not None:
             return self._record

@@ -53,10 +53,10 @@ class _Sender:
         for k in np.flatnonzero(same & (np.diff(tick) == 0)).tolist():
             if k or self._last:
                 earlier = {n: c[k - 1 : k] for n, c in columns.items()} if k else before
-                self._again(earlier, {n: c[k : k + 1] for n, c in columns.items()})
+                self._check_repeat(earlier, {n: c[k : k + 1] for n, c in columns.items()})
         self._last = {name: column[-1:].copy() for name, column in columns.items()}
 
-    def _again(self, earlier: Columns, later: Columns) -> None:
+    def _check_repeat(self, earlier: Columns, later: Columns) -> None:
         """Take two messages about one tick."""
         other = {name for name, value in later.items() if not _same(earlier[name], value)}
         key = int(later["epoch"][0]), int(later["tick"][0])

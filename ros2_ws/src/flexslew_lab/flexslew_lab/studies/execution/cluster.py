@@ -67,15 +67,15 @@ class Cluster:
                 if not self._running:
                     return
                 ends = [started + self._limit * len(c) for c, started in self._running.values()]
-                future = self._heard(max(min(ends) - monotonic(), 0.0))
-                found = [self._taken(future, alone)] if future in self._running else []
+                future = self._next_finished(max(min(ends) - monotonic(), 0.0))
+                found = [self._collect(future, alone)] if future in self._running else []
                 found.append(self._overdue(alone))
             except (OSError, CancelledError) as error:
-                raise self._gone(_line(error)) from None
+                raise self._lost_cluster(_line(error)) from None
             except (RuntimeError, ValueError) as error:  # of a client that is just being closed
                 if self._client.status == "running":
                     raise
-                raise self._gone(_line(error)) from None
+                raise self._lost_cluster(_line(error)) from None
             yield from filter(None, found)
 
     def close(self) -> None:
@@ -92,7 +92,7 @@ class Cluster:
         from flexslew_lab.studies.execution.cluster_worker import fly_on_worker
 
         if self._client.status != "running":
-            raise self._gone("the scheduler does not answer any more")
+            raise self._lost_cluster("the scheduler does not answer any more")
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._running) < threads:
             chunk = [alone.popleft()] if alone else self._chunks.next(cases, threads)
@@ -102,21 +102,21 @@ class Cluster:
             self._running[future] = chunk, monotonic()
             future.add_done_callback(self._ended.put)
 
-    def _heard(self, patience: float) -> Any:
+    def _next_finished(self, patience: float) -> Any:
         """Return a future that has ended, in whatever way; None after so many seconds."""
         try:
             return self._ended.get(timeout=patience)
         except Empty:
             return None
 
-    def _taken(self, future: Any, alone: deque[Case]) -> list[Flown]:
+    def _collect(self, future: Any, alone: deque[Case]) -> list[Flown]:
         chunk, started = self._running.pop(future)
         try:
             results: list[Flown] = future.result()
         except CancelledError as error:
-            raise self._gone(_line(error)) from None
+            raise self._lost_cluster(_line(error)) from None
         except Exception as error:  # whatever happened to it on other machines
-            return _given_up(chunk, alone, f"given up by the cluster: {_line(error)}")
+            return _fail_or_split(chunk, alone, f"given up by the cluster: {_line(error)}")
         self._chunks.learn(len(chunk), monotonic() - started)
         return results
 
@@ -138,16 +138,16 @@ class Cluster:
             future.cancel(force=True)
             with suppress(TimeoutError):  # it comes back, or others go on
                 self._client.restart_workers(stuck, raise_for_error=False)
-            given_up += _given_up(chunk, alone, f"no end after {self._limit:g} s")
+            given_up += _fail_or_split(chunk, alone, f"no end after {self._limit:g} s")
         return given_up
 
-    def _gone(self, why: str) -> RunFault:
+    def _lost_cluster(self, why: str) -> RunFault:
         return RunFault(
             f"{self._address}: the cluster is gone: {why}; results are kept; run the study again"
         )
 
 
-def _given_up(chunk: list[Case], alone: deque[Case], why: str) -> list[Flown]:
+def _fail_or_split(chunk: list[Case], alone: deque[Case], why: str) -> list[Flown]:
     if len(chunk) == 1:
         return [failed(chunk[0].number, why)]
     alone.extend(chunk)

@@ -41,7 +41,7 @@ def judged(
     confidence = at_every_look(study, store.samples, c.confidence)
     for k, variant in enumerate(study.variants):
         found, rows = column(study, store, name, k)
-        kept = _kept(found, c)
+        kept = _meets(found, c)
         counted = np.where(np.isnan(found.values), np.inf, found.values)  # every trial counts
         whole = population(study, counted, rows["replicate"].to_numpy())
         bound = whole.success(kept, confidence)
@@ -73,7 +73,7 @@ def judged(
     return lines
 
 
-def _kept(found: Column, c: Criterion) -> NDArray[np.bool_]:
+def _meets(found: Column, c: Criterion) -> NDArray[np.bool_]:
     kept = np.isfinite(found.values)
     with np.errstate(invalid="ignore"):
         if c.below is not None:

@@ -108,7 +108,7 @@ class Population:
 
 
 def _bounds(low: float, estimate: float, high: float) -> Bounds:
-    def shown(value: float) -> float | None:
+    def finite_or_none(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None
 
-    return Bounds(shown(low), shown(estimate), shown(high))
+    return Bounds(finite_or_none(low), finite_or_none(estimate), finite_or_none(high))

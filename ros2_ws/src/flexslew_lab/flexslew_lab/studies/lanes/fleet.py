@@ -149,9 +149,9 @@ class Lanes:
             group = groups.setdefault(key, [])
             group.append(ready)
             if len(group) == LANES:
-                yield self._flown(groups.pop(key))
+                yield self._fly_ready(groups.pop(key))
         for group in groups.values():
-            yield self._flown(group)
+            yield self._fly_ready(group)
         if others:
             yield [], others
 
@@ -174,7 +174,7 @@ class Lanes:
         gains = self._gains_of(lane, law)
         return gains if isinstance(gains, Way) else _Ready(lane, law, gains)
 
-    def _flown(self, ready: Sequence[_Ready]) -> tuple[list[Flown], list[ForBench]]:
+    def _fly_ready(self, ready: Sequence[_Ready]) -> tuple[list[Flown], list[ForBench]]:
         found, results, lost = self._side_by_side(ready), list[Flown](), list[ForBench]()
         # between quanta a loop is cut: what differs by rounding may grow there
         twin = self._side_by_side(ready, _MOVED) if found.quantised else None
@@ -349,7 +349,7 @@ def form_of(trial: Trial, controller: Controller, references: list[Reference]) -
     form = linear and linear(controller.estimator, controller.law, references)
     if form is None:
         return Way.SETTINGS
-    way = _heard(form, trial.testbed.model())
+    way = _way_of_form(form, trial.testbed.model())
     return form if way is Way.LANES else way
 
 
@@ -385,7 +385,7 @@ def _filter_of(form: LinearForm) -> Hashable:
     return form.attitude and tuple(part.tobytes() for part in (*form.attitude, *craft))
 
 
-def _heard(form: LinearForm, model: Model) -> Way:
+def _way_of_form(form: LinearForm, model: Model) -> Way:
     """Return LANES where the law listens to what they read: joints, and tips moved by modes."""
     if isinstance(form.observer, KalmanForm) and model.leading is not None:
         return Way.ATTITUDE  # its joints are no coordinates

@@ -89,7 +89,7 @@ class LaneFlight:
                 zip(names, self._legs, laws, strict=True), key=itemgetter(0)
             )
         }
-        self._observer = reduce(_behind, found.values())
+        self._observer = reduce(_in_sequence, found.values())
         self._begun = {name: one.begun for name, one in found.items()}
         self._charge = first.happens.charge
         if len(found) > 1:
@@ -254,7 +254,7 @@ class LaneFlight:
         return w
 
 
-def _behind(first: Beginning, then: Beginning) -> Beginning:
+def _in_sequence(first: Beginning, then: Beginning) -> Beginning:
     """Return two observers as one."""
     return Beginning(
         one_after_another(first.observe, first.z.size, first.memory.size, then.observe),

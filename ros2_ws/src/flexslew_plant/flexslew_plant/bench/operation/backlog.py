@@ -72,7 +72,7 @@ class Backlog:
         slow = []
         for name, heard in self._heard.items():
             allowed = heard.paced if self.paced else heard.allowed
-            if heard.lost or allowed is None or _behind(heard, tick, epoch) <= allowed:
+            if heard.lost or allowed is None or _lag(heard, tick, epoch) <= allowed:
                 continue
             if heard.held_since is None:
                 heard.held_since = now
@@ -84,7 +84,7 @@ class Backlog:
     def lag(self, name: str, tick: int, epoch: int) -> int | None:
         """Return by how many ticks it was behind when it last told; None: it never did."""
         heard = self._heard.get(name)
-        return None if heard is None else _behind(heard, tick, epoch)
+        return None if heard is None else _lag(heard, tick, epoch)
 
     def reason(
         self, controller: str, tick: int, epoch: int, resting: bool = False
@@ -99,7 +99,7 @@ class Backlog:
                 and has seen none, is not behind: it begins with the next.
         """
         heard = self._heard.get(controller)
-        if heard is None or _behind(heard, tick, epoch) <= heard.allowed:
+        if heard is None or _lag(heard, tick, epoch) <= heard.allowed:
             return None
         if resting and heard.tick == 0:
             return None
@@ -107,6 +107,6 @@ class Backlog:
         return Refusal(words, cause=Cause.BEHIND)
 
 
-def _behind(heard: _Heard, tick: int, epoch: int) -> int:
+def _lag(heard: _Heard, tick: int, epoch: int) -> int:
     """Return the distance behind the plant [ticks]."""
     return tick - (heard.tick if heard.epoch == epoch else 0)

@@ -196,20 +196,20 @@ class Session:
     def pause(self, now: float, who: str = "") -> Reply:
         """Rest between two ticks."""
         reply = self.run.pause(now)
-        return self._told(reply, Paused(self.bench.tick, who or UNNAMED))
+        return self._note_request(reply, Paused(self.bench.tick, who or UNNAMED))
 
     def step(self, ticks: int, who: str = "") -> Reply:
         """Fly some ticks of a paused bench."""
         reply = self.run.step(ticks)
         self._who = who
-        return self._told(reply, Stepped(self.bench.tick, max(1, ticks), who or UNNAMED))
+        return self._note_request(reply, Stepped(self.bench.tick, max(1, ticks), who or UNNAMED))
 
     def reset(self, who: str = "") -> Reply:
         """Return to tick 0 in a new epoch and rest there."""
         tick = self.bench.tick
         self.bench.reset()
         self.run.reset()
-        return self._told(Reply(), WasReset(tick, self.bench.epoch, who or UNNAMED))
+        return self._note_request(Reply(), WasReset(tick, self.bench.epoch, who or UNNAMED))
 
     def brake(self, on: bool, who: str = "") -> Reply:
         """Latch or release the drive's own brake from the next tick on."""
@@ -224,7 +224,7 @@ class Session:
             return Reply(refused=Refusal("0 (fast) or more", "rate_factor", rate_factor))
         self.pacing.set_rate(rate_factor, now)
         self.backlog.paced = self.pacing.paced
-        return self._told(Reply(), RateChanged(rate_factor, who or UNNAMED))
+        return self._note_request(Reply(), RateChanged(rate_factor, who or UNNAMED))
 
     def note(self, text: str, who: str = "") -> Reply:
         """Keep an operator's remark in the log."""
@@ -232,7 +232,7 @@ class Session:
             return Reply(refused=Refusal("is empty; write something", "text"))
         if words := too_long(text):
             return Reply(refused=Refusal(words, "text"))
-        self._told(Reply(), Noted(text.strip(), who or UNNAMED))
+        self._note_request(Reply(), Noted(text.strip(), who or UNNAMED))
         return Reply(f"noted at tick {self.bench.tick}")
 
     def switch(self, request: SwitchRequest, now: float) -> Refusal | None:
@@ -289,11 +289,11 @@ class Session:
         first, others = not (bench.tick or bench.epoch), set[str]()
         if bench.tick == 0:
             others = {n for n in self._requested if first or not self.presence.silent(n, now)}
-        if not first and bench.handover.relieves(bench.tick + 1) and self._given_up(active, now):
+        if not first and bench.handover.relieves(bench.tick + 1) and self._is_lost(active, now):
             active = ""
         return {*others, active} - {""}
 
-    def _given_up(self, controller: str, now: float) -> bool:
+    def _is_lost(self, controller: str, now: float) -> bool:
         """Return whether a controller is gone for good, as it seems, or says it is not ready."""
         gone = bool(self.presence.lost([controller], self.backlog.patience, now))
         return gone or self.reasons.get(controller) is not None
@@ -398,7 +398,7 @@ class Session:
                 self._gone.discard(name)
                 self.bench.tell(RecorderBack(name))
 
-    def _told(self, reply: Reply, what: Fact) -> Reply:
+    def _note_request(self, reply: Reply, what: Fact) -> Reply:
         """Note a request that was granted as an event; return the reply in its words."""
         if reply.ok:
             self.bench.tell(what)

@@ -87,7 +87,7 @@ class SimulationServices:
         if told:
             self._next_feedback = now + _FEEDBACK
         for steps in list(self._steps):
-            flown, lost = self._flown(steps), steps.epoch != self._session.bench.epoch
+            flown, lost = self._run_steps(steps), steps.epoch != self._session.bench.epoch
             over = lost or flown == steps.ticks or not self._session.run.stepping
             if steps.goal is not None and (told or over):
                 told_of = self._action.SimulateSteps.Feedback(
@@ -98,7 +98,7 @@ class SimulationServices:
                 self._steps.remove(steps)
                 steps.done.set_result(None)
 
-    def _flown(self, steps: _Steps) -> int:
+    def _run_steps(self, steps: _Steps) -> int:
         """Return how many of them have passed; after a `start` others follow them."""
         bench = self._session.bench
         return min(bench.tick - steps.first, steps.ticks) if bench.epoch == steps.epoch else 0
@@ -190,7 +190,7 @@ class SimulationServices:
         steps = _Steps(bench.tick, count, bench.epoch, goal, self._loop.future())
         self._steps.append(steps)
         await steps.done
-        flown = self._flown(steps)
+        flown = self._run_steps(steps)
         if flown == count:
             return self._result(self._msg.Result.RESULT_OK)
         return self._result(failed, f"{flown} of {count} ticks were flown")

@@ -84,22 +84,22 @@ def fastest_near(
     """
     price, radius = _PRICE * duration, _LARGEST_RADIUS if held else _FIRST_RADIUS
     stretch = 0.0 if held else _OF_DURATION
-    here = _flown(slew, shares, duration)
+    here = _linearise_about(slew, shares, duration)
     for _ in range(_TRIED * steps):
         step = _step(here, price, radius, stretch)
         if step is None:
             break
         predicted = here.flight.merit(price) - step[2]
-        there = _tried(slew, step[0], step[1])
+        there = _evaluate(slew, step[0], step[1])
         gain = here.flight.merit(price) - there.merit(price)
         if gain < _GOOD * predicted:
             again = _step(here.about(there), price, radius, stretch)
-            other = there if again is None else _tried(slew, again[0], again[1])
+            other = there if again is None else _evaluate(slew, again[0], again[1])
             if other.merit(price) < there.merit(price):
                 there, gain = other, here.flight.merit(price) - other.merit(price)
         if gain > 0.0:
             steps -= 1
-            here = _flown(slew, there.shares, there.duration)
+            here = _linearise_about(slew, there.shares, there.duration)
         if gain > _GOOD * predicted:
             radius = min(2.0 * radius, _LARGEST_RADIUS)
         elif gain < _POOR * predicted:
@@ -167,13 +167,13 @@ def _merged(signs: Matrix, durations: Vector, gone: float) -> tuple[Matrix, Vect
     return np.array(kept), np.array(lasting)
 
 
-def _tried(slew: Reorientation, shares: Matrix, duration: float) -> _Trial:
+def _evaluate(slew: Reorientation, shares: Matrix, duration: float) -> _Trial:
     states = slew.states(shares * slew.amplitude, duration)
     missed = slew.missed(states[-1:])[0] / slew.scale
     return _Trial(duration, shares, missed, slew.beyond(states[1:]).ravel())
 
 
-def _flown(slew: Reorientation, shares: Matrix, duration: float) -> _About:
+def _linearise_about(slew: Reorientation, shares: Matrix, duration: float) -> _About:
     pieces = len(shares)
     end = slew.ended(shares * slew.amplitude, np.full(pieces, duration / pieces))
     scale = slew.scale

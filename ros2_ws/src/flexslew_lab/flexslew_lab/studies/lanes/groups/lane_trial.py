@@ -116,9 +116,9 @@ class LaneIntake:
         return [found[case.number] for case in cases]
 
     def _turned_trial(self, case: Case) -> tuple[Trial, str] | None:
-        """Return the trial of a case, and its plan_key, by _turned; None: it is refused."""
+        """Return the trial of a case and its plan_key; None if it is refused."""
         try:
-            return _turned(case_trial(self._study, case))
+            return _with_turning_testbed(case_trial(self._study, case))
         except FlexslewError:
             return None
 
@@ -131,7 +131,7 @@ class LaneIntake:
             happens = self._happening(case.variant, trial, model)
             if isinstance(happens, Way):
                 return happens
-            common = self._said(case.variant, trial, happens.charge, asked)
+            common = self._common_parts(case.variant, trial, happens.charge, asked)
             way = common.way if common.way is not Way.LANES else way_of_testbed(model, trial.period)
             if way is not Way.LANES:
                 return way
@@ -157,7 +157,7 @@ class LaneIntake:
             self._happens[variant] = source, found
         return found
 
-    def _said(self, variant: int, trial: Trial, charge: Charge, asked: str) -> _Common:
+    def _common_parts(self, variant: int, trial: Trial, charge: Charge, asked: str) -> _Common:
         testbed = trial.testbed
         known_before = _known_before(trial)
         course = charge.legs, charge.restarts, charge.last
@@ -237,7 +237,7 @@ def _bench_steps(trial: Trial, model: Model, own: LaneSteps) -> int:
     return steps if isfinite(kernel.reach) else bench
 
 
-def _turned(trial: Trial) -> tuple[Trial, str]:
+def _with_turning_testbed(trial: Trial) -> tuple[Trial, str]:
     """Return a trial with the new targets of its schedule as turns of its testbed.
 
     Behind it stands its plan_key, which is that of the schedule; empty: it has no new targets.
