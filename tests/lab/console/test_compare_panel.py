@@ -1,4 +1,4 @@
-"""The curves of an earlier run: drawn as_overlay those of now, compared by their own names."""
+"""The curves of an earlier run: drawn next to those of now, compared by their own names."""
 
 from pathlib import Path
 
@@ -24,8 +24,8 @@ def test_a_run_whose_joint_is_called_earlier_is_compared_too() -> None:
     curve = Curve("earlier yaw", np.array([0.0]), np.array([1.0]))
     same = {"position": [curve]}
     assert compare.largest_difference(same, same) == "largest difference: position 0 (earlier yaw)"
-    as_overlay = compare.beside(curve)
-    assert (as_overlay.label, beside.dashed) == ("earlier earlier yaw", True)
+    overlay = compare.as_overlay(curve)
+    assert (overlay.label, overlay.dashed) == ("earlier earlier yaw", True)
 
 
 def test_another_overlay_is_drawn_though_nothing_moves(tmp_path: Path) -> None:
