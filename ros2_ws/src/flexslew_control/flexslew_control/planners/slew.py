@@ -25,7 +25,6 @@ from flexslew_plant.testbeds import Model, Testbed, believed, initial_positions
 from flexslew_plant.testbeds.integration_error import steps_per_tick
 
 _LATEST = 50  # ticks, of commands that a planner counts with
-_COUNTED = 100.0  # flight for which the error of the integration counts [s]
 _LISTED = 6  # differences between model and bench that are told one by one
 
 
@@ -91,7 +90,7 @@ class Slew:
             BadInput: the period is too long for the model's fastest mode.
         """
         poles = self.model.linearise(self.model.rest(self.named(self.start))).eigenvalues
-        return steps_per_tick(poles, self.period, _COUNTED)
+        return steps_per_tick(poles, self.period)
 
     def motors(self, period: float) -> Lti:
         """Return what lies between commands and what the motors give, by ticks of a period [s]."""

@@ -20,6 +20,7 @@ _LARGEST = 3.0  # turn in a step, up to which the error grows with the turn [rad
 _EXACT = 0.25  # turn in a step, up to which the error is rounding [rad]
 MOST_STEPS = 100  # in a tick
 ENDLESS = 1e6  # ticks of a run without an end
+DESIGNED = 100.0  # duration of the flight for which a law or a plan is designed [s]
 
 
 def step_error(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -53,7 +54,7 @@ def run_error(poles: NDArray[np.complex128], step: float, duration: float) -> fl
     return largest
 
 
-def steps_per_tick(poles: NDArray[np.complex128], period: float, duration: float) -> int:
+def steps_per_tick(poles: NDArray[np.complex128], period: float, duration: float = DESIGNED) -> int:
     """Return the fewest equal steps in a tick whose error over a run is below BOUND.
 
     Args:

@@ -38,7 +38,6 @@ Rows: TypeAlias = tuple[tuple[float, ...], ...]
 SIGNALS = ("error", "error_rate", "position", "rate", "reference", "reference_rate", "applied",
            "tip", "curvature")  # fmt: skip
 _OF_APPENDAGES = ("tip", "curvature")
-_COUNTED = 100.0  # flight for which the error of the integration counts [s]
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
 _UNWINDINGS = 10.0  # time constants of the anti-windup in which a state may grow e-fold
 
@@ -286,7 +285,7 @@ def _require_stable(settings: LinearSettings, plant: PlantDescription, system: L
     point = settings.operating_point
     rest = rest_of(testbed, plant.testbed.operating_point if point is None else point)
     poles = rest.model.linearise(rest.q).eigenvalues
-    steps = steps_per_tick(poles, plant.period, _COUNTED)
+    steps = steps_per_tick(poles, plant.period)
     seen = sampled_plant(rest, PlantPath(plant.period, steps=steps), applied=True)
     both = [name for name in system.inputs if name in seen.outputs or "reference" in name]
     columns = [system.inputs.index(name) for name in both]
