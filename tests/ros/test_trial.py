@@ -45,8 +45,8 @@ def test_a_paced_run_without_a_miss_is_bit_identical_too(
     again = resim(flight.bag)  # what was missed is missed again
     assert again.identical
     assert flight.metrics["trajectory_hash"] == again.hash
-    missed = flight.metrics["missed_ticks"]
-    assert (again.hash == in_process_hash) is (missed == 0)
+    # a missed tick holds the last effort, which may be that of the answer
+    assert flight.metrics["missed_ticks"] or again.hash == in_process_hash
 
 
 def displayed(flight: Any) -> Any:
