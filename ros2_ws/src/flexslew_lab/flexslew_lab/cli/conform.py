@@ -13,8 +13,8 @@ from flexslew_lab.json_text import json_text
 from flexslew_plant.errors import BadInput
 
 # until a controller that received SIGTERM is killed [wall s]; a node may need 10 s to leave the
-# graph of Fast DDS (docs/limits.md)
-_LEAVING = 15.0
+# graph of Fast DDS (docs/limits.md), and more if other processes use the processors
+_LEAVING = 30.0
 
 
 def conform(
