@@ -192,7 +192,7 @@ def test_a_depth_of_one_is_found_without_an_estimator_too(examine: Examine, tmp_
     }  # fmt: skip
     assert wrong["heartbeat"].startswith("its since on alive is 0, -")
     assert "measurement is heard with a depth of 4000" in wrong["backlog"]
-    assert wrong["start"].startswith("SIGTERM has not ended its process within 15 s")
+    assert wrong["start"].startswith("SIGTERM has not ended its process within 30 s")
 
 
 @pytest.mark.ros
