@@ -1,5 +1,6 @@
 """What RViz draws from the description is what /tf says, for the testbed of every shipped trial."""
 
+from functools import cache
 from typing import Any
 from xml.etree import ElementTree
 
@@ -12,7 +13,7 @@ from flexslew_lab.trial.sources import shipped_trials
 from flexslew_lab.trial.trial import load_trial
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import TestbedSettings
+from flexslew_plant.testbeds import Testbed, TestbedSettings
 from flexslew_plant.testbeds.robot_model import Frame
 
 CARTS = {
@@ -34,13 +35,17 @@ PIVOTS = {  # about an axis beside its origin, pushed along it and against it
     for name, direction in {"along": [0.0, 0.6, 0.8], "against": [0.0, -0.6, -0.8]}.items()
 }
 MOVING = ("continuous", "prismatic")
-TESTBEDS = {
-    **{trial.name: load_trial(trial.path).testbed for trial in shipped_trials()},
-    **{
-        name: validated(TestbedSettings, section, "here")
-        for name, section in {"carts": CARTS, **PIVOTS}.items()
-    },
-}
+SECTIONS = {"carts": CARTS, **PIVOTS}
+TRIALS = {trial.name: trial.path for trial in shipped_trials()}
+
+
+@cache
+def testbed_of(name: str) -> Testbed:
+    """Return the testbed of a section, or of a shipped trial."""
+    if name in SECTIONS:
+        testbed: Testbed = validated(TestbedSettings, SECTIONS[name], "here")
+        return testbed
+    return load_trial(TRIALS[name]).testbed
 
 
 def _placed(translation: Any, turn: Rotation) -> Matrix:
@@ -69,9 +74,9 @@ def _walked(joint: Any, positions: dict[str, float]) -> Matrix:
     return pose @ _placed(np.zeros(3), Rotation.from_rotvec(at * axis))
 
 
-@pytest.mark.parametrize("name", TESTBEDS)
+@pytest.mark.parametrize("name", [*TRIALS, *SECTIONS])
 def test_walking_the_description_ends_where_the_frames_are(name: str) -> None:
-    testbed = TESTBEDS[name]
+    testbed = testbed_of(name)
     model, scene = testbed.model(), testbed.scene()
     robot = ElementTree.fromstring(scene.robot_description)
     driven = [j.get("name") for j in robot.findall("joint") if j.get("type") in MOVING]
@@ -90,9 +95,9 @@ def test_walking_the_description_ends_where_the_frames_are(name: str) -> None:
             np.testing.assert_allclose(_told(frame), walked, atol=1e-12, err_msg=frame.child)
 
 
-@pytest.mark.parametrize("name", TESTBEDS)
+@pytest.mark.parametrize("name", [*TRIALS, *SECTIONS])
 def test_what_never_moves_is_static_and_what_moves_is_named_by_the_joint_states(name: str) -> None:
-    testbed = TESTBEDS[name]
+    testbed = testbed_of(name)
     scene = testbed.scene()
     names = testbed.model().joint_names if scene.joints is None else scene.joints
     robot = ElementTree.fromstring(scene.robot_description)
@@ -103,9 +108,9 @@ def test_what_never_moves_is_static_and_what_moves_is_named_by_the_joint_states(
         assert joint.get("type") not in MOVING or joint.get("name") in names
 
 
-@pytest.mark.parametrize("name", TESTBEDS)
+@pytest.mark.parametrize("name", [*TRIALS, *SECTIONS])
 def test_bodies_have_a_mass_and_an_inertia_that_a_body_can_have(name: str) -> None:
-    robot = ElementTree.fromstring(TESTBEDS[name].scene().robot_description)
+    robot = ElementTree.fromstring(testbed_of(name).scene().robot_description)
     found = robot.findall("link/inertial")
     assert found
     for body in found:
@@ -120,12 +125,12 @@ def test_bodies_have_a_mass_and_an_inertia_that_a_body_can_have(name: str) -> No
 
 
 def test_carts_slide_and_only_what_is_in_radians_turns() -> None:
-    robot = ElementTree.fromstring(TESTBEDS["carts"].scene().robot_description)
+    robot = ElementTree.fromstring(testbed_of("carts").scene().robot_description)
     kinds = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
     assert kinds == {"first": "prismatic", "second": "prismatic", "wrist": "continuous"}
 
 
 def test_a_push_at_a_tip_is_no_joint() -> None:
-    testbed = TESTBEDS["scole_full"]
+    testbed = testbed_of("scole_full")
     assert "mast_tip_x" in testbed.model().joint_names
     assert testbed.scene().joints == ("x", "y", "z", "roll", "pitch", "yaw")

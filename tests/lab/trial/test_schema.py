@@ -3,6 +3,7 @@
 import random
 import re
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import pytest
@@ -15,7 +16,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
-SCHEMA = trial_schema()
+schema = cache(trial_schema)  # made once, by the first test
 TYPES: dict[str, Any] = {
     "object": dict, "array": list, "string": str, "boolean": bool, "null": type(None),
     "number": (int, float), "integer": int,
@@ -31,7 +32,7 @@ def holds(value: Any, schema: Any) -> bool:
 
 
 def refers(value: Any, s: Any) -> bool:
-    return "$ref" not in s or holds(value, SCHEMA["$defs"][s["$ref"].rpartition("/")[2]])
+    return "$ref" not in s or holds(value, schema()["$defs"][s["$ref"].rpartition("/")[2]])
 
 
 def is_of(value: Any, s: Any) -> bool:
@@ -91,16 +92,16 @@ VALUES = {t.name: load_yaml(t.path.read_text(), t.name) for t in shipped_trials(
 
 @pytest.mark.parametrize("name", VALUES)
 def test_every_shipped_trial_fits(name: str) -> None:
-    assert holds(VALUES[name], SCHEMA)
+    assert holds(VALUES[name], schema())
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_the_defaults_of_every_law_fit_and_an_unknown_key_does_not(name: str) -> None:
     named: dict[str, Any] = {"controllers": {name: {}, "mine": {"law": name}, "other": None}}
-    assert holds(named, SCHEMA)
+    assert holds(named, schema())
     for entry in (name, "mine"):
         own = {**named["controllers"], entry: {**named["controllers"][entry], "kpp": 1.0}}
-        assert not holds({"controllers": own}, SCHEMA)
+        assert not holds({"controllers": own}, schema())
 
 
 @pytest.mark.parametrize(
@@ -123,7 +124,7 @@ def test_the_defaults_of_every_law_fit_and_an_unknown_key_does_not(name: str) ->
     ],
 )
 def test_what_an_editor_is_told(values: dict[str, Any], fits: bool) -> None:
-    assert holds(values, SCHEMA) == fits
+    assert holds(values, schema()) == fits
 
 
 def leaves(values: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -156,14 +157,14 @@ def test_what_the_bench_takes_the_schema_takes(seed: int) -> None:
         other = changed(values, place, value)
         if taken(other):
             both += 1
-            assert holds(other, SCHEMA), (place, value)
+            assert holds(other, schema()), (place, value)
     assert both > 5
 
 
 def test_every_key_of_the_schema_is_described() -> None:
     bare = [
         f"{name}.{key}"
-        for name, one in {"Trial": SCHEMA, **SCHEMA["$defs"]}.items()
+        for name, one in {"Trial": schema(), **schema()["$defs"]}.items()
         for key, node in one.get("properties", {}).items()
         if not node.get("description") and "const" not in node and key not in ("law", "file")
     ]
