@@ -6,7 +6,7 @@
 # %% [markdown]
 # # First flight
 #
-# Plan a slew of the two-motor testbed, fly it in this process, look at what the beams do.
+# Plan a slew of the two-motor testbed, simulate it in this process, and plot the beams.
 
 # %%
 import flexslew as fs
@@ -23,7 +23,7 @@ for name in ("position.base_yaw", "velocity.mode_1", "effort.hub_pitch", "energy
     print(f"{name:20} [{flight.units[name]}], {len(flight[name])} ticks")
 
 # %% [markdown]
-# The same reference without the planned feedforward: only the method of the plan is another one.
+# The same reference without the planned feedforward: only the method of the plan differs.
 
 # %%
 plan = {"goal": {"base_yaw": 1.0, "hub_pitch": 0.5}, "duration": 25.0, "method": "reference_only"}

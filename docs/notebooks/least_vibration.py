@@ -4,11 +4,11 @@
 # ---
 
 # %% [markdown]
-# # The least vibration, over the time that a slew may take
+# # The least vibration over the duration of a slew
 #
-# A mass of 1 kg with another one on a spring, moved by 1 m with 1 N. The spring is off by up to
-# 20 %. How little can be left on the worst of them, in how much time? For a linear plant that has
-# an answer with a [certificate](../theory/optimum.md).
+# A mass of 1 kg with another one on a spring moves by 1 m with 1 N. The stiffness varies by up to
+# 20 %. What is the smallest worst-case residual for a duration? For a linear plant the
+# answer has a [certificate](../theory/optimum.md).
 
 # %%
 import numpy as np
@@ -28,8 +28,8 @@ def planned(**keys: object) -> fs.Plan:
 
 
 # %% [markdown]
-# Without feedback nothing but the efforts can bring the masses to rest; with it the feedback reacts
-# to what the plan did not expect, which is not always of use.
+# Without feedback only the planned efforts bring the masses to rest. Feedback also reacts to model
+# errors, which is not always an advantage.
 
 # %%
 durations = np.array([5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 12.0])
@@ -57,7 +57,7 @@ for name, values in worst.items():
 assert all(np.diff(values).max() < 0.0 for values in worst.values())  # more time is never worse
 
 # %% [markdown]
-# The other way round: the shortest slew that leaves no more than 1 mm, and its price in effort.
+# The inverse problem: the shortest slew with a residual below 1 mm, and its effort.
 
 # %%
 shortest = planned(residual_bound=1e-3, duration=20.0)
@@ -67,7 +67,7 @@ for plan in (shortest, cheaper):
     print(f"{plan.duration:.2f} s, {plan.summary['worst_residual']:.2g} m, {effort:.3g} N^2 s")
 
 # %% [markdown]
-# What is promised is flown: the bench with a spring that is 20 % too soft.
+# A test of the prediction: a bench with a spring that is 20 % too soft.
 
 # %%
 changes = {

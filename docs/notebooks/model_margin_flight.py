@@ -6,8 +6,8 @@
 # %% [markdown]
 # # From model to margin to flight
 #
-# Take the bench as a linear model, design a law with python-control, read its margins off the
-# running code, prove them in flight, then fly the manoeuvre. The bench is the floating oscillator:
+# Export a linear model, design a law with python-control, compute the margins of the
+# running code, test them in flight, then run the manoeuvre. The bench is the floating oscillator:
 # a driven mass, a spring, a free mass.
 
 # %%
@@ -37,9 +37,9 @@ plant.input_labels, plant.output_labels, abs(np.log(plant.poles())) / plant.dt
 # %% [markdown]
 # ## A design
 #
-# A regulator and a filter that hears the position of the driven mass alone. The model is the
-# bench's own tick, so the design is for what flies. A law's input is the error, the reference minus
-# what is measured.
+# A regulator and a filter with the position of the driven mass alone. The model is the sampled
+# one of the bench, so the design is exact. A law's input is the error, the reference minus
+# the measurement.
 
 # %%
 a, b, c = plant.A, plant.B, plant.C[[plant.output_labels.index("position:mass")]]
@@ -53,7 +53,7 @@ fs.save_law(law, file, inputs=["error.mass"], outputs=["effort.mass"])
 # %% [markdown]
 # ## Its margins
 #
-# Not of the matrices above but of the controller as it ticks, perturbed number by number.
+# These are not of the matrices above, but of the running controller by perturbation.
 
 # %%
 mine = fs.trial({**keys, "controllers": {"linear": {"file": str(file)}}, "active": "linear"})
@@ -64,9 +64,9 @@ print(f"disk margin {found.disks['input'].alpha:.2f}; worst over +-20 %: {found.
 assert found.stable
 
 # %% [markdown]
-# ## Proved
+# ## Test of the margins
 #
-# The non-linear bench flies just inside and just outside of each.
+# The nonlinear bench runs just inside and just outside of each.
 
 # %%
 proof = fs.prove(mine, found)

@@ -6,9 +6,9 @@
 # %% [markdown]
 # # From a modal file to a pointed telescope
 #
-# A telescope of 240 kg carries two solar panels that ring at 0.5 Hz. It turns to a target without
-# looking at the Sun, and points at it. What is known of the panels is what a finite element
-# program gives.
+# A telescope of 240 kg has two solar panels with a mode at 0.5 Hz. It turns to a target without
+# pointing at the Sun. The data of the panels are those of a finite element
+# program.
 
 # %%
 import json
@@ -57,10 +57,10 @@ file.write_text(json.dumps(panel_data, default=np.ndarray.tolist))  # which is Y
 print(", ".join(panel_data))
 
 # %% [markdown]
-# ## 2. The craft
+# ## 2. The spacecraft
 #
 # Three wheels turn it, a gyro and a star tracker measure its attitude, and the telescope, its z
-# axis, may not look closer than 25 deg to the Sun. The filter that laws read the attitude from is
+# axis, must stay 25 deg away from the Sun. The attitude filter is
 # a multiplicative Kalman filter (`attitude: {}`).
 
 
@@ -122,8 +122,8 @@ print(model.ninputs, "wheels,", model.nstates, "states")
 # %% [markdown]
 # ## 3. The slew
 #
-# The fastest turn about the eigenaxis would look into the Sun: it is refused, with the moment and
-# the depth. With `drives: all` the programs go round, and bring all modes to rest.
+# The fastest turn about the eigenaxis enters the cone about the Sun: it is refused, with time and
+# depth. With `drives: all` the plan avoids the cone and brings all modes to rest.
 
 # %%
 try:
@@ -157,5 +157,5 @@ flight.plot("tip", "effort")
 
 # %% [markdown]
 # Next: `./flexslew analyse` on a trial file with these keys states the margins,
-# [studies](../studies.md) fly hundreds of such crafts against requirements, and the trial
+# [studies](../studies.md) run hundreds of such spacecraft against requirements, and the trial
 # `observatory` adds thrusters, a wheel pyramid, an orbit and fine pointing.

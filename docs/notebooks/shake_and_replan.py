@@ -4,10 +4,10 @@
 # ---
 
 # %% [markdown]
-# # From shaking to a better slew
+# # From an experiment to a better slew
 #
-# A floating oscillator has another spring and another mass than everybody believes. A slew planned
-# on the old numbers rings. Shake the bench, identify it, plan again.
+# A floating oscillator has another stiffness and mass than the nominal model. A slew planned on
+# the nominal numbers leaves vibration. Run an experiment, identify the bench, plan again.
 
 # %%
 import tempfile
@@ -24,7 +24,7 @@ first.plot("position", "tip", "effort")
 
 # %% [markdown]
 # The experiment: a multisine within the limits of the bench, under the same controller. Its plan
-# believes the old numbers, too.
+# uses the nominal model, too.
 
 # %%
 shake = {
@@ -42,8 +42,8 @@ shaken = fs.fly(fs.trial("replan_oscillator", BENCH | shake), folder)
 shaken.plot("position", "tip", "effort")
 
 # %% [markdown]
-# Identification reads the sensors and the efforts of the log, never the truth. Intervals hold the
-# truth with 95 %.
+# Identification uses the sensors and the efforts of the log, not the truth. Intervals are those
+# of 95 %.
 
 # %%
 found = fs.identify(folder)
@@ -55,7 +55,7 @@ true = (0.85 * (1.0 + 1.0 / 1.2)) ** 0.5
 print(f"truth     {true:.5f} rad/s; inertia {found.model.inertia[0][0].value:.4f} of 2.2 kg")
 
 # %% [markdown]
-# Plan on what was found, and fly the same bench.
+# Plan on the identified model, and run the same bench.
 
 # %%
 second = fs.fly(fs.trial("replan_oscillator", BENCH | {"plan.model": found.believed}))

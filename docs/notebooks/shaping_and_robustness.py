@@ -6,7 +6,7 @@
 # %% [markdown]
 # # Shaping and robustness
 #
-# Three planners fly one manoeuvre on beams that are stiffer or softer than the plan assumes.
+# Three planners on one manoeuvre, with beams stiffer or softer than in the plan.
 
 # %%
 import numpy as np
@@ -14,7 +14,7 @@ from plotly.graph_objects import Figure, Scatter
 
 import flexslew as fs
 
-NOMINAL = 1500.0  # bending stiffness that every plan believes in [N m^2]
+NOMINAL = 1500.0  # bending stiffness in every plan [N m^2]
 GOAL = {"base_yaw": 1.0, "hub_pitch": 0.5}
 PLANS = {
     "reference only": {"method": "reference_only"},
@@ -39,7 +39,7 @@ def residual(plan: dict[str, str], factor: float) -> float:
 
 
 # %% [markdown]
-# The beams are off by up to 20 %.
+# The stiffness varies by up to 20 %.
 
 # %%
 factors = np.array([0.8, 1.0, 1.2])
