@@ -61,6 +61,48 @@ def test_every_link_to_a_file_leads_somewhere(page: Path) -> None:
             assert (page.parent / target).exists(), f"{page.name}: {target}"
 
 
+def sections(page: Path) -> dict[str, str]:
+    """Return the text of a page below each heading, by the anchor of the site; "" is the page."""
+    fence = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)  # whose comments are no headings
+    text = fence.sub(lambda match: match[0].replace("\n#", "\n #"), page.read_text())
+    parts = re.split(r"^(#+ .*)$", text, flags=re.MULTILINE)
+    return {"": page.read_text()} | {
+        re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", heading).strip().lower()): heading + body
+        for heading, body in zip(parts[1::2], parts[2::2], strict=True)
+    }
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_to_a_heading_leads_to_one(page: Path) -> None:
+    for target, anchor in re.findall(r"\]\(([^)#:\s]*)#([^)\s]+)\)", page.read_text()):
+        if "reference/" not in target:  # made by the site
+            linked = page.parent / target if target else page
+            assert anchor in sections(linked), f"{page.name}: {target}#{anchor}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_table_ends_with_an_empty_line(page: Path) -> None:
+    """Without one the site shows the next line, even a heading, as a row of the table."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for row, after in re.findall(r"^(\|.*)\n([^|\n].*)$", text, re.MULTILINE):
+        raise AssertionError(f"{page.name}: {after!r} follows {row!r}")
+
+
+SMALL_WORDS = {"with", "from", "which", "large", "does", "many", "write", "about"}
+
+
+def test_the_section_that_answers_a_question_contains_its_words() -> None:
+    """The search of the site finds a section by its words."""
+    page = ROOT / "docs/questions.md"
+    questions = re.findall(r"^\| (.+)\? \| \[.*\]\((.+\.md)#?(.*)\) \|$", page.read_text(), re.M)
+    assert len(questions) >= 30
+    for question, target, anchor in questions:
+        text = sections(page.parent / target)[anchor].lower()
+        title = page.parent.joinpath(target).read_text().partition("\n")[0].lower()
+        for word in set(re.findall(r"[a-z]{4,}", question.lower())) - SMALL_WORDS:
+            assert word[:4] in text + title, f"{question}: {word} in {target}#{anchor}"
+
+
 def test_files_of_the_source_tree_that_a_page_names_exist() -> None:
     for page in PAGES:
         for path in re.findall(
