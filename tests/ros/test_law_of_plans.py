@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 from flexslew_msgs.action import PlanSlew
 from flexslew_msgs.srv import Tune
 from rclpy.action import ActionClient
@@ -72,3 +73,31 @@ def test_a_slew_after_a_tune_is_made_for_the_tuned_gains(tmp_path: Path) -> None
     left = flight.metrics["residual_tip_deflection"]
     # a slew that begins with these gains leaves .0109 m; the plan's model has one mode of three
     assert promised < left < 0.012
+
+
+@pytest.mark.ros
+def test_a_plan_for_a_paused_bench_that_swings_promises_what_is_left(tmp_path: Path) -> None:
+    """2.9e-8 m was promised and .637 m flown, with the tips at .63 m at the request."""
+    seen: dict[str, Any] = {}
+
+    def operate(pids: dict[str, int], domain: int) -> None:
+        with beside(domain) as bench:
+            assert bench.ask(Trigger, "pause").success
+            start = 0.01 * (bench.tick + 1000)
+            slewing = "{method: minimax_feedforward, goal: {base_yaw: 0.2}, model: {modes: 3}, "
+            future = asked(bench, slewing + f"duration: 20.0, start: {start:.2f}}}")
+            bench.until(future.done)
+            seen["plan"] = future.result().result
+            assert bench.ask(Trigger, "start").success
+
+    trial = slew(90.0)  # whose first slew leaves a swing
+    trial = replace(trial, goal_tolerance=10.0)
+    flight = Flight(trial, tmp_path, 700, operate)
+    assert flight.outcome == (0, ""), flight.log
+    plan = seen["plan"]
+    assert plan.error_code == PlanSlew.Result.DONE, plan.message
+    summary = load_yaml(plan.plan.summary, "summary")
+    promised = summary["predicted_residual_tip_deflection"]
+    assert promised == pytest.approx(flight.metrics["residual_tip_deflection"], rel=1e-3)
+    assert promised > 10.0 * summary["predicted_residual_from_rest"]
+    assert "the bench moves at " in summary["warning"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.present import present
 
-from flexslew_control.active_laws import with_swing
+from flexslew_control.known_motion import PREDICTED, with_motion, with_swing
 from flexslew_control.plan import Plan
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up, trial_of_values
@@ -97,9 +97,15 @@ def test_the_case_of_a_slew_on_a_moving_bench_is_warned_of() -> None:
     np.testing.assert_array_equal(still.effort, plan.effort)
 
 
-def test_a_swing_in_flight_is_stated_where_it_is_not_small() -> None:
+def test_a_swing_of_unknown_state_is_in_the_promise_where_it_is_not_small() -> None:
     plan = present(plan_of_trial(trial("pd_feedforward", 0.0, 0.0, "reference_only")))
-    promised = plan.summary["predicted_residual_tip_deflection"]
+    promised = plan.summary[PREDICTED]
     assert with_swing(plan, 0.05 * promised) is plan
     swinging = with_swing(plan, 10.0 * promised)
     assert "the tips swing by " in swinging.summary["warning"]
+    assert swinging.summary[PREDICTED] == pytest.approx(11.0 * promised)
+    known = with_motion(plan, 2.0 * promised, {"mass": 0.0}, 1.0)
+    assert known.summary[PREDICTED] == 2.0 * promised
+    assert "the bench moves at 1 s" in known.summary["warning"]
+    assert with_swing(known, 10.0 * promised) is known
+    assert "warning" not in with_motion(plan, promised, {"mass": 0.0}, 1.0).summary

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 from flexslew_control.controllers import CONTROLLERS, DERIVED, DUE, CommonSettings, law_values
 from flexslew_control.controllers.host import merged
+from flexslew_control.known_motion import PREDICTED
 from flexslew_control.law import ActiveLaw
-from flexslew_control.plan import Plan
+from flexslew_control.plan import Plan, with_warning
 from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
@@ -26,8 +27,6 @@ from flexslew_plant.settings import plain, validated
 from flexslew_plant.yaml_data import load_yaml
 
 PLANNED_FOR = "planned_for"  # key of a plan's summary
-_SMALL, _SHARE = 1e-4, 0.1  # swing that is not reported: [m], and of the prediction [-]
-_PREDICTED = "predicted_residual_tip_deflection"  # a plan without it depends on no law
 # after which no switch of an earlier tick is still to come
 _DECIDED = (Switched, SwitchRefused, FallbackTookOver, BrakeTookOver, BrakeLatched)
 
@@ -250,37 +249,16 @@ def with_law(plan: Plan, at: LawAt | None, later: Sequence[DueSwitch] = ()) -> P
         at: the law at the plan's start; None: not known.
         later: switches that are due before the plan ends.
     """
-    if at is None or _PREDICTED not in plan.summary:
+    if at is None or PREDICTED not in plan.summary:  # such a plan depends on no law
         return plan
     own = {"controller": at.controller, "law": at.law.law, "settings": dict(at.law.settings)}
-    summary = {**plan.summary, PLANNED_FOR: own}
+    plan = replace(plan, summary={**plan.summary, PLANNED_FOR: own})
     others = [switch for switch in later if switch.controller != at.controller]
-    if others:
-        first = min(others)
-        words = (
-            f"{first.controller} takes over at {first.tick * plan.period:g} s, before the plan "
-            f"ends at {plan.end:g} s: plan and prediction are for {at.words}"
-        )
-        summary["warning"] = _also(plan, words)
-    return replace(plan, summary=summary)
-
-
-def with_swing(plan: Plan, swing: float) -> Plan:
-    """Return the plan with a warning of the tips' swing before it, if that is not small beside it.
-
-    Args:
-        plan: that is predicted from rest.
-        swing: largest deflection of a tip while the plan was made [m].
-    """
-    promised = plan.summary.get(_PREDICTED)
-    if promised is None or swing <= _SMALL + _SHARE * promised:
+    if not others:
         return plan
-    words = (
-        f"the tips swing by {swing:.3g} m before the plan begins: as much may be left, which the "
-        f"prediction of {promised:.3g} m from rest does not contain"
+    first = min(others)
+    return with_warning(
+        plan,
+        f"{first.controller} takes over at {first.tick * plan.period:g} s, before the plan "
+        f"ends at {plan.end:g} s: plan and prediction are for {at.words}",
     )
-    return replace(plan, summary={**plan.summary, "warning": _also(plan, words)})
-
-
-def _also(plan: Plan, words: str) -> str:
-    return "; ".join(filter(None, (plan.summary.get("warning"), words)))

@@ -1,5 +1,6 @@
 """The course that a controller follows: one plan after the other, each from its start on."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -73,6 +74,32 @@ class Course:
         """Follow a plan from its start on; one that would begin later is dropped."""
         first = plan.first_tick
         self._legs = (*(leg for leg in self._legs if leg.first < first), _Leg(first, plan))
+
+    def before(self, plan: Plan, tick: int, hold: Reference) -> Plan:
+        """Return a plan preceded by the references from an earlier tick on.
+
+        Args:
+            plan: that is not added yet.
+            tick: of the bench.
+            hold: where no plan has begun.
+        """
+        earlier = [self.reference(k, hold) for k in range(tick, plan.first_tick)]
+        if not earlier:
+            return plan
+        count, nominal, gains = len(earlier), plan.state[0], plan.gains
+        states = [r.state if r.state.size == nominal.size else nominal for r in earlier]
+        if len(gains):
+            gains = np.vstack((np.tile(gains[0], (count, 1)), gains))
+        return replace(
+            plan,
+            start=tick * plan.period,
+            duration=plan.duration + count * plan.period,
+            position=np.vstack(([r.position for r in earlier], plan.position)),
+            velocity=np.vstack(([r.velocity for r in earlier], plan.velocity)),
+            effort=np.vstack(([r.effort for r in earlier], plan.effort)),
+            state=np.vstack((states, plan.state)),
+            gains=gains,
+        )
 
     def restart(self) -> None:
         """Return to the plan of tick 0: those adopted in flight are of the flight that is over."""

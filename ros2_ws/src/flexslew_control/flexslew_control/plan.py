@@ -1,6 +1,6 @@
 """A Plan: the manoeuvre on the ticks of the bench, with what it came from."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -126,3 +126,9 @@ class Plan:
 
     def _gains(self, row: int) -> Vector:
         return self.gains[row] if len(self.gains) else NOTHING
+
+
+def with_warning(plan: Plan, words: str) -> Plan:
+    """Return the plan with a warning in its summary, after those that it has."""
+    every = "; ".join(filter(None, (plan.summary.get("warning"), words)))
+    return replace(plan, summary={**plan.summary, "warning": every})

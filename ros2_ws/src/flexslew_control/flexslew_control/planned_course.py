@@ -79,6 +79,10 @@ class PlannedCourse:
         at = self._course.reference(round(start / self._period), self._hold).position
         return dict(zip(self._names, at.tolist(), strict=True))
 
+    def before(self, plan: Plan, tick: int) -> Plan:
+        """Return a plan preceded by the references from an earlier tick on."""
+        return self._course.before(plan, tick, self._hold)
+
     def late(
         self, start: float, now: float, last_tick: int = 0, flight: int | None = None
     ) -> Refusal | None:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexslew_control.known_motion import Motion
 from flexslew_control.law import ActiveLaw, PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -47,6 +48,15 @@ class PlanRequest(NamedTuple):
     trust: Trust = NO_CODE  # which classes of the user's own may be loaded
 
 
+class MotionRequest(NamedTuple):
+    """What the prediction of a plan from a known motion requires."""
+
+    plan: Plan  # predicted from rest
+    course: Plan  # preceded by the references from the tick of the motion on
+    motion: Motion
+    of: PlanRequest  # that the plan is made for
+
+
 class Iteration(NamedTuple):
     """One iteration of a planner that iterates."""
 
@@ -68,8 +78,8 @@ class Planning:
         if soon:
             self._start()
 
-    def ask(self, request: PlanRequest) -> None:
-        """Begin to plan."""
+    def ask(self, request: PlanRequest | MotionRequest) -> None:
+        """Begin to plan, or to predict."""
         if self._process is None:
             self._start()
         self._pipe.send(request)
@@ -152,6 +162,7 @@ def _work(pipe: Connection) -> None:
     """Answer requests until the other process closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
     from flexslew_control.planners import PlanSettings, make_plan
+    from flexslew_control.planners.from_motion import predicted_from
     from flexslew_control.planners.law_gains import law_gains
     from flexslew_plant.settings import validated
 
@@ -160,8 +171,14 @@ def _work(pipe: Connection) -> None:
 
     try:
         while True:
-            request: PlanRequest = pipe.recv()
+            request: PlanRequest | MotionRequest = pipe.recv()
             try:
+                if isinstance(request, MotionRequest):
+                    plan, course, motion, of = request
+                    law = of.beginning.law
+                    found = law and predicted_from(motion, plan, course, _plant(of), law)
+                    pipe.send(found or plan)
+                    continue
                 plant = _plant(request)
                 settings = validated(PlanSettings, request.values, "plan", request.trust)
                 require_units_of_joints(PlanSettings, request.values, plant.testbed, "plan")

@@ -5,6 +5,7 @@ flexslew.planners. It is a section with `method`, `start` and `plan`, see OwnPla
 
 Offers: attitude.one_axis, excitation.excitation, feedforward.basis, feedforward.gauss_newton,
 feedforward.manoeuvre, feedforward.optimized_feedforward, feedforward.shooting, first_point,
+from_motion,
 input_shaping.start_coast_stop, law_gains, minimax.limit_curve, prediction, progress, reference,
 slew, time_optimal.arcs, time_optimal.bang_bang, time_optimal.optimal_switching,
 time_optimal.pontryagin,

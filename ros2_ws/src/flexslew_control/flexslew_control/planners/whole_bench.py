@@ -12,7 +12,7 @@ import numpy as np
 
 from flexslew_control.controllers import PD_FEEDFORWARD, build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
-from flexslew_control.plan import Plan
+from flexslew_control.plan import Plan, with_warning
 from flexslew_control.planners.motors import Matrices, at_once, give
 from flexslew_control.planners.prediction import MOST_WATCHED, WATCHED, Prediction
 from flexslew_control.planners.slew import Feedback, Slew
@@ -74,14 +74,14 @@ def told(
             f"on the whole bench it leaves {bench.tip_deflection:.3g} m at the tips, on the model "
             f"that it is made on {on_model:.3g} m; {remedy}"
         )
-        summary["warning"] = _also(plan, words)
+        return with_warning(replace(plan, summary=summary), words)
     return replace(plan, summary=summary)
 
 
 def not_flown(plan: Plan) -> Plan:
     """Return a plan about one axis that no law has flown, with a warning that says so."""
     words = "not flown on the whole bench: what it leaves is that of the planner's own model"
-    return replace(plan, summary={**plan.summary, "warning": _also(plan, words)})
+    return with_warning(plan, words)
 
 
 def told_by_law(
@@ -105,8 +105,8 @@ def told_by_law(
         "residual_tip_deflection_by_joint_feedback": by_joints,
     }
     if not as_predicted(plan, found):
-        summary["warning"] = _also(
-            plan,
+        return with_warning(
+            replace(plan, summary=summary),
             f"flown by {law.law} it leaves {found.tip_deflection:.3g} m at the tips, by the joint "
             f"feedback that the planner counts with {by_joints:.3g} m{remedy}",
         )
@@ -131,18 +131,13 @@ def not_counted(law: ActiveLaw) -> str:
     return f"{law.law} without {', '.join(sorted(more))}" if more else ""
 
 
-def _also(plan: Plan, words: str) -> str:
-    """Return a warning after those that a plan has."""
-    earlier = plan.summary.get("warning")
-    return f"{earlier}; {words}" if earlier else words
-
-
 def flown_on_bench(
     plan: Plan,
     plant: PlantDescription,
     law: ActiveLaw,
     testbed: Testbed | None = None,
     motors: Matrices | None = None,
+    start: Vector | None = None,
 ) -> Prediction | None:
     """Return the residuals of a plan that a law flies; None: it cannot fly it, or not twice.
 
@@ -156,13 +151,14 @@ def flown_on_bench(
         law: of the controller in charge.
         testbed: that is flown, in the bench's time; None: the bench's.
         motors: from commands to efforts; None: they give at once what is commanded.
+        start: state [q, v] at the plan's start; None: as above.
     """
     try:
         controller = build_controller(_NAME, law.law, dict(law.settings), plant, "plan")
     except BadInput:  # who builds the controllers says why
         return None
     stands = plant.testbed if testbed is None else testbed
-    before = plan.first_tick if starts_moving(stands) else 0
+    before = plan.first_tick if start is None and starts_moving(stands) else 0
     if controller.adopt(replace(plan, start=before * plan.period)) or controller.reason:
         return None
     if getattr(controller.law, "flight_only", False):
@@ -173,7 +169,9 @@ def flown_on_bench(
     least[list(model.one_way)] = 0.0
     rest = model.rest(dict(zip(names, plan.position[0].tolist(), strict=True)))
     x = np.concatenate((rest, np.zeros(model.coordinates)))
-    if starts_moving(stands):
+    if start is not None:
+        x = start
+    elif starts_moving(stands):
         x[model.positions :] = initial_state(stands)[model.positions :]
     sensors = exact_sensors(model, plan.period)
     last = before + int(np.ceil(plan.duration / plan.period - 1e-9))

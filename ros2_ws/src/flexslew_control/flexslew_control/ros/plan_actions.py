@@ -9,12 +9,11 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.task import Future
 
-from flexslew_control.active_laws import with_swing
 from flexslew_control.plan import Plan
+from flexslew_control.ros.motion_watch import MotionWatch
 from flexslew_control.ros.plan_job import Outcome, PlanJob
 from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_control.ros.plan_result import BUSY, plan_result
-from flexslew_control.ros.swing_watch import SwingWatch
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.loop import Loop
 
@@ -66,15 +65,17 @@ class PlanActions:
         if self._job.busy:
             return BUSY
         flight = self._release.flight
+        watch = None if flight is None else MotionWatch(self._node, self._release.before)
         done: Future = self._loop.future()
         self._job.ask(
             partial(requests.request, request.request, request.period, request.effort_limit),
             done.set_result,
             goal,
             partial(self._release.late, flight),
+            None if watch is None else watch.required,
         )
-        watch = SwingWatch(self._node) if flight is not None else None
         outcome = await done
-        swing = watch.end() if watch is not None else 0.0
+        if watch is not None:
+            watch.end()
         checked = self._release.checked(outcome, flight)
-        return with_swing(checked, swing) if isinstance(checked, Plan) else checked
+        return watch.included(checked) if watch and isinstance(checked, Plan) else checked

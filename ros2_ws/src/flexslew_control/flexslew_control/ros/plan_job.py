@@ -7,12 +7,15 @@ from flexslew_msgs import action
 from rclpy.action.server import ServerGoalHandle
 
 from flexslew_control.plan import Plan
-from flexslew_control.planning import Iteration, Planning, PlanRequest
+from flexslew_control.planning import Iteration, MotionRequest, Planning, PlanRequest
 from flexslew_control.ros.plan_result import CANCELED
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 
 Outcome: TypeAlias = Plan | Refusal
+# what a plan's prediction from the motion of the bench requires; the plan: nothing; None: not known
+# yet. The plan is the one that is made, on the request that is given with it.
+Motions: TypeAlias = Callable[[Plan, PlanRequest], MotionRequest | Plan | None]
 Late: TypeAlias = Callable[[float], Refusal | None]  # why a plan from a start [s] on comes too late
 
 
@@ -30,7 +33,10 @@ class PlanJob:
         self._finished: Callable[[Outcome], None] | None = None  # takes the outcome
         self._make: Callable[[], PlanRequest | Refusal] | None = None
         self._late: Late = _never
+        self._motions: Motions = _at_rest
         self._request: PlanRequest | None = None  # that is planned for
+        self._made: Plan | None = None  # whose motion is not known yet, or that is predicted
+        self._predicts = False  # the process predicts that plan
 
     @property
     def busy(self) -> bool:
@@ -43,6 +49,7 @@ class PlanJob:
         finished: Callable[[Outcome], None],
         goal: ServerGoalHandle | None = None,
         late: Late | None = None,
+        motions: Motions | None = None,
     ) -> None:
         """Begin to plan.
 
@@ -53,8 +60,11 @@ class PlanJob:
             goal: that receives every iteration, and may be canceled.
             late: returns why the bench cannot fly a plan from a start [s] on any more, or None.
                 Planning ends as soon as it returns a refusal. None: it always can.
+            motions: returns what the prediction from the motion of the bench requires. None: the
+                bench rests.
         """
         self._make, self._finished, self._goal = make, finished, goal
+        self._motions = motions or _at_rest
         self._late = late or _never
         self._plan(make())
         self._loop.hurry()
@@ -69,6 +79,8 @@ class PlanJob:
         why = CANCELED if canceled else self._late(self._request.start)
         if why is not None:
             self.end(why)
+        elif self._made is not None and not self._predicts:
+            self._predict(self._made, self._request)
 
     def end(self, why: Refusal) -> None:
         """End planning, if any is under way, with this refusal."""
@@ -100,15 +112,33 @@ class PlanJob:
             return
         again = self._make()
         if isinstance(again, PlanRequest) and not again.beginning.same(self._request.beginning):
+            self._made, self._predicts = None, False
             self._plan(again)
+        elif self._made is None and isinstance(news, Plan):
+            self._made = news
+            self._predict(news, self._request)
         else:
-            self._finish(news)
+            self._finish(self._made if isinstance(news, Refusal) and self._made else news)
+
+    def _predict(self, plan: Plan, request: PlanRequest) -> None:
+        """Begin to predict a plan from the motion of the bench, or finish where that is nothing."""
+        required = self._motions(plan, request)
+        if isinstance(required, Plan):
+            self._finish(required)
+        elif required is not None:
+            self._predicts = True
+            self._planning.ask(required)
 
     def _finish(self, outcome: Outcome) -> None:
         finished, self._finished, self._request = self._finished, None, None
+        self._made, self._predicts = None, False
         if finished is not None:
             finished(outcome)
 
 
 def _never(start: float) -> Refusal | None:
     return None
+
+
+def _at_rest(plan: Plan, request: PlanRequest) -> Plan:
+    return plan

@@ -116,6 +116,10 @@ class PlanRelease:
         """Return whether another plan is flown in place of one at a simulated time [s]."""
         return self._course is not None and self._current_course.replaced(plan, time)
 
+    def before(self, plan: Plan, tick: int) -> Plan:
+        """Return a plan preceded by the references of the bench from an earlier tick on."""
+        return self._current_course.before(plan, tick)
+
     def checked(self, outcome: Plan | Refusal, flight: int | None) -> Plan | Refusal:
         """Return what came of a request, or why the bench cannot fly the plan from now on.
 

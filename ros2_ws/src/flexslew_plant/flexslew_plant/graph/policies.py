@@ -53,8 +53,7 @@ ROLES: dict[str, Rights] = {
     "planner": Rights(
         publish=(t.PLAN, t.PLANNED_TRAJECTORY, t.EVENTS, t.ALIVE),
         subscribe=(t.JOINT_TRAJECTORY, t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS,
-                   t.ALIVE, t.APPENDAGE_STATES,  # while a plan is made
-                   *_with("control_msgs", t.JOINT_STATES)),  # while a goal is flown
+                   t.ALIVE, t.APPENDAGE_STATES, t.JOINT_STATES),  # the last two for a while
         execute=(*_PLANS, *_with("control_msgs", t.FOLLOW_JOINT_TRAJECTORY)),
         reply=(t.DECIDE_PLAN,),
     ),

@@ -64,7 +64,7 @@ class Plant:
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         progress, heard = self._settings.progress, [self._exchange.questions, self._truth]
         self._report = PlantReport(node, self.session, self._alive, progress, heard)
-        self._services = Services(node, self.session, self.statuses, loop)
+        self._services = Services(node, self.session, self.statuses, loop, self.display.show_paused)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(node, self.session, self.display, loop)
         fields = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}

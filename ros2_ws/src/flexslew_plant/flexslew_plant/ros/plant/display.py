@@ -53,6 +53,7 @@ class Display:
         self._bench = bench
         self._prefix = f"{node.get_namespace()}/".lstrip("/")
         self.set_rate(rate)
+        self._served: list[int] | None = None  # subscriptions by topic while the bench is paused
         self._offers = [outlets.publisher(name) for name in _SHOWN]
         self._platform = PlatformDisplay(outlets, self._prefix)
         self._instruments = InstrumentDisplay(node, bench.appendages.instruments, self._prefix)
@@ -81,8 +82,19 @@ class Display:
 
     def show(self, truth: Truth) -> None:
         """Publish this truth if it is due."""
-        if not self.due(truth.tick):
+        self._served = None
+        if self.due(truth.tick):
+            self._publish(truth)
+
+    def show_paused(self) -> None:
+        """Publish the truth of a paused bench once more for subscriptions that have come since."""
+        before, self._served = self._served, [offer.count for offer in self._offers]
+        if not self._every or before is None:
             return
+        if any(now > then for now, then in zip(self._served, before, strict=True)):
+            self._publish(self._bench.truth())
+
+    def _publish(self, truth: Truth) -> None:
         if self._bench.testbed is not self._testbed:  # an antenna has a new target
             self._draw(self._bench.testbed)
         at, x = stamp_of(truth.time), np.concatenate((truth.position, truth.velocity))

@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from flexslew_plant.bench.operation.run_state import WAITING, Reply
+from flexslew_plant.bench.operation.run_state import PAUSED, WAITING, Reply
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
@@ -37,6 +37,7 @@ class Services:
         session: what is operated.
         statuses: of the controllers.
         loop: that serves the node.
+        show_paused: displays the state of a paused bench to new subscriptions.
     """
 
     def __init__(
@@ -45,7 +46,9 @@ class Services:
         session: Session,
         statuses: Statuses,
         loop: Loop,
+        show_paused: Callable[[], None],
     ) -> None:
+        self._show_paused = show_paused
         self._node, self._loop, self._session = node, loop, session
         self._statuses, self._bench = statuses, session.bench
         self._switches = SwitchService(node, session, loop)
@@ -84,6 +87,8 @@ class Services:
         """Answer those who wait for a switch, show the state; return when to do so again [s]."""
         self._statuses.poll(now)
         self._show(now)
+        if self._session.run.state == PAUSED:
+            self._show_paused()
         self._look_at_starts(now)
         if self._simulation is not None:
             self._simulation.poll(now)
