@@ -209,9 +209,8 @@ def test_a_reset_forgets_what_was_to_be_tuned() -> None:
 def test_a_law_of_ones_own_is_not_tuned_to_what_no_log_can_hold(kp: Any) -> None:
     host = standing(f"{EXAMPLES / 'my_law.py'}:MyLaw")
     refused = host.tune({"kp": kp})
-    assert (refused.ok, refused.message.partition(":")[0]) == (
-        False, "a setting is not plain data or not a finite number"
-    )  # fmt: skip
+    assert not refused.ok
+    assert refused.message.startswith("kp: not plain data or not a finite number")
     assert host.tune({"kp": 1.0}).ok
 
 

@@ -161,10 +161,8 @@ def plan_request(
 def _work(pipe: Connection) -> None:
     """Answer requests until the other process closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
-    from flexslew_control.planners import PlanSettings, make_plan
+    from flexslew_control.planners import make_plan
     from flexslew_control.planners.from_motion import predicted_from
-    from flexslew_control.planners.law_gains import law_gains
-    from flexslew_plant.settings import validated
 
     def progress(update: Any) -> None:
         pipe.send(Iteration(*(getattr(update, name) for name in Iteration._fields)))
@@ -179,15 +177,8 @@ def _work(pipe: Connection) -> None:
                     found = law and predicted_from(motion, plan, course, _plant(of), law)
                     pipe.send(found or plan)
                     continue
-                plant = _plant(request)
-                settings = validated(PlanSettings, request.values, "plan", request.trust)
-                require_units_of_joints(PlanSettings, request.values, plant.testbed, "plan")
-                _require_ticks(settings, request.period)
-                rest, law = request.beginning
-                gains = law_gains(law, plant, "the active controller")
-                if rest:
-                    settings, plant = _from_there(settings, plant, {**rest})
-                pipe.send(make_plan(settings, plant, gains, progress, law))
+                settings, plant, gains = read_request(request)
+                pipe.send(make_plan(settings, plant, gains, progress, request.beginning.law))
             except BadInput as error:
                 pipe.send(Refusal(str(error)))  # its value may be one that no pipe can carry
             except PlanFailed as error:
@@ -197,6 +188,29 @@ def _work(pipe: Connection) -> None:
                 pipe.send(Refusal(words, cause=Cause.NO_MANOEUVRE))
     except (EOFError, OSError):
         return
+
+
+def read_request(request: PlanRequest) -> tuple[Any, PlantDescription, Any]:
+    """Return the section, bench and gains that a request is planned with.
+
+    Raises:
+        BadInput: if a key or value of the section, or the bench, is not allowed.
+    """
+    from flexslew_control.planners import PLANNERS, PlanSettings, require_section
+    from flexslew_control.planners.law_gains import law_gains
+    from flexslew_plant.settings import validated
+
+    plant = _plant(request)
+    settings = validated(PlanSettings, request.values, "plan", request.trust)
+    require_units_of_joints(PlanSettings, request.values, plant.testbed, "plan")
+    _require_ticks(settings, request.period)
+    if getattr(settings, "method", None) in PLANNERS:
+        require_section(settings, plant, "request")
+    rest, law = request.beginning
+    gains = law_gains(law, plant, "the active controller")
+    if rest:
+        settings, plant = _from_there(settings, plant, {**rest})
+    return settings, plant, gains
 
 
 def _from_there(

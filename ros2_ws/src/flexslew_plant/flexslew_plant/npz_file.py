@@ -29,9 +29,18 @@ def read_npz(source: Path | BytesIO) -> dict[str, NDArray[Any]]:
                 _check_sizes(archive)
             file.seek(0)
             with np.load(file, allow_pickle=False) as arrays:
-                return dict(arrays)
+                return {name: _array(arrays, name) for name in arrays.files}
         except _DAMAGED as error:
             raise ValueError(str(error) or "it is cut off") from None
+
+
+def _array(arrays: Any, name: str) -> NDArray[Any]:
+    """Return an array of an opened file; an error names it."""
+    try:
+        array: NDArray[Any] = arrays[name]
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    return array
 
 
 def _check_sizes(archive: zipfile.ZipFile) -> None:

@@ -290,7 +290,10 @@ def test_an_observer_whose_error_grows_is_not_stable_though_no_effort_moves_it()
 @pytest.mark.parametrize("ending", [".npz", ".mat"])
 @pytest.mark.parametrize(
     ("values", "words"),
-    [({"D": (1.0 + 2.0j) * D}, "real numbers|cannot be read"), ({"D": D, "dt": 0.01}, "no Ts")],
+    [
+        ({"D": (1.0 + 2.0j) * D}, "real numbers|cannot be read"),
+        ({"D": D, "dt": 0.01}, "dt: call the period Ts"),
+    ],
 )
 def test_numbers_and_periods_that_would_be_misread_are_refused(
     ending: str, values: dict[str, Any], words: str, tmp_path: Path

@@ -6,7 +6,7 @@ log is flown again with the same object.
 
 import json
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from textwrap import shorten
 from typing import Any, NamedTuple
@@ -291,8 +291,8 @@ class ControllerHost:
         try:
             size = len(json.dumps([changes, self.values], allow_nan=False))
         except (TypeError, ValueError):
-            words = "a setting is not plain data or not a finite number: the log could not hold it"
-            return Refusal(words)
+            words = "not plain data or not a finite number: the log could not hold it"
+            return Refusal(words, _unplain_key(changes))
         if size > LONGEST:
             return Refusal(f"settings of {size:,} characters; a log holds at most {LONGEST:,}")
         return None
@@ -317,6 +317,21 @@ class ControllerHost:
         before, self.controller, self.values = self.values, tuning.controller, tuning.values
         what = ControllerTuned(self.name, tuning.changes, before, tuning.who or UNNAMED)
         self.events.append(event_of(what, question.tick, question.time, question.epoch, self.name))
+
+
+def _unplain_key(values: Any) -> str:
+    """Return the path of the first value in nested settings that JSON cannot hold."""
+    items: Iterable[tuple[Any, Any]] = ()
+    if isinstance(values, Mapping):
+        items = values.items()
+    elif isinstance(values, list | tuple):
+        items = enumerate(values)
+    for key, value in items:
+        try:
+            json.dumps(value, allow_nan=False)
+        except (TypeError, ValueError):
+            return ".".join(filter(None, (str(key), _unplain_key(value))))
+    return ""
 
 
 def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

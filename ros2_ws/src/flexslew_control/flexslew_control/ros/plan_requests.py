@@ -13,7 +13,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import NO_TESTBED, Refusal
 from flexslew_plant.ros.parameters import serve_changes
-from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds import model_of, read_testbed
 from flexslew_plant.yaml_data import load_yaml
 
 START_MARGIN = 1.0  # until a plan that is asked for now can begin [wall s]
@@ -69,10 +69,7 @@ class PlanRequests:
             self._believed = None
             return ""
         try:
-            values = load_yaml(text, "model")
-            section = values.get("model") if isinstance(values, dict) else None
-            if not isinstance(section, dict):
-                return "model: give the text of an identified.yaml that holds a model"
+            section = model_of(load_yaml(text, "model"), "model")
             names = read_testbed(section, "model", self._trust).model().joint_names
         except BadInput as error:
             return str(error)

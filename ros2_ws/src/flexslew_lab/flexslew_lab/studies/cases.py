@@ -26,7 +26,7 @@ from flexslew_lab.trial.trial import (
 )
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
-from flexslew_plant.settings import plain
+from flexslew_plant.settings import plain, validated
 from flexslew_plant.testbeds import believed, initial_positions
 
 
@@ -128,7 +128,8 @@ def _nominal(study: Study, variant: int) -> Nominal:
     """
     if variant not in study.nominal:
         own = study.variants[variant]
-        whole = _flying(overridden(study.base, own.changes))
+        asked = overridden(study.base, own.changes)
+        whole = _flying(asked, study.source, study.trust)
         known = own.replan is True
         values = whole if known else believing(whole, study.source, study.trust)
         trial = trial_of_values(values, study.source, study.trust)
@@ -186,7 +187,8 @@ def case_trial(study: Study, case: Case) -> Trial:
         shakes=knows == EXPERIMENT,
     )
     asked = overridden(study.base, study.variants[case.variant].changes)
-    values = believing(_flying(overridden(asked, changes)), source, study.trust, found)
+    flying = _flying(overridden(asked, changes), source, study.trust)
+    values = believing(flying, source, study.trust, found)
     return trial_of_values(values | own, source, study.trust)
 
 
@@ -194,13 +196,19 @@ def _experiment(study: Study, case: Case, changes: dict[str, Any], shake: dict[s
     """Return the trial that a sampled bench flies first; its plan believes the nominal one."""
     source = f"{study.source}: shake"
     asked = overridden(study.base, study.variants[case.variant].changes | shake)
-    nominal = believing(_flying(asked), source, study.trust)
+    flying = _flying(asked, source, study.trust)
+    nominal = believing(flying, source, study.trust)
     own = {"seed": trial_seed(case.seed, 0), "name": "shake", "rate_factor": 0.0}
     return trial_of_values(overridden(nominal, changes) | own, source, study.trust)
 
 
-def _flying(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the trial with only those controllers that may take charge, defaults for new ones."""
+def _flying(values: dict[str, Any], source: str, trust: Trust) -> dict[str, Any]:
+    """Return the trial with only those controllers that may become active, new ones by default.
+
+    Raises:
+        BadInput: a value of `values` is of another kind than its key.
+    """
+    validated(Trial, values, source, trust)
     requested = [values["active"], *values["fallback"]]
     requested += [entry["switch"] for entry in values["schedule"] if entry.get("switch")]
     given = values["controllers"]
@@ -260,7 +268,10 @@ def believing(
                 belief["model"]["modes"] = count
         if _has(known, "initial"):
             belief["initial"] = initial_positions(nominal.testbed) | (plan.get("initial") or {})
-        feedback = feedback_of(nominal)
+        try:
+            feedback = feedback_of(nominal)
+        except BadInput as error:
+            raise BadInput(str(error), source) from None
         counts = takes_gains_in_charge(settings)
         if counts and plan.get("feedback") is None and feedback is not None:
             belief["feedback"] = plain(feedback)

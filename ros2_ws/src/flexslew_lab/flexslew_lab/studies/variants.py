@@ -51,7 +51,7 @@ def variants_of(
         if key == REPLAN:
             _require_knowledge(given, source)
         elif key.split(".")[0] not in base:
-            nominal_value(base, key, f"{source}: compare")
+            nominal_value(base, key, f"{source}: compare", (REPLAN,))
         named = given if isinstance(given, dict) else {_label(v): v for v in given}
         if len(named) != len(given):
             raise BadInput(f"compare.{key}: two entries read the same; give them names", source)
@@ -126,10 +126,11 @@ def with_nominal(
 
 
 def _require_knowledge(given: list[Any] | dict[str, Any], source: str) -> None:
-    for value in given.values() if isinstance(given, dict) else given:
+    named = given.items() if isinstance(given, dict) else enumerate(given)
+    for label, value in named:
         if value not in (False, True, EXPERIMENT, MANOEUVRE):
             allowed = f"false, true, {EXPERIMENT} or {MANOEUVRE}"
-            raise BadInput(allowed, f"{source}: compare", REPLAN, value)
+            raise BadInput(allowed, f"{source}: compare", f"{REPLAN}.{label}", value)
 
 
 def _label(value: Any) -> str:

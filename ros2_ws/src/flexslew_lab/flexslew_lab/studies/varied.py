@@ -15,6 +15,7 @@ from flexslew_lab.trial.overrides import value_at
 from flexslew_plant.errors import BadInput
 
 OWN = ("name", "seed", "rate_factor")  # keys of which every trial of a study has its own
+_REFERENCES = ("relative", "offset")  # what a draw may be added to
 _TAKEN = ("index", "sample", "variant", "replicate", "seed", "status", "reason", "way")
 
 
@@ -87,12 +88,13 @@ def _one(name: str, values: dict[str, Any], base: dict[str, Any], source: str) -
     if not isinstance(keys, list) or not keys or not all(isinstance(k, str) for k in keys):
         raise BadInput("a list of keys of the trial", key=f"{place}.keys", value=keys)
     reference = "absolute"
-    if len(own) == 1 and next(iter(own)) in ("relative", "offset"):
+    others: tuple[str, ...] = ("keys", *_REFERENCES)
+    if len(own) == 1 and next(iter(own)) in _REFERENCES:
         reference, inner = next(iter(own.items()))
-        place, own = f"{place}.{reference}", inner
+        place, own, others = f"{place}.{reference}", inner, ()
     if name in _TAKEN:
         raise BadInput("is not allowed: the tables have a column of that name already", place)
-    varied = Varied(name, tuple(keys), reference, distribution_of(own, place))
+    varied = Varied(name, tuple(keys), reference, distribution_of(own, place, others))
     for key in keys:
         nominal = nominal_value(base, key, f"{source}: vary")
         if reference != "absolute" and not numeric(nominal):
@@ -100,8 +102,14 @@ def _one(name: str, values: dict[str, Any], base: dict[str, Any], source: str) -
     return varied
 
 
-def nominal_value(base: dict[str, Any], key: str, place: str) -> Any:
+def nominal_value(base: dict[str, Any], key: str, place: str, others: tuple[str, ...] = ()) -> Any:
     """Return what the trial has at a key.
+
+    Args:
+        base: the trial as plain data.
+        key: of it.
+        place: file and key, for messages.
+        others: keys that are allowed here and are none of the trial's.
 
     Raises:
         BadInput: the trial has no such key; names the nearest.
@@ -110,7 +118,7 @@ def nominal_value(base: dict[str, Any], key: str, place: str) -> Any:
         return value_at(base, key)
     except BadInput:
         pass
-    known = sorted(_paths(base))
+    known = sorted([*_paths(base), *others])
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]}?" if close else ""
     if key.startswith("controllers."):

@@ -34,6 +34,7 @@ from flexslew_plant.testbeds.entry import TestbedEntry as TestbedEntry
 from flexslew_plant.testbeds.many import models_of as models_of
 from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
+from flexslew_plant.testbeds.model_file import model_of as model_of
 from flexslew_plant.testbeds.model_file import with_model_file as with_model_file
 from flexslew_plant.testbeds.start import initial_positions as initial_positions
 from flexslew_plant.testbeds.start import initial_state as initial_state

@@ -5,10 +5,14 @@ from typing import Any
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_text
+from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust, require_file
 from flexslew_plant.yaml_data import load_yaml
 
 FILE = "file"  # key of a `model` section
+_MODEL = "model"  # key of the file
+# what an identification writes; only the model is read
+_KEYS = (_MODEL, "source", "band", "confidence", "modes", "inertia", "appendage")
 
 
 def with_model_file(
@@ -39,11 +43,22 @@ def with_model_file(
     except BadInput as error:
         raise BadInput(error.refusal.why, f"{source}: {FILE}: {path}") from None
     values = load_yaml(text, f"{source}: {path}")
-    model = values.get("model") if isinstance(values, dict) else None
+    return {**model_of(values, f"{source}: {FILE}: {path}"), **given}
+
+
+def model_of(values: Any, place: str) -> dict[str, Any]:
+    """Return the section `model` of what an identified.yaml holds.
+
+    Raises:
+        BadInput: if it holds no model, or a key that no identification writes.
+    """
+    given = values if isinstance(values, dict) else {}
+    for key in map(str, given):
+        if key not in _KEYS:
+            words = f"unknown key; {did_you_mean(key, _KEYS)}allowed: {', '.join(_KEYS)}"
+            raise BadInput(words, place, key)
+    model = given.get(_MODEL)
     if not isinstance(model, dict):
-        raise BadInput(
-            f"{FILE}: {path}: holds no model; `flexslew identify` writes one where it found all "
-            "of it",
-            source,
-        )
-    return {**model, **given}
+        words = "holds no model; `flexslew identify` writes one where it found all of it"
+        raise BadInput(words, place)
+    return model

@@ -18,7 +18,7 @@ _TOO_LARGE = 3  # exit code of a reader that needs more
 
 
 def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> dict[str, Any]:
-    """Return these variables of a file as plain data, those that it has.
+    """Return these variables of a file as plain data, those that it has; others as None.
 
     Args:
         path: of MATLAB's version 5 to 7.
@@ -56,7 +56,7 @@ class _NoNumbers(Exception):
 def _main(path: str, asked: str) -> None:
     """Print the variables as JSON."""
     import numpy as np
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
     from scipy.sparse import issparse
 
     def numbers_of(key: str) -> Any:
@@ -84,8 +84,10 @@ def _main(path: str, asked: str) -> None:
     _limit_memory()
     try:
         held = loadmat(path, variable_names=[*numbers, *names])
+        present = [name for name, _, _ in whosmat(path) if not name.startswith("__")]
         found: dict[str, Any] = {key: numbers_of(key) for key in numbers if key in held}
         found |= {key: [text(entry) for entry in held[key].ravel()] for key in names if key in held}
+        found |= dict.fromkeys(name for name in present if name not in found)
     except MemoryError:
         sys.exit(_TOO_LARGE)
     except _NoNumbers as error:

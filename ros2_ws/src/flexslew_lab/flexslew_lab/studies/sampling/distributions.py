@@ -1,6 +1,5 @@
 """How a varied value is spread: families of distributions, each from a list of numbers in YAML."""
 
-import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -11,6 +10,7 @@ from scipy import stats
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.near_names import did_you_mean
 
 
 @dataclass(frozen=True)
@@ -94,23 +94,25 @@ FAMILIES: dict[str, _Family] = {
 }
 
 
-def distribution_of(values: Any, place: str) -> Distribution:
+def distribution_of(values: Any, place: str, others: tuple[str, ...] = ()) -> Distribution:
     """Return the distribution that `{family: [numbers]}` asks for.
 
     Args:
         values: what the YAML holds.
         place: file and key, for messages.
+        others: keys that are allowed here besides the families.
 
     Raises:
         BadInput: an unknown family, wrong numbers, or no spread.
     """
-    if not isinstance(values, dict) or len(values) != 1:
+    known = (*FAMILIES, *others)
+    for key in values if isinstance(values, dict) else ():
+        if key not in known:
+            hint = did_you_mean(key, known)
+            raise BadInput(f"{key}: unknown key; {hint}allowed: {', '.join(known)}", place)
+    if not isinstance(values, dict) or len(values) != 1 or next(iter(values)) not in FAMILIES:
         raise BadInput(f"give one of {', '.join(FAMILIES)}", key=place, value=values)
     family, numbers = next(iter(values.items()))
-    if family not in FAMILIES:
-        close = difflib.get_close_matches(str(family), FAMILIES, n=1)
-        hint = f"did you mean {close[0]}? " if close else ""
-        raise BadInput(f"{family}: unknown key; {hint}allowed: {', '.join(FAMILIES)}", place)
     requested = FAMILIES[family]
     words = f"{place}.{family}: {numbers!r} is not allowed: give {requested.arguments}"
     if not isinstance(numbers, list) or (requested.length and len(numbers) != requested.length):

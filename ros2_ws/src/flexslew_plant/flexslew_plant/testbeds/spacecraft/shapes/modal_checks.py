@@ -1,5 +1,6 @@
 """Checks of modal data: positive masses, orthogonal modes, sums that agree."""
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -7,11 +8,20 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
 from flexslew_plant.testbeds.spacecraft.units import hint
 
 MASS_TOLERANCE = 0.02  # of the rigid sums that are given
 _ORTHOGONAL = 1e-3  # of the modal masses
+
+
+def require_known(given: Iterable[str], known: Sequence[str], path: Path, key: str = "") -> None:
+    """Refuse the first name that is not a known key of a mapping of a file."""
+    for name in map(str, given):
+        if name not in known:
+            words = f"unknown key; {did_you_mean(name, known)}allowed here: {', '.join(known)}"
+            raise BadInput(words, path, ".".join(filter(None, (key, name))))
 
 
 def array_of(data: dict[str, Any], key: str, shape: tuple[int | None, ...], path: Path) -> Vector:
@@ -37,8 +47,9 @@ def modal_masses(data: dict[str, Any], n: int, path: Path) -> Vector | None:
     """Return the diagonal of the modal masses, checked; None where the file gives none."""
     if "modal_mass" not in data:
         return None
-    values = np.array(data["modal_mass"], dtype=float)
-    matrix = np.diag(values) if values.shape == (n,) else array_of(data, "modal_mass", (n, n), path)
+    full = np.ndim(np.array(data["modal_mass"], dtype=object)) == 2
+    values = array_of(data, "modal_mass", (n, n) if full else (n,), path)
+    matrix = values if full else np.diag(values)
     worst = float(abs(matrix - matrix.T).max(initial=0.0))
     if worst > 1e-6 * float(abs(matrix).max()):
         raise BadInput(f"modal_mass: is not symmetric: entries differ by {worst:.3g}", path)

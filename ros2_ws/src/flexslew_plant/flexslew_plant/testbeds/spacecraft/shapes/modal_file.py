@@ -50,13 +50,14 @@ from flexslew_plant.testbeds.spacecraft.shapes.modal_checks import (
     array_of,
     compare_rigid,
     modal_masses,
+    require_known,
     require_orthogonal,
 )
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
 from flexslew_plant.testbeds.spacecraft.units import UNITS, hint
 from flexslew_plant.yaml_data import load_yaml
 
-_KEYS = {
+_KEYS = (
     "units",
     "frequencies_hz",
     "damping_ratios",
@@ -69,7 +70,9 @@ _KEYS = {
     "rotation",
     "rigid",
     "geometric_stiffness",
-}
+)
+_RIGID = ("mass", "first_moment", "inertia")
+_GEOMETRIC = ("uniform", "linear")
 _SHIPPED = Path(str(resources.files("flexslew_plant.testbeds.spacecraft"))) / "data"
 
 
@@ -104,9 +107,7 @@ def allowed_file(path: Path, trust: Trust) -> Path:
 def _shape_of(path: Path, content: bytes) -> FlexibleShape:
     """Return what a file with this content describes: every trial of a study asks for the same."""
     data = _read(path, content)
-    unknown = sorted(set(data) - _KEYS)
-    if unknown:
-        raise BadInput(f"{unknown[0]}: unknown key; allowed here: {', '.join(sorted(_KEYS))}", path)
+    require_known(data, _KEYS, path)
     system = str(data.get("units", "si"))
     if system not in UNITS:
         raise BadInput(", ".join(UNITS), path, "units", system)
@@ -194,6 +195,7 @@ def _rigid(data: dict[str, Any], path: Path) -> tuple[float, Vector, Matrix] | N
         return None
     if not isinstance(given, dict):
         raise BadInput("rigid: must give mass, first_moment and inertia", path)
+    require_known(given, _RIGID, path, "rigid")
     mass = float(array_of(given, "mass", (), path))
     if not mass > 0.0:
         raise BadInput(f"rigid.mass: {mass:g} is not positive", path)
@@ -239,9 +241,11 @@ def _from_points(
         )
     if rigid is not None:
         compare_rigid(integrals, rigid, path)
-    at = int(data.get("tip", int(np.argmax(np.linalg.norm(points, axis=1)))))
-    if not 0 <= at < k:
-        raise BadInput(f"0 to {k - 1}", path, "tip", at)
+    at = data.get("tip", int(np.argmax(np.linalg.norm(points, axis=1))))
+    number = isinstance(at, int | float) and not isinstance(at, bool)
+    if not (number and 0 <= at < k and float(at).is_integer()):
+        raise BadInput(f"a whole number from 0 to {k - 1}", path, "tip", at)
+    at = int(at)
     tip = Spot(points[at], shapes[at], np.zeros((3, n)), np.zeros((3, n)))
     line, line_shape = _centre_line(points, masses, shapes)
     return integrals, mass, tip, line, line_shape
@@ -298,8 +302,9 @@ def _geometric(data: dict[str, Any], n: int, path: Path) -> Shortening | None:
     given = data.get("geometric_stiffness")
     if given is None:
         return None
-    if not isinstance(given, dict) or set(given) != {"uniform", "linear"}:
-        raise BadInput(f"{path}: geometric_stiffness: must give uniform and linear")
+    if not isinstance(given, dict):
+        raise BadInput("geometric_stiffness: must give uniform and linear", path)
+    require_known(given, _GEOMETRIC, path, "geometric_stiffness")
     uniform = array_of(given, "uniform", (3, n, n), path)
     linear = array_of(given, "linear", (3, 3, n, n), path)
     for key, matrices in (("uniform", uniform), ("linear", linear)):
