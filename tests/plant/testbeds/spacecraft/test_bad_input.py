@@ -154,7 +154,7 @@ def test_a_modal_file_gives_its_masses_and_frequencies(tmp_path: Path) -> None:
         ({"damping_ratios": [0.1, 1.2]}, "are not all in 0 to 1"),
         ({"modal_mass": [1.0, -1.0]}, "not positive definite"),
         ({"modal_mass": [2.0, 1.16]}, "mode 1 has 2, its points sum to 1.16"),
-        ({"tip": 7}, "7 is not allowed: 0 to 1"),
+        ({"tip": 7}, "7 is not allowed: a whole number from 0 to 1"),
         ({"points": [[1.0, 0, 0], [float("nan"), 0, 0]]}, "not finite"),
         ({"rigid": {"mass": 2.0}}, "first_moment: missing"),
         (
