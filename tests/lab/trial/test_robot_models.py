@@ -13,7 +13,7 @@ from flexslew_lab.trial.sources import shipped_trials
 from flexslew_lab.trial.trial import load_trial
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import Testbed, TestbedSettings
+from flexslew_plant.testbeds import TestbedSettings
 from flexslew_plant.testbeds.robot_model import Frame
 
 CARTS = {
@@ -40,11 +40,10 @@ TRIALS = {trial.name: trial.path for trial in shipped_trials()}
 
 
 @cache
-def testbed_of(name: str) -> Testbed:
+def testbed_of(name: str) -> Any:
     """Return the testbed of a section, or of a shipped trial."""
     if name in SECTIONS:
-        testbed: Testbed = validated(TestbedSettings, SECTIONS[name], "here")
-        return testbed
+        return validated(TestbedSettings, SECTIONS[name], "here")
     return load_trial(TRIALS[name]).testbed
 
 
