@@ -7,7 +7,7 @@ import pytest
 from tests.present import present
 
 from flexslew_control.course import Course
-from flexslew_control.known_motion import AWAY, PREDICTED, Motion, at_rest
+from flexslew_control.known_motion import AWAY, PREDICTED, KnownMotion, at_rest
 from flexslew_control.law import ActiveLaw, Reference
 from flexslew_control.plan import Plan
 from flexslew_control.planners.from_motion import predicted_from, state_of
@@ -62,7 +62,7 @@ class Seen:
 
     def __init__(self, model: Model, controllers: Any, tick: int, plan: Plan) -> None:
         self._model, self._controllers, self._tick, self._plan = model, controllers, tick, plan
-        self.motion: Motion | None = None
+        self.motion: KnownMotion | None = None
         self.tip, self.away = 0.0, np.zeros(model.joints)
 
     def truth(self, truth: Any) -> None:
@@ -74,7 +74,7 @@ class Seen:
             joints = dict(zip(self._model.joint_names, shown, strict=True))
             tip = self._model.appendages.tip
             tips = np.concatenate((tip @ modes, tip @ rates))
-            self.motion = Motion(truth.tick, joints, modes.copy(), rates.copy(), tips)
+            self.motion = KnownMotion(truth.tick, joints, modes.copy(), rates.copy(), tips)
             for controller in self._controllers.values():
                 assert controller.adopt(self._plan) is None
         if truth.time >= self._plan.end - 1e-9:
@@ -135,7 +135,7 @@ def test_the_state_of_a_bench_has_the_joints_and_modes_that_it_displays(name: st
     position, velocity = model.joint_state(x)
     shown = zip(position.tolist(), velocity.tolist(), strict=True)
     joints = dict(zip(model.joint_names, shown, strict=True))
-    motion = Motion(3, joints, *model.modal_state(x), np.zeros(0))
+    motion = KnownMotion(3, joints, *model.modal_state(x), np.zeros(0))
     state = state_of(model, motion, position)
     for of in (model.joint_state, model.modal_state):
         np.testing.assert_allclose(of(state), of(x), atol=1e-9)
@@ -152,5 +152,7 @@ def test_a_bench_with_a_joint_on_its_mast_is_placed_by_the_references() -> None:
         rng.uniform(-0.1, 0.1, k) for k in (model.modes, model.modes, model.joints)
     )
     joints = {name: (0.01, rate) for name, rate in zip(model.joint_names, speeds, strict=True)}
-    state = state_of(model, Motion(3, joints, modes, rates, np.zeros(0)), np.zeros(model.joints))
+    state = state_of(
+        model, KnownMotion(3, joints, modes, rates, np.zeros(0)), np.zeros(model.joints)
+    )
     np.testing.assert_array_equal(np.concatenate(model.modal_state(state)), [*modes, *rates])

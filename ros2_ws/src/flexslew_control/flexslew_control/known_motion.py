@@ -13,7 +13,7 @@ FROM_REST = "predicted_residual_from_rest"  # key: PREDICTED without the motion 
 _SMALL, _SHARE = 1e-4, 0.1  # negligible motion: [m] or [rad] or per second, and of PREDICTED [-]
 
 
-class Motion(NamedTuple):
+class KnownMotion(NamedTuple):
     """The state of a bench at a tick, as it is displayed."""
 
     tick: int
@@ -28,7 +28,7 @@ def negligible(size: float, plan: Plan) -> bool:
     return size <= _SMALL + _SHARE * float(plan.summary.get(PREDICTED) or 0.0)
 
 
-def at_rest(motion: Motion, plan: Plan) -> bool:
+def at_rest(motion: KnownMotion, plan: Plan) -> bool:
     """Return whether joints and tips move so little that the prediction from rest holds."""
     rates = [abs(rate) for _, rate in motion.joints.values()]
     return negligible(max([*rates, *abs(motion.tips).tolist()], default=0.0), plan)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.known_motion import Motion
+from flexslew_control.known_motion import KnownMotion
 from flexslew_control.law import ActiveLaw, PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -53,7 +53,7 @@ class MotionRequest(NamedTuple):
 
     plan: Plan  # predicted from rest
     course: Plan  # preceded by the references from the tick of the motion on
-    motion: Motion
+    motion: KnownMotion
     of: PlanRequest  # that the plan is made for
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexslew_control.analysis.linear_plant import PlantPath, motors
-from flexslew_control.known_motion import Motion, with_motion
+from flexslew_control.known_motion import KnownMotion, with_motion
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.motors import matrices
@@ -17,7 +17,7 @@ _MOST_TICKS = 50_000  # of the flight until the plan's end, of some 0.1 ms each
 
 
 def predicted_from(
-    motion: Motion, plan: Plan, course: Plan, plant: PlantDescription, law: ActiveLaw
+    motion: KnownMotion, plan: Plan, course: Plan, plant: PlantDescription, law: ActiveLaw
 ) -> Plan | None:
     """Return a plan with the residual that it leaves from a known state; None: no such flight.
 
@@ -48,7 +48,7 @@ def predicted_from(
     return with_motion(plan, found.tip_deflection, away, course.start)
 
 
-def state_of(model: Model, motion: Motion, reference: Vector) -> Vector:
+def state_of(model: Model, motion: KnownMotion, reference: Vector) -> Vector:
     """Return the state [q, v] of a testbed from the display of its joints and modes.
 
     A joint that is not displayed is at its reference, at rest. Of all velocities that the joints

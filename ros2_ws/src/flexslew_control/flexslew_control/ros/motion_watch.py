@@ -9,7 +9,7 @@ from flexslew_msgs.msg import AppendageState
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from flexslew_control.known_motion import PREDICTED, Motion, at_rest, with_swing
+from flexslew_control.known_motion import PREDICTED, KnownMotion, at_rest, with_swing
 from flexslew_control.plan import Plan
 from flexslew_control.planning import MotionRequest, PlanRequest
 from flexslew_plant.graph import topics
@@ -63,13 +63,13 @@ class MotionWatch:
         """Return a plan with a bound that includes the swing; see with_swing."""
         return with_swing(plan, self._swing)
 
-    def _motion(self, period: float) -> Motion | None:
+    def _motion(self, period: float) -> KnownMotion | None:
         """Return the newest state that was displayed; None: none was."""
         if self._both is None:
             return None
         joints, shown = self._both
         values = zip(joints.name, joints.position, joints.velocity, strict=True)
-        return Motion(
+        return KnownMotion(
             round(seconds_of(shown.header.stamp) / period),
             {name: (position, velocity) for name, position, velocity in values},
             np.array(shown.modal_position),
