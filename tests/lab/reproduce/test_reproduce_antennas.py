@@ -1,5 +1,7 @@
 """`./flexslew reproduce antennas`: the parts that take seconds; the command flies all rows."""
 
+import pytest
+
 from flexslew_lab.reproduce import antennas, trial_flights
 
 
@@ -24,3 +26,10 @@ def test_the_shipped_trials_fly_as_published() -> None:
     rows = trial_flights.shipped_trials(("antenna_2", "antenna_4"))
     assert [row for row in rows if not row["ok"]] == []
     assert len(rows) == 7
+
+
+@pytest.mark.slow
+def test_the_membrane_flies_as_computed_independently() -> None:
+    rows = antennas._example_5()
+    assert [row["item"] for row in rows if not row["ok"]] == []
+    assert sum(row["item"].startswith("example 5, case 2 controlled") for row in rows) == 4

@@ -248,7 +248,7 @@ def _example_5() -> list[dict[str, Any]]:
         columns = zip(("R_y [ft]", "R_z [ft]", "theta_x [rad]", "centre [ft]"),
                       references, peaks, strict=True)  # fmt: skip
         rows += _peaks(f"example 5, case 1 {name}", {k: (r, o) for k, r, o in columns})
-    # figures 27 to 30; the references were computed by another model
+    # figures 27 to 30, by an independent computation: the print has no legible numbers
     references = (0.0032288, 0.0010983, 0.023056, 0.0013411)
     columns = zip(("R_y [ft]", "R_z [ft]", "theta_x [rad]", "centre [ft]"),
                   references, membrane_peaks(2, True), strict=True)  # fmt: skip
