@@ -92,7 +92,8 @@ def fault_of(error: FlexslewError, wrong: Wrong, source: str) -> str:
         return "more than one line"
     if source and not words.startswith(source):
         return f"does not begin with {source}"
-    named = [str(part) for part in wrong.path if not isinstance(part, int)]
+    # of a key with dots, the last part
+    named = [part.rpartition(".")[2] for part in wrong.path if isinstance(part, str)]
     if wrong.kind == "misspelt":
         written = f"{named[-1]}{SUFFIX}"
         if written not in words:

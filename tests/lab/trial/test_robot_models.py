@@ -40,7 +40,7 @@ TRIALS = {trial.name: trial.path for trial in shipped_trials()}
 
 
 @cache
-def testbed_of(name: str) -> Any:
+def read_named_testbed(name: str) -> Any:
     """Return the testbed of a section, or of a shipped trial."""
     if name in SECTIONS:
         return validated(TestbedSettings, SECTIONS[name], "here")
@@ -75,7 +75,7 @@ def _walked(joint: Any, positions: dict[str, float]) -> Matrix:
 
 @pytest.mark.parametrize("name", [*TRIALS, *SECTIONS])
 def test_walking_the_description_ends_where_the_frames_are(name: str) -> None:
-    testbed = testbed_of(name)
+    testbed = read_named_testbed(name)
     model, scene = testbed.model(), testbed.scene()
     robot = ElementTree.fromstring(scene.robot_description)
     driven = [j.get("name") for j in robot.findall("joint") if j.get("type") in MOVING]
@@ -96,7 +96,7 @@ def test_walking_the_description_ends_where_the_frames_are(name: str) -> None:
 
 @pytest.mark.parametrize("name", [*TRIALS, *SECTIONS])
 def test_what_never_moves_is_static_and_what_moves_is_named_by_the_joint_states(name: str) -> None:
-    testbed = testbed_of(name)
+    testbed = read_named_testbed(name)
     scene = testbed.scene()
     names = testbed.model().joint_names if scene.joints is None else scene.joints
     robot = ElementTree.fromstring(scene.robot_description)
@@ -109,7 +109,7 @@ def test_what_never_moves_is_static_and_what_moves_is_named_by_the_joint_states(
 
 @pytest.mark.parametrize("name", [*TRIALS, *SECTIONS])
 def test_bodies_have_a_mass_and_an_inertia_that_a_body_can_have(name: str) -> None:
-    robot = ElementTree.fromstring(testbed_of(name).scene().robot_description)
+    robot = ElementTree.fromstring(read_named_testbed(name).scene().robot_description)
     found = robot.findall("link/inertial")
     assert found
     for body in found:
@@ -124,12 +124,12 @@ def test_bodies_have_a_mass_and_an_inertia_that_a_body_can_have(name: str) -> No
 
 
 def test_carts_slide_and_only_what_is_in_radians_turns() -> None:
-    robot = ElementTree.fromstring(testbed_of("carts").scene().robot_description)
+    robot = ElementTree.fromstring(read_named_testbed("carts").scene().robot_description)
     kinds = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
     assert kinds == {"first": "prismatic", "second": "prismatic", "wrist": "continuous"}
 
 
 def test_a_push_at_a_tip_is_no_joint() -> None:
-    testbed = testbed_of("scole_full")
+    testbed = read_named_testbed("scole_full")
     assert "mast_tip_x" in testbed.model().joint_names
     assert testbed.scene().joints == ("x", "y", "z", "roll", "pitch", "yaw")

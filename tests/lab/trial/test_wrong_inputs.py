@@ -31,12 +31,22 @@ def refusal(values: Any) -> FlexslewError | None:
     return None
 
 
+def own_name(path: tuple[str | int, ...], kind: str) -> bool:
+    """Return whether a key is a name of the user's own, or chooses which other keys there are.
+
+    Parts of a spacecraft and controllers have names of the user's own.
+    """
+    return kind == "spacecraft" or path[:-1] == ("controllers",) or path[-1] in ("kind", "law")
+
+
 def faults(values: Any, known: set[tuple[str, ...]], every: bool) -> dict[str, str]:
     """Return the wrong inputs that are not refused as they should be, by place."""
     found = {}
     section = {key: str(values[key].get(name)) for key, name in (("testbed", "kind"),)}
     section["plan"] = str((values.get("plan") or {}).get("method"))
     for wrong in wrong_inputs(values, every):
+        if wrong.kind == "misspelt" and own_name(wrong.path, values["testbed"]["kind"]):
+            continue
         pattern = (*wrong.pattern, section.get(str(wrong.path[0]), "") if wrong.path else "")
         if pattern in known and not every:
             continue

@@ -14,10 +14,12 @@ from flexslew_lab.studies.experiment import found_by_flying
 from flexslew_lab.studies.sampling.methods import Samples, drawn
 from flexslew_lab.studies.study import Nominal, Place, Study
 from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
+from flexslew_lab.studies.variants import StudyVariant
 from flexslew_lab.trial.overrides import keys_to, overridden, put, value_at
 from flexslew_lab.trial.trial import (
     ALONE,
     Trial,
+    checked_trial,
     feedback_of,
     law_of,
     plant_of,
@@ -118,6 +120,18 @@ def changes_of(study: Study, case: Case) -> dict[str, Any]:
     return {
         place.key: place.varied.value(place.nominal, case.draws[place.draw]) for place in places
     }
+
+
+def require_variant(study: Study, variant: StudyVariant) -> None:
+    """Check the trial of a variant with all of its controllers, also those that never fly.
+
+    Raises:
+        BadInput: a name or a value of it is not allowed.
+    """
+    values = overridden(study.base, variant.changes)
+    flying = _flying(values, study.source, study.trust)["controllers"]
+    whole = values | {"controllers": flying | values["controllers"]}
+    checked_trial(trial_of_values(whole, study.source, study.trust), study.source)
 
 
 def _nominal(study: Study, variant: int) -> Nominal:

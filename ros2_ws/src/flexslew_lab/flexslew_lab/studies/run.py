@@ -11,7 +11,15 @@ import pyarrow as pa
 
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.run.pool import Executor
-from flexslew_lab.studies.cases import Case, Cases, case_of, case_trial, sample_table, typical_case
+from flexslew_lab.studies.cases import (
+    Case,
+    Cases,
+    case_of,
+    case_trial,
+    require_variant,
+    sample_table,
+    typical_case,
+)
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.findings.stopping import interim_sizes, settled
 from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
@@ -101,7 +109,8 @@ def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
     """
     columns: dict[str, None] = {}
     trials = []
-    for k in range(len(study.variants)):
+    for k, variant in enumerate(study.variants):
+        require_variant(study, variant)
         typical = case_trial(study, typical_case(study, samples, k))
         bench, _ = set_up(typical, study.source)
         own = own_metrics(typical.metrics, f"{study.source}: metrics", typical.trust)
