@@ -129,6 +129,21 @@ def build_controller(
     )
 
 
+def require_law(law: str, source: str, trust: Trust) -> None:
+    """Check that a plain name is one of a law; a file or a module that is named is not loaded.
+
+    Args:
+        law: key of CONTROLLERS, entry point of an installed package, file or class.
+        source: file and key to name in an error.
+        trust: which classes of the user's own may be loaded.
+
+    Raises:
+        BadInput: it is no name of a law; names the nearest one.
+    """
+    if law not in CONTROLLERS and "." not in law:
+        find_law(law, source, tuple(CONTROLLERS), trust)
+
+
 def require_settings(
     law: str, values: dict[str, Any], plant: PlantDescription, source: str
 ) -> None:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.controllers import CONTROLLERS, require_law
 from flexslew_control.planners import planned_about_one_axis, takes_gains_in_charge
 from flexslew_control.planners.attitude.one_axis import counted
 from flexslew_lab.studies.experiment import found_by_flying
@@ -132,6 +132,9 @@ def require_variant(study: Study, variant: StudyVariant) -> None:
     flying = _flying(values, study.source, study.trust)["controllers"]
     whole = values | {"controllers": flying | values["controllers"]}
     checked_trial(trial_of_values(whole, study.source, study.trust), study.source)
+    for name, section in whole["controllers"].items():
+        law, _ = law_of(name, section or {})
+        require_law(law, f"{study.source}: controllers.{name}", study.trust)
 
 
 def _nominal(study: Study, variant: int) -> Nominal:
