@@ -273,7 +273,7 @@ def test_the_planner_takes_an_identified_model_while_the_bench_is_paused(
     refused, why = believe(yaml_text({"model": plain(strange)}))
     assert not refused
     assert "is of yaw, hub_pitch; on the bench are base_yaw, hub_pitch" in why
-    assert "give the text of an identified.yaml" in believe("modes: []")[1]
+    assert "`flexslew identify` writes one" in believe("modes: []")[1]
     assert "kind identified" in believes(goal)
     assert believe("") == (True, "")
     assert "identified" not in believes(goal)
