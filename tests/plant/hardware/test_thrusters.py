@@ -8,13 +8,13 @@ import pytest
 from flexslew_lab.trial.trial import bench_settings, parse_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
-from flexslew_plant.hardware.thrusters import Thrusters, thrusters_of
+from flexslew_plant.hardware.actuator import Actuator, ActuatorSettings, shortest_impulses
 
 PERIOD, LIMIT, SHORTEST = 0.1, np.array([2.0, 0.5, 3.0]), np.array([0.02, 0.1, 0.0])
 
 
 def pulsed(demands: Any) -> Any:
-    it = Thrusters(SHORTEST, LIMIT, PERIOD)
+    it = Actuator(ActuatorSettings(), LIMIT, PERIOD, SHORTEST * LIMIT)
     return np.array([it.apply(demand) for demand in demands])
 
 
@@ -48,8 +48,8 @@ def test_what_is_beyond_the_limit_is_not_owed_for_ever() -> None:
 def test_a_pulse_as_long_as_a_tick_but_for_rounding_is_given() -> None:
     tick, pulse = 0.3, 0.1 + 0.2
     assert pulse > tick
-    it = thrusters_of(pulse, ("jet",), np.array([1.0]), tick)
-    assert it is not None
+    settings, limit = ActuatorSettings(shortest_pulse=pulse), np.array([1.0])
+    it = Actuator(settings, limit, tick, shortest_impulses(settings, ("jet",), limit, tick))
     given = [float(it.apply(np.array([0.5]))[0]) for _ in range(6)]
     assert given == [0.0, 1.0, 0.0, 1.0, 0.0, 1.0]
 

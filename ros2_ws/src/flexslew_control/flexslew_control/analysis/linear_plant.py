@@ -115,7 +115,8 @@ def motors(path: PlantPath, efforts: tuple[str, ...]) -> Lti:
     queue = Lti(
         shift, entry, block_diag(*out), np.diag(through), efforts, efforts, names, path.period
     )
-    rise, mean = Actuator(path.actuator, np.ones(m), path.period).rises
+    own = Actuator(path.actuator, np.ones(m), path.period).numbers
+    rise, mean = own.rise, own.mean_rise
     if rise == mean == 1.0:
         return queue
     names = tuple(f"{name}.motor" for name in efforts)

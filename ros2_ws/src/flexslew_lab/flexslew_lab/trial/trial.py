@@ -37,10 +37,9 @@ from flexslew_plant.bench.schedule import command_delays, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.commands import ControllerSilent
 from flexslew_plant.given_file import given_text
-from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.hardware.actuator import ActuatorSettings, shortest_impulses
 from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.hardware.sensors import SensorSettings
-from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -175,7 +174,7 @@ def _require_settings(trial: Trial, source: str) -> None:
     injections_of(trial.schedule, names, trial.period, source)
     try:
         motors, model = trial.actuator, plant.testbed.model()
-        thrusters_of(motors.shortest_pulse, model.joint_names, plant.effort_limit, trial.period)
+        shortest_impulses(motors, model.joint_names, plant.effort_limit, trial.period)
         coefficients(model.own_motors, motors)
     except BadInput as error:
         raise BadInput(error.refusal.within("actuator", source)) from None

@@ -39,13 +39,12 @@ from flexslew_plant.events import (
 )
 from flexslew_plant.events.run import Objection
 from flexslew_plant.faults.effects import Fate
-from flexslew_plant.hardware.actuator import Actuator
+from flexslew_plant.hardware.actuator import Actuator, shortest_impulses
 from flexslew_plant.hardware.drive import Drive
 from flexslew_plant.hardware.friction import friction_of
 from flexslew_plant.hardware.plausibility import Plausibility
 from flexslew_plant.hardware.sensors import Readings, Sensors, exact_readings
 from flexslew_plant.hardware.spin_limits import spin_limits_of
-from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds import Testbed, initial_state
@@ -110,11 +109,9 @@ class Bench:
         brake = settings.brake_damping_ratio * slowest * able
         self.drive = Drive(settings.active, settings.max_missed, brake)
         self.handover = Handover(self.drive, settings.fallback, self.tell)
-        names, pulse = self.model.joint_names, settings.actuator.shortest_pulse
-        thrusters = thrusters_of(pulse, names, self.limit, settings.period)
-        self.actuator = Actuator(
-            settings.actuator, self.limit, settings.period, thrusters, self.model.one_way
-        )
+        motors, names, period = settings.actuator, self.model.joint_names, settings.period
+        impulse = shortest_impulses(motors, names, self.limit, period)
+        self.actuator = Actuator(motors, self.limit, period, impulse, self.model.one_way)
         self._spins = spin_limits_of(self.model, settings.period)
         chosen = settings.plausibility
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None

@@ -1,4 +1,4 @@
-"""The motors: torque limit, quantisation, slew rate, lag; see friction and thrusters, too."""
+"""The motors: torque limit, quantisation, slew rate, lag, pulses; see friction, too."""
 
 from collections.abc import Sequence
 from math import expm1
@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import Discriminator, Tag
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.hardware.thrusters import Thrusters
+from flexslew_plant.errors import BadInput
+from flexslew_plant.hardware.motor_step import LAGGED, RAMPED, MotorNumbers, drive_motors
 from flexslew_plant.settings import NonNegative, Positive, section
 
 # one number for all motors, or one by name
@@ -41,21 +42,17 @@ class ActuatorSettings:
 
 
 IDEAL = ActuatorSettings()
-WHOLE = 1.0 + 1e-12  # 0.3 / 0.1 is less than 3: a quotient but for rounding
 
 
 class Actuator:
-    """One motor per joint, with the demand held over a tick.
-
-    The torque u follows the demand, a multiple of the quantum, at the slew rate; with a lag the
-    motor's torque is z' = (u - z) / lag. Both vary within the tick; what is applied is their exact
-    mean, so that the impulse over every tick is that of the continuous response.
+    """One motor per joint, with the demand held over a tick; see motor_step.drive_motors.
 
     Args:
         settings: the `actuator` section.
         limit: largest |effort|, shape (joints,) [N m or N].
         period: one tick [s].
-        thrusters: those that are on or off; None: all push continuously.
+        impulse: of the shortest pulse of each thruster that is on or off, 0 of the others, shape
+            (joints,) [N m s or N s]; None: all push continuously.
         one_way: which ones give nothing but a positive effort.
     """
 
@@ -64,35 +61,30 @@ class Actuator:
         settings: ActuatorSettings,
         limit: Vector,
         period: float,
-        thrusters: Thrusters | None = None,
+        impulse: Vector | None = None,
         one_way: Sequence[int] = (),
     ) -> None:
-        self._thrusters = thrusters
-        self._settings, self._limit = settings, limit
-        self._least = -limit
-        self._least[list(one_way)] = 0.0
+        least = -limit
+        least[list(one_way)] = 0.0
         self._bounds: list[tuple[float, float]] = list(
-            zip(self._least.tolist(), limit.tolist(), strict=True)
+            zip(least.tolist(), limit.tolist(), strict=True)
         )
-        self._period = period
-        ratio = period / settings.lag if settings.lag else 0.0
-        self._rise = -expm1(-ratio)  # of z over a tick, in parts of demand - z
-        self._mean_rise = 1.0 - self._rise / ratio if ratio else 1.0
+        s, ratio = settings, period / settings.lag if settings.lag else 0.0
+        rise = -expm1(-ratio) if ratio else 1.0
+        mean_rise = 1.0 - rise / ratio if ratio else 1.0
+        shortest = np.zeros(limit.size) if impulse is None else impulse
+        motors = s.quantisation, s.slew_rate, s.lag, rise, mean_rise, period
+        self.numbers = MotorNumbers(np.array(limit, dtype=float), least, shortest, *motors)
+        self._ideal = not (s.quantisation or s.slew_rate or s.lag or shortest.any())
         self.reset()
-
-    @property
-    def rises(self) -> tuple[float, float]:
-        """Parts of a step that the torque has gone at the end of a tick, and in its mean [-]."""
-        return (self._rise, self._mean_rise) if self._settings.lag else (1.0, 1.0)
+        if not self._ideal:
+            self.apply(np.zeros(limit.size))  # compiled before tick 0
 
     def reset(self) -> None:
         """Forget the past: no torque."""
-        self.effort: Vector = np.zeros(self._limit.size)  # really applied [N m or N]
-        self._ramped: Vector = np.zeros(self._limit.size)  # u at the end of the last tick
-        self._lagged: Vector = np.zeros(self._limit.size)  # z at the end of the last tick
+        self.effort: Vector = np.zeros(len(self._bounds))  # really applied [N m or N]
+        self._memory = np.zeros((3, len(self._bounds)))
         self.saturated = False
-        if self._thrusters is not None:
-            self._thrusters.reset()
 
     def place(self, torque: Vector) -> None:
         """Go on from this torque, as if the demand had been it for long.
@@ -100,51 +92,50 @@ class Actuator:
         Args:
             torque: shape (joints,) [N m or N].
         """
-        self._ramped = self._lagged = torque
+        self._memory[RAMPED] = self._memory[LAGGED] = torque
 
     def apply(self, demand: Vector) -> Vector:
         """Return the mean effort over the coming tick, shape (joints,) [N m or N]."""
-        s = self._settings
-        self.saturated, effort = False, demand
+        if not self._ideal:
+            self.effort = np.empty(demand.size)
+            self.saturated = drive_motors(self.numbers, demand, self._memory, self.effort)
+            return self.effort
+        self.saturated, self.effort = False, demand
         # a Python loop over one or two joints takes a third of the time of NumPy's calls
         for value, (least, largest) in zip(demand.tolist(), self._bounds, strict=True):
             if not least <= value <= largest:
-                self.saturated, effort = True, np.clip(demand, self._least, self._limit)
+                self.saturated = True
+                self.effort = np.clip(demand, self.numbers.least, self.numbers.limit)
                 break
-        if s.quantisation:
-            most = np.floor(self._limit / s.quantisation * WHOLE)
-            effort = s.quantisation * np.clip(np.round(effort / s.quantisation), -most, most)
-            effort = np.clip(effort, self._least, self._limit)  # 3 times 0.1 is more than 0.3
-        if self._thrusters is not None:
-            effort = self._thrusters.apply(effort)
-        if s.slew_rate:
-            self.effort = self._followed(effort)
-            return self.effort
-        self.effort = effort
-        if s.lag:
-            gap = effort - self._lagged
-            self.effort = self._lagged + self._mean_rise * gap
-            self._lagged = self._lagged + self._rise * gap
         return self.effort
 
-    def _followed(self, demand: Vector) -> Vector:
-        """Return the mean over the tick of a torque that ramps to the demand, then holds it.
 
-        On the ramp z = u - rate lag + (z_0 - u_0 + rate lag) e^(-t/lag); the integral of z is that
-        of u less lag times the change of z.
-        """
-        s, dt, start = self._settings, self._period, self._ramped
-        gap = demand - start
-        rising = np.minimum(abs(gap) / s.slew_rate, dt)  # how long each ramps [s]
-        rate = s.slew_rate * np.sign(gap)
-        end = np.where(rising < dt, demand, start + rate * dt)
-        mean = end - 0.5 * rising / dt * (end - start)
-        self._ramped = end
-        if not s.lag:
-            return mean
-        behind = rate * s.lag  # of the torque, once the ramp has gone on for long
-        z = end - behind + (self._lagged - start + behind) * np.exp(-rising / s.lag)
-        z = end + (z - end) * np.exp(-(dt - rising) / s.lag)
-        mean = mean - s.lag / dt * (z - self._lagged)
-        self._lagged = z
-        return mean
+def shortest_impulses(
+    settings: ActuatorSettings, names: tuple[str, ...], limit: Vector, period: float
+) -> Vector:
+    """Return the impulse of each actuator's shortest pulse, shape (actuators,) [N m s or N s].
+
+    It is 0 where an actuator pushes continuously.
+
+    Args:
+        settings: the `actuator` section.
+        names: of the actuators.
+        limit: of their efforts, shape (actuators,).
+        period: one tick [s].
+
+    Raises:
+        BadInput: a name is no actuator, or a pulse is longer than a tick.
+    """
+    shortest = settings.shortest_pulse
+    by_name = shortest if isinstance(shortest, dict) else dict.fromkeys(names, shortest)
+    unknown = sorted(set(by_name) - set(names))
+    if unknown:
+        words = f"names of actuators: {', '.join(names)}"
+        raise BadInput(words, "actuator", "shortest_pulse", unknown[0])
+    widths = np.array([by_name.get(name, 0.0) for name in names])
+    if (widths > period * (1.0 + 1e-9)).any():
+        words = f"at most one tick, {period:g} s"
+        raise BadInput(words, "actuator", "shortest_pulse", float(widths.max()))
+    # a pulse of a tick may be longer by what is rounded, as 0.1 + 0.2 than 0.3
+    impulses: Vector = np.minimum(widths, period) * limit
+    return impulses

@@ -1,18 +1,25 @@
 """Reaction wheels that their motors drive up to a speed, and no further."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Indices, Vector, compiled_once
+from flexslew_plant.hardware.motor_step import within_speed
 from flexslew_plant.testbeds.model import Model
 
 
-class SpinLimits:
-    """What motors of wheels near their largest speed give over a tick.
+class WheelLimits(NamedTuple):
+    """The constants of the wheels that have a largest speed."""
 
-    An effort u on the platform takes the speed W of a wheel with I W' = -u, so the impulse that
-    takes it to its limit bounds the mean over a tick dt:
-        -I (W_max - W) / dt <= u <= I (W_max + W) / dt.
-    A wheel that is beyond gets nothing that way: the platform's turn, too, changes its speed.
+    efforts: Indices  # which effort drives each, (wheels,)
+    rates: Indices  # which entry of the state is the speed of each, (wheels,)
+    share: Vector  # inertia over a tick, (wheels,) [N m s/rad]
+    fastest: Vector  # (wheels,) [rad/s]
+
+
+class SpinLimits:
+    """What motors of wheels near their largest speed give over a tick; see within_speed.
 
     Args:
         model: of the testbed.
@@ -20,10 +27,13 @@ class SpinLimits:
     """
 
     def __init__(self, model: Model, period: float) -> None:
-        spins = model.spins
-        limited = np.isfinite(spins.fastest)
-        self._efforts, self._rates = spins.efforts[limited], spins.rate[limited]
-        self._share, self._fastest = spins.inertia[limited] / period, spins.fastest[limited]
+        spins, fast = model.spins, np.isfinite(model.spins.fastest)
+        share = spins.inertia[fast] / period
+        self._limits = WheelLimits(
+            spins.efforts[fast], spins.rate[fast], share, spins.fastest[fast]
+        )
+        nothing = np.zeros(int(spins.rate.max()) + 1)
+        self.apply(np.zeros(model.joints), nothing)  # compiled before tick 0
 
     def apply(self, effort: Vector, x: Vector) -> Vector:
         """Return the mean effort over the coming tick, shape (joints,) [N m or N].
@@ -32,15 +42,23 @@ class SpinLimits:
             effort: that the motors would give, shape (joints,) [N m or N].
             x: state at the tick, [q, v].
         """
-        speed, asked = x[self._rates], effort[self._efforts]
-        most = np.maximum(self._share * (self._fastest + speed), 0.0)
-        least = np.minimum(self._share * (speed - self._fastest), 0.0)
-        given = np.clip(asked, least, most)
-        if (given == asked).all():
-            return effort
-        held = effort.copy()
-        held[self._efforts] = given
-        return held
+        out = effort.copy()
+        bound_wheels(self._limits, x, out)
+        return out
+
+
+@compiled_once("effort")
+def bound_wheels(n: WheelLimits, x: Vector, effort: Vector) -> None:
+    """Bound the efforts of wheels near their largest speed.
+
+    Args:
+        n: constants.
+        x: state at the tick, [q, v].
+        effort: that the motors would give, shape (joints,), changed [N m or N].
+    """
+    for k in range(n.efforts.size):
+        i = n.efforts[k]
+        effort[i] = within_speed(effort[i], x[n.rates[k]], n.share[k], n.fastest[k])
 
 
 def spin_limits_of(model: Model, period: float) -> SpinLimits | None:

@@ -21,9 +21,8 @@ from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector, kept
 from flexslew_plant.bench.wire import stamp_of
-from flexslew_plant.hardware.actuator import Actuator
+from flexslew_plant.hardware.actuator import Actuator, shortest_impulses
 from flexslew_plant.hardware.disturbances import disturbance_effort
-from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
 
@@ -159,17 +158,11 @@ def _have_same_drives(one: LaneTrial, other: LaneTrial) -> bool:
 
 def _drives(trial: Trial, model: Model) -> Vector:
     limit = np.array(trial.testbed.effort_limit)
-    least = -limit
-    least[list(model.one_way)] = 0.0
-    motor = trial.actuator
-    thrusters = thrusters_of(motor.shortest_pulse, model.joint_names, limit, trial.period)
-    pulses = 0.0 * limit if thrusters is None else thrusters.least_impulse
-    rises = Actuator(motor, limit, trial.period).rises
+    impulse = shortest_impulses(trial.actuator, model.joint_names, limit, trial.period)
+    motors = Actuator(trial.actuator, limit, trial.period, impulse, model.one_way).numbers
     own, spins = model.spins, np.zeros((2, limit.size))
     spins[:, own.efforts] = own.inertia / trial.period, own.fastest
-    return np.concatenate(
-        (limit, least, pulses, (motor.lag, motor.slew_rate, motor.quantisation, *rises), *spins)
-    )
+    return np.concatenate((*motors[:3], motors[3:-1], *spins))
 
 
 def spun_by(lanes: Sequence[LaneTrial]) -> tuple[int, ...]:

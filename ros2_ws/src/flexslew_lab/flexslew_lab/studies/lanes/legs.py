@@ -203,7 +203,7 @@ class LaneFlight:
     def _sizes_of_legs(self) -> list[Sizes]:
         first, model, m = self._lanes[0], self._lanes[0].model, self._lanes[0].model.joints
         spun, motor = spun_by(self._lanes), first.trial.actuator
-        pulsed, stepped = self._drives[:, 2 * m : 3 * m].any(), self._drives[:, 3 * m + 2].any()
+        pulsed, stepped = self._drives[:, 2 * m : 3 * m].any(), self._drives[:, 3 * m].any()
         return [
             Sizes(
                 m,

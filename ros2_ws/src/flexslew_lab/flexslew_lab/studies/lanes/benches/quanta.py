@@ -12,7 +12,6 @@ import numpy as np
 
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_plant.arrays import Vector, called, vectorised
-from flexslew_plant.hardware.actuator import WHOLE
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 # of a reading, or of one where it is smaller, and of the limit of an effort; lanes differ from the
@@ -46,13 +45,6 @@ def quantising(rows: Rows, sizes: Sizes) -> Callable[[Vector], None]:
                 w[at] = step * whole if step > 0.0 else value
 
     return cast(Callable[[Vector], None], quantise)
-
-
-@called
-def in_steps(effort: float, limit: float, step: float) -> float:
-    """Return an effort as a multiple of a quantum within the limit; see Actuator."""
-    most = np.floor(limit / step * WHOLE)
-    return float(min(max(step * min(max(np.round(effort / step), -most), most), -limit), limit))
 
 
 @called

@@ -67,7 +67,7 @@ class Rows(NamedTuple):
     limit: int  # of the drives
     least: int  # effort of the drives
     pulse: int  # impulse of their shortest pulse
-    motor: int  # lag, slew rate, quantum, parts of a step gone: at a tick's end, in its mean
+    motor: int  # quantum, slew rate, lag, rise, mean rise; see motor_step.MotorNumbers
     spin: int  # inertia over a tick of each joint's wheel, then its largest speed
     quantum: int  # of each reading; 0: none
     doubt: int  # 1: something was too near to an edge, see quanta; 2: see judge and watch

@@ -11,11 +11,13 @@ import numpy as np
 
 from flexslew_control.allocation.sharing import share
 from flexslew_lab.studies.lanes.benches.lane_faults import LaneFaults, broken_demand, broken_motors
-from flexslew_lab.studies.lanes.benches.quanta import GUARD, in_steps, near_edge
+from flexslew_lab.studies.lanes.benches.quanta import GUARD, near_edge
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_lab.studies.lanes.laws.observers import add_products
 from flexslew_lab.studies.lanes.laws.turned import TurnedJoints
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
+from flexslew_plant.hardware.motor_step import behind_ramp, delayed, quantised, ramped, within_speed
+from flexslew_plant.hardware.motor_step import pulsed as pulsed_effort
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 
@@ -250,11 +252,11 @@ def _give(rows: Rows, sizes: Sizes) -> Callable[..., None]:
 
 
 def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what a drive makes of a demand; see Actuator and Thrusters."""
+    """Return what a drive makes of a demand; see motor_step."""
     effort, limit, least, own = rows.applied, rows.limit, rows.least, rows.own
     pulsed, pulse, owed = sizes.pulsed, rows.pulse, rows.owed
     follow, stepped, doubt = _follow(rows, sizes), sizes.stepped, rows.doubt
-    quantum = rows.motor + 2 * LANES
+    quantum = rows.motor
     apart, ask, give = sizes.apart, broken_demand(rows, sizes), broken_motors(rows, sizes)
     spin, stated = _spin(rows, sizes), LANES * sizes.remembered
 
@@ -275,19 +277,17 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
             applied = min(max(w[effort + at], w[least + at]), w[limit + at])
             lane = at - i * LANES
             if stepped and w[quantum + lane] > 0.0:
-                near = near_edge(applied, w[limit + at], w[quantum + lane])
+                step = w[quantum + lane]
+                near = near_edge(applied, w[limit + at], step)
                 w[doubt + lane] = 1.0 if near else w[doubt + lane]
-                applied = in_steps(applied, w[limit + at], w[quantum + lane])
+                applied = quantised(applied, w[least + at], w[limit + at], step)
             if pulsed:
-                asked, most = applied * dt + w[owed + at], w[limit + at] * dt
-                near = abs(abs(asked) - w[pulse + at]) < GUARD * most
-                near = near and w[pulse + at] > 0.0
-                w[doubt + lane] = 1.0 if near else w[doubt + lane]
-                impulse = min(max(asked, -most), most)
-                impulse = 0.0 if abs(impulse) < w[pulse + at] else impulse
-                still = min(max(asked - impulse, -w[pulse + at]), w[pulse + at])
-                w[owed + at] = still if w[pulse + at] > 0.0 else 0.0
-                applied = impulse / dt if w[pulse + at] > 0.0 else applied
+                shortest, most = w[pulse + at], w[limit + at]
+                near = abs(abs(applied * dt + w[owed + at]) - shortest) < GUARD * most * dt
+                w[doubt + lane] = 1.0 if near and shortest > 0.0 else w[doubt + lane]
+                given, still = pulsed_effort(applied, w[owed + at], most, shortest, dt)
+                w[owed + at] = still if shortest > 0.0 else 0.0
+                applied = given if shortest > 0.0 else applied
             w[effort + at] = applied
         follow(i, dt, w)
         give(k, i, troubles.faults, w, filled)
@@ -298,7 +298,7 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
 
 
 def _spin(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what motors of wheels near their largest speed give; see SpinLimits."""
+    """Return what bounds the efforts of wheels near their largest speed; see motor_step."""
     effort, share, fastest = rows.applied, rows.spin, rows.spin + sizes.joints * LANES
     spun = sizes.spun
 
@@ -310,42 +310,33 @@ def _spin(rows: Rows, sizes: Sizes) -> Callable[..., None]:
             return
         for lane in range(LANES):
             at, speed = i * LANES + lane, w[spun[i] * LANES + lane]
-            most = max(w[share + at] * (w[fastest + at] + speed), 0.0)
-            least = min(w[share + at] * (speed - w[fastest + at]), 0.0)
-            w[effort + at] = min(max(w[effort + at], least), most)
+            w[effort + at] = within_speed(w[effort + at], speed, w[share + at], w[fastest + at])
 
     return vectorised(hold if spun else nothing)
 
 
 def _follow(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what a motor's slew rate and lag make of an effort; see Actuator."""
-    effort, ramp, torque = rows.applied, rows.ramp, rows.torque
+    """Return what a motor's slew rate and lag make of an effort; see motor_step."""
+    effort, start, torque = rows.applied, rows.ramp, rows.torque
     slewed, lagged = sizes.slewed, sizes.lagged
-    lag_of, rate_of, _, rise_of, mean_of = (rows.motor + k * LANES for k in range(5))
+    _, rate_of, lag_of, rise_of, mean_of = (rows.motor + k * LANES for k in range(5))
 
     @vectorised
     def follow(i: int, dt: float, w: Vector) -> None:
         if slewed:  # known to the compiler, as the other one
             for lane in range(LANES):
-                at, lag, fastest = i * LANES + lane, w[lag_of + lane], w[rate_of + lane]
-                demand, start, behind = w[effort + at], w[ramp + at], w[torque + at]
-                gap = demand - start
-                rising = min(abs(gap) / fastest, dt)
-                rate = fastest * np.sign(gap)
-                end = demand if rising < dt else start + rate * dt
-                mean = end - 0.5 * rising / dt * (end - start)
+                at, before = i * LANES + lane, w[start + i * LANES + lane]
+                ramp = ramped(w[effort + at], before, w[rate_of + lane], dt)
+                w[effort + at], w[start + at] = ramp[0], ramp[1]
                 if lagged:
-                    late = rate * lag
-                    z = end - late + (behind - start + late) * np.exp(-rising / lag)
-                    z = end + (z - end) * np.exp(-(dt - rising) / lag)
-                    mean -= lag / dt * (z - behind)
-                    w[torque + at] = z
-                w[ramp + at], w[effort + at] = end, mean
+                    w[effort + at], w[torque + at] = behind_ramp(
+                        ramp, before, w[torque + at], w[lag_of + lane], dt
+                    )
         elif lagged:
             for lane in range(LANES):
                 at = i * LANES + lane
-                gap = w[effort + at] - w[torque + at]
-                w[effort + at] = w[torque + at] + w[mean_of + lane] * gap
-                w[torque + at] += w[rise_of + lane] * gap
+                w[effort + at], w[torque + at] = delayed(
+                    w[effort + at], w[torque + at], w[rise_of + lane], w[mean_of + lane]
+                )
 
     return cast(Callable[..., None], follow)

@@ -1,0 +1,175 @@
+"""What motors give over a tick of the efforts that are asked of them.
+
+One set of steps serves the bench and the batches. Each step is about one motor. An effort that it
+returns is the exact mean over the tick, so the impulse is that of the continuous response.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
+
+WHOLE = 1.0 + 1e-12  # 0.3 / 0.1 is less than 3: a quotient but for rounding
+OWED, RAMPED, LAGGED = range(3)  # rows of the memory
+
+
+class MotorNumbers(NamedTuple):
+    """The constants of all motors of a bench."""
+
+    limit: Vector  # largest effort, (motors,) [N m or N]
+    least: Vector  # smallest effort: -limit, or 0 of thrusters, (motors,) [N m or N]
+    impulse: Vector  # of the shortest pulse; 0: it pushes continuously, (motors,) [N m s or N s]
+    quantum: float  # [N m or N]; 0: none
+    slew_rate: float  # [N m/s or N/s]; 0: no limit
+    lag: float  # time constant [s]; 0: none
+    rise: float  # part of a step that the torque has gone at the end of a tick [-]
+    mean_rise: float  # the same in the mean over the tick [-]
+    period: float  # one tick [s]
+
+
+@called
+def quantised(effort: float, least: float, limit: float, quantum: float) -> float:
+    """Return the multiple of a quantum that is next to an effort, within the limits [N m or N]."""
+    most = np.floor(limit / quantum * WHOLE)
+    steps = min(max(np.round(effort / quantum), -most), most)
+    return float(min(max(quantum * steps, least), limit))  # 3 times 0.1 is more than 0.3
+
+
+@called
+def pulsed(
+    demand: float, owed: float, limit: float, shortest: float, period: float
+) -> tuple[float, float]:
+    """Return the mean effort of a thruster that is on or off, and the impulse that it owes.
+
+    Pulse-width modulation, once a tick. A thruster pushes with its limit F for a time w of the tick
+    T; its mean is F w / T. With d the demand and c what was owed, w = |d T + c| / F, at most T.
+    Below the shortest pulse w is 0, and the impulse is owed: small demands come as rare pulses with
+    the right mean. No more than one shortest pulse is ever owed.
+
+    Args:
+        demand: d [N m or N].
+        owed: c [N m s or N s].
+        limit: F [N m or N].
+        shortest: impulse of the shortest pulse, above 0 [N m s or N s].
+        period: T [s].
+    """
+    asked, most = demand * period + owed, limit * period
+    impulse = min(max(asked, -most), most)
+    impulse = 0.0 if abs(impulse) < shortest else impulse
+    return impulse / period, min(max(asked - impulse, -shortest), shortest)
+
+
+@called
+def ramped(
+    demand: float, start: float, slew_rate: float, period: float
+) -> tuple[float, float, float, float]:
+    """Return the mean of a torque that ramps to the demand and holds it, and how it does so.
+
+    Args:
+        demand: [N m or N].
+        start: torque u_0 at the start of the tick [N m or N].
+        slew_rate: [N m/s or N/s].
+        period: one tick [s].
+
+    Returns:
+        The mean and the torque at the end of the tick [N m or N], the duration of the ramp [s], and
+        its rate [N m/s or N/s].
+    """
+    gap = demand - start
+    rising = min(abs(gap) / slew_rate, period)
+    rate = slew_rate * np.sign(gap)
+    end = demand if rising < period else start + rate * period
+    return end - 0.5 * rising / period * (end - start), end, rising, rate
+
+
+@called
+def behind_ramp(
+    ramp: tuple[float, float, float, float], start: float, lagged: float, lag: float, period: float
+) -> tuple[float, float]:
+    """Return the mean effort of a motor that lags behind a ramp, and its torque at the tick's end.
+
+    The motor's torque is z' = (u - z) / lag. On the ramp z = u - rate lag + (z_0 - u_0 + rate lag)
+    e^(-t/lag). The integral of z is that of u less lag times the change of z.
+
+    Args:
+        ramp: what `ramped` returns.
+        start: u_0 [N m or N].
+        lagged: z_0 [N m or N].
+        lag: [s].
+        period: one tick [s].
+    """
+    mean, end, rising, rate = ramp
+    behind = rate * lag  # of the torque, once the ramp has gone on for long
+    z = end - behind + (lagged - start + behind) * np.exp(-rising / lag)
+    z = end + (z - end) * np.exp(-(period - rising) / lag)
+    return mean - lag / period * (z - lagged), z
+
+
+@called
+def delayed(demand: float, lagged: float, rise: float, mean_rise: float) -> tuple[float, float]:
+    """Return the mean effort of a motor with a lag, and its torque at the end of the tick.
+
+    Args:
+        demand: [N m or N].
+        lagged: torque at the start of the tick [N m or N].
+        rise: see MotorNumbers.
+        mean_rise: see MotorNumbers.
+    """
+    gap = demand - lagged
+    return lagged + mean_rise * gap, lagged + rise * gap
+
+
+@called
+def within_speed(effort: float, speed: float, share: float, fastest: float) -> float:
+    """Return the mean effort of a wheel's motor, which drives the wheel up to a speed at most.
+
+    An effort u on the platform takes the speed W of a wheel with I W' = -u, so the impulse that
+    takes it to its limit bounds the mean over a tick T:
+        -I (W_max - W) / T <= u <= I (W_max + W) / T.
+    Of a wheel that is beyond, the motor gives nothing that way: the platform's turn, too, changes
+    its speed.
+
+    Args:
+        effort: u that the motor would give [N m].
+        speed: W [rad/s].
+        share: I / T [N m s/rad].
+        fastest: W_max [rad/s].
+    """
+    most = max(share * (fastest + speed), 0.0)
+    least = min(share * (speed - fastest), 0.0)
+    return min(max(effort, least), most)
+
+
+@compiled_once("memory", "out")
+def drive_motors(n: MotorNumbers, demand: Vector, memory: Matrix, out: Vector) -> bool:
+    """Write the mean efforts of a tick; return whether a demand was beyond a limit.
+
+    Args:
+        n: constants.
+        demand: shape (motors,) [N m or N].
+        memory: what is owed, u and z of all motors, shape (3, motors); advanced by a tick.
+        out: shape (motors,) [N m or N].
+    """
+    saturated = False
+    for i in range(out.size):
+        effort = min(max(demand[i], n.least[i]), n.limit[i])
+        saturated = saturated or effort != demand[i]
+        if n.quantum > 0.0:
+            effort = quantised(effort, n.least[i], n.limit[i], n.quantum)
+        if n.impulse[i] > 0.0:
+            effort, memory[OWED, i] = pulsed(
+                effort, memory[OWED, i], n.limit[i], n.impulse[i], n.period
+            )
+        if n.slew_rate > 0.0:
+            start = memory[RAMPED, i]
+            ramp = ramped(effort, start, n.slew_rate, n.period)
+            effort, memory[RAMPED, i] = ramp[0], ramp[1]
+            if n.lag > 0.0:
+                effort, memory[LAGGED, i] = behind_ramp(
+                    ramp, start, memory[LAGGED, i], n.lag, n.period
+                )
+        elif n.lag > 0.0:
+            effort, memory[LAGGED, i] = delayed(effort, memory[LAGGED, i], n.rise, n.mean_rise)
+        out[i] = effort
+    return saturated
