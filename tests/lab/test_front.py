@@ -448,6 +448,7 @@ def test_a_flight_becomes_a_dataset_with_units(
     assert coordinates["time"][1] is flight.time
 
 
+@pytest.mark.slow
 def test_a_study_of_keys_flies_a_trial_with_an_object_that_is_numbers(tmp_path: Path) -> None:
     flown = fs.trial({**SHORT, "duration": 0.2}, law=control.append(LEAD, LEAD))
     keys = {

@@ -74,6 +74,7 @@ def test_the_margins_that_are_analysed_are_flown() -> None:
     assert len(cells(loose)) == 1 + len(loose.poles)
 
 
+@pytest.mark.slow
 def test_gains_that_were_found_are_flown() -> None:
     found = fs.gains(SLEW, keys=["kp"], trials=8, octaves=1.0)
     assert repr(found) == f"<FoundGains of pd_feedforward: {found.verdict}>"

@@ -95,8 +95,11 @@ class PlanMessage(SimpleNamespace):
 
 def index(path: Path) -> None:
     """Read the list of runs, which leaves out what cannot be read."""
-    (path.parent / "metrics.json").write_text("{}")
-    _, unread = runs_in(path.parent.parent)
+    run = path.parent / "runs" / "one"
+    run.mkdir(parents=True, exist_ok=True)
+    (run / "metrics.json").write_text("{}")
+    path.rename(run / "trial.yaml")
+    _, unread = runs_in(run.parent)
     raise BadInput(str(unread))
 
 
@@ -131,7 +134,7 @@ ENTRIES = {
     "head of modal data": from_file(
         lambda path: modal_shape(_commented(path)), ending=".csv"
     ),
-    "list of runs": from_file(lambda path: index(path.rename(path.parent / "trial.yaml"))),
+    "list of runs": from_file(index),
 }  # fmt: skip
 
 

@@ -165,7 +165,7 @@ def ticked(crafts: list[AttitudeEstimator], flights: list[Flight]) -> Matrix:
 
 @pytest.mark.parametrize(
     ("delays", "suns"),
-    representatives(product([(0,), (1,), (3,), (0, 2), (2, 2)], [0, 2]), ((1,), 0), ((0, 2), 2)),
+    representatives(product([(0,), (1,), (0, 2)], [0, 2])),
 )
 def test_the_compiled_tick_believes_what_the_estimators_believe(
     delays: tuple[int, ...], suns: int

@@ -34,6 +34,7 @@ def test_a_user_s_class_has_the_margins_of_the_built_in_law_that_it_is() -> None
     assert ours.disks["input"].alpha == pytest.approx(theirs.disks["input"].alpha, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_law_is_the_one_in_charge_then() -> None:
     pid = {"at": 0.2, "switch": "collocated_pid"}
     laws: dict[str, Any] = {"pd_feedforward": {}, "collocated_pid": {}}

@@ -104,6 +104,7 @@ def test_the_benchmark_settles_within_15_s_with_little_effort() -> None:
     assert abs(flight["effort.mass"]).max() < 1.0
 
 
+@pytest.mark.slow
 def test_the_benchmark_answers_noise_with_what_its_linear_loop_does() -> None:
     """The variances of a loop z+ = A z + B n with white n: P = A P A' + B B' s^2."""
     what = trial("acc_benchmark", {"testbed.initial": {}, "duration": 600.0})

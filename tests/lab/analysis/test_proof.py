@@ -152,6 +152,7 @@ def test_a_law_of_the_flexible_mode_alone_leaves_the_rigid_motion_uncontrolled()
     assert found.statement == "marginal: mass is not controlled"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sensor",
     [

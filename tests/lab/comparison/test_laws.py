@@ -96,6 +96,7 @@ def test_laws_of_a_slew_are_compared_by_its_joints_without_the_schedule_s_switch
         assert rows[name]["by_inertia"]["+0.3"]["joint_error"] > 0.0
 
 
+@pytest.mark.slow
 def test_laws_that_cannot_fly_an_antenna_say_why() -> None:
     trial = shipped("antenna_2", {"duration": 0.05})
     found = compared(laws(trial, "antenna_2", ()))

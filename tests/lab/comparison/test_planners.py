@@ -113,6 +113,7 @@ def test_slews_of_a_spacecraft_are_compared_by_its_joints(name: str) -> None:
     json.dumps(row)
 
 
+@pytest.mark.slow
 def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
     hub = replace(load_trial(HUB), period=0.02)
     found = compared(planners(hub, "hub.yaml", (0.0, 0.1)))
@@ -168,6 +169,7 @@ def oscillator() -> Any:
     return compared(planners(parse_trial(OSCILLATOR, "o.yaml"), "o.yaml", (-0.2, 0.0, 0.2)))
 
 
+@pytest.mark.slow
 def test_nothing_is_below_the_convex_optimum_of_a_linear_plant(oscillator: Any) -> None:
     found = slew_comparison(parse_trial(OSCILLATOR, "o.yaml"), oscillator.entries, (-0.2, 0.0, 0.2))
     limit = found.limit

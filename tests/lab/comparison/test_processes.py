@@ -50,6 +50,7 @@ def by_law(text: str, workers: int) -> Comparison:
     return compared(laws(trial, "odd.yaml", (-0.2,)), workers=workers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("act", ["nothing", "raise"])
 def test_processes_find_what_one_finds(law: str, act: str) -> None:
     text = TRIAL.format(law=law, act=act)
@@ -66,6 +67,7 @@ def test_a_law_that_ends_its_process_is_alone_in_that(law: str) -> None:
     assert json.dumps(found) == json.dumps(kept)
 
 
+@pytest.mark.slow
 def test_the_command_takes_a_number_of_processes(tmp_path: Path, law: str) -> None:
     file = tmp_path / "odd.yaml"
     file.write_text(TRIAL.format(law=law, act="nothing"))

@@ -36,6 +36,7 @@ def deviations(seed: int, highest: float | None) -> Vector:
     return np.asarray((found - np.array([W[0], ZETA[0], 1.0 / RIGID[0, 0]])) / np.sqrt(spread))
 
 
+@pytest.mark.slow
 def test_all_ticks_are_not_biased_where_the_low_end_of_the_band_is() -> None:
     """A mean of SEEDS errors deviates by SEEDS^-1/2; 3.3 of it is chance once in a thousand.
 

@@ -59,6 +59,7 @@ def found_csa(seed: int, slope: float = 1.0) -> Any:
     return identify_modes(csa(seed, slope)[1].record, (0.18, 14.0))
 
 
+@pytest.mark.slow
 def test_benches_of_other_stiffness_are_found_in_closed_loop_and_the_intervals_hold_them() -> None:
     """At 20 dB, from ten minutes: .2 %, 15 % and 1 % are asked for; 95 % of the intervals."""
     held = 0
@@ -107,6 +108,7 @@ def test_a_record_of_white_residuals_is_called_coloured_once_in_a_hundred() -> N
     assert not any(one.white for one in whiteness_of(record, walk))
 
 
+@pytest.mark.slow
 def test_a_mode_whose_start_was_lost_is_found_in_what_the_others_leave() -> None:
     """Of this bench, shaken evenly, subspace identification gives the third mode 10 % too low."""
     true, _ = csa(8, slope=0.0)
@@ -115,6 +117,7 @@ def test_a_mode_whose_start_was_lost_is_found_in_what_the_others_leave() -> None
     assert [m.frequency.value for m in modes] == pytest.approx(w, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_mode_that_stood_for_a_complex_shape_goes_when_shapes_are_complex() -> None:
     """On the low end of the band, whose residues are real, this bench seems to have a fourth."""
     true, _ = csa(135)
@@ -180,6 +183,7 @@ def test_frequency_responses_are_consistent_in_closed_loop() -> None:
     assert 0.92 < np.mean(inside) <= 0.99
 
 
+@pytest.mark.slow
 def test_runs_of_other_lengths_tell_what_they_hold_of_the_response() -> None:
     """Two joints are shaken one after the other; periods of a longer run come at other ticks."""
     plan, gains = {"band": [0.1, 6.0], "largest_excursion": [0.02]}, (np.zeros(2), np.zeros(2))

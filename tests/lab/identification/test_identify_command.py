@@ -215,6 +215,7 @@ def test_a_saturated_experiment_is_refused_with_its_share(
     assert f"a drive was at its limit in {share:.0%} of the ticks" in err
 
 
+@pytest.mark.slow
 def test_the_shipped_experiment_on_scole_tells_the_mode_that_it_drives(tmp_path: Path) -> None:
     """A minute of its five: the wheel about roll drives the second mode, and hardly the first."""
     keys = {"duration": 65.0, "plan.duration": 60.0}

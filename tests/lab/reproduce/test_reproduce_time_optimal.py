@@ -10,6 +10,7 @@ rows = lru_cache(time_optimal_rows)
 figures = lru_cache(time_optimal_figures)
 
 
+@pytest.mark.slow
 def test_every_number_is_reproduced() -> None:
     assert [row for row in rows() if not row["ok"]] == []
 

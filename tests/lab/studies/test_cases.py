@@ -38,6 +38,7 @@ def test_a_sample_that_is_not_allowed_is_refused_by_its_key(
         case_trial(study, case)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [None, {"modes": 2}, {}])
 def test_the_plan_of_a_spacecraft_in_a_study_is_that_of_its_trial(
     study_of: Callable[..., Study], model: dict[str, Any] | None

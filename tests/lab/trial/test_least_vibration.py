@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 from tests.present import present
 
 from flexslew_control.law import PlantDescription
@@ -14,6 +15,7 @@ from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.trial.trial import law_in_charge, trial_of_values
 
 
+@pytest.mark.slow
 def test_the_shipped_turn_leaves_what_it_promises_on_stiffnesses_between_its_members(
     shipped_plan: Callable[[str], Plan | None],
 ) -> None:

@@ -152,6 +152,7 @@ def test_more_time_is_never_worse() -> None:
         assert flown <= 1.1 * plan.summary["worst_residual"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "more",
     representatives(

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from tests.present import present
 
 from flexslew_control.plan import Plan
@@ -27,6 +28,7 @@ def test_the_masses_swing_as_they_are_clamped() -> None:
     np.testing.assert_allclose(np.sort(clamped), [0.4, 0.4, 1.3, 1.3], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_at_most_an_arcsecond_of_vibration_is_left_on_any_stiffness(
     shipped_plan: Callable[[str], Plan | None],
 ) -> None:

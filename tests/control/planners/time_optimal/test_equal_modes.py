@@ -107,6 +107,7 @@ def test_equal_modes_count_as_one(alike: str, count: int) -> None:
         assert abs(found[0, 0]) == pytest.approx(abs(found[0, 1]), rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robust", representatives([False, True], False))
 def test_the_remedy_of_a_refusal_leads_to_a_slew(
     monkeypatch: pytest.MonkeyPatch, robust: bool

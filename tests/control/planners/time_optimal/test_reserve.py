@@ -54,7 +54,7 @@ def test_a_fastest_slew_about_a_drawn_axis_keeps_its_reserve(goal: list[float]) 
 @pytest.mark.matrix
 @pytest.mark.parametrize(
     ("goal", "reserve"),
-    zip(directions(2, 8), [0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8], strict=True),
+    zip(directions(2, 4), [0.1, 0.3, 0.6, 0.8], strict=True),
 )
 def test_a_fastest_slew_keeps_any_reserve_about_any_axis(goal: list[float], reserve: float) -> None:
     require_reserve(goal, reserve)

@@ -139,6 +139,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
 }
 
 
+@pytest.mark.slow
 def test_no_file_takes_much_memory_and_each_is_refused_in_one_line(tmp_path: Any) -> None:
     for name, (records, _) in BOMBS.items():
         file = McapFile(tmp_path / f"{name}.mcap")

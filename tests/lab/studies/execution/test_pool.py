@@ -82,6 +82,7 @@ def odd(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., Prepara
     return make
 
 
+@pytest.mark.slow
 def test_processes_fly_what_one_flies_even_if_some_are_killed_from_outside(
     ready: Preparation,
 ) -> None:
@@ -157,6 +158,7 @@ PLANNER = f"{EXAMPLES / 'my_shaper.py'}:Shaper"
 TESTBED = f"{EXAMPLES / 'three_joints.py'}:ThreeJoints"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "flown_keys",
     [

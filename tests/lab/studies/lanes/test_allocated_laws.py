@@ -78,7 +78,7 @@ FLOWN: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("drives", representatives(FLOWN, "thrusters, filter", "gyros"))
+@pytest.mark.parametrize("drives", representatives(FLOWN, "gyros"))
 def test_a_torque_that_is_shared_out_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], drives: str
 ) -> None:

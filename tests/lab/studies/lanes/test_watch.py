@@ -34,7 +34,6 @@ BENCHES: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
     ("bench", "window"),
     representatives(
         [*product(BENCHES, (20,)), ("by matrices", 1), ("by matrices", 400)],
-        ("by equations", 20),
         ("by matrices", 1),
     ),
 )

@@ -61,7 +61,7 @@ def require_steps_of_the_model(model: Model, kernel: LaneKernel) -> None:
         )
 
 
-@pytest.mark.parametrize("name", SECTIONS)
+@pytest.mark.parametrize("name", representatives(SECTIONS, "hub"))
 def test_a_step_of_all_lanes_is_that_of_the_model(name: str) -> None:
     model = read_testbed(SECTIONS[name], "test").model()
     kernel = traced_kernel(model, SECTIONS[name]["kind"] == "csa")

@@ -87,6 +87,7 @@ def flown(variant: CsaVariant, second_order: bool) -> tuple[Matrix, Matrix, floa
     return np.array(tip), np.array(own), fastest
 
 
+@pytest.mark.slow
 def test_complete_has_every_term_of_first_order() -> None:
     complete, own, _ = flown("complete", False)
     np.testing.assert_allclose(complete, own, atol=1e-9 * abs(complete).max())

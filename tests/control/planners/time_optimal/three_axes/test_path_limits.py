@@ -92,6 +92,7 @@ def test_on_neither_side_of_a_cone_is_a_transcription_much_faster(case: Any) -> 
         assert plan.duration <= 1.02 * transcribed(inertia, limit, turn, guess, keep)
 
 
+@pytest.mark.slow
 def test_below_a_rate_it_coasts() -> None:
     turn: Triple = (0.0, 1.5, 0.0)
     plan = slew(craft(SPHERE, UNIT), turn, rate_limit=0.5)

@@ -107,6 +107,7 @@ def test_what_cannot_be_turned_by_all_drives_is_refused() -> None:
         planned(SPHERE, UNIT, HALF_ROUND, longest=3.0)
 
 
+@pytest.mark.slow
 def test_a_craft_that_one_drive_makes_tumble_is_turned_or_refused() -> None:
     """Its roll has 270 times the acceleration of its yaw: efforts at random spin it up."""
     platform = {"mass": 100.0, "inertia": {"xx": 9.5, "yy": 161.5, "zz": 162.5}}

@@ -67,6 +67,7 @@ def test_a_flexible_craft_ends_at_rest_and_hardly_later_than_a_rigid_one() -> No
     assert np.max(summary["peak_effort"]) <= 1.2 * (1.0 + 1e-9)
 
 
+@pytest.mark.slow
 def test_where_fast_modes_bind_the_duration_a_slower_slew_is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
