@@ -1,6 +1,7 @@
 """External controllers in the lock-step: ours keep its rules, and each broken rule is told."""
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -13,28 +14,9 @@ from flexslew_lab.cli.main import main
 
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/any_language.py"
 
-IN_C = """
-#include <stdio.h>
-#include <rcl/rcl.h>
-#include <flexslew_msgs/msg/effort_command.h>
-int main(int count, char **words) {
-  rcl_init_options_t start = rcl_get_zero_initialized_init_options();
-  rcl_context_t context = rcl_get_zero_initialized_context();
-  rcl_node_t node = rcl_get_zero_initialized_node();
-  rcl_node_options_t usual = rcl_node_get_default_options();
-  rcl_publisher_t effort = rcl_get_zero_initialized_publisher();
-  rcl_publisher_options_t reliable = rcl_publisher_get_default_options();
-  if (rcl_init_options_init(&start, rcl_get_default_allocator())) return 1;
-  if (rcl_init(count, (const char *const *)words, &start, &context)) return 2;
-  if (rcl_node_init(&node, "in_c", "", &context, &usual)) return 3;
-  if (rcl_publisher_init(&effort, &node,
-      ROSIDL_GET_MSG_TYPE_SUPPORT(flexslew_msgs, msg, EffortCommand), "effort_command", &reliable))
-    return 4;
-  puts("serves effort_command");
-  return 0;
-}
-"""
-
+IN_C = EXAMPLE.with_suffix(".c")
+MISSING = [tool for tool in ("gcc", "python3-config") if shutil.which(tool) is None]
+needs_gcc = pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}")
 
 Examine = Callable[..., tuple[int, dict[str, str]]]
 
@@ -58,14 +40,51 @@ def examine(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) 
     return run
 
 
-def of_example(folder: Path, *changes: tuple[str, str]) -> list[str]:
-    """Return the command of the example with some words exchanged."""
-    words = EXAMPLE.read_text()
+def changed(example: Path, *changes: tuple[str, str]) -> str:
+    """Return the text of an example with some words exchanged."""
+    words = example.read_text()
     for old, new in changes:
         assert old in words
         words = words.replace(old, new)
-    (folder / "controller.py").write_text(words)
+    return words
+
+
+def of_example(folder: Path, *changes: tuple[str, str]) -> list[str]:
+    """Return the command of the example with some words exchanged."""
+    (folder / "controller.py").write_text(changed(EXAMPLE, *changes))
     return [sys.executable, str(folder / "controller.py")]
+
+
+BuildInC = Callable[..., str]
+
+
+@pytest.fixture
+def build_in_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BuildInC:
+    """Return a function that builds the example in C, with some words exchanged.
+
+    It runs the lines of the page with warnings as errors, and returns the program.
+    """
+
+    def build(*changes: tuple[str, str]) -> str:
+        page = (EXAMPLE.parents[1] / "any_language.md").read_text()
+        block = next(block for block in page.split("```sh\n") if "gcc" in block)
+        *lines, last = block.partition("\n```")[0].splitlines()
+        assert last == "./flexslew conform -- ./any_language_c"
+        source = tmp_path / IN_C.relative_to(EXAMPLE.parents[2])
+        source.parent.mkdir(parents=True)
+        source.write_text(changed(IN_C, *changes))
+        for name in ("setup", ".venv", "ros2_ws"):
+            (tmp_path / name).symlink_to(EXAMPLE.parents[2] / name)
+        script = "\n".join([*lines, 'printf %s "$LD_LIBRARY_PATH"'])
+        script = script.replace("gcc ", "gcc -Wall -Wextra -Werror ")
+        done = subprocess.run(
+            ["bash", "-e"], input=script, cwd=tmp_path, capture_output=True, text=True
+        )
+        assert not done.returncode, done.stderr
+        monkeypatch.setenv("LD_LIBRARY_PATH", done.stdout)
+        return str(tmp_path / "any_language_c")
+
+    return build
 
 
 @pytest.mark.ros
@@ -84,15 +103,29 @@ def test_the_example_of_the_docs_keeps_every_rule(examine: Examine, tmp_path: Pa
 
 
 @pytest.mark.ros
-def test_a_program_in_c_is_built_as_the_page_says_and_joins_a_graph(tmp_path: Path) -> None:
-    page = (EXAMPLE.parents[1] / "any_language.md").read_text()
-    build = next(block for block in page.split("```sh\n") if "gcc" in block).partition("```")[0]
-    (tmp_path / "my_controller.c").write_text(IN_C)
-    root = EXAMPLE.parents[2]
-    for name in ("setup", ".venv", "ros2_ws"):
-        (tmp_path / name).symlink_to(root / name)
-    done = subprocess.run(["bash", "-e"], input=build, cwd=tmp_path, capture_output=True, text=True)
-    assert done.stdout == "serves effort_command\n", done.stderr
+@needs_gcc
+def test_the_example_in_c_is_built_as_the_page_shows_and_keeps_every_rule(
+    examine: Examine, build_in_c: BuildInC
+) -> None:
+    code, wrong = examine(build_in_c())
+    assert wrong == dict.fromkeys(wrong, "")
+    assert (code, len(wrong)) == (0, 12)
+
+
+@pytest.mark.ros
+@needs_gcc
+@pytest.mark.parametrize(("old", "new", "rule", "words"), [
+    ("command.tick = m->tick", "command.tick = m->tick + 1", "first tick",
+     "answer to tick 0 of epoch 0: it says tick 1 of epoch 0"),
+    ("signal(SIGTERM, on_signal)", "signal(SIGTERM, SIG_IGN)", "start",
+     "SIGTERM has not ended its process within 30 s; it was killed"),
+])  # fmt: skip
+def test_a_rule_that_a_program_in_c_breaks_is_reported_and_none_before_it(
+    examine: Examine, build_in_c: BuildInC, old: str, new: str, rule: str, words: str
+) -> None:
+    code, wrong = examine(build_in_c((old, new)))
+    assert code == 1
+    assert next((rule, found) for rule, found in wrong.items() if found) == (rule, words)
 
 
 # an integral: of what is asked again, too; or of each question once, but over a reset
