@@ -80,7 +80,7 @@ def test_a_nominal_flight_that_misses_the_goal_is_told_by_the_same_efforts(
     with monkeypatch.context() as patched:
         for module in ("feedforward.robust_feedforward", "slewing"):
             patched.setattr(
-                f"flexslew_control.planners.{module}.joints_at_rest", lambda plan, _: plan
+                f"flexslew_control.planners.{module}.joints_at_rest", lambda plan, *_: plan
             )
         plain, before = fs.plan(trial), fs.fly(trial)
     assert step(plain) > 1e-3

@@ -121,8 +121,9 @@ def test_dearer_torque_leaves_more_and_more_time_or_torque_leaves_less() -> None
 
 
 def test_the_reserve_is_left_to_the_feedback() -> None:
-    found = plan(reserve=0.3).summary
-    assert np.max(found["worst_peak_effort"]) == pytest.approx(0.7 * 150.0, rel=0.01)
+    found = plan(reserve=0.3)
+    for peak in (np.max(found.summary["worst_peak_effort"]), np.abs(found.effort).max()):
+        assert 0.96 * 0.7 * 150.0 < peak <= 0.7 * 150.0
 
 
 def members(settings: Any) -> Any:
@@ -237,7 +238,8 @@ def test_a_weak_drive_keeps_to_its_limit_whatever_the_duration(duration: float) 
 def test_a_slew_that_does_not_arrive_within_the_limits_is_refused() -> None:
     settings = plan_settings({"method": "robust_feedforward", "duration": 5.0}, "trial.yaml")
     hub = plant(0.005, (2.7116,), HubTestbed())
-    with pytest.raises(PlanFailed, match=r"needs 4\.\d+ N m on hub .*limit is 2\.7116 N m; a dur"):
+    words = r"needs 4\.\d+ N m on hub .*limit is 2\.7116 N m, of which 2\.576 may be used; a dur"
+    with pytest.raises(PlanFailed, match=words):
         make_plan(settings, hub)  # a rigid body takes 6.0 s
 
 

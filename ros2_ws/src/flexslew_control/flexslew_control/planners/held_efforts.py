@@ -27,7 +27,7 @@ _COMPUTED = 1e-4  # smaller ones of nominal states are errors of their computati
 _GAP = 2e-4  # that efforts close without a change of what is left [-]
 
 
-def exact_on_ticks(plan: Plan, slew: Slew) -> Plan:
+def exact_on_ticks(plan: Plan, slew: Slew, limit: Vector) -> Plan:
     """Return the plan with efforts that end at rest at the goal when each is held over its tick.
 
     Its reference becomes the flight of the planner's model under these efforts. A plan that misses
@@ -37,8 +37,9 @@ def exact_on_ticks(plan: Plan, slew: Slew) -> Plan:
     Args:
         plan: whose nominal states end at rest at the goal.
         slew: what was asked for.
+        limit: of the efforts, shape (joints,) [N m or N].
     """
-    limit = np.minimum(slew.effort_limit, plan.summary.get("amplitude", np.inf))
+    limit = np.minimum(limit, plan.summary.get("amplitude", np.inf))
     found = _brought(plan, slew, limit) or plan
     if found is plan:
         return plan
@@ -46,7 +47,7 @@ def exact_on_ticks(plan: Plan, slew: Slew) -> Plan:
     return replace(found, summary=summary)
 
 
-def joints_at_rest(plan: Plan, slew: Slew) -> Plan:
+def joints_at_rest(plan: Plan, slew: Slew, limit: Vector) -> Plan:
     """Return the plan with a reference that ends at rest at the goal, modes as they are.
 
     For a plan whose nominal joints end beside the goal, as what suits an ensemble does: a reference
@@ -60,9 +61,10 @@ def joints_at_rest(plan: Plan, slew: Slew) -> Plan:
     Args:
         plan: whose reference is the flight of its nominal states.
         slew: what was asked for, with the feedback that the plan counts with.
+        limit: of the efforts that close a small gap, shape (joints,) [N m or N].
     """
     if missed(plan, slew) <= _GAP * slew.way:
-        found = _brought(plan, slew, slew.effort_limit, joints_alone=True)
+        found = _brought(plan, slew, limit, joints_alone=True)
         if found is not None:
             return found
     m, n = slew.model.joints, slew.model.coordinates

@@ -12,7 +12,6 @@ from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.one_axis import (
     RELEVANT,
-    OneAxis,
     in_three_axes,
     more_modes,
     reduced,
@@ -134,9 +133,10 @@ class Slewing:
         left = on_model.attitude_error.max() if rigid else on_model.tip_deflection
         small, close = (_EXACT_RIGID if rigid else _EXACT) * slew.way, _MISSED * slew.way
         if exact and (left > small or missed(plan, slew) > close):
-            plan = exact_on_ticks(plan, slew)
+            allowed = self._usable(settings) * slew.effort_limit
+            plan = exact_on_ticks(plan, slew, allowed)
             if missed(plan, slew) > close:
-                plan = joints_at_rest(plan, slew)
+                plan = joints_at_rest(plan, slew, allowed)
             on_model = predicted(plan, slew)
         from_rest = on_model
         if starts_moving(slew.testbed):
@@ -153,6 +153,10 @@ class Slewing:
         if law is None or not self.predicts:
             return plan
         return self._flown_by(law, plan, settings, slew, plant)
+
+    def _usable(self, settings: Any) -> float:
+        """Return the share of each drive's limit that the plan of a section may use [-]."""
+        return 1.0 if self.usable is None else self.usable(settings)
 
     def _motors(self, plant: PlantDescription) -> Matrices | None:
         """Return what lies between commands and efforts of a bench, where that counts."""
@@ -310,28 +314,34 @@ class Slewing:
     ) -> Plan:
         """Return the plan for all joints of a turn about one axis.
 
-        About the eigenaxis the drives also hold the modes that turn the craft across it, which the
-        rigid bound of torque_about does not contain. The torque about the axis is reduced until
-        every drive keeps to its usable share.
+        The drives also hold the other axes: against products of inertia, gyroscopic torques and
+        modes that turn the craft across the axis. A planner of the turn bounds the torque about the
+        axis alone. This torque is reduced until every drive keeps to its usable share.
 
         Raises:
             BadInput: see shared_out.
             TooMuchTorque: a drive has not what another axis needs, however slow the turn.
         """
-        share, usable = 1.0, 1.0 if self.usable is None else self.usable(settings)
+        share, usable, needs = 1.0, self._usable(settings), ""
+        own = replace(self, rings=None)  # whether it rings, the whole bench tells
         for _ in range(_SLOWER):
             turn = reduced(settings, plant, feedback, share)
-            own = replace(self, rings=None)(  # whether it rings, the whole bench tells
-                turn.settings, turn.plant, turn.feedback, progress
-            )
-            plan, used = shared_out(turn.embedded(own), plant, law)
-            if isinstance(turn, OneAxis) or used <= usable * (1.0 + _ROUNDING):
+            try:
+                about_axis = own(turn.settings, turn.plant, turn.feedback, progress)
+            except PlanFailed as error:
+                if not needs:
+                    raise
+                raise TooMuchTorque(f"{needs}; with less torque about the axis: {error}") from None
+            plan, used = shared_out(turn.embedded(about_axis), plant, law)
+            if used <= usable * (1.0 + _ROUNDING):
                 return plan
+            shares = abs(plan.effort).max(axis=0) / plant.effort_limit
+            needs = (
+                f"{plant.joint_names[int(shares.argmax())]} needs {used:.3g} times its limit, "
+                f"{usable:.3g} is allowed"
+            )
             share *= 0.99 * usable / used
-        raise TooMuchTorque(
-            f"about the eigenaxis a drive needs {used:.3g} times its limit, {usable:.3g} is "
-            "allowed; use a longer duration"
-        )
+        raise TooMuchTorque(f"{needs}; use a longer duration")
 
     def _relevant(
         self,

@@ -120,7 +120,7 @@ def reduced(
         settings: the `plan` section, its goal by joint.
         plant: what stands on the bench.
         feedback: gains of its joints; None: there are none.
-        share: of the torque about the eigenaxis that the drives can give [-].
+        share: of the torque about the axis that the drives can give [-].
 
     Raises:
         BadInput: nothing moves, or what does cannot be turned about one axis.
@@ -152,7 +152,8 @@ def reduced(
     if whole_turn:
         ends = tuple(np.array([at[name] for name in names]) for at in (first, first | goal))
         return eigenaxis(settings, plant, feedback, (ends[0], ends[1]), whole, count, share)
-    return _about_joint(settings, plant, feedback, moving[0], whole, count)
+    of_joint = replace(plant, effort_limit=share * plant.effort_limit)
+    return _about_joint(settings, of_joint, feedback, moving[0], whole, count)
 
 
 def turns_alone(attitude: AttitudeJoints, joint: int, start: Vector) -> bool:

@@ -56,6 +56,9 @@ from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive, section
 
 _DEAR = 10.0  # of effort beyond its limit by all of it [m]: dear beside any vibration
+_LITTLE_OVER, _TIGHTER = 0.2, 1.2  # share beyond the bound that is taken off it, and times this
+_FALLS = 0.5  # share of its excess before that a dearer effort has where the bound can be kept
+_BENDINGS = 4  # searches with a bound reduced by what bending the reference takes
 _MISSED = 0.02  # of the way: what a dearer effort may leave of it at the end [-]
 
 _Error = Annotated[float, Field(gt=-0.9, le=5.0)]
@@ -85,8 +88,7 @@ class RobustFeedforward:
     # lowest and highest position that a joint may have on any model, by name: `{JOINT: [-0.1,
     # 0.6]}` [rad or m]; null: free
     joint_range: ByJoint[tuple[float, float]] | None = None
-    # fraction of the effort limit that the search keeps free where it can; worst_peak_effort of the
-    # summary says what it took [-]
+    # fraction of the effort limit kept free, on every model [-]
     reserve: Annotated[float, Field(ge=0.01, lt=1.0)] = 0.05
     max_iterations: Annotated[int, Field(ge=1)] = 60  # largest number of updates
     tolerance: Positive = 1e-3  # relative improvement of the objective at which to stop
@@ -176,39 +178,55 @@ def _arrives(nominal: Manoeuvre, basis: Basis, weights: Matrix) -> bool:
     return bool(np.abs(missed).max() <= _MISSED * way)
 
 
-def _prices(effort_limit: Vector) -> Vector:
+def _prices(allowed: Vector) -> Vector:
     """Return prices of effort beyond its limit, to be tried in turn where it is not kept [m/(N m)].
 
     PRICE suits drives of some 100 N m, and is little beside the vibration where a limit is small.
     """
-    tens = np.ceil(np.log10(_DEAR / (PRICE * effort_limit.min())))
+    tens = np.ceil(np.log10(_DEAR / (PRICE * allowed.min())))
     return np.asarray(PRICE * 10.0 ** np.arange(1.0, np.clip(tens, 3.0, 20.0) + 1.0))
 
 
-def _dearer(
+def _within_limits(
     problem: Problem,
     settings: RobustFeedforward,
     nominal: Manoeuvre,
     requested: Matrix | None,
-    effort_limit: Vector,
-) -> _Found | None:
-    """Return weights with which all members keep to the limits; None: not on the way to the goal.
+    progress: Progress,
+) -> _Found:
+    """Return weights with which all members keep to the limits; the first ones where none do.
+
+    A price buys vibration with a little effort beyond the bound. The bound is reduced by what the
+    members exceed it, then the price is raised.
 
     Args:
-        problem: at a price of effort beyond its limit at which they do not.
+        problem: its effort_limit is what the efforts of all members may use.
         settings: of the plan.
         nominal: the slew without errors.
         requested: the range of each joint, (2, joints) [rad or m]; None: free.
-        effort_limit: of the drives, (joints,) [N m].
+        progress: called with every update of the first search.
     """
-    for price in _prices(effort_limit):
+    first = _best_weights(problem, settings, progress)
+    allowed = problem.effort_limit
+    if _within(first, allowed, requested):
+        return first
+    before = np.inf
+    for price in (problem.price, *_prices(allowed)):
         try:
-            found = _best_weights(replace(problem, price=price), settings, ignore)
+            found = first
+            if price != problem.price:
+                found = _best_weights(replace(problem, price=price), settings, ignore)
+            over = float((found.peaks / allowed).max()) - 1.0
+            if 0.0 < over < min(_LITTLE_OVER, _FALLS * before):
+                bound = (1.0 - _TIGHTER * over) * allowed
+                tighter = replace(problem, price=price, effort_limit=bound)
+                found = _best_weights(tighter, settings, ignore)
+            before = over
         except PlanFailed:
-            return None
-        if _within(found, effort_limit, requested):
-            return found if _arrives(nominal, problem.basis, found.weights) else None
-    return None
+            break
+        if _within(found, allowed, requested):
+            return found if _arrives(nominal, problem.basis, found.weights) else first
+    return first
 
 
 def _ringing(found: _Found, members: tuple[FeedforwardMember, ...]) -> dict[str, str]:
@@ -237,6 +255,74 @@ def _require_range(requested: Matrix, swing: Matrix, names: tuple[str, ...]) -> 
             )
 
 
+def _led(
+    settings: RobustFeedforward, slew: Slew, nominal: Manoeuvre, basis: Basis, found: _Found
+) -> Plan:
+    """Return the plan with some weights, whose reference ends at rest at the goal."""
+    plan = on_ticks(settings, slew, nominal, basis, found.weights)
+    plan = about_its_own_trajectory(plan, slew, nominal, basis, found.weights)
+    return joints_at_rest(plan, slew, (1.0 - settings.reserve) * slew.effort_limit)
+
+
+def _require_torque(
+    settings: RobustFeedforward, slew: Slew, members: tuple[FeedforwardMember, ...], peaks: Matrix
+) -> None:
+    """Check that no member needs more than the limit less the reserve.
+
+    Raises:
+        TooMuchTorque: one does.
+    """
+    allowed = (1.0 - settings.reserve) * slew.effort_limit
+    for j, name in enumerate(slew.model.joint_names):
+        worst = int(np.argmax(peaks[:, j]))
+        if not peaks[worst, j] <= allowed[j]:
+            raise TooMuchTorque(
+                f"the ensemble needs {peaks[worst, j]:.4g} N m on {name} (EI "
+                f"{100.0 * members[worst].stiffness_error:+g} %), the limit is "
+                f"{slew.effort_limit[j]:g} N m, of which {allowed[j]:.4g} may be used"
+            )
+
+
+def _best_plan(
+    settings: RobustFeedforward,
+    slew: Slew,
+    nominal: Manoeuvre,
+    problem: Problem,
+    requested: Matrix | None,
+    progress: Progress,
+) -> tuple[_Found, Plan]:
+    """Return weights and their plan, all efforts within the limits less the reserve.
+
+    To bend the reference to the goal takes an effort, too. The bound is reduced by what this
+    exceeds it.
+
+    Raises:
+        PlanFailed: the iteration does not settle, or a member leaves its range.
+        TooMuchTorque: a member or the plan needs more.
+    """
+    allowed = problem.effort_limit
+    members = tuple(problem.members)
+    for k in range(_BENDINGS):
+        found = _within_limits(problem, settings, nominal, requested, ignore if k else progress)
+        if requested is not None:
+            _require_range(requested, found.swing, slew.model.joint_names)
+        _require_torque(settings, slew, members, found.peaks)
+        plan = _led(settings, slew, nominal, problem.basis, found)
+        peak = abs(plan.effort).max(axis=0)
+        over = float((peak / allowed).max()) - 1.0
+        if over <= 0.0:
+            return found, plan
+        if over > _LITTLE_OVER:
+            break
+        bound = (1.0 - _TIGHTER * over) * problem.effort_limit
+        problem = replace(problem, effort_limit=bound)
+    j = int((peak / allowed).argmax())
+    raise TooMuchTorque(
+        f"to end at the goal on the nominal model, too, {slew.model.joint_names[j]} needs "
+        f"{peak[j]:.4g} N m, {allowed[j]:.4g} may be used"
+    )
+
+
 def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: Progress) -> Plan:
     """Return the plan whose feedforward suits the whole ensemble; see make_plan.
 
@@ -249,7 +335,6 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
     require_rest(slew, settings.duration)
     members = ensemble(settings, slew)
     nominal = manoeuvre_of(slew, settings.duration, settings.reference)
-    effort_limit = slew.effort_limit
     basis = Basis(settings.basis, settings.functions, settings.duration)
     free = 1.0 - settings.reserve
     requested = joint_range(settings, slew)
@@ -257,23 +342,9 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
     if requested is not None:
         ends = np.array((np.minimum(slew.start, slew.goal), np.maximum(slew.start, slew.goal)))
         inner = np.where(np.isfinite(requested), ends + free * (requested - ends), requested)
-    problem = Problem(members, basis, settings.rho, free * effort_limit, inner)
-    found = _best_weights(problem, settings, progress)
-    if not _within(found, effort_limit, requested):
-        found = _dearer(problem, settings, nominal, requested, effort_limit) or found
-    weights, peaks, swing = found.weights, found.peaks, found.swing
-    for j, name in enumerate(nominal.model.joint_names):
-        worst = int(np.argmax(peaks[:, j]))
-        if not peaks[worst, j] <= effort_limit[j]:
-            raise TooMuchTorque(
-                f"the ensemble needs {peaks[worst, j]:.4g} N m on {name} (EI "
-                f"{100.0 * members[worst].stiffness_error:+g} %), the limit is "
-                f"{effort_limit[j]:g} N m"
-            )
-    if requested is not None:
-        _require_range(requested, swing, nominal.model.joint_names)
-    plan = on_ticks(settings, slew, nominal, basis, weights)
-    plan = joints_at_rest(about_its_own_trajectory(plan, slew, nominal, basis, weights), slew)
+    problem = Problem(members, basis, settings.rho, free * slew.effort_limit, inner)
+    found, plan = _best_plan(settings, slew, nominal, problem, requested, progress)
+    swing = found.swing
     told: dict[str, Any] = {
         "objective": found.last.objective,
         "norm_input": found.last.norm_input,
@@ -286,11 +357,11 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
                 "residual": residual,  # largest tip deflection in 75 s after the end [m]
                 "peak_effort": peak.tolist(),
             }
-            for member, residual, peak in zip(members, found.residuals, peaks, strict=True)
+            for member, residual, peak in zip(members, found.residuals, found.peaks, strict=True)
         ],
-        "worst_peak_effort": peaks.max(axis=0).tolist(),
+        "worst_peak_effort": found.peaks.max(axis=0).tolist(),
         "swing": {n: swing[:, j].tolist() for j, n in enumerate(nominal.model.joint_names)},
-        "weights": weights.T.tolist(),
+        "weights": found.weights.T.tolist(),
         **_ringing(found, members),
     }
     return replace(plan, summary=told | plan.summary)
@@ -298,7 +369,7 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
 
 ROBUST = PlannerEntry(
     RobustFeedforward,
-    Slewing(plan_robust_feedforward),
+    Slewing(plan_robust_feedforward, usable=lambda s: 1.0 - s.reserve),
     takes_duration=True,
     variants=(
         Variant(

@@ -249,6 +249,7 @@ MINIMAX = PlannerEntry(
         whole=lambda s: s.drives == "all",
         late_motors=True,
         with_feedback=True,
+        usable=lambda s: 1.0 - s.reserve,
     ),
     takes_duration=True,
     compared={"pieces": 30, "ensemble": {"count": 5}},

@@ -209,21 +209,21 @@ def _amplitude(settings: TimeOptimal, effort_limit: Vector) -> Vector:
     """Return the effort of every drive, shape (joints,) [N m or N]."""
     if settings.amplitude is None:
         return np.asarray(_usable(settings) * effort_limit)
-    if settings.amplitude > effort_limit.min():
+    most = float(_usable(settings) * effort_limit.min())
+    if settings.amplitude > most:
+        less = "" if settings.reserve is None else " less the reserve"
         raise BadInput(
-            f"plan: amplitude: {settings.amplitude:g} is above the drive's limit "
-            f"{effort_limit.min():g}"
+            f"plan: amplitude: {settings.amplitude:g} is above the drive's limit{less}, {most:g}"
         )
     return np.full(effort_limit.size, settings.amplitude)
 
 
 def _usable(settings: TimeOptimal) -> float:
     """Return the share of each drive's limit that a slew may use, 1 - reserve [-]."""
-    if settings.amplitude is not None:
-        return 1.0
-    if settings.reserve is None:
-        return 1.0 if settings.feedback is None else 1.0 - RESERVE
-    return 1.0 - settings.reserve
+    if settings.reserve is not None:
+        return 1.0 - settings.reserve
+    of_feedback = settings.feedback is not None and settings.amplitude is None
+    return 1.0 - RESERVE if of_feedback else 1.0
 
 
 def on_ticks(slew: ExtremalArcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
