@@ -56,7 +56,7 @@ class Controller(Node):
             return
         joints = zip(m.joint_position, m.joint_velocity, self.limit, strict=True)
         effort = [
-            max(-limit, min(limit, -STIFFNESS * position - DAMPING * rate))
+            min(max(-STIFFNESS * position - DAMPING * rate, -limit), limit)  # NaN stays NaN
             for position, rate, limit in joints
         ]
         self.effort.publish(
