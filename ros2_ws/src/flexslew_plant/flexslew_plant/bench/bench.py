@@ -38,6 +38,7 @@ from flexslew_plant.events import (
     message_of,
 )
 from flexslew_plant.events.run import Objection
+from flexslew_plant.faults.dispatch import load_steps
 from flexslew_plant.faults.effects import Fate
 from flexslew_plant.hardware.actuator import Actuator, shortest_impulses
 from flexslew_plant.hardware.drive import Drive
@@ -180,6 +181,8 @@ class Bench:
         """Compile and load what a tick needs, so that none of them waits for it."""
         self.truth()
         self._moved(self._applied)
+        if self.settings.allow_faults:  # an operator may inject any
+            load_steps()
 
     @property
     def testbed(self) -> Testbed:

@@ -1,6 +1,6 @@
 """The faults: what can break. A new one is a file that ends in its entry, and a line here.
 
-Offers: actuators, chance, commands, effects, injection, sensors.
+Offers: actuators, chance, commands, dispatch, effects, injection, steps.
 """
 
 from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeAlias

@@ -1,22 +1,61 @@
 """Faults of the motors."""
 
-from collections import deque
+from math import ceil, nan
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from flexslew_plant.arrays import Vector
-from flexslew_plant.faults.effects import (
-    Effect,
-    FaultContext,
-    FaultEntry,
-    Names,
-    Subject,
-)
+from flexslew_plant.arrays import Vector, called
+from flexslew_plant.faults.effects import FaultEntry, Names, Subject
+from flexslew_plant.faults.steps import FaultAction, Where, entries
 from flexslew_plant.settings import section
 
 MOST_TICKS = 10_000.0  # by which commands may be late
+
+
+@called
+def stuck_effort(numbers: Vector, memory: Vector, since: int, value: float) -> float:
+    """Return the effort of a stuck motor: u = u_stuck, or the last one before the fault.
+
+    Args:
+        numbers: u_stuck [N m or N]; NaN: the last one before.
+        memory: the last effort before the fault [N m or N].
+        since: ticks since the fault began.
+        value: effort of a healthy motor [N m or N].
+    """
+    return float(memory[0] if np.isnan(numbers[0]) else numbers[0])
+
+
+@called
+def scaled_demand(numbers: Vector, memory: Vector, since: int, value: float) -> float:
+    """Return the demand that a motor receives as another one: g u.
+
+    Args:
+        numbers: g [-].
+        memory: none.
+        since: ticks since the fault began.
+        value: u [N m or N].
+    """
+    return float(value * numbers[0])
+
+
+@called
+def delayed_demand(numbers: Vector, memory: Vector, since: int, value: float) -> float:
+    """Return the mean of a demand that is d + p ticks late: (1 - p) u[k - d] + p u[k - d - 1].
+
+    Args:
+        numbers: d + p, with whole d and 0 <= p < 1 [ticks].
+        memory: demands of the last ceil(d + p) ticks, written round and round [N m or N].
+        since: ticks since the fault began.
+        value: u[k] [N m or N].
+    """
+    part, place = numbers[0] % 1.0, since % memory.size
+    oldest = memory[place]
+    memory[place] = value
+    if part > 0.0:
+        return float((1.0 - part) * memory[(since + 1) % memory.size] + part * oldest)
+    return float(oldest)
 
 
 @section
@@ -31,16 +70,10 @@ class ActuatorStuck:
         """Return the joint, and the effort that it is to give."""
         return Subject("joint", self.joint, names.joints, self.effort)
 
-    def begin(self, context: FaultContext) -> Effect:
-        """Return the effect on what the motors give."""
-        k = context.names.joints.index(self.joint)
-
-        def effort(given: Vector) -> Vector:
-            stuck = given.copy()
-            stuck[k] = context.effort[k] if self.effort is None else self.effort
-            return stuck
-
-        return Effect(effort=effort)
+    def action(self, names: Names) -> FaultAction:
+        """Return the action on what the motor gives."""
+        number = nan if self.effort is None else self.effort
+        return FaultAction(Where.EFFORT, *entries(names.joints, self.joint), (number,), memory=1)
 
 
 @section
@@ -55,11 +88,9 @@ class ActuatorGain:
         """Return the joint."""
         return Subject("joint", self.joint, names.joints)
 
-    def begin(self, context: FaultContext) -> Effect:
-        """Return the effect on what reaches the motors."""
-        share = np.ones(len(context.names.joints))
-        share[context.names.joints.index(self.joint)] = self.gain
-        return Effect(demand=lambda demand: demand * share)
+    def action(self, names: Names) -> FaultAction:
+        """Return the action on what reaches the motor."""
+        return FaultAction(Where.DEMAND, *entries(names.joints, self.joint), (self.gain,))
 
 
 @section
@@ -77,21 +108,12 @@ class CommandDelay:
         """Return the joint, where it is about one."""
         return None if self.joint is None else Subject("joint", self.joint, names.joints)
 
-    def begin(self, context: FaultContext) -> Effect:
-        """Return the effect on what reaches the motors."""
-        whole, part = int(self.ticks // 1.0), self.ticks % 1.0
-        chosen = np.array([self.joint in (None, name) for name in context.names.joints])
-        queue = deque([context.demand] * (whole + (part > 0.0)))
-
-        def late_one(asked: Vector) -> Vector:
-            queue.append(asked)
-            oldest = queue.popleft()
-            delayed = (1.0 - part) * queue[0] + part * oldest if part else oldest
-            return delayed if self.joint is None else np.where(chosen, delayed, asked)
-
-        return Effect(late=late_one)
+    def action(self, names: Names) -> FaultAction:
+        """Return the action on what reaches the motors."""
+        chosen = entries(names.joints, self.joint)
+        return FaultAction(Where.LATE, *chosen, (self.ticks,), memory=ceil(self.ticks))
 
 
-STUCK = FaultEntry(ActuatorStuck)
-GAIN = FaultEntry(ActuatorGain, {"gain": 0.5})
-DELAY = FaultEntry(CommandDelay, {"ticks": 2})
+STUCK = FaultEntry(ActuatorStuck, step=stuck_effort)
+GAIN = FaultEntry(ActuatorGain, {"gain": 0.5}, scaled_demand)
+DELAY = FaultEntry(CommandDelay, {"ticks": 2}, delayed_demand)

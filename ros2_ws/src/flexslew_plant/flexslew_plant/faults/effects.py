@@ -1,4 +1,8 @@
-"""The contract of a fault: a section of the schedule, and what it does while it acts."""
+"""The contract of a fault: a section of the schedule, and what it does while it acts.
+
+One that changes single readings, demands or efforts has a step, see `steps`; batches fly it, too.
+Any other one begins an Effect: functions in Python, which only the bench calls.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -9,6 +13,7 @@ from pydantic import Field
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.entries import default_of
+from flexslew_plant.faults.steps import FaultAction, FaultStep
 from flexslew_plant.hardware.sensors import Readings
 from flexslew_plant.measurement import EffortCommand
 
@@ -66,6 +71,7 @@ class FaultContext:
         deliver_later: hands an answer to the drive some ticks later, before or after that tick's
             own answer.
         demand, effort: what was last asked of the motors, and what they last gave, (joints,).
+        since: returns the ticks since the fault began.
     """
 
     names: Names
@@ -73,6 +79,7 @@ class FaultContext:
     deliver_later: Callable[[EffortCommand, int, bool], None]
     demand: Vector
     effort: Vector
+    since: Callable[[], int]
 
 
 class Effect(NamedTuple):
@@ -93,6 +100,17 @@ class Fault(Protocol):
     def subject(self, names: Names) -> Subject | None:
         """Return what it is about by name; None: nothing that a testbed could lack."""
 
+
+class FaultWithStep(Fault, Protocol):
+    """A fault whose entry has a step."""
+
+    def action(self, names: Names) -> FaultAction:
+        """Return where the step acts on a testbed, and its numbers."""
+
+
+class FaultWithEffect(Fault, Protocol):
+    """A fault without a step."""
+
     def begin(self, context: FaultContext) -> Effect:
         """Return what it does from now on, until it ends."""
 
@@ -102,12 +120,15 @@ class FaultEntry:
     """A fault, as the rest of the bench knows it.
 
     Args:
-        settings: its section; the default of `kind` is its name.
+        settings: its section, a FaultWithStep or FaultWithEffect; the default of `kind` is its
+            name.
         example: the keys that it cannot do without, apart from names of the testbed.
+        step: that it takes for each entry and tick; None: its section has `begin`.
     """
 
     settings: type[Any]
     example: Mapping[str, Any] = field(default_factory=dict)
+    step: FaultStep | None = None
 
     @property
     def name(self) -> str:

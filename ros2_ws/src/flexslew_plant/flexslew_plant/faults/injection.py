@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from flexslew_plant.arrays import Vector
 from flexslew_plant.faults import Timed
 from flexslew_plant.faults.chance import drawn, key_of
+from flexslew_plant.faults.dispatch import effect_of
 from flexslew_plant.faults.effects import Effect, Fate, FaultContext, Names
 from flexslew_plant.hardware.sensors import Readings
 from flexslew_plant.measurement import EffortCommand
@@ -77,7 +78,9 @@ class Faults:
         if ended or begun:
             over = set(map(id, ended))
             self._acting = [(t, effect) for t, effect in self._acting if id(t) not in over]
-            self._acting += [(t, t.fault.begin(self._context(t, demand, effort))) for t in begun]
+            self._acting += [
+                (t, effect_of(t.fault, self._context(t, demand, effort))) for t in begun
+            ]
             self.at_work = bool(self._acting)
             self.waiting = [t for t in self.waiting if tick < t.start]
         return [SwitchedEffect(t, False) for t in ended] + [SwitchedEffect(t, True) for t in begun]
@@ -136,7 +139,11 @@ class Faults:
             self._deliver_later,
             demand,
             effort,
+            partial(self._since, self._tick),
         )
+
+    def _since(self, tick: int) -> int:
+        return self._tick - tick
 
     def _deliver_later(self, command: EffortCommand, ticks: int, first: bool) -> None:
         self.late.append(Delayed(self._tick + ticks, first, command))

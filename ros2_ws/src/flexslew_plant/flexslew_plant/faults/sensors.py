@@ -1,13 +1,12 @@
 """Faults of the sensors."""
 
-from collections.abc import Callable
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector
-from flexslew_plant.faults.effects import Effect, FaultContext, FaultEntry, Names, Seed, Subject
-from flexslew_plant.hardware.sensors import Readings
+from flexslew_plant.arrays import Vector, called
+from flexslew_plant.faults.effects import FaultEntry, Names, Seed, Subject
+from flexslew_plant.faults.steps import FaultAction, Where, entries
 from flexslew_plant.settings import Probability, section
 
 ChannelName: TypeAlias = Literal[
@@ -29,20 +28,52 @@ def _subject(fault: _OnChannel, names: Names) -> Subject | None:
     return None if fault.of is None else Subject("of", fault.of, names.of(fault.channel))
 
 
-def _reading(fault: _OnChannel, names: Names, wrong: Callable[[Vector], Vector]) -> Effect:
-    """Return the effect that replaces the chosen entries of a channel by those of `wrong`."""
-    chosen = slice(None)
-    if fault.of is not None:
-        k = names.of(fault.channel).index(fault.of)
-        chosen = slice(k, k + 1)
+def _action(
+    fault: _OnChannel, names: Names, numbers: tuple[float, ...] = (), memory: int = 0
+) -> FaultAction:
+    """Return the action on the chosen entries of a channel."""
+    chosen = entries(names.of(fault.channel), fault.of)
+    return FaultAction(Where.READING, *chosen, numbers, memory, fault.channel)
 
-    def read(readings: Readings) -> Readings:
-        reading: Vector = getattr(readings, fault.channel)
-        changed = reading.copy()
-        changed[chosen] = wrong(reading)[chosen]
-        return readings._replace(**{fault.channel: changed})
 
-    return Effect(read=read)
+@called
+def zero_reading(numbers: Vector, memory: Vector, since: int, value: float) -> float:
+    """Return the reading of a sensor that drops out: 0."""
+    return 0.0
+
+
+@called
+def bias_reading(numbers: Vector, memory: Vector, since: int, value: float) -> float:
+    """Return a reading with a bias: y + b.
+
+    Args:
+        numbers: b, in the unit of the channel.
+        memory: none.
+        since: ticks since the fault began.
+        value: y, in the unit of the channel.
+    """
+    return float(value + numbers[0])
+
+
+@called
+def freeze_reading(numbers: Vector, memory: Vector, since: int, value: float) -> float:
+    """Return the first reading of the fault, y[k0], at all of its ticks.
+
+    Args:
+        numbers: none.
+        memory: y[k0], in the unit of the channel.
+        since: ticks since the fault began, k - k0.
+        value: y[k], in the unit of the channel.
+    """
+    if since == 0:
+        memory[0] = value
+    return float(memory[0])
+
+
+@called
+def nan_reading(numbers: Vector, memory: Vector, since: int, value: float) -> float:
+    """Return the reading of a sensor that gives no number: NaN."""
+    return float(np.nan)
 
 
 @section
@@ -59,13 +90,9 @@ class SensorDropout:
         """Return the joint or appendage."""
         return _subject(self, names)
 
-    def begin(self, context: FaultContext) -> Effect:
-        """Return the effect on the readings."""
-
-        def wrong(reading: Vector) -> Vector:
-            return np.zeros_like(reading) if context.happens(self.probability) else reading
-
-        return _reading(self, context.names, wrong)
+    def action(self, names: Names) -> FaultAction:
+        """Return the action on the readings."""
+        return _action(self, names)._replace(probability=self.probability)
 
 
 @section
@@ -81,9 +108,9 @@ class SensorBias:
         """Return the joint or appendage."""
         return _subject(self, names)
 
-    def begin(self, context: FaultContext) -> Effect:
-        """Return the effect on the readings."""
-        return _reading(self, context.names, lambda reading: reading + self.bias)
+    def action(self, names: Names) -> FaultAction:
+        """Return the action on the readings."""
+        return _action(self, names, (self.bias,))
 
 
 @section
@@ -98,16 +125,9 @@ class SensorFreeze:
         """Return the joint or appendage."""
         return _subject(self, names)
 
-    def begin(self, context: FaultContext) -> Effect:
-        """Return the effect on the readings."""
-        first: list[Vector] = []
-
-        def wrong(reading: Vector) -> Vector:
-            if not first:
-                first.append(reading)
-            return first[0]
-
-        return _reading(self, context.names, wrong)
+    def action(self, names: Names) -> FaultAction:
+        """Return the action on the readings."""
+        return _action(self, names, memory=1)
 
 
 @section
@@ -122,12 +142,12 @@ class SensorNan:
         """Return the joint or appendage."""
         return _subject(self, names)
 
-    def begin(self, context: FaultContext) -> Effect:
-        """Return the effect on the readings."""
-        return _reading(self, context.names, lambda reading: np.full_like(reading, np.nan))
+    def action(self, names: Names) -> FaultAction:
+        """Return the action on the readings."""
+        return _action(self, names)
 
 
-DROPOUT = FaultEntry(SensorDropout)
-BIAS = FaultEntry(SensorBias, {"bias": 0.1})
-FREEZE = FaultEntry(SensorFreeze)
-NAN = FaultEntry(SensorNan)
+DROPOUT = FaultEntry(SensorDropout, step=zero_reading)
+BIAS = FaultEntry(SensorBias, {"bias": 0.1}, bias_reading)
+FREEZE = FaultEntry(SensorFreeze, step=freeze_reading)
+NAN = FaultEntry(SensorNan, step=nan_reading)

@@ -1,10 +1,11 @@
 """Faults at work in lanes: at sensors, between law and motors, and on what the motors give.
 
-Lane after lane, in the order in which they set in, as faults.injection does it for one run.
+Lane after lane, by the steps of the bench, in the order in which they set in, as faults.injection
+does it for one run.
 """
 
 from collections.abc import Callable, Sequence
-from math import ceil
+from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -14,31 +15,21 @@ from flexslew_lab.studies.lanes.groups.charge import OF_ANSWERS
 from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_lab.studies.lanes.groups.strikes import struck
-from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled
+from flexslew_plant.arrays import Indices, Tensor, Vector, called, compiled
 from flexslew_plant.faults import Fault, Timed
-from flexslew_plant.faults.actuators import ActuatorGain, ActuatorStuck, CommandDelay
+from flexslew_plant.faults.dispatch import any_step, number_of
 from flexslew_plant.faults.effects import Names
-from flexslew_plant.faults.sensors import SensorBias, SensorDropout, SensorFreeze, SensorNan
+from flexslew_plant.faults.steps import FaultAction, Where
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 Flags: TypeAlias = NDArray[np.bool_]
-BIAS, DROPOUT, FREEZE, NAN, STUCK, GAIN, DELAY = range(7)
-_KINDS: dict[type[Any], int] = {
-    SensorBias: BIAS,
-    SensorDropout: DROPOUT,
-    SensorFreeze: FREEZE,
-    SensorNan: NAN,
-    ActuatorStuck: STUCK,
-    ActuatorGain: GAIN,
-    CommandDelay: DELAY,
-}
-_OF_SENSORS = NAN  # kinds up to this one
+_READING, _LATE, _DEMAND, _EFFORT = (int(where) for where in Where)
 _CHANNELS = ("joint_position", "joint_velocity", "tip_deflection")  # that a law may read
 
 
 def is_known(fault: Fault) -> bool:
-    """Return whether batches fly a fault: of these kinds themselves, as a new one may do more."""
-    return type(fault) in _KINDS or type(fault) in OF_ANSWERS
+    """Return whether batches fly a fault: those with a step, and the shipped ones of answers."""
+    return number_of(fault) is not None or type(fault) in OF_ANSWERS
 
 
 class LaneFaults(NamedTuple):
@@ -49,14 +40,16 @@ class LaneFaults(NamedTuple):
     weak: Flags  # motors, or what reaches them
     unanswered: Flags  # an answer is lost
     missed: Flags  # answers that are lost, (ticks, lanes)
-    kind: Indices  # (lanes, faults), as all below
+    kind: Indices  # number of its step, (lanes, faults), as all below
+    where: Indices  # it acts
     begin: Indices  # first tick
     end: Indices  # first tick after it
-    first: Indices  # entry that it is about: of joints, rates and tips, or of the efforts
-    last: Indices  # first one that it is not about
-    number: Matrix  # bias, gain, delay [ticks], or effort; NaN: the last one before it
-    strikes: Flags  # whether a dropout does, (lanes, faults, ticks)
-    memory: Tensor  # (lanes, faults, numbers): frozen readings, the stuck effort, a queue
+    first: Indices  # entry on which it acts: of joints, rates and tips, or of the efforts
+    last: Indices  # first one on which it does not act
+    size: Indices  # of its memory, for each entry
+    numbers: Tensor  # of its step, (lanes, faults, numbers)
+    strikes: Flags  # whether it acts, (lanes, faults, ticks)
+    memory: Tensor  # of its entries, one after another, (lanes, faults, numbers)
 
 
 class _Fault(NamedTuple):
@@ -64,10 +57,13 @@ class _Fault(NamedTuple):
 
     timed: Timed
     kind: int
-    first: int
-    last: int
-    number: float
-    size: int  # of its memory
+    action: FaultAction
+    place: int  # of the action's channel among joints, rates and tips
+
+    @property
+    def size(self) -> int:
+        """Numbers of its memory."""
+        return (self.action.last - self.action.first) * self.action.memory
 
 
 def faults_of(lanes: Sequence[LaneTrial], ticks: int) -> LaneFaults | None:
@@ -83,92 +79,91 @@ def faults_of(lanes: Sequence[LaneTrial], ticks: int) -> LaneFaults | None:
     if not (most or missed.any()):
         return None
     sets_in, misled, weak = (np.zeros(ticks, np.bool_) for _ in range(3))
-    shape = len(lanes), most
-    size = max((fault.size for faults in each for fault in faults), default=0)
-    kind, begin, end, first, last = (np.zeros(shape, np.int64) for _ in range(5))
-    number, strikes = np.zeros(shape), np.zeros((*shape, ticks), np.bool_)
+    shape, known = (len(lanes), most), [fault for faults in each for fault in faults]
+    kind, where, begin, end, first, last, size = (np.zeros(shape, np.int64) for _ in range(7))
+    numbers = np.zeros((*shape, max((len(fault.action.numbers) for fault in known), default=0)))
+    strikes = np.zeros((*shape, ticks), np.bool_)
     for k, (lane, faults) in enumerate(zip(lanes, each, strict=True)):
         for f, fault in enumerate(faults):
+            action, at = fault.action, (k, f)
             start, stop = fault.timed.start, int(min(fault.timed.end, ticks))
-            kind[k, f], number[k, f] = fault.kind, fault.number
-            begin[k, f], end[k, f], first[k, f], last[k, f] = start, stop, fault.first, fault.last
+            kind[at], where[at], size[at] = fault.kind, action.where, action.memory
+            begin[at], end[at] = start, stop
+            first[at], last[at] = fault.place + action.first, fault.place + action.last
+            numbers[at][: len(action.numbers)] = action.numbers
+            strikes[at] = struck(fault.timed, lane.trial.seed, ticks)
             sets_in[start : start + 1] = True
-            (misled if fault.kind <= _OF_SENSORS else weak)[start:stop] = True
-            if fault.kind == DROPOUT:
-                strikes[k, f] = struck(fault.timed, lane.trial.seed, ticks)
+            (misled if action.where is Where.READING else weak)[start:stop] = True
     by_tick = sets_in, misled, weak, np.array(missed.any(axis=1)), missed
-    memory = np.zeros((*shape, size))
-    return LaneFaults(*by_tick, kind, begin, end, first, last, number, strikes, memory)
+    memory = np.zeros((*shape, max((fault.size for fault in known), default=0)))
+    each_fault = kind, where, begin, end, first, last, size
+    return LaneFaults(*by_tick, *each_fault, numbers, strikes, memory)
 
 
 def _faults(lane: LaneTrial) -> list[_Fault]:
     """Return what changes readings or efforts, in the order in which it sets in."""
     model = lane.model
     names = Names(model.joint_names, model.appendages.names, ())
-    acting = [timed for timed in lane.happens.faults if type(timed.fault) not in OF_ANSWERS]
-    found = [_fault(timed, names) for timed in acting]
+    found = [_fault(timed, names) for timed in lane.happens.faults]
     known = [fault for fault in found if fault is not None]
     return sorted(known, key=lambda fault: fault.timed.start)
 
 
 def _fault(timed: Timed, names: Names) -> _Fault | None:
-    """Return a fault by its numbers; None: no law reads that channel."""
+    """Return a fault with its action; None: it is one of answers, or no law reads the channel."""
     fault: Any = timed.fault
-    kind, number, m = _KINDS[type(fault)], 0.0, len(names.joints)
-    if kind > _OF_SENSORS:
-        first, last = 0, m
-        if fault.joint is not None:
-            first = names.joints.index(fault.joint)
-            last = first + 1
-        size = 1
-        if kind == DELAY:
-            number, size = fault.ticks, ceil(fault.ticks) * m
-        elif kind == GAIN:
-            number = fault.gain
-        else:
-            number = np.nan if fault.effort is None else fault.effort
-        return _Fault(timed, kind, first, last, number, size)
-    if fault.channel not in _CHANNELS:
+    kind = number_of(fault)
+    if kind is None:
         return None
-    channel = _CHANNELS.index(fault.channel)
-    first, all_names = channel * m, names.of(fault.channel)
-    last = first + len(all_names)
-    if fault.of is not None:
-        first += all_names.index(fault.of)
-        last = first + 1
-    if kind == BIAS:
-        number = fault.bias
-    return _Fault(timed, kind, first, last, number, last - first)
+    action: FaultAction = fault.action(names)
+    if action.where is not Where.READING:
+        return _Fault(timed, kind, action, 0)
+    if action.channel not in _CHANNELS:
+        return None
+    return _Fault(timed, kind, action, _CHANNELS.index(action.channel) * len(names.joints))
 
 
-@called
-def spoil(k: int, lane: int, faults: LaneFaults, place: int, values: Vector) -> None:
-    """Put wrong readings in the place of some of a lane's.
+@lru_cache
+def _changing() -> Callable[..., float]:
+    """Return what gives the value of an entry after all faults of a lane.
 
-    Args:
-        k: tick.
-        lane: of the group.
-        faults: of it.
-        place: entry of joints, rates and tips at which the values begin.
-        values: of the sensors, changed.
+    It takes (k, lane, LaneFaults, where they act, entry, value).
     """
-    kinds, begin, end, memory = faults.kind, faults.begin, faults.end, faults.memory
-    firsts, lasts, number, strikes = faults.first, faults.last, faults.number, faults.strikes
-    for f in range(kinds.shape[1]):
-        kind, first = kinds[lane, f], firsts[lane, f]
-        if kind > _OF_SENSORS or not begin[lane, f] <= k < end[lane, f]:
-            continue
-        for i in range(max(first, place), min(lasts[lane, f], place + values.size)):
-            if kind == BIAS:
-                values[i - place] += number[lane, f]
-            elif kind == DROPOUT:
-                values[i - place] = 0.0 if strikes[lane, f, k] else values[i - place]
-            elif kind == NAN:
-                values[i - place] = np.nan
-            else:
-                if k == begin[lane, f]:
-                    memory[lane, f, i - first] = values[i - place]
-                values[i - place] = memory[lane, f, i - first]
+    step = any_step()
+
+    @called
+    def change(k: int, lane: int, faults: LaneFaults, where: int, i: int, value: float) -> float:
+        kinds, begin, end, strikes = faults.kind, faults.begin, faults.end, faults.strikes
+        firsts, lasts, sizes = faults.first, faults.last, faults.size
+        count = kinds.shape[1]
+        for n in range(count):
+            f = count - 1 - n if where == _LATE else n  # of two delays the later one to set in
+            first, size = firsts[lane, f], sizes[lane, f]
+            about = faults.where[lane, f] == where and first <= i < lasts[lane, f]
+            if about and begin[lane, f] <= k < end[lane, f] and strikes[lane, f, k]:
+                own = faults.memory[lane, f, (i - first) * size : (i - first + 1) * size]
+                since, numbers = k - begin[lane, f], faults.numbers[lane, f]
+                value = step(kinds[lane, f], numbers, own, since, value)
+        return value
+
+    return cast(Callable[..., float], change)
+
+
+@lru_cache
+def spoiling() -> Callable[..., None]:
+    """Return what puts wrong readings in the place of some of a lane's.
+
+    It takes (k, lane, LaneFaults, entry of joints, rates and tips at which the values begin, values
+    of the sensors, changed).
+    """
+    change = _changing()
+
+    @called
+    def spoil(k: int, lane: int, faults: LaneFaults, place: int, values: Vector) -> None:
+        for i in range(values.size):
+            values[i] = change(k, lane, faults, _READING, place + i, values[i])
+
+    return cast(Callable[..., None], spoil)
 
 
 def setting_in(rows: Rows, sizes: Sizes, heard: bool) -> Callable[..., None]:
@@ -183,7 +178,7 @@ def setting_in(rows: Rows, sizes: Sizes, heard: bool) -> Callable[..., None]:
     """
     if not sizes.broken:
         return _nothing_sets_in
-    reading, begin = rows.reading, _remembering(rows, sizes)
+    reading, begin, spoil = rows.reading, _remembering(rows), spoiling()
     count = 2 * sizes.joints if heard else sizes.outputs
 
     @compiled
@@ -203,25 +198,22 @@ def setting_in(rows: Rows, sizes: Sizes, heard: bool) -> Callable[..., None]:
     return cast(Callable[..., None], set_in)
 
 
-def _remembering(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what keeps for a fault that sets in what was asked of the drives, or applied."""
-    asked, applied, m = rows.asked, rows.applied, sizes.joints
+def _remembering(rows: Rows) -> Callable[..., None]:
+    """Return what stores for a fault that sets in what was asked of the drives, or applied."""
+    asked, applied = rows.asked, rows.applied
 
     @compiled
     def begin(k: int, faults: LaneFaults, w: Vector, filled: int) -> None:
-        kind, begins, memory = faults.kind, faults.begin, faults.memory
-        number, first = faults.number, faults.first
+        where, begins, memory = faults.where, faults.begin, faults.memory
+        firsts, lasts, sizes = faults.first, faults.last, faults.size
         for lane in range(filled):
-            for f in range(kind.shape[1]):
-                if begins[lane, f] != k:
+            for f in range(where.shape[1]):
+                if begins[lane, f] != k or where[lane, f] == _READING:
                     continue
-                if kind[lane, f] == STUCK:
-                    memory[lane, f, 0] = number[lane, f]
-                    if np.isnan(number[lane, f]):
-                        memory[lane, f, 0] = w[applied + first[lane, f] * LANES + lane]
-                elif kind[lane, f] == DELAY:
-                    for i in range(int(np.ceil(number[lane, f])) * m):
-                        memory[lane, f, i] = w[asked + i % m * LANES + lane]
+                before = applied if where[lane, f] == _EFFORT else asked
+                first, size = firsts[lane, f], sizes[lane, f]
+                for i in range((lasts[lane, f] - first) * size):
+                    memory[lane, f, i] = w[before + (first + i // size) * LANES + lane]
 
     return cast(Callable[..., None], begin)
 
@@ -237,27 +229,7 @@ def broken_demand(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """
     if not sizes.broken:
         return _nothing_breaks
-    asked, effort, m = rows.asked, rows.applied, sizes.joints
-
-    @compiled
-    def change(k: int, i: int, faults: LaneFaults, w: Vector, filled: int) -> None:
-        kind, begin, end, memory = faults.kind, faults.begin, faults.end, faults.memory
-        first, last, number = faults.first, faults.last, faults.number
-        for lane in range(filled):
-            at, most = effort + i * LANES + lane, kind.shape[1]
-            for n in range(2 * most):  # delays, the last one to set in first, then gains
-                f = most - 1 - n if n < most else n - most
-                about = first[lane, f] <= i < last[lane, f]
-                if not (about and begin[lane, f] <= k < end[lane, f]):
-                    continue
-                if n >= most and kind[lane, f] == GAIN:
-                    w[at] *= number[lane, f]
-                elif n < most and kind[lane, f] == DELAY:
-                    since, queued = k - begin[lane, f], int(np.ceil(number[lane, f]))
-                    oldest, part = since % queued * m + i, number[lane, f] % 1.0
-                    before, memory[lane, f, oldest] = memory[lane, f, oldest], w[at]
-                    then = memory[lane, f, (since + 1) % queued * m + i]
-                    w[at] = (1.0 - part) * then + part * before if part > 0.0 else before
+    asked, effort, change = rows.asked, rows.applied, _changing()
 
     @compiled
     def ask(k: int, i: int, faults: LaneFaults, w: Vector, filled: int) -> None:
@@ -270,13 +242,15 @@ def broken_demand(rows: Rows, sizes: Sizes) -> Callable[..., None]:
         for lane in range(LANES):
             w[asked + row + lane] = w[effort + row + lane]
         if faults.weak[k]:
-            change(k, i, faults, w, filled)
+            for lane in range(filled):
+                late = change(k, lane, faults, _LATE, i, w[effort + row + lane])
+                w[effort + row + lane] = change(k, lane, faults, _DEMAND, i, late)
 
     return cast(Callable[..., None], ask)
 
 
 def broken_motors(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what puts stuck efforts in the place of those that motors would give.
+    """Return what changes the efforts that motors give.
 
     It takes (k, joint, LaneFaults, w, first lanes to be asked for).
 
@@ -286,19 +260,13 @@ def broken_motors(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """
     if not sizes.broken:
         return _nothing_breaks
-    effort = rows.applied
+    effort, change = rows.applied, _changing()
 
     @compiled
     def give(k: int, i: int, faults: LaneFaults, w: Vector, filled: int) -> None:
-        if not faults.weak[k]:
-            return
-        kind, begin, end, memory = faults.kind, faults.begin, faults.end, faults.memory
-        first = faults.first
-        for lane in range(filled):
-            for f in range(kind.shape[1]):
-                stuck = kind[lane, f] == STUCK and first[lane, f] == i
-                if stuck and begin[lane, f] <= k < end[lane, f]:
-                    w[effort + i * LANES + lane] = memory[lane, f, 0]
+        if faults.weak[k]:
+            for at in range(effort + i * LANES, effort + i * LANES + filled):
+                w[at] = change(k, at - effort - i * LANES, faults, _EFFORT, i, w[at])
 
     return cast(Callable[..., None], give)
 

@@ -13,7 +13,7 @@ from flexslew_control.estimators.attitude_tick import (
     tell_joints,
 )
 from flexslew_control.estimators.flexible_attitude_tick import flexible_memory, flexible_tick
-from flexslew_lab.studies.lanes.benches.lane_faults import nothing_spoilt, spoil
+from flexslew_lab.studies.lanes.benches.lane_faults import nothing_spoilt, spoiling
 from flexslew_lab.studies.lanes.groups.lane_laws import Beside, craft_kernel
 from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
@@ -155,7 +155,7 @@ def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: Filter | None) -> C
     reading, told, effort = rows.reading, rows.reading + 2 * m * LANES, rows.applied
     filtering = filtered is not None
     believe = filtered or rigid_filter
-    spoilt = spoil if sizes.broken else nothing_spoilt
+    spoilt = spoiling() if sizes.broken else nothing_spoilt
 
     def nothing(
         k: int,

@@ -16,8 +16,9 @@ from flexslew_lab.studies.lanes.groups.strikes import struck
 from flexslew_lab.studies.ways import Way
 from flexslew_plant.arrays import Vector
 from flexslew_plant.faults import Timed
+from flexslew_plant.faults.dispatch import advance_fault, number_of
 from flexslew_plant.faults.effects import Names
-from flexslew_plant.faults.sensors import SensorDropout, SensorFreeze, SensorNan
+from flexslew_plant.faults.steps import Where
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.refusal import Cause
 from flexslew_plant.testbeds.model import Model
@@ -37,24 +38,22 @@ def unread(names: Names, faults: Sequence[Timed], seed: int, ticks: int) -> NDAr
         ticks: of the trial.
     """
     firsts = np.cumsum([0, *(len(names.of(channel)) for channel in _CHANNELS)])
-    found = np.zeros((ticks, firsts[-1]), np.bool_)
+    values, advance = np.zeros((ticks, firsts[-1])), advance_fault()
     for timed in sorted(faults, key=lambda timed: timed.start):  # each changes what is there
         fault: Any = timed.fault
-        if not isinstance(fault, SensorNan | SensorFreeze | SensorDropout):
+        kind = number_of(fault)
+        action = None if kind is None else fault.action(names)
+        if action is None or action.where is not Where.READING:
             continue
-        channel = _CHANNELS.index(fault.channel)
-        first, last = firsts[channel : channel + 2]
-        if fault.of is not None:
-            first += names.of(fault.channel).index(fault.of)
-            last = first + 1
-        start, stop = timed.start, int(min(timed.end, ticks))
-        if isinstance(fault, SensorNan):
-            found[start:stop, first:last] = True
-        elif isinstance(fault, SensorFreeze):
-            found[start:stop, first:last] = found[start : start + 1, first:last]
-        else:
-            found[struck(timed, seed, ticks), first:last] = False
-    return found
+        first = firsts[_CHANNELS.index(action.channel)]
+        chosen = slice(first + action.first, first + action.last)
+        span = slice(timed.start, int(min(timed.end, ticks)))
+        read = np.ascontiguousarray(values[span, chosen])
+        memory = np.zeros((action.last - action.first) * action.memory)
+        acts = struck(timed, seed, ticks)[span]
+        advance(kind, np.array(action.numbers, dtype=np.float64), memory, 0, acts, read)
+        values[span, chosen] = read
+    return np.isnan(values)
 
 
 def blindness(

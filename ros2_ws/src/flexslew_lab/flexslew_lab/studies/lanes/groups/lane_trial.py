@@ -27,7 +27,6 @@ from flexslew_plant.errors import FlexslewError
 from flexslew_plant.faults import Names, Timed
 from flexslew_plant.faults.actuators import CommandDelay
 from flexslew_plant.faults.injection import Faults
-from flexslew_plant.faults.sensors import SensorNan
 from flexslew_plant.hardware.disturbances import TimedDisturbance
 from flexslew_plant.hardware.friction import friction_of
 from flexslew_plant.hardware.sensors import Sensors, exact_readings
@@ -266,10 +265,12 @@ def injected_in(trial: Trial, model: Model) -> Injected:
 
 def _blind(trial: Trial, model: Model, faults: Sequence[Timed]) -> Blindness | Way:
     """Return which controllers of a trial have no estimate when."""
-    if not any(isinstance(timed.fault, SensorNan) for timed in faults):
+    if not faults:
         return {}
     names = Names(model.joint_names, model.appendages.names, ())
     nan = unread(names, faults, trial.seed, round(trial.duration / trial.period))
+    if not nan.any():
+        return {}
     controllers = [controller_of(trial, name) for name in trial.controllers]
     found = blindness(controllers, model, initial_state(trial.testbed), nan)
     if isinstance(found, Way):
