@@ -1,12 +1,11 @@
 """Whether the joint sensors agree: an encoder must move as its rate sensor says."""
 
-from collections import deque
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
 from flexslew_plant.settings import Positive, section
 
 
@@ -26,8 +25,69 @@ class Implausible(NamedTuple):
     difference: float  # mean rate from the positions, minus that of the rate sensor [rad/s or m/s]
 
 
+class PlausibilityNumbers(NamedTuple):
+    """Constants of the comparison."""
+
+    rate_difference: float  # largest allowed, over a full window [rad/s or m/s]
+    window: int  # W [ticks]
+    period: float  # T [s]
+
+
+def plausibility_memory(window: int) -> int:
+    """Return the size of the memory of one joint: its last readings of both sensors."""
+    return 2 * (window + 1)
+
+
+@called
+def compare_rates(
+    n: PlausibilityNumbers, memory: Vector, since: int, position: float, velocity: float
+) -> tuple[float, bool]:
+    """Return the difference of a joint's mean rates, and whether it is allowed.
+
+    It is (q_k - q_k-n) / (n T) minus the mean of the rates between, by the trapezoidal rule, over
+    the last n = min(since, W) ticks. A window that is not full averages the noise less: W / n times
+    the difference of a full one is allowed. What is not a number is not allowed.
+
+    Args:
+        n: constants.
+        memory: last positions, then rates, each written round and round; advanced.
+        since: ticks since the comparison began.
+        position: as the encoder reads it [rad or m].
+        velocity: as the rate sensor reads it [rad/s or m/s].
+    """
+    places, count = n.window + 1, min(since, n.window)
+    now, first = since % places, (since - count) % places
+    memory[now], memory[places + now] = position, velocity
+    if count == 0:
+        return 0.0, True
+    total, at = 0.0, first
+    for _ in range(count + 1):
+        total += memory[places + at]
+        at = at + 1 if at < n.window else 0
+    mean = (total - 0.5 * (memory[places + first] + velocity)) / count
+    difference = (position - memory[first]) / (count * n.period) - mean
+    return difference, abs(difference) <= n.rate_difference * n.window / count
+
+
+@compiled_once("memory", "difference")
+def _all_agree(
+    n: PlausibilityNumbers,
+    memory: Matrix,
+    since: int,
+    position: Vector,
+    velocity: Vector,
+    difference: Vector,
+) -> bool:
+    """Return whether the differences of all joints, which are written, are allowed."""
+    agree = True
+    for i in range(difference.size):
+        difference[i], one = compare_rates(n, memory[i], since, position[i], velocity[i])
+        agree = agree and one
+    return agree
+
+
 class Plausibility:
-    """Compares (q_k - q_k-W) / (W T) with the mean of the rates between, by the trapezoidal rule.
+    """The comparison of all joints on the bench, see `compare_rates`.
 
     Args:
         settings: what is allowed.
@@ -35,12 +95,13 @@ class Plausibility:
     """
 
     def __init__(self, settings: PlausibilitySettings, period: float) -> None:
-        self._settings, self._period = settings, period
-        self._read: deque[tuple[Vector, Vector]] = deque(maxlen=settings.window + 1)
+        self._numbers = PlausibilityNumbers(settings.rate_difference, settings.window, period)
+        self._memory: Matrix = np.zeros((0, 0))
+        self._since = 0
 
     def reset(self) -> None:
         """Forget what was read."""
-        self._read.clear()
+        self._since = 0
 
     def look(self, position: Vector, velocity: Vector) -> Implausible | None:
         """Return the joint that disagrees most, beyond what is allowed; None: all is well.
@@ -52,20 +113,14 @@ class Plausibility:
             position: as the encoders read it, shape (joints,) [rad or m].
             velocity: as the rate sensors read it, shape (joints,) [rad/s or m/s].
         """
-        self._read.append((position, velocity))
-        count = len(self._read) - 1
-        if not count:
-            return None
-        rates = np.array([rate for _, rate in self._read])
-        mean = (rates.sum(axis=0) - 0.5 * (rates[0] + rates[-1])) / count
-        moved = (position - self._read[0][0]) / (count * self._period)
-        difference = moved - mean
-        difference[~np.isfinite(difference)] = np.finfo(np.float64).max
-        size = np.abs(difference)
-        # a window that is not full averages the noise less
-        allowed = self._settings.rate_difference * self._settings.window / count
-        joint = int(size.argmax())
-        if size[joint] <= allowed:
+        joints, difference = position.size, np.empty(position.size)
+        if len(self._memory) != joints:
+            self._memory = np.zeros((joints, plausibility_memory(self._numbers.window)))
+        q, v = np.ascontiguousarray(position), np.ascontiguousarray(velocity)
+        if _all_agree(self._numbers, self._memory, self._since, q, v, difference):
+            self._since += 1
             return None
         self.reset()
+        difference[~np.isfinite(difference)] = np.finfo(np.float64).max
+        joint = int(np.abs(difference).argmax())
         return Implausible(joint, float(difference[joint]))

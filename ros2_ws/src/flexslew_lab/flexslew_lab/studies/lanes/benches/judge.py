@@ -1,4 +1,4 @@
-"""Whether joint sensors agree, lane by lane, as hardware.plausibility says it of the bench.
+"""Whether joint sensors agree, lane by lane, by the step of the bench.
 
 A lane in which they do not is the bench's to fly.
 """
@@ -10,7 +10,12 @@ import numpy as np
 
 from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
-from flexslew_plant.arrays import Tensor, Vector, vectorised
+from flexslew_plant.arrays import Matrix, Vector, vectorised
+from flexslew_plant.hardware.plausibility import (
+    PlausibilityNumbers,
+    compare_rates,
+    plausibility_memory,
+)
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 DISTRUSTED = 2.0  # in the row `doubt`
@@ -20,8 +25,9 @@ _SAFE = 1.0 - 1e-9  # of what is allowed: lanes differ from the bench by less
 class LaneJudge(NamedTuple):
     """What is compared."""
 
-    allowed: Vector  # difference of mean rates over a full window, times its ticks, (lanes,)
-    read: Tensor  # newest positions and rates, each tick over the one that is a window behind
+    allowed: Vector  # difference of mean rates over a full window, (lanes,) [rad/s or m/s]
+    window: int  # ticks
+    memory: Matrix  # of each joint of each lane, (joints * LANES, numbers)
 
 
 def judge_of(lanes: Sequence[LaneTrial]) -> LaneJudge | None:
@@ -30,8 +36,8 @@ def judge_of(lanes: Sequence[LaneTrial]) -> LaneJudge | None:
     if chosen[0] is None:
         return None
     window, joints = chosen[0].window, lanes[0].model.joints
-    allowed = np.array([_SAFE * one.rate_difference * window for one in chosen if one])
-    return LaneJudge(allowed, np.zeros((window + 1, 2, joints * LANES)))
+    allowed = np.array([_SAFE * one.rate_difference for one in chosen if one])
+    return LaneJudge(allowed, window, np.zeros((joints * LANES, plausibility_memory(window))))
 
 
 def judging(rows: Rows, sizes: Sizes) -> Callable[..., None]:
@@ -42,20 +48,10 @@ def judging(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     def compare(k: int, dt: float, judge: LaneJudge, w: Vector) -> None:
         if not judged:  # known to the compiler
             return
-        read, places = judge.read, judge.read.shape[0]
-        now, ticks = k % places, min(k, places - 1)
         for i in range(count):
-            read[now, 0, i] = w[reading + i]
-            read[now, 1, i] = w[reading + count + i]
-        if ticks == 0:
-            return
-        first = (k - ticks) % places
-        for i in range(count):
-            total = -0.5 * (read[first, 1, i] + read[now, 1, i])
-            for back in range(ticks + 1):
-                total += read[(k - back) % places, 1, i]
-            moved = (read[now, 0, i] - read[first, 0, i]) / (ticks * dt)
-            agree = abs(moved - total / ticks) * ticks <= judge.allowed[i % LANES]  # NaN is not
+            numbers = PlausibilityNumbers(judge.allowed[i % LANES], judge.window, dt)
+            position, rate = w[reading + i], w[reading + count + i]
+            _, agree = compare_rates(numbers, judge.memory[i], k, position, rate)
             w[doubt + i % LANES] = w[doubt + i % LANES] if agree else DISTRUSTED
 
     return cast(Callable[..., None], compare)
