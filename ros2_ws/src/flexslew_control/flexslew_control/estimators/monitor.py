@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 from scipy.special import chdtri
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Vector, called, compiled_once
 from flexslew_plant.settings import Positive, section
 
 _HOUR = 3600.0  # [s]
@@ -46,8 +46,64 @@ class Doubt(NamedTuple):
     ticks: int  # that it is the sum over
 
 
+class MonitorNumbers(NamedTuple):
+    """Constants of the tests of one channel."""
+
+    window: int  # W [ticks]
+    single: float  # limit of e^2 / S of one tick
+    several: float  # limit of its sum over a window
+
+
+class Tested(NamedTuple):
+    """The tests of one channel at one tick."""
+
+    square: float  # e^2 / S
+    window: float  # sum over the window that ends at this tick; 0: none does
+    total: float  # memory: sum over the window so far, for the next tick
+    passed: bool  # what is not a number does not
+
+
+@called
+def innovation_tests(
+    n: MonitorNumbers, total: float, since: int, innovation: float, variance: float
+) -> Tested:
+    """Return the tests of an innovation: e^2 / S by itself, and summed over each W ticks.
+
+    Args:
+        n: constants.
+        total: memory, sum over the window before this tick; 0 at first.
+        since: ticks since the tests began.
+        innovation: e, in the unit of the channel.
+        variance: S, in this unit squared.
+    """
+    square = innovation * innovation / variance
+    total += square
+    window = total if (since + 1) % n.window == 0 else 0.0
+    passed = square <= n.single and window <= n.several
+    return Tested(square, window, 0.0 if (since + 1) % n.window == 0 else total, passed)
+
+
+@compiled_once("total", "square", "window")
+def _all_pass(
+    n: MonitorNumbers,
+    total: Vector,
+    since: int,
+    innovation: Vector,
+    variance: Vector,
+    square: Vector,
+    window: Vector,
+) -> bool:
+    """Return whether all channels pass; write their statistics."""
+    passed = True
+    for i in range(total.size):
+        one = innovation_tests(n, total[i], since, innovation[i], variance[i])
+        square[i], window[i], total[i] = one.square, one.window, one.total
+        passed = passed and one.passed
+    return passed
+
+
 class Monitor:
-    """The tests of one estimator.
+    """The tests of one estimator, see `innovation_tests`.
 
     Args:
         settings: how often it may be wrong.
@@ -59,13 +115,12 @@ class Monitor:
 
     def __init__(self, settings: MonitorSettings, period: float) -> None:
         self.settings, self._period = settings, period
-        self._limits = np.inf, np.inf  # of one tick, of a window
         self.reset()
 
     def reset(self) -> None:
         """Forget what came: the estimator starts afresh."""
-        self._sum: Vector = np.zeros(0)
-        self._count = 0
+        self._total: Vector = np.zeros(0)
+        self._since = 0
 
     def take(self, innovation: Vector, variance: Vector) -> Doubt | None:
         """Return the first test that fails with the innovation of this tick, if one does.
@@ -74,24 +129,18 @@ class Monitor:
             innovation: measured minus predicted outputs, shape (l,).
             variance: of each, as the estimator states it, shape (l,).
         """
-        if self._sum.size != innovation.size:
-            self._sum = np.zeros(innovation.size)
-            self._limits = self.limits(innovation.size)
-        square = innovation * innovation / variance
-        self._sum = self._sum + square
-        self._count += 1
-        over = self._worst(square, self._limits[0], 1)
-        if self._count == self.settings.window:
-            over = over or self._worst(self._sum, self._limits[1], self._count)
-            self._sum, self._count = np.zeros(innovation.size), 0
-        return over
+        if self._total.size != innovation.size:
+            self._total = np.zeros(innovation.size)
+            self._numbers = self.numbers(innovation.size)
+        e, s = np.ascontiguousarray(innovation), np.ascontiguousarray(variance)
+        n, square, window = self._numbers, np.empty(e.size), np.empty(e.size)
+        passed = _all_pass(n, self._total, self._since, e, s, square, window)
+        self._since += 1
+        if passed:
+            return None
+        return _worst(square, n.single, 1) or _worst(window, n.several, n.window)
 
-    def _worst(self, statistic: Vector, limit: float, ticks: int) -> Doubt | None:
-        channel = int(statistic.argmax())
-        largest = float(statistic[channel])
-        return Doubt(channel, largest, limit, ticks) if largest > limit else None
-
-    def limits(self, channels: int) -> tuple[float, float]:
+    def numbers(self, channels: int) -> MonitorNumbers:
         """Return the limits of a tick and of a window that give the false alarms of the settings.
 
         Args:
@@ -101,7 +150,13 @@ class Monitor:
         ticks = channels * _HOUR / self._period  # tests in an hour
         single = min(half / ticks, 0.5)
         several = min(half * window / ticks, 0.5)
-        return float(chdtri(1, single)), float(chdtri(window, several))
+        return MonitorNumbers(window, float(chdtri(1, single)), float(chdtri(window, several)))
+
+
+def _worst(statistic: Vector, limit: float, ticks: int) -> Doubt | None:
+    channel = int(statistic.argmax())
+    largest = float(statistic[channel])
+    return Doubt(channel, largest, limit, ticks) if largest > limit else None
 
 
 def channel_name(number: int, joints: tuple[str, ...]) -> str:

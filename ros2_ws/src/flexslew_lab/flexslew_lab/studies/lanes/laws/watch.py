@@ -1,4 +1,4 @@
-"""Whether innovations are as large as a filter states, lane by lane, as estimators.monitor says it.
+"""Whether innovations are as large as a filter states, lane by lane, by the step of the bench.
 
 A lane in which they are not is the bench's to fly.
 """
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple, cast
 
 from flexslew_control.estimators.gained_filter import GainedFilter
-from flexslew_control.estimators.monitor import Monitor
+from flexslew_control.estimators.monitor import Monitor, MonitorNumbers, innovation_tests
 from flexslew_control.linear_form import KalmanForm, Observer, OnModelForm, SteadyForm
 from flexslew_lab.studies.lanes.benches.judge import DISTRUSTED
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
@@ -22,9 +22,7 @@ class Watch(NamedTuple):
 
     first: int  # innovation in the flat z of the observer
     innovations: int
-    window: int  # ticks
-    single: float  # limit of the square of one over its variance
-    several: float  # of the sum of a window
+    numbers: MonitorNumbers
 
 
 def _innovations_of(observer: Observer) -> tuple[int, int] | None:
@@ -46,8 +44,9 @@ def watch_of(monitor: Monitor | None, observer: Observer) -> Watch | None:
     if monitor is None or found is None:
         return None
     first, count = found
-    limits = (_SAFE * limit for limit in monitor.limits(count))
-    return Watch(first * LANES, count, monitor.settings.window, *limits)
+    exact = monitor.numbers(count)
+    safe = exact._replace(single=_SAFE * exact.single, several=_SAFE * exact.several)
+    return Watch(first * LANES, count, safe)
 
 
 def watching(rows: Rows, sizes: Sizes) -> Callable[..., None]:
@@ -62,15 +61,12 @@ def watching(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     def watch(k: int, limits: Watch, z: Vector, memory: Vector, w: Vector) -> None:
         if not watched:  # known to the compiler
             return
-        variances, ends = memory.size - count, (k + 1) % limits.window == 0
+        variances = memory.size - count
         for i in range(count):
-            e, at = z[limits.first + i], doubt + i % LANES
-            square = e * e / memory[variances + i]
-            w[squares + i] += square
-            agree = square <= limits.single  # NaN is not
-            if ends:
-                agree = agree and w[squares + i] <= limits.several
-                w[squares + i] = 0.0
-            w[at] = w[at] if agree else DISTRUSTED
+            at, innovation = doubt + i % LANES, z[limits.first + i]
+            variance = memory[variances + i]
+            one = innovation_tests(limits.numbers, w[squares + i], k, innovation, variance)
+            w[squares + i] = one.total
+            w[at] = w[at] if one.passed else DISTRUSTED
 
     return cast(Callable[..., None], watch)
