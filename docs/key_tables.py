@@ -26,7 +26,11 @@ from flexslew_plant.yaml_data import yaml_text
 
 DOCS = Path(__file__).parent
 NAMES = ("trial", "spacecraft", "studies", "faults", "ros2")
-PAGES = tuple(DOCS / f"{name}.md" for name in NAMES)
+PAGES = (
+    *(DOCS / f"{name}.md" for name in NAMES),
+    *sorted((DOCS / "controllers").glob("*.md")),
+    *sorted((DOCS / "planners").glob("*.md")),
+)
 MARK = re.compile(r"^<!-- keys: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
 KINDS = re.compile(r"^<!-- kinds: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
 KINDS_HEAD = "| kind | what happens | keys |\n|---|---|---|\n"

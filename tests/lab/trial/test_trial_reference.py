@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shlex
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -11,6 +12,7 @@ import pytest
 from flexslew_control.controllers import CONTROLLERS, CommonSettings
 from flexslew_control.planners import PLANNERS
 from flexslew_lab.studies.study_settings import StudySettings
+from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, parse_trial
 from flexslew_plant.keys.settings_fields import own_meanings
 
@@ -67,9 +69,33 @@ def test_every_key_is_described_in_its_field(kind: type[Any]) -> None:
     assert not set(bare) - set(fixed)
 
 
-def test_every_planner_and_law_has_its_heading() -> None:
-    assert set(re.findall(r"^### method: (\w+)$", TEXT, re.MULTILINE)) == set(PLANNERS)
-    assert set(re.findall(r"^### (\w+)$", TEXT, re.MULTILINE)) == set(CONTROLLERS)
+def test_every_planner_and_law_has_its_page_and_its_row() -> None:
+    for folder, table in (("planners", PLANNERS), ("controllers", CONTROLLERS)):
+        assert {page.stem for page in (DOCS / folder).glob("*.md")} == set(table)
+        rows = re.findall(rf"^\| \[(\w+)\]\({folder}/\1\.md\)", TEXT, re.MULTILINE)
+        assert sorted(rows) == sorted(table)
+
+
+def example(page: Path) -> Trial:
+    """Return the trial that the command of a page flies."""
+    command = re.search(r"^\./flexslew trial (.*)$", page.read_text(), re.MULTILINE)
+    assert command is not None
+    name, *words = shlex.split(command[1])
+    assert set(words[::2]) <= {"--set"}
+    return read_trial(name, words[1::2])[0]
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_the_example_of_a_law_flies_it(name: str) -> None:
+    trial = example(DOCS / f"controllers/{name}.md")
+    named = {(own or {}).get("law", key) for key, own in trial.controllers.items()}
+    assert name in named
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_the_example_of_a_planner_flies_its_plan(name: str) -> None:
+    plan: Any = example(DOCS / f"planners/{name}.md").plan
+    assert plan.method == name
 
 
 def test_a_stale_table_is_found() -> None:
