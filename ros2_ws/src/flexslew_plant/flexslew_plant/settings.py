@@ -53,7 +53,7 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     """Return values as an instance of the section `kind`; `2 min` is 120 where a key is in [s].
 
     Args:
-        kind: a section class, or any type that pydantic knows.
+        kind: a section class, or any other type that pydantic supports.
         values: what YAML or a ROS parameter gave.
         source: the file (or node) to name in an error.
         trust: which classes of the user's own may be loaded; pydantic hands it to validators.
@@ -61,7 +61,7 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     Raises:
         BadInput: the first wrong key, with its value and what is allowed; the class is none that
             can be checked.
-        Untrusted: it names code that nobody has trusted.
+        Untrusted: it names code that is not trusted.
     """
     try:
         try:
