@@ -12,7 +12,7 @@ _PERIOD = 1.0  # [wall s]
 
 
 class Diagnostics:
-    """Says tick rate and misses of the bench, and how far everybody lags behind it.
+    """Publishes tick rate and missed ticks of the bench, and how far each listener lags behind it.
 
     Args:
         node: the plant.

@@ -17,12 +17,12 @@ CHANGEABLE = ("rate_factor", "display_rate")
 
 
 class PlantParameters:
-    """Passes changes on.
+    """Applies changes of the plant's parameters.
 
     Args:
-        node: whose parameters they are.
-        session: whose pace may change.
-        display: whose rate may change.
+        node: with the parameters.
+        session: with the changeable pace.
+        display: with the changeable rate.
         loop: that serves the node.
     """
 
@@ -32,7 +32,7 @@ class PlantParameters:
         serve_changes(node, self._change)
 
     def _change(self, changes: dict[str, Any]) -> str:
-        """Take parameters in flight; return why not, or an empty text."""
+        """Apply parameters in flight; return why that is not possible, or an empty text."""
         try:
             validated(PlantSettings, changes, f"node {self._name}")
         except BadInput as error:
