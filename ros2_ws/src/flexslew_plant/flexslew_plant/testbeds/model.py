@@ -57,20 +57,20 @@ class Model:
     Args:
         kernels: the equations.
         packed: the numbers that they read.
-        joint_names: in the order of the coordinates.
+        joint_names: names in the order of the coordinates.
         joint_units: rad or m, per joint.
-        modes: how many modal coordinates.
-        appendages: what their sensors read.
-        actuators: how many efforts; None: one per joint.
+        modes: number of modal coordinates.
+        appendages: the readings of their sensors.
+        actuators: number of efforts; None: one per joint.
         scale_stiffness: from packed and a factor to packed with all stiffness times the factor,
             as `scaled` of the testbed; None: it cannot be scaled.
         time_varying: whether M, h or B depend on time.
-        from_time: from packed and a time to packed whose time zero that is; None: there is none.
+        from_time: from packed and a time to packed with its time zero then; None: there is none.
         leading: how many entries of v stand before the modes; None: the joints.
         known_as: the entries of q and of v before the modes, where they are not the joints.
         reading: from a state to where each joint is and how fast; None: the first entries.
         placed: from joint positions by name to q at rest; None: the first entries.
-        motors: those of the actuators; None: all, one in each joint, unless the kernels say
+        motors: motors of the actuators; None: all, one in each joint, unless the kernels define
             what the efforts act on.
         spins: the wheels among them.
         attitude: the joints that read a platform's attitude; None: all errors are differences.
@@ -402,14 +402,14 @@ class Model:
         """Return the model with every stiffness times factor [-], as `scaled` of its testbed.
 
         Raises:
-            BadInput: its testbed does not say how.
+            BadInput: if its testbed does not define how.
         """
         if self.scale_stiffness is None:
             raise BadInput("the stiffness of this testbed cannot be scaled")
         return self.with_packed(self.scale_stiffness(self.packed, factor))
 
     def begun_at(self, time: float) -> "Model":
-        """Return the model whose time zero is a time of this one [s]."""
+        """Return the model with its time zero at a time of this one [s]."""
         if not self.time_varying or self.from_time is None or time == 0.0:
             return self
         return self.with_packed(self.from_time(self.packed, time))
