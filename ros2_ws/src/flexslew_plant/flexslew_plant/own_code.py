@@ -41,7 +41,7 @@ class Trust:
     """The code that may be loaded, and the files that may be read, by names in trials and requests.
 
     Attributes:
-        names: of classes, and of files where they may not be read otherwise.
+        names: trusted names of classes, and of files where they may not be read otherwise.
         everything: whether every name is trusted.
         files: whether files may be read that values name; None: those that values of a person or a
             request name, not those that a log names.
@@ -155,11 +155,11 @@ def find_class(
     Args:
         name: `file.py:Class` (a path from the working directory), `package.module.Class`, or the
             name of an entry point.
-        group: of the entry points of installed packages, for example flexslew.laws.
-        what: what it should be, for the error ("law").
+        group: group of entry points of installed packages, for example flexslew.laws.
+        what: kind of the class, for the error ("law").
         source: file or node to name in an error.
         known: the names that are built in, for the error.
-        trust: what may be loaded; an entry point of an installed package always may.
+        trust: the code that may be loaded; an entry point of an installed package always may.
 
     Raises:
         Untrusted: a file or a module is named that is not trusted.

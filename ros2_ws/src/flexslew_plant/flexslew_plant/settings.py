@@ -54,9 +54,9 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
 
     Args:
         kind: a section class, or any other type that pydantic supports.
-        values: what YAML or a ROS parameter gave.
+        values: the data from YAML or a ROS parameter.
         source: the file (or node) to name in an error.
-        trust: which classes of the user's own may be loaded; pydantic hands it to validators.
+        trust: the user's own classes that may be loaded; pydantic hands it to validators.
 
     Raises:
         BadInput: the first wrong key, with its value and what is allowed; the class is none that

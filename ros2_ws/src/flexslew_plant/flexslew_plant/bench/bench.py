@@ -403,7 +403,7 @@ class Bench:
         """Return whether a fault or disturbance ends with the next tick, or why not.
 
         Args:
-            number: see active_faults.
+            number: number of the fault or disturbance, see active_faults.
             who: name of the operator.
         """
         here = {fault.number for fault in self.active_faults()}

@@ -52,7 +52,7 @@ def with_requests(testbed: Testbed, requests: Iterable[tuple[str, float]]) -> Te
     """Return a testbed with the turns that operators have requested in flight.
 
     Args:
-        testbed: with the turns of its schedule.
+        testbed: testbed with the turns of its schedule.
         requests: the texts, YAML, and when each begins [s], in the order of the requests.
 
     Raises:

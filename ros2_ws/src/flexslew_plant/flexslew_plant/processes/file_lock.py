@@ -39,7 +39,7 @@ def hold(handle: int, wait: bool) -> bool:
 
     Args:
         handle: handle of the file.
-        wait: until no other process holds it; else return at once.
+        wait: whether to wait until no other process holds it; else return at once.
 
     Raises:
         OSError: the file system has no locks.

@@ -214,7 +214,7 @@ class AttitudeJoints:
 
         Args:
             position: demanded positions, shape (joints,) [rad or m].
-            named: which of them are named, shape (joints,).
+            named: whether each of them is named, shape (joints,).
             first: present positions of the joints, shape (joints,) [rad or m].
 
         Raises:

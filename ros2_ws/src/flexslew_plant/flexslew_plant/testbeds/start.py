@@ -61,7 +61,7 @@ def joints_together(
         asked: position of each joint [rad or m].
         named: names of the joints that are given.
         key: key that gives them, for an error.
-        first: where each joint is [rad or m]; None: at zero.
+        first: present position of each joint [rad or m]; None: at zero.
 
     Raises:
         BadInput: no attitude has the named ones.

@@ -84,7 +84,7 @@ class TickReader:
     Args:
         instrument: the instrument to read.
         period: one tick [s].
-        rng: of its noises; see Instrument.reader.
+        rng: generator of its noises; see Instrument.reader.
     """
 
     def __init__(

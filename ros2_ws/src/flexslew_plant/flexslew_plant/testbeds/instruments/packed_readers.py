@@ -36,7 +36,7 @@ class PackedReaders:
     memory of their own.
 
     Args:
-        layout: of each instrument its place in the table of readers, then where its part of tips,
+        layout: for each instrument its place in the table of readers, then where its part of tips,
             constants, draws and memory begins and ends, shape (instruments, 9).
         constants: constants of all instruments.
         memory: memory of all instruments before tick 0.
@@ -99,11 +99,11 @@ def read_instruments(
 
     Args:
         k: tick, from 0 on, one after another.
-        layout: of PackedReaders.
-        constants: of PackedReaders.
-        body: in arrays of one layout, else it is compiled once more.
+        layout: the layout of PackedReaders.
+        constants: the constants of PackedReaders.
+        body: motion in arrays of one layout, else it is compiled once more.
         draws: a row of PackedReaders.drawn.
-        memory: what they remember, in and out.
+        memory: memory of the instruments, in and out.
         tips: readings of all tips, of which theirs are written.
     """
     attitude, rate, wheels, gimbals = body

@@ -89,7 +89,7 @@ def deflected(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
         p: packed spacecraft.
         b: start of the appendage's block.
         x: state.
-        q: where its modal coordinates begin in x.
+        q: index of its first modal coordinate in x.
         w: out, at least 12 n long.
     """
     n = int(p[b + at.COUNT])

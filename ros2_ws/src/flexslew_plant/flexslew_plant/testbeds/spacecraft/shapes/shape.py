@@ -35,7 +35,7 @@ class FlexibleShape:
         stiffness: diagonal of the modal stiffness matrix, shape (n,) [N/m].
         tip: the place with the reported deflection and turn.
         line: places to draw it through, shape (k, 3) [m].
-        line_shape: what the modes do there, shape (k, 3, n) [-].
+        line_shape: displacements by the modes there, shape (k, 3, n) [-].
         along: finds other places on it; none for modal data.
         damping: modal damping matrix that came with the data, shape (n, n), or none [N s/m].
         tip_scaled: whether a mode is one at the tip; else its modal mass is one.
