@@ -35,7 +35,7 @@ class GyroSet:
 
     A (d) has what a unit rate of each gimbal gives at its angle, in units of the mean momentum;
     H are the momenta in those units, p the angles that null motion prefers. With E = 1 the inverse
-    fails where the torque that is asked for is along the singular direction: no rate answers it,
+    fails where the required torque is along the singular direction: no rate gives it,
     and the gimbals lock. So E has dithered entries off its diagonal (Wie, Bailey and Heiberg 2001):
     E_ij = e sin(w t + phase), l = l_0 exp(-10 det A A^T).
 

@@ -25,7 +25,7 @@ _STILL = 1e-9  # of the largest slope: what drifts less is at rest
 
 @dataclass(frozen=True)
 class PlantPath:
-    """What lies between a command and the motor's effort, tick by tick.
+    """The path from a command to the motor's effort, tick by tick.
 
     Args:
         period: one tick [s].
