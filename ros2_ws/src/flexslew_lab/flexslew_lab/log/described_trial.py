@@ -12,7 +12,7 @@ _FAULTS_BEFORE = "faults_enabled"  # how logs of before name allow_faults
 def described_trial(testbed: Any, statuses: dict[str, Any], end: float, source: str) -> str:
     """Return the trial that testbed and statuses of a log describe, as YAML; "" where they do not.
 
-    The plan is no part of this trial: the log's events give the plan that was taken at each tick.
+    The plan is no part of this trial: the log gives each plan and the tick at which it was taken.
 
     Args:
         testbed: flexslew_msgs/Testbed, or None.
