@@ -34,7 +34,7 @@ class AboutPlan:
     the inertial frame but the limits of what joints read. A plan that the craft can fly within the
     limits is left alone: all e are zero under its own efforts.
 
-    The program is made anew once a step, as F and G change along the plan. What the last answer
+    The program is built again once a step, as F and G change along the plan. What the last answer
     leads to is followed at every tick with F, G and readings as they then are, so what is predicted
     of an answer is exact where the answers settle.
 

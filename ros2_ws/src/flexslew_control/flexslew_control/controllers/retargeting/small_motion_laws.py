@@ -177,9 +177,9 @@ def _on_motion(
     Args:
         estimator: of (x, x').
         of_motion: from (x, x') to the efforts, (m, 2 n), or tick by tick.
-        of_state: from the observer's state.
+        of_state: from the observer's state to the efforts.
         demand: shape (ticks, m).
-        observer: whose y is (x, x').
+        observer: with y = (x, x').
     """
     if isinstance(estimator, InvertedReadings):
         read = block_diag(estimator.inverse, estimator.inverse)
