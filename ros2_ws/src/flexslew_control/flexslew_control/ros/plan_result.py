@@ -29,9 +29,9 @@ def plan_result(
 
     Args:
         goal: that was planned for.
-        outcome: what came of it.
+        outcome: the plan, or why there is none.
         plan: as published; None without one.
-        answered: what the controllers say of it; None: they were not asked.
+        answered: the controllers' answers to it; None: none were awaited.
     """
     result = action.PlanSlew.Result()
     if isinstance(outcome, Plan):
