@@ -76,7 +76,7 @@ def _bends(metrics: Mapping[str, Any]) -> bool:
 
 
 def _tracking_errors(metrics: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """Return the largest error after the manoeuvre, of joints with a commanded move, else of all."""
+    """Return the largest error after the manoeuvre, of joints with a commanded move, or of all."""
     errors = metrics.get("residual_attitude_error") or {}
     known = {name: abs(errors[name]) for name in told_to_move(metrics) if errors.get(name)}
     if not known:
