@@ -48,7 +48,7 @@ class Course:
         """Return the reference of a tick.
 
         Args:
-            tick: of the bench.
+            tick: tick of the bench.
             hold: the reference where no plan has started.
         """
         for leg in reversed(self._legs):
@@ -79,8 +79,8 @@ class Course:
         """Return a plan preceded by the references from an earlier tick on.
 
         Args:
-            plan: that is not added yet.
-            tick: of the bench.
+            plan: a plan that is not added yet.
+            tick: tick of the bench.
             hold: the reference where no plan has started.
         """
         earlier = [self.reference(k, hold) for k in range(tick, plan.first_tick)]

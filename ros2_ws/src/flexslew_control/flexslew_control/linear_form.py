@@ -177,7 +177,7 @@ def observed_form(
         from_state: K.
         from_output: H.
         demand: f, shape (ticks, m).
-        observer: with the state z.
+        observer: observer with the state z.
         gains: kp and kd, (m,) each; None: zero.
     """
     m = demand.shape[1]

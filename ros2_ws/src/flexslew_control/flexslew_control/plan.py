@@ -28,7 +28,7 @@ class Plan:
             (ticks + 1, k); or (0, 0): the plan has none.
         request: the `plan` section it was made from, with model and manoeuvre, as plain data.
         summary: objective, iterations, switch_times, ... as plain data; what --json prints.
-        versions: of the software that made it.
+        versions: versions of the software that made it.
     """
 
     method: str

@@ -117,7 +117,7 @@ class PlannedCourse:
         Args:
             plan: the plan to be adopted.
             now: current simulated time of the bench [s].
-            last_tick: at which the run ends; zero: not known.
+            last_tick: tick at which the run ends; zero: not known.
             flight: epoch of the request: the plan begins where the reference was to be in it.
             followed: hashes of the plans that controllers follow. Where the newest one here is not
                 among them, an earlier planner has made theirs: they know how far they jump.

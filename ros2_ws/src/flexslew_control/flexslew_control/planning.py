@@ -142,7 +142,7 @@ def plan_request(
         effort_limit: one per actuator [N m or N].
         beginning: returns the bench at a start [s]; a request without initial positions begins
             at its references.
-        trust: which classes of the user's own may be loaded.
+        trust: the user's own classes that may be loaded.
     """
     if not (math.isfinite(period) and period > 0.0):
         return Refusal("a positive number of seconds", "period", period)

@@ -39,7 +39,7 @@ class SmallMotion:
         model: equations of motion.
         rest: q at rest, shape (positions,).
         kept: coordinates that the efforts reach, shape (k,).
-        units: of the testbed's section.
+        units: unit sizes of the testbed's section.
         readings: C of y = C x for the collocated joints, SI, shape (m, n).
     """
 

@@ -19,7 +19,7 @@ class AllocatedLaw:
     and the torque of the plan's efforts, whichever drives the plan meant.
 
     Args:
-        law: from three joints to three torques.
+        law: law with three joints and three torques.
         allocator: shares the torques out among the drives.
         attitude: the joints that measure the turn.
     """

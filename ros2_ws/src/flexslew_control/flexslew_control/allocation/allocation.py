@@ -74,7 +74,7 @@ class Allocator:
 
     Args:
         joints: number of joints.
-        torque: of a unit effort of each joint about the centre of mass, shape (3, joints).
+        torque: torque about the centre of mass by a unit effort of each joint, shape (3, joints).
         wheels: joint indices and set; None: no wheel takes part.
         thrusters: joint indices and set; None: none takes part.
         unloading: rate at which thrusters take what the wheels store [1/s].

@@ -42,7 +42,7 @@ class GyroSet:
     Args:
         gimbals: axes g and rotors s at angle zero, in body axes, shape (gyros, 2, 3).
         limit: largest efforts, shape (gyros,) [N m].
-        momentum: of the rotors, shape (gyros,) [N m s].
+        momentum: momenta of the rotors, shape (gyros,) [N m s].
         robustness: l_0 [-].
         dither: e [-].
         frequency: w [rad/s].

@@ -16,10 +16,10 @@ def joint_gains(
     """Return the g >= 0 for which the sum of g a a^T is nearest to the gains on the diagonal.
 
     Args:
-        allocation: of the law; None: the gains are those of the joints already.
-        key: of the gains, for an error.
+        allocation: the law's allocation; None: the gains are those of the joints already.
+        key: key of the gains, for an error.
         gains: about x, y, z, or one for all.
-        axes: a, along which each joint reads the turn, shape (joints, 3).
+        axes: axes a, along which each joint reads the turn, shape (joints, 3).
 
     Raises:
         BadInput: if the gains are neither one nor three.

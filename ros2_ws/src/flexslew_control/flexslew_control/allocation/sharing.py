@@ -64,7 +64,7 @@ def share(
         n: data of some lanes.
         lane: index of the lane.
         torque: about the centre of mass, in body axes, shape (3,) [N m].
-        readings: of the tips; empty: none are known, and gimbals stand at zero.
+        readings: tip readings; empty: none are known, and gimbals stand at zero.
         time: simulated time [s].
         out: shape (joints,) [N m or N].
     """

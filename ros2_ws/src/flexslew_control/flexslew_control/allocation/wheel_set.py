@@ -77,8 +77,8 @@ class WheelSet:
         """Return the motors' efforts that give a torque, scaled where one is beyond its limit.
 
         Args:
-            torque: on the platform, shape (3,) [N m].
-            speeds: of the wheels, shape (wheels,) [rad/s]; None: not measured, and there is no null
+            torque: torque on the platform, shape (3,) [N m].
+            speeds: wheel speeds, shape (wheels,) [rad/s]; None: not measured, and there is no null
                 motion.
 
         Returns:

@@ -30,11 +30,11 @@ class ControlLoop:
     efforts stays connected: that is inside of the plant's drive.
 
     Args:
-        system: with these inputs and outputs.
+        system: state space with these inputs and outputs.
         efforts: number of efforts.
         sensors: number of sensors that the controller reads.
         parts: plant from v to (y, applied efforts), law from (e, applied efforts) to u.
-        joint_names: of the plant.
+        joint_names: names of the plant's joints.
         joint_positions: how states show them, whether the controller reads them or not, shape
             (joints, states).
     """

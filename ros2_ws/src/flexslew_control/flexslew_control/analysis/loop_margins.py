@@ -60,7 +60,7 @@ class Swept:
     Args:
         loop: the loop.
         grid: shape (k,) [rad/s].
-        response: see Loop.response.
+        response: response at each frequency, see Loop.response.
     """
 
     loop: ControlLoop

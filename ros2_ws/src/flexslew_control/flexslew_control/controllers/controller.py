@@ -49,7 +49,7 @@ class Controller:
         name: its name on the bench.
         estimator: fed with every measurement.
         law: called only while the controller is active.
-        joint_names: in the order of the effort.
+        joint_names: joints in the order of the efforts.
         period: one tick [s].
         handover_time: over which the effort of the previous controller is blended out [s].
         requires_plan: without a plan it is not ready.
@@ -196,8 +196,8 @@ class Controller:
         that it receives, or one that continues from those.
 
         Args:
-            plan: to be followed.
-            of_flight: it was published in flight: a reset drops it.
+            plan: plan to be followed.
+            of_flight: whether it was published in flight; a reset drops it then.
         """
         if plan.joint_names != self.joint_names:
             return _mismatch(f"the plan moves {plan.joint_names}, the bench has {self.joint_names}")

@@ -168,8 +168,8 @@ class ControllerHost:
         plan again after a reset, after their own restart, and when a later one was refused.
 
         Args:
-            plan: to be followed.
-            of_flight: it was published in flight, see Controller.adopt.
+            plan: plan to be followed.
+            of_flight: whether it was published in flight, see Controller.adopt.
         """
         digest, following = plan_hash(plan), self.controller and self.controller.plan
         if following and digest == self.plan_hash and self._plan_refused is None:

@@ -123,13 +123,13 @@ def require_sampled_pd(
     """Check a collocated law on a free platform, where modes are fast compared with a tick.
 
     Args:
-        model: of the bench.
+        model: model of the bench.
         rest: q of the linearisation.
         kp: one gain per joint that is seen, shape (joints,).
-        kd: of the same shape.
+        kd: rate gains, of the same shape.
         period: one tick [s].
         what: name of the checked law or gains, for the message.
-        ki: of the same shape; none: no integral.
+        ki: integral gains, of the same shape; None: no integral.
         seen: returns the small motions that the law reads, from those of the joints; default: all.
 
     Raises:

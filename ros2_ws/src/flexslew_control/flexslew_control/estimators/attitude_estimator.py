@@ -86,11 +86,11 @@ class AttitudeEstimator:
     body axes [rad], then of the bias [rad/s]; innovations without a reading are zero.
 
     Args:
-        joints: that read the attitude.
+        joints: joints that read the attitude.
         gyro: source of the rates.
         trackers, suns: sensors that correct them.
         settings: noises and initial deviations.        period: one tick [s].
-        filter: of attitude, bias and perhaps modes.
+        filter: filter of attitude, bias and perhaps modes.
     """
 
     joints: AttitudeJoints

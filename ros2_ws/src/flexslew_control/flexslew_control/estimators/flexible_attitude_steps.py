@@ -75,7 +75,7 @@ def carry(
         moved: modes and v at the end of the tick by the equations, (modes + coordinates,).
         turn: rotation over the tick by them.
         middle: rates of the joints in its middle, (3,) [rad/s].
-        reading: of the gyro, (3,) [rad/s].
+        reading: reading of the gyro, (3,) [rad/s].
         dt: one tick [s].
     """
     p, errors, deviation = _covariance(own, belief), len(own.first), own.deviations[1]

@@ -183,9 +183,9 @@ def turning_filter(
     Args:
         platform: the small motions about any rates.
         settings: noises.
-        plant: for the effort limits and the period.
-        noise: of a filter without disturbances, see KalmanFilter; None: with them.
-        key: of the tip's noise, for the error.
+        plant: description with the effort limits and the period.
+        noise: noise of a filter without disturbances, see KalmanFilter; None: with them.
+        key: key of the tip's noise, for the error.
 
     Raises:
         BadInput: if a motion or a disturbance does not show in the joints, or a tip is to be read.

@@ -25,9 +25,9 @@ class Announcer:
     """Publishes a status whenever it changes, and while the controller works.
 
     Args:
-        node: of the controller.
-        host: that holds the controller.
-        law: that the controller runs.
+        node: node of the controller.
+        host: host of the controller.
+        law: name of its law.
         alive: heartbeats, to detect other nodes of its name.
         sent: publishers of the commands, then of the states, which must have listeners.
         heard: returns the subscription to the plant's questions; None: they and the answers take

@@ -31,12 +31,12 @@ class Answering:
     does on `effort_command`.
 
     Args:
-        node: of the controller.
-        outlets: of the node.
-        loop: that serves it.
-        host: that answers.
+        node: node of the controller.
+        outlets: outlets of the node.
+        loop: loop that serves the node.
+        host: host of the controller, which answers.
         observed: called with the tick of each question, after its answer.
-        instance: of the node, as in its heartbeat.
+        instance: instance of the node, as in its heartbeat.
         by_call: the plant shares this process and calls `answer` instead.
 
     Attributes:

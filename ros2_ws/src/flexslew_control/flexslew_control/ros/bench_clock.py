@@ -16,7 +16,7 @@ class BenchClock:
     """Follows the state of the bench, which the plant publishes at intervals.
 
     Args:
-        node: that subscribes.
+        node: node that subscribes.
         on_reset: called after a reset of the bench.
         on_state: takes every state, before that.
     """

@@ -19,8 +19,8 @@ class Calling:
     """Calls the plant of the bench until it answers, and again when it has hung up.
 
     Args:
-        node: of the controller.
-        name: of the controller on the bench.
+        node: node of the controller.
+        name: its name on the bench.
         answers: absolute name of the topic of its commands.
 
     Attributes:

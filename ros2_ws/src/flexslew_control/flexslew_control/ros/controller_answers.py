@@ -32,8 +32,8 @@ class ControllerAnswers:
     """Listens to the controllers' statuses and refusals.
 
     Args:
-        node: of the planner.
-        loop: that serves it.
+        node: node of the planner.
+        loop: loop that serves the node.
         presence: heartbeats of the controllers.
         on_refusal: called with the hash of a plan that one of them refuses.
         laws: receive statuses and events.

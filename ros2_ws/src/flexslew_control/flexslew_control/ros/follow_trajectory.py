@@ -39,10 +39,10 @@ class FollowTrajectory:
     """Publishes a trajectory as a plan, and compares the joints with it until it is over.
 
     Args:
-        node: of the planner.
-        loop: that serves it.
-        job: that plans.
-        release: that publishes.
+        node: node of the planner.
+        loop: loop that serves the node.
+        job: job that makes the plan.
+        release: release that publishes the plan.
     """
 
     def __init__(self, node: Node, loop: Loop, job: PlanJob, release: PlanRelease) -> None:

@@ -16,7 +16,7 @@ class PlanOffers:
     """Publishes plans, latched.
 
     Args:
-        node: of the planner.
+        node: node of the planner.
 
     Attributes:
         told: the plan that a new listener receives last; None: it receives none.

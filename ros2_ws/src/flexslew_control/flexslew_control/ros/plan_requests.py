@@ -24,7 +24,7 @@ class PlanRequests:
     """Adds to a request what its client may leave out.
 
     Args:
-        clock: of the bench.
+        clock: clock of the bench.
         trust: classes of the user's own that testbed and requests may name.
         beginning: returns what is known of the bench at a plan's start [s].
 

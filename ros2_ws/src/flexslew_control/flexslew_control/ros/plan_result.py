@@ -28,9 +28,9 @@ def plan_result(
     """Return the result of a goal, and end the goal with it.
 
     Args:
-        goal: that was planned for.
+        goal: goal that requested the plan.
         outcome: the plan, or why there is none.
-        plan: as published; None without one.
+        plan: published message; None without one.
         answered: the controllers' answers to it; None: none were awaited.
     """
     result = action.PlanSlew.Result()

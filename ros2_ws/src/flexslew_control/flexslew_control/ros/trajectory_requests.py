@@ -19,9 +19,9 @@ class TrajectoryRequests:
     """Requests a plan through the points of each trajectory.
 
     Args:
-        node: of the planner.
-        job: that plans.
-        release: that publishes.
+        node: node of the planner.
+        job: job that makes the plan.
+        release: release that publishes the plan.
     """
 
     def __init__(self, node: Node, job: PlanJob, release: PlanRelease) -> None:

@@ -28,9 +28,9 @@ class Tuning:
     """Passes requests on to the host, and keeps the parameters true.
 
     Args:
-        node: that offers the service.
-        host: of the controller.
-        law: that the controller runs.
+        node: node that offers the service.
+        host: host of the controller.
+        law: name of its law.
         serve: answers a pending question; returns whether there was one.
         granted: called after a change was granted, which may be due at a later tick.
 

@@ -31,7 +31,7 @@ class Alive:
     """Sends the heartbeat of a node and keeps the heartbeats of the others.
 
     Args:
-        node: that sends the heartbeat.
+        node: node that sends the heartbeat.
         role: plant, controller, recorder, planner, console or live.
     """
 

@@ -19,7 +19,7 @@ class DeadNodes:
     """Takes dead nodes off the graph of all processes of this machine.
 
     Args:
-        node: that queries the graph.
+        node: node that queries the graph.
         presence: heartbeats of all nodes.
     """
 
@@ -51,8 +51,8 @@ def take_off_graph(node: Node, beat: Beat) -> bool:
     distinguishes the node of this beat from another of its name.
 
     Args:
-        node: that queries the graph.
-        beat: of a node of that participant; its process must be known.
+        node: node that queries the graph.
+        beat: beat of a node of that participant; its process must be known.
     """
     topic = node.resolve_topic_name(topics.ALIVE)
     low = (int(beat.process.split("/")[1]) & 0xFFFF).to_bytes(2, "little")

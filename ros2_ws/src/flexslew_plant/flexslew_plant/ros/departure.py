@@ -33,7 +33,7 @@ def wait_until_acknowledged(
     while there are clients.
 
     Args:
-        node: that leaves.
+        node: node that leaves.
         alive: heartbeats of the other nodes; None: the node does not receive them.
         serve: lets one callback run.
         patience: longest wait [wall s].

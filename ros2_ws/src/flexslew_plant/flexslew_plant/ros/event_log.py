@@ -15,8 +15,8 @@ class EventLog:
     """Publishes events and logs them.
 
     Args:
-        node: that publishes the events.
-        outlets: of the node, if the recorder has its own line to them.
+        node: node that publishes the events.
+        outlets: outlets of the node, if the recorder has its own line to them.
     """
 
     def __init__(self, node: Node, outlets: Outlets | None = None) -> None:

@@ -31,8 +31,8 @@ def unmatched(
     for; see incompatible.
 
     Args:
-        node: that publishes.
-        publishers: of the topics that the listeners must receive.
+        node: node that publishes.
+        publishers: publishers that the listeners must receive.
         listeners: names of nodes in the namespace of this one.
     """
     missing: dict[str, str] = {}
@@ -128,9 +128,9 @@ class PlantWatch:
     Another publisher of the plant's topics, such as a bag that is played, is not waited for.
 
     Args:
-        loop: to stop.
-        node: that queries the graph.
-        subscription: to a topic that only the plant publishes.
+        loop: loop to stop.
+        node: node that queries the graph.
+        subscription: subscription to a topic that only the plant publishes.
         presence: heartbeats of all nodes.
         enabled: False: only update `seen`, never stop the loop.
 

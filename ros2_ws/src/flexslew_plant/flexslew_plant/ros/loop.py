@@ -74,7 +74,7 @@ class Loop:
         So a second one publishes nothing, answers no request and acts on no message.
 
         Args:
-            alive: of a node that has published nothing yet.
+            alive: heartbeat of a node that has published nothing yet.
             look: called repeatedly meanwhile.
         """
         while not (alive.is_first(monotonic()) or self.stopped):

@@ -26,10 +26,10 @@ class Outlet:
     Args:
         publisher: the publisher over DDS.
         add: appends number and CDR to the message to the recorder; returns whether they fit.
-        turns: of the loop; None: the listeners are counted at each call.
+        turns: turns of the loop; None: the listeners are counted at each call.
 
     Attributes:
-        number: of the topic on the line to the recorder; -1: the topic is not on that line.
+        number: number of the topic on the line to the recorder; -1: it is not on that line.
         recorder_alone: the recorder had the only subscription at the last check.
     """
 

@@ -27,7 +27,7 @@ class Outlets:
     The recorder also subscribes over DDS. Nothing is published there for the recorder alone.
 
     Args:
-        node: that publishes.
+        node: node that publishes.
     """
 
     def __init__(self, node: Node) -> None:

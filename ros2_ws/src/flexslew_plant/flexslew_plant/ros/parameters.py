@@ -137,7 +137,7 @@ def declared(node: Node, kind: Any, given: dict[str, Any], changeable: Iterable[
     Nested sections are dotted names; what ROS cannot hold (a list of sections) is YAML text.
 
     Args:
-        node: that declares the parameters.
+        node: node that declares the parameters.
         kind: the section.
         given: values set by the user.
         changeable: names that may change at run time; the others are read-only.

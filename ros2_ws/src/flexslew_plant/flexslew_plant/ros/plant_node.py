@@ -35,7 +35,7 @@ class Plant:
     """Publishes the records of the session, and passes messages and answers to it.
 
     Args:
-        loop: that serves it.
+        loop: loop that serves it.
         neighbour: a controller in the same process.
     """
 

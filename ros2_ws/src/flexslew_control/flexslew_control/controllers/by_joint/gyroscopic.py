@@ -52,8 +52,8 @@ def gyroscopic(testbed: Testbed, key: str) -> Gyroscopic:
     """Return the gyroscopic efforts of a testbed; wheels alone, which leave no momentum, need none.
 
     Args:
-        testbed: that stands on the bench.
-        key: of the setting that requires it, for the error.
+        testbed: testbed on the bench.
+        key: key that requires the efforts, for the error.
 
     Raises:
         BadInput: if its joints do not turn it in three axes.

@@ -61,7 +61,7 @@ class Controlled:
     """The joints or axes that a collocated law has gains for.
 
     Args:
-        names: of these, for errors.
+        names: names of these, for errors.
         limit: largest effort along each [N m or N].
         turning: their w x J w; None: not used.
         allocator: shares torques about the body axes out; None: the efforts are those of joints.
@@ -108,7 +108,7 @@ def controlled(
 
     Args:
         plant: what the law is for.
-        allocation: of its torque; None: its efforts are those of the joints.
+        allocation: allocation of its torque; None: its efforts are those of the joints.
         with_gyroscopic: whether w x J w is used.
         belief: its `model` section; None: its design model is the testbed.
 

@@ -41,8 +41,8 @@ class AboutPlan:
     Args:
         craft: A(w) and B.
         attitude: what its joints read of a turn.
-        costs: of a step.
-        limits: that hold at its end; their rows are joints'.
+        costs: costs of a step.
+        limits: limits at the end of a step; their rows are joints'.
         steps: the horizon.
     """
 

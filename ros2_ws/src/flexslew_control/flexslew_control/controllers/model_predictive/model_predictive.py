@@ -83,7 +83,7 @@ class ModelPredictiveLaw:
     at every tick.
 
     Args:
-        prediction: of the model.
+        prediction: prediction by the design model.
     """
 
     def __init__(self, prediction: HorizonPrediction) -> None:

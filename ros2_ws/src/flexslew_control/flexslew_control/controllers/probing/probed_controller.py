@@ -229,7 +229,7 @@ class ProbedController:
         Efforts are differences from a copy that rests on: a memory of hours may still move there.
 
         Args:
-            form: of the code.
+            form: linear form of the code.
             smaller: motions, of the usual ones.
 
         Returns:

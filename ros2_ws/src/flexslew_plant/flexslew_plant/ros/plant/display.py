@@ -44,8 +44,8 @@ class Display:
 
     Args:
         node: the plant.
-        outlets: of the node.
-        bench: with the state that is shown.
+        outlets: outlets of the node.
+        bench: bench with the state that is shown.
         rate: samples per simulated second; 0: nothing is shown.
     """
 

@@ -48,9 +48,9 @@ class Exchange:
 
     Args:
         node: the plant.
-        outlets: of the node.
-        loop: that serves it.
-        session: that poses the questions.
+        outlets: outlets of the node.
+        loop: loop that serves the node.
+        session: session that poses the questions.
         take: passes an answer on; returns whether the loop should poll at once.
         neighbour: a controller in this process. The plant listens to no other until there is
             another controller; from then on all answers come as messages, in one order.

@@ -30,11 +30,11 @@ class InstrumentDisplay:
 
     Args:
         node: the plant.
-        instruments: of what stands on the bench.
-        prefix: of the names of frames.
+        instruments: instruments of the testbed on the bench.
+        prefix: prefix of the names of frames.
 
     Attributes:
-        names: of the sensors that are published, without the prefix.
+        names: names of the published sensors, without the prefix.
     """
 
     def __init__(self, node: Node, instruments: tuple[Instrument, ...], prefix: str) -> None:

@@ -20,10 +20,10 @@ class PlantParameters:
     """Applies changes of the plant's parameters.
 
     Args:
-        node: with the parameters.
-        session: with the changeable pace.
-        display: with the changeable rate.
-        loop: that serves the node.
+        node: node with the parameters.
+        session: session with the changeable pace.
+        display: display with the changeable rate.
+        loop: loop that serves the node.
     """
 
     def __init__(self, node: Node, session: Session, display: Display, loop: Loop) -> None:

@@ -21,7 +21,7 @@ class PlantReport:
 
     Args:
         node: the plant.
-        session: that it runs.
+        session: session of the plant.
         alive: signs of life.
         progress: print the tick twice per second of wall time, and the last one.
         heard: outlets that must reach their listeners.

@@ -18,10 +18,10 @@ def offer(node: Node, loop: Loop, kind: Any, name: str, answer: Callable[[Any, A
     neither happen nor stand in the log.
 
     Args:
-        node: of the plant.
-        loop: that serves it.
-        kind: of the service.
-        name: of the service.
+        node: node of the plant.
+        loop: loop that serves the node.
+        kind: type of the service.
+        name: name of the service.
         answer: takes request and reply, returns the reply, at once or as a coroutine.
     """
 

@@ -29,9 +29,9 @@ class SwitchService:
     """Queues switches and answers with their results.
 
     Args:
-        node: that offers the service.
-        session: that operates the bench.
-        loop: that serves the node.
+        node: node that offers the service.
+        session: session that operates the bench.
+        loop: loop that serves the node.
     """
 
     def __init__(self, node: Node, session: Session, loop: Loop) -> None:
