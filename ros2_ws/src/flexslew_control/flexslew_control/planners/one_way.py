@@ -19,7 +19,7 @@ class Shared(NamedTuple):
     """A plan with its torque shared out among the drives."""
 
     plan: Plan
-    used: float  # largest share of a drive's limit; above 1: the plan demands more [-]
+    used: float  # largest share of what the drives can give; above 1: too much [-]
 
 
 def shared_out(plan: Plan, plant: PlantDescription, law: ActiveLaw | None) -> Shared:

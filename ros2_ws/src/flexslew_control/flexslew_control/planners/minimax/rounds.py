@@ -50,7 +50,7 @@ class Goal(NamedTuple):
 
     close: float = _CLOSE  # relative distance of cost and bound
     enough: float | None = None  # a residual that is good enough, or out of reach [m]
-    rounds: int | None = None  # after which the last solution does, even if it misses the end
+    rounds: int | None = None  # after which the last solution does, even beyond the limits
     feasible: bool = False  # whether any efforts do that keep to the limits
 
 

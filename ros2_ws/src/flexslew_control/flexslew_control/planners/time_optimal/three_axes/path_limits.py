@@ -21,7 +21,7 @@ class PathLimits:
         cones: cones that its boresights keep out of.
         rate_limit: largest length of the body rate [rad/s]; None: any.
         spare: margin for the motion between the states that are checked: added to half angles
-            [rad], and the share of the rate that is left [-].
+            [rad], and the share of the rate limit that is kept free [-].
     """
 
     cones: tuple[Cone, ...] = ()
