@@ -140,7 +140,7 @@ class ActiveLaws:
         self._due = list(self._scheduled)
 
     def take_status(self, status: Any) -> None:
-        """Take a flexslew_msgs/ControllerStatus; one whose settings are not YAML is ignored."""
+        """Take a flexslew_msgs/ControllerStatus; one with settings that are not YAML is ignored."""
         try:
             given = load_yaml(status.settings, "settings")
         except BadInput:
@@ -211,7 +211,7 @@ class ActiveLaws:
 
 
 def planned_for(plan: Plan) -> str:
-    """Return in words for which law a plan is made; empty: it depends on none, or says nothing."""
+    """Return in words for which law a plan is made; empty: for none, or it states none."""
     made_for = _stated(plan)
     return f"planned for {made_for.words}" if made_for is not None else ""
 

@@ -20,10 +20,10 @@ class _Leg(NamedTuple):
 
 
 class Course:
-    """Plans by their starts. The reference at a tick is that of the newest one that has begun.
+    """Plans by their starts. The reference at a tick is that of the newest plan that has started.
 
     Before the first start of a plan adopted in flight the reference is the one before it, or
-    `hold`; a plan adopted before tick 0 says itself where its joints rest until it starts.
+    `hold`; a plan adopted before tick 0 holds its own first joint positions until it starts.
     """
 
     def __init__(self) -> None:
@@ -48,8 +48,8 @@ class Course:
         """Return the reference of a tick.
 
         Args:
-            tick: of the bench.
-            hold: where no plan has begun.
+            tick: tick of the bench.
+            hold: the reference where no plan has started.
         """
         for leg in reversed(self._legs):
             if tick >= leg.first:
@@ -79,9 +79,9 @@ class Course:
         """Return a plan preceded by the references from an earlier tick on.
 
         Args:
-            plan: that is not added yet.
-            tick: of the bench.
-            hold: where no plan has begun.
+            plan: a plan that is not added yet.
+            tick: tick of the bench.
+            hold: the reference where no plan has started.
         """
         earlier = [self.reference(k, hold) for k in range(tick, plan.first_tick)]
         if not earlier:

@@ -1,7 +1,7 @@
 """A spacecraft as a linear law sees it: its joints first, without what no effort moves.
 
 Small motions z about a rest: M z'' + D z' + K z = B u, joint readings C z. The motions that the
-efforts reach are modes whose share B^T phi is not zero; of these, coordinates are chosen with
+efforts reach are modes with a share B^T phi that is not zero; of these, coordinates are chosen with
 C z = the first of them, such that a joint that turns the platform turns it as a rigid body.
 """
 
@@ -98,14 +98,14 @@ class LinearModel:
 
 
 def joints_first(model: Model, rest: Vector) -> Designed:
-    """Return a model whose first coordinates are the joints: itself, or its small motions.
+    """Return a model with the joints as its first coordinates: itself, or its small motions.
 
     Args:
-        model: what a law believes.
-        rest: about which it is linear, shape (positions,).
+        model: the design model of a law.
+        rest: equilibrium about which it is linear, shape (positions,).
 
     Raises:
-        BadInput: the joints do not move independently of each other.
+        BadInput: if the joints do not move independently of each other.
     """
     return model if model.leading is None else small_motions(model, independent(model, rest))
 
@@ -234,8 +234,8 @@ def nominal_states(model: Designed, references: list[Reference]) -> Matrix:
 def nominal(model: Designed, reference: Reference) -> Vector:
     """Return the nominal state as a law with this model sees it, shape (2 n,).
 
-    About a free platform it is that of the joints: a plan about one axis says nothing else that
-    these coordinates know.
+    About a free platform it is that of the joints: a plan about one axis determines nothing else
+    in these coordinates.
     """
     state = NOTHING if isinstance(model, LinearModel) else reference.state
     return nominal_state(state, reference, model.joints, model.modes)

@@ -120,7 +120,7 @@ class ActiveLaw(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """Where the plan wants the testbed at this tick."""
+    """The plan's reference at this tick."""
 
     position: Vector  # joints, (joints,) [rad or m]
     velocity: Vector  # joints, (joints,) [rad/s or m/s]
@@ -142,7 +142,7 @@ class Estimate(NamedTuple):
 
 
 def handed_out_estimate(estimate: Estimate) -> Estimate:
-    """Return an estimate through which nobody can change what its estimator knows."""
+    """Return a read-only view of an estimate, which protects the data of its estimator."""
     position, velocity, disturbance, covariance, innovation, nis = estimate
     return Estimate(
         handed_out(position),

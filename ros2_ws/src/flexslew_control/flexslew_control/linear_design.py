@@ -1,4 +1,4 @@
-"""What a linear design requires of a model; an error says what does not hold."""
+"""The requirements of a linear design on a model; an error names the one that does not hold."""
 
 from collections.abc import Mapping
 from typing import Annotated, Protocol
@@ -175,14 +175,14 @@ def _require(a: Matrix, b: Matrix, names: tuple[str, ...], fault: str, remedy: s
 
 
 def _clean(matrix: Matrix) -> Matrix:
-    """Return it without entries that are rounding beside others of their column."""
+    """Return the matrix without entries that are rounding compared with others of their column."""
     return np.where(abs(matrix) < _DUST * abs(matrix).max(axis=0), 0.0, matrix)
 
 
 def _own_units(a: Matrix, b: Matrix) -> tuple[Matrix, Matrix, float]:
     """Return A and B with states, inputs and time in units in which their entries are nearest one.
 
-    Least squares of the logarithms of what is not zero: the same whatever the units of a and b.
+    Least squares of the logarithms of the nonzero entries: the same for all units of a and b.
 
     Args:
         a: shape (k, k).

@@ -1,10 +1,10 @@
-"""A controller as matrices, where its law is linear in what it knows.
+"""A controller as matrices, where its law is linear in its inputs.
 
 u(k) = f(k) + kp (q_d - q) + kd (q_d' - q') + K z(k) + H y(k) + Q (q' x q') + s(k),
 s' = g(k) + ki (q_d - q) + G z(k) + (sat(u) - u) / T_t,
 with y the measured joints, their rates and the first of the tips, f and g from the reference alone,
 and z the state of an observer: see LinearObserver, SmallMotionForm, KalmanForm, SteadyForm and
-GainedFilter, whose z is its state and then its innovation, too. What a law makes of the equations
+GainedFilter, where z is its state and then its innovation. What a law makes of the equations
 of motion is part of z as well: see OnModelForm. The products of the rates q', which gyroscopic
 torques are of, are all that is not linear. A law on the turn about the body axes has them for its
 joints: see SharedForm.
@@ -62,7 +62,7 @@ class SteadyForm(NamedTuple):
 
 
 class OnModelForm(NamedTuple):
-    """What an observer knows, x and e, and efforts u by the equations of motion: z = [x, e, u].
+    """The data of an observer, x and e, and efforts u by the equations of motion: z = [x, e, u].
 
     u = (G B(x))^-1 [r(k) - G f(x, 0) - R x - W e].
     """
@@ -122,13 +122,13 @@ Observer: TypeAlias = (
 
 
 class LinearForm(NamedTuple):
-    """A law with what it knows of the bench."""
+    """A law with its observer and its allocation."""
 
     law: LawForm
     observer: Observer
     shared: SharedForm | None = None  # None: its efforts are those of the joints
-    attitude: AttitudeNumbers | None = None  # the filter that tells the joints; None: as measured
-    flexible: FlexibleForm | None = None  # what that believes besides attitude and bias
+    attitude: AttitudeNumbers | None = None  # the filter that gives the joints; None: as measured
+    flexible: FlexibleForm | None = None  # what it estimates besides attitude and bias
 
 
 class Integration(NamedTuple):
@@ -171,13 +171,13 @@ def observed_form(
     observer: LinearObserver | SmallMotionForm | OnModelForm,
     gains: tuple[Vector, Vector] | None = None,
 ) -> LinearForm:
-    """Return a law on an observer's state and on what is read, without an integral of its own.
+    """Return a law on an observer's state and on the readings, without an integral of its own.
 
     Args:
         from_state: K.
         from_output: H.
         demand: f, shape (ticks, m).
-        observer: whose state z is.
+        observer: observer with the state z.
         gains: kp and kd, (m,) each; None: zero.
     """
     m = demand.shape[1]
@@ -191,7 +191,7 @@ def observed_form(
 
 
 def no_observer(outputs: int, m: int) -> LinearObserver:
-    """Return what knows nothing, for so many outputs and efforts."""
+    """Return an observer without a state, for so many outputs and efforts."""
     none = np.zeros((0, outputs))
     return LinearObserver(none, np.zeros((0, 0)), np.zeros((0, m)), none, np.zeros(0))
 

@@ -98,7 +98,7 @@ class Regulator:
         )
 
     def perturbation(self, change: Change) -> Matrix:
-        """Return A_1, whose middle row is [M1 Lambda - K1, -G1, -M1], shape (3 n, 3 n)."""
+        """Return A_1, with the middle row [M1 Lambda - K1, -G1, -M1], shape (3 n, 3 n)."""
         n = len(self.squares)
         a = np.zeros((3 * n, 3 * n))
         a[n : 2 * n, :n] = change.mass * self.squares - change.stiffness

@@ -16,7 +16,7 @@ class Plan:
 
     Args:
         method: the planner that made it, a key of PLANNERS.
-        joint_names: whose columns follow.
+        joint_names: names of the columns that follow.
         start: first tick's simulated time [s].
         period: one tick [s].
         position: joint references at the ticks, shape (ticks + 1, joints) [rad or m].
@@ -26,9 +26,9 @@ class Plan:
         duration: length of the manoeuvre [s]; the last tick may end after it.
         gains: of a law, row by row for each tick and then for all after the end, shape
             (ticks + 1, k); or (0, 0): the plan has none.
-        request: the `plan` section that asked for it, with model and manoeuvre, as plain data.
+        request: the `plan` section it was made from, with model and manoeuvre, as plain data.
         summary: objective, iterations, switch_times, ... as plain data; what --json prints.
-        versions: of the software that made it.
+        versions: versions of the software that made it.
     """
 
     method: str
@@ -46,14 +46,14 @@ class Plan:
     versions: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Let nobody who is handed a row of it write into the plan."""
+        """Make the arrays read-only."""
         for item in fields(self):
             value = getattr(self, item.name)
             if isinstance(value, np.ndarray):
                 object.__setattr__(self, item.name, handed_out(value))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take what another process sent, whose arrays may be written when they arrive."""
+        """Restore a plan from another process, with arrays that are writable when they arrive."""
         self.__dict__.update(state)
         self.__post_init__()
 

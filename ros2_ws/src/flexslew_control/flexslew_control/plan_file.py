@@ -21,10 +21,10 @@ _GAINS = "gains"  # an array that most plans, their files and their hashes lack
 
 
 def plan_hash(plan: Plan) -> str:
-    """Return the SHA-256 of what a plan asks for and says, in hexadecimal.
+    """Return the SHA-256 of a plan's request and arrays, in hexadecimal.
 
     Over the canonical JSON of method, names, times and request, then the bytes of every array,
-    little-endian float64. Summary and versions do not count: they say how, not what.
+    little-endian float64. Summary and versions do not count: they describe how it was made.
     """
     head = {
         "method": plan.method,

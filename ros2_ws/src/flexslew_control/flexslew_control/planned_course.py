@@ -1,4 +1,4 @@
-"""The course that the bench flies as its planner knows it: where a plan begins, and who took it."""
+"""The planner's model of the course that the bench flies: its plans, and their acceptance."""
 
 from collections.abc import Collection
 from copy import copy
@@ -115,12 +115,12 @@ class PlannedCourse:
         """Return why the bench cannot fly a plan from a simulated time on, or None.
 
         Args:
-            plan: that is to be adopted.
-            now: at which the bench is [s].
-            last_tick: at which the run ends; zero: nobody knows.
-            flight: in which it was asked for: it begins where the reference was to be there.
+            plan: the plan to be adopted.
+            now: current simulated time of the bench [s].
+            last_tick: tick at which the run ends; zero: not known.
+            flight: epoch of the request: the plan begins where the reference was to be in it.
             followed: hashes of the plans that controllers follow. Where the newest one here is not
-                among them, a planner before this one has made theirs: they know how far they jump.
+                among them, an earlier planner has made theirs: they know how far they jump.
         """
         why = self.late(plan.start, now, last_tick, flight) or self._stops_early(plan, last_tick)
         if now <= 0.0 or why is not None:
@@ -155,13 +155,13 @@ class PlannedCourse:
             self._course.add(plan)
 
     def withdraw(self, plan: Plan) -> None:
-        """Take note that nobody follows the newest plan: the one before it is flown on."""
+        """Note that no controller follows the newest plan: the one before it is flown on."""
         if plan is self.plan:
             self._course = self._before
 
 
 class Answered(NamedTuple):
-    """Who follows a plan, and who does not."""
+    """The controllers that follow a plan, and those that do not."""
 
     taken: tuple[str, ...]
     refused: dict[str, str]  # name: why
@@ -169,7 +169,7 @@ class Answered(NamedTuple):
 
     @property
     def message(self) -> str:
-        """One line for whoever asked for the plan."""
+        """One line for the client that requested the plan."""
         parts = [f"taken by {', '.join(self.taken)}"] if self.taken else []
         parts += [f"refused by {name}: {why}" for name, why in self.refused.items()]
         parts += [f"no answer from {', '.join(self.silent)}"] if self.silent else []
@@ -177,7 +177,7 @@ class Answered(NamedTuple):
 
 
 class PlanAnswers:
-    """What the controllers say of the plans that they hear."""
+    """The answers of the controllers to the plans that they receive."""
 
     def __init__(self) -> None:
         self._following: dict[str, str] = {}  # hash by name
@@ -189,7 +189,7 @@ class PlanAnswers:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """The controllers that were ever heard."""
+        """The controllers from which a status has come."""
         return tuple(self._following)
 
     @property
@@ -198,11 +198,11 @@ class PlanAnswers:
         return {*self._following.values()} - {""}
 
     def refusal(self, controller: str, digest: str, why: str) -> None:
-        """Take that a controller refuses a plan with this hash."""
+        """Note that a controller refuses a plan with this hash."""
         self._refused[controller, digest] = why
 
     def expect(self, digest: str) -> None:
-        """Forget what was said of an earlier plan with this hash: it is published again."""
+        """Forget the answers to an earlier plan with this hash: it is published again."""
         self._refused = {key: why for key, why in self._refused.items() if key[1] != digest}
 
     def of(self, digest: str, gone: Collection[str] = ()) -> Answered:

@@ -1,4 +1,4 @@
-"""Plans made in a process of their own, so that whoever asks can cancel at any moment."""
+"""Plans made in a process of their own, so that a client can cancel at any moment."""
 
 import math
 import signal
@@ -133,7 +133,7 @@ def plan_request(
     beginning: Callable[[float], StartOfPlan] = lambda start: StartOfPlan(),
     trust: Trust = NO_CODE,
 ) -> PlanRequest | Refusal:
-    """Return what a client asks for, or why its numbers or its YAML cannot be used.
+    """Return a client's request, or why its numbers or its YAML cannot be used.
 
     Args:
         section: the `plan` section, YAML or plain data.
@@ -142,7 +142,7 @@ def plan_request(
         effort_limit: one per actuator [N m or N].
         beginning: returns the bench at a start [s]; a request without initial positions begins
             at its references.
-        trust: which classes of the user's own may be loaded.
+        trust: the user's own classes that may be loaded.
     """
     if not (math.isfinite(period) and period > 0.0):
         return Refusal("a positive number of seconds", "period", period)
@@ -160,7 +160,7 @@ def plan_request(
 
 def _work(pipe: Connection) -> None:
     """Answer requests until the other process closes the pipe."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent process
     from flexslew_control.planners import make_plan
     from flexslew_control.planners.from_motion import predicted_from
 
@@ -218,7 +218,7 @@ def _from_there(
 ) -> tuple[Any, PlantDescription]:
     """Return section and bench for a plan that begins where the reference is then.
 
-    A section that says nothing of it, as one of the user's own may, begins where the bench does.
+    A section without a key for it, as a user's own may be, begins where the bench does.
     """
     if starts_moving(plant.testbed):  # those rates were at tick 0
         section: Any = plant.testbed
@@ -232,10 +232,10 @@ def _from_there(
 
 
 def _require_ticks(settings: Any, period: float) -> None:
-    """Check that a manoeuvre is one that somebody can wait for, and a message can hold.
+    """Check that a manoeuvre is short enough to wait for, and for a message.
 
     Raises:
-        BadInput: it is too long.
+        BadInput: if it is too long.
     """
     longest = MOST_TICKS * period
     duration = getattr(settings, "duration", None) or 0.0

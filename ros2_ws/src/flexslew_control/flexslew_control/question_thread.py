@@ -1,8 +1,8 @@
-"""Which questions are those of the bench, and which come from somebody else's topic or an old log.
+"""Separation of the questions of the bench from those of another bench's topic or an old log.
 
-A bench asks tick after tick, repeats what is not answered, and begins a new epoch at tick 0. So a
-question that does not follow is put aside. It counts only if the bench really is there now: when
-several more follow it while the bench's own thread is silent, as after a gap.
+A bench sends a question each tick, repeats it until it is answered, and begins a new epoch at tick
+0. So a question that does not follow is put aside. It counts only if the bench really is there now:
+when several more follow it while the bench's own thread is silent, as after a gap.
 """
 
 from typing import TypeAlias
@@ -13,7 +13,7 @@ _CONFIRMED = 3  # questions that follow a strange one, or repeat it, before it c
 
 
 class QuestionThread:
-    """The questions that were heard, in their order."""
+    """The questions that were received, in their order."""
 
     def __init__(self) -> None:
         self._last: Key | None = None

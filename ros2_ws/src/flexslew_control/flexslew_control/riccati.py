@@ -1,8 +1,8 @@
-"""Solutions of the algebraic Riccati equations, whatever the units of states, efforts and time.
+"""Solutions of the algebraic Riccati equations, in any units of states, efforts and time.
 
 SciPy's solver, which python-control calls, too, balances the states alone: where an effort or a
-second is a small or a large number beside them it loses digits, or finds no solution of a problem
-that has one. It is asked first; where that fails, it is asked in other units.
+second is a small or a large number compared with them it loses digits, or finds no solution of a
+problem that has one. It is called first; where that fails, it is called in other units.
 """
 
 from collections.abc import Callable

@@ -33,13 +33,13 @@ class Frozen(Linearisation):
 
 @dataclass(frozen=True)
 class SmallMotion:
-    """A testbed at rest whose small motions are asked for.
+    """The small motions of a testbed at rest.
 
     Args:
-        model: its equations.
+        model: equations of motion.
         rest: q at rest, shape (positions,).
-        kept: which coordinates the efforts reach, shape (k,).
-        units: of its section.
+        kept: coordinates that the efforts reach, shape (k,).
+        units: unit sizes of the testbed's section.
         readings: C of y = C x for the collocated joints, SI, shape (m, n).
     """
 

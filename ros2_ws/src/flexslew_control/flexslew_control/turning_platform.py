@@ -49,14 +49,14 @@ class TurningPlatform:
 
 
 def turning_platform(model: Model, rest: Vector) -> TurningPlatform | None:
-    """Return the small motions of a craft about its plans; None: no joints tell its attitude.
+    """Return the small motions of a craft about its plans; None: no joints measure its attitude.
 
     Args:
-        model: what a law believes.
+        model: the design model of a law.
         rest: q at rest, shape (positions,); the attitude does not matter.
 
     Raises:
-        BadInput: the joints do not move independently of each other.
+        BadInput: if the joints do not move independently of each other.
     """
     if model.attitude is None or model.leading is None:
         return None

@@ -17,7 +17,7 @@ def in_background(log: Path) -> bool:
     """Return True in a process that goes on from here, False in this one, which may end.
 
     The other one has a session of its own, yields to every other process, writes to the log and
-    holds it locked until its end. Where somebody holds it already there is no other one.
+    holds it locked until its end. If the log is locked already, there is no other one.
     """
     handle = os.open(log, os.O_CREAT | os.O_WRONLY, 0o644)
     if not _locked(handle, wait=False) or os.fork():
@@ -32,7 +32,7 @@ def in_background(log: Path) -> bool:
 
 
 def wait_for(log: Path) -> None:
-    """Return as soon as nobody writes this log in the background any more."""
+    """Return as soon as no process writes this log in the background any more."""
     if log.is_file():
         with log.open("a") as file:
             _locked(file.fileno(), wait=True)

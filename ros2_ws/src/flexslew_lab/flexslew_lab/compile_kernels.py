@@ -1,6 +1,6 @@
 """Compile the kernels of everything that is shipped, so that no run pays for it.
 
-Those of the default trial first; the others in the background, unless it is told to --wait. With
+Those of the default trial first; the others in the background, unless --wait is given. With
 --studies those of the studies alone: what they need has been installed since. A run that needs one
 of them earlier compiles it itself, before its tick 0.
 """

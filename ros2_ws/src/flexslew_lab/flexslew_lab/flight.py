@@ -32,7 +32,7 @@ class Flight:
 
     After a reset it is the last epoch alone, as for the metrics; the events are those of all.
     Signals are called `quantity.joint`, `quantity.mode_1` or `tip.appendage`; `energy` stands
-    alone. Where a signal has no value at a tick (nobody answered, say) it is NaN.
+    alone. Where a signal has no value at a tick (after a missed answer) it is NaN.
     """
 
     trial: dict[str, Any]  # the keys of the trial with every default written out
@@ -47,7 +47,7 @@ class Flight:
         """Return the signal `name`, (ticks,), or all of a quantity side by side, (ticks, n).
 
         Raises:
-            KeyError: there is no such signal; it says which there are.
+            KeyError: if there is no such signal; the message lists all.
         """
         if name in self.signals:
             return self.signals[name]
@@ -65,7 +65,7 @@ class Flight:
         """Return the signals of a quantity (position, effort, ...), or the one of that name.
 
         Raises:
-            KeyError: there is no such signal; it says which there are.
+            KeyError: if there is no such signal; the message lists all.
         """
         found = [n for n in self.signals if n == quantity or n.startswith(f"{quantity}.")]
         if not found:
@@ -98,7 +98,7 @@ class Flight:
 
     @property
     def verdict(self) -> str:
-        """What a person wants to know first; of a law that fell silent, why."""
+        """The main result for a user; of a law that fell silent, why."""
         tolerance = self.trial.get("goal_tolerance", Trial.goal_tolerance)
         units = {n.partition(".")[2]: u for n, u in self.units.items() if n[:9] == "position."}
         words = verdict(self.metrics, {}, tolerance, len(changes_of(self.events)), units)

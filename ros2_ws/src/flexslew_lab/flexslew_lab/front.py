@@ -1,4 +1,4 @@
-"""The commands as functions: what `import flexslew` offers beside flying."""
+"""The commands as functions: those that `import flexslew` offers in addition to flying."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def plan(what: What = "m1") -> Plan:
     """Return the plan of a trial without flying it; `trial(..., plan=it)` is flown by it.
 
     Args:
-        what: as from `trial`, or what `trial` takes.
+        what: trial from `trial`, or an argument of `trial`.
 
     Raises:
-        BadInput: no such trial, one of its values is not allowed, or it has no plan.
-        PlanFailed: there is no such plan; it says why.
+        BadInput: if there is no such trial, a value is not allowed, or it has no plan.
+        PlanFailed: if there is no such plan; the message gives the reason.
     """
     given = trial_from(what)
     made = plan_of_trial(given)
@@ -80,14 +80,14 @@ def analyse(
 
 
 def prove(what: What, found: Analysis) -> Proof:
-    """Return poles and margins of an analysis beside those of the bench, flown to their edges.
+    """Return poles and margins of an analysis with those of the bench, flown to their edges.
 
     Args:
-        what: that was analysed.
-        found: by `analyse`.
+        what: analysed trial.
+        found: result of `analyse`.
 
     Raises:
-        BadInput: the loop is not stable, its plant changes with time, or the trial's is another.
+        BadInput: if the loop is not stable, or its plant varies in time or is not the trial's.
     """
     from flexslew_lab.analysis.proof import proved
 
@@ -156,17 +156,17 @@ def identify(
     start: Mapping[str, float] | None = None,
     trust: Trust = NO_CODE,
 ) -> Identification:
-    """Return the modes, inertias and parameters that recorded runs tell of their bench.
+    """Return the modes, inertias and parameters of a bench, identified from recorded runs.
 
     Args:
-        runs: their folders or bags, at least one; the first gives the model, the others prove it.
-        band: that was shaken, low and high [rad/s]; None: that of the excitation.
+        runs: run folders or bags, at least one; the first gives the model, the others prove it.
+        band: excited band, low and high [rad/s]; None: that of the excitation.
         fit: keys of the testbed to fit, as `parameters.bending_stiffness`.
-        start: key to number, where a fit begins.
-        trust: which class of the user's own their testbed may be.
+        start: key to number, the start of a fit.
+        trust: testbed class of the user's own that may be loaded.
 
     Raises:
-        BadInput: there is no such run, or it cannot tell; it says why, with the numbers.
+        BadInput: if there is no such run, or it is not sufficient; the message gives the numbers.
     """
     from flexslew_lab.identification.identification import experiment_of
     from flexslew_lab.identification.identification import identify as identified
@@ -190,7 +190,7 @@ def study(
     """Return what a study shows, after flying what is missing of it; what --json prints.
 
     As the command does, it flies some trials of the lanes again by the ordinary bench, and the
-    worst ones again with their logs where the file says `keep`.
+    worst ones again with their logs where the file has `keep`.
 
     Args:
         what: a study file, the name of a shipped one, or the keys of one, of which `trial` may be
@@ -219,7 +219,7 @@ def study(
         with closing(Pool(bench_job(ready), workers)) as executor:
             check_lanes(ready, store, executor)
     found = finished(asked, store)
-    keep_worst(asked, store, lambda words: None)  # why a trial has no log, its row says
+    keep_worst(asked, store, lambda words: None)  # its row gives the reason for a missing log
     return found
 
 

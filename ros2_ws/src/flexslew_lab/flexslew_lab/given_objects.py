@@ -35,7 +35,7 @@ Given: TypeAlias = str | type[Any] | Callable[..., Any]
 
 
 def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
-    """Return the keys of a trial that this law flies; the trial's other laws stay beside it.
+    """Return the keys of a trial that this law flies; the trial's other laws stay in it.
 
     Args:
         values: keys of a trial.
@@ -88,10 +88,10 @@ def _linear(before: dict[str, Any], system: Any) -> dict[str, Any]:
 
 
 def _require_two_arguments(function: Callable[..., Any]) -> None:
-    """Check that a law can be asked; a function that tells no signature is asked in flight.
+    """Check the arguments of a law; a function without a signature is checked in flight.
 
     Raises:
-        BadInput: it does not take measurement and reference.
+        BadInput: if it does not take measurement and reference.
     """
     try:
         signature = inspect.signature(function)
@@ -171,10 +171,10 @@ def _positions(plan: Any) -> Matrix:
 
 
 def _class_of(function: Callable[..., Any]) -> type[Any]:
-    """Return a law whose efforts a function of (measurement, reference) returns.
+    """Return a law with the efforts that a function of (measurement, reference) returns.
 
-    What a function remembers is the same for all flights, so no other flight than the user's own
-    asks it, as a planner does that foretells what a law leaves.
+    What a function remembers is the same for all flights, so that only the user's own flight calls
+    it, and no planner that predicts the residual of a law.
     """
 
     def begin(self: Any, settings: dict[str, Any], period: float, effort_limit: Vector) -> None:
@@ -190,15 +190,15 @@ def _class_of(function: Callable[..., Any]) -> type[Any]:
 
 
 def _planner_of(given: Plan | Matrix) -> type[Any]:
-    """Return a planner whose plan, or positions at every tick, are already there."""
+    """Return a planner with a plan, or positions at every tick, that is already made."""
 
     class GivenPlan:
         """Its keys in the `plan` section."""
 
         method: str
         start: float = 0.0  # [s]
-        goal: dict[str, float] | None = None  # told by the last row
-        is_made: ClassVar[bool] = True  # nothing is asked of a slew
+        goal: dict[str, float] | None = None  # given by the last row
+        is_made: ClassVar[bool] = True  # no slew is requested
 
         def plan(self, slew: Any, progress: Any) -> Plan:
             """Return the plan that was given, on the ticks of this bench."""

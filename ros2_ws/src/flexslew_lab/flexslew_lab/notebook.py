@@ -55,17 +55,17 @@ def trial(
     """Return a trial, validated as the command line does it.
 
     Args:
-        source: the name of a shipped trial, a file, the keys of a trial file, or a Trial, whose
-            defaults and files are as they were read.
+        source: the name of a shipped trial, a file, the keys of a trial file, or a Trial, with the
+            defaults and files that it was read with.
         changes: path to value, for example {"testbed.modes": 5, "plan.duration": 30.0}; a section
             of another Trial, as its testbed, is a value.
-        trust: which classes it may name, of a Trial those that it trusts; for keys that come from
-            somebody else's log: NO_CODE.
-        law: that flies it in place of the trial's: a class as in own_controller.md, a function of
+        trust: which classes it may name, of a Trial those that it trusts; for keys from the log of
+            another user: NO_CODE.
+        law: law in place of the trial's: a class as in own_controller.md, a function of
             (measurement, reference) that returns the efforts, a state space or transfer function
-            of python-control, whose inputs and outputs are signals by name as for save_law, or a
+            of python-control with signals by name as inputs and outputs as for save_law, or a
             name: of one of its controllers, or of a law, which has its defaults.
-        plan: in place of the trial's: positions of the joints at every tick from 0 on, shape
+        plan: plan in place of the trial's: positions of the joints at every tick from 0 on, shape
             (ticks + 1, joints) [rad or m], a Plan, a planner class as in own_planner.md, or the
             name of a method, which takes over the goal, the start and what else it has of them.
 
@@ -90,7 +90,7 @@ def trial(
 def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
     """Return the flight of a trial in process, without ROS.
 
-    What the command line tells as a warning is a UserWarning.
+    Warnings of the command line are UserWarnings here.
 
     Args:
         what: as from `trial`, or what `trial` takes.

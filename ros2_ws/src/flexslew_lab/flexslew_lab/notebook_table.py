@@ -1,4 +1,4 @@
-"""How a result looks in a notebook: its line, then a table."""
+"""The view of a result in a notebook: its line, then a table."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -13,7 +13,7 @@ def in_notebook(
     """Return HTML of a notebook's cell; all text is escaped.
 
     Args:
-        line: what repr says, or another sentence.
+        line: text of repr, or another sentence.
         columns: headings; none: there is no row of them.
         rows: cells; those beyond 40 are counted.
         folded: heading under which the table opens on a click; empty: it is open.

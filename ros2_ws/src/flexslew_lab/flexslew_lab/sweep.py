@@ -37,7 +37,7 @@ class Sweep:
         """Return a metric over the grid.
 
         Raises:
-            KeyError: there is no such metric; it says which there are.
+            KeyError: if there is no such metric; the message lists all.
         """
         if name not in self.metrics:
             raise KeyError(f"{name} is not a metric; there are {', '.join(self.metrics)}")
@@ -98,7 +98,7 @@ def sweep(
 ) -> Sweep:
     """Return the metrics of a trial flown at every point of a grid, one after the other.
 
-    What `fly` tells as a warning is one here, too, with the numbers of its points.
+    Warnings of `fly` are warnings here, too, with the numbers of their points.
 
     Args:
         source: as for `trial`.
@@ -137,10 +137,10 @@ def sweep(
 
 
 def _require_apart(changes: Iterable[str], axes: Iterable[str]) -> None:
-    """Refuse an axis whose section replaces what a change or an axis before it has set.
+    """Refuse an axis with a section that replaces a setting of a change or an earlier axis.
 
     Raises:
-        BadInput: it names both.
+        BadInput: if it names both.
     """
     before = list(changes)
     for path in axes:

@@ -22,8 +22,8 @@ NOTHING.flags.writeable = False
 
 suit_processor()
 
-# What a function does not say it has from the one that it is first compiled for: where that is
-# `vectorised`, its products would be fused with sums from then on, on disk, too.
+# An option that a function does not set comes from its first compiled caller: if that one is
+# `vectorised`, the products would be fused with sums from then on, on disk, too.
 _STRICT: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -80,14 +80,14 @@ def inlined(function: _Function) -> _Function:
     return cast(_Function, recognised(numba.njit(inline="always", **_STRICT)(function)))
 
 
-MERGED = {"forceinline": True, **_STRICT}  # what merged asks of Numba
+MERGED = {"forceinline": True, **_STRICT}  # Numba options of `merged`
 
 
 def merged(*written: str, strided: bool = True) -> Callable[[_Function], _Function]:
-    """Return what makes a function for use inside compiled ones, merged with them as machine code.
+    """Return a decorator of functions for use inside compiled ones, merged as machine code.
 
-    It is compiled once, whatever calls it; `inlined` would compile its body for each of them. One
-    specialisation serves arrays that may be written and those that may not.
+    It compiles a function once for all callers; `inlined` would compile its body for each of them.
+    One specialisation serves arrays that may be written and those that may not.
 
     Args:
         written: arguments that the function writes into; all other arrays it only reads.

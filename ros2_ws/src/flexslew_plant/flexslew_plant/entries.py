@@ -9,11 +9,11 @@ from typing import Any, Protocol, TypeVar
 
 
 class TableEntry(Protocol):
-    """What tells the rest of the bench about a member of a family."""
+    """The interface of a member of a family to the rest of the bench."""
 
     @property
     def name(self) -> str:
-        """How trial files call it."""
+        """The name in trial files."""
 
 
 E = TypeVar("E", bound=TableEntry)

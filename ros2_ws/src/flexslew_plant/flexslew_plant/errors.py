@@ -43,7 +43,7 @@ class BadInput(FlexslewError):
 
 
 def without_source(error: FlexslewError) -> str:
-    """Return an error in one line that does not repeat the file that everybody knows."""
+    """Return an error in one line without the name of the file that it is about."""
     return str(replace(error.refusal, source="")) if isinstance(error, BadInput) else str(error)
 
 

@@ -15,13 +15,13 @@ _KINDS = (("rad", "m"), ("rad/s", "m/s"), ("N m", "N"))
 def require_units_of_joints(kind: Any, values: Any, testbed: Testbed, source: str) -> None:
     """Check that no position, rate or effort of a joint is given in a unit of the other kind.
 
-    A joint is named by a key above, or by a value beside; where none is the kinds of all joints are
-    allowed. Beside a `channel` of sensors the units of what it reads are.
+    A joint is named by a key above, or by a value next to the quantity; without one the kinds of
+    all joints are allowed. Next to a `channel` of sensors the units of its readings are.
 
     Args:
-        kind: of the settings, which names units such as `[rad or m]`.
-        values: what YAML gave.
-        testbed: whose joints are named.
+        kind: settings class, which names units such as `[rad or m]`.
+        values: the data from YAML.
+        testbed: testbed with the named joints.
         source: the file to name in an error.
 
     Raises:

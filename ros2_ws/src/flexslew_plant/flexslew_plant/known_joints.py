@@ -12,7 +12,7 @@ _T = TypeVar("_T")
 
 
 class _ByJoint:
-    """Marks the type of a mapping whose keys are joint names."""
+    """Marks the type of a mapping with joint names as keys."""
 
 
 _BY_JOINT: Final = _ByJoint()

@@ -6,12 +6,12 @@ from flexslew_plant.arrays import Vector
 
 
 class Measurement(NamedTuple):
-    """The question of tick k: what the sensors say, and who must answer."""
+    """The question of tick k: the sensor readings, and the controller that must answer."""
 
     tick: int  # k
     epoch: int  # counts resets; an answer to another epoch is stale
     time: float  # simulated, k times the period [s]
-    controller: str  # who must answer
+    controller: str  # that must answer
     joint_position: Vector  # encoders, (joints,) [rad or m]
     joint_velocity: Vector  # rate sensors, (joints,) [rad/s or m/s]
     tip_deflection: Vector  # (appendages,) [m]
@@ -43,4 +43,4 @@ class EffortCommand(NamedTuple):
     epoch: int
     controller: str
     effort: Vector  # (joints,) [N m or N]
-    instance: int = 0  # of the process that answers, as in its sign of life; 0: not told
+    instance: int = 0  # of the process that answers, as in its sign of life; 0: not given

@@ -1,4 +1,4 @@
-"""Who can reach the bench over DDS: this machine alone, unless FLEXSLEW_NETWORK=1."""
+"""The reach of the bench over DDS: this machine alone, unless FLEXSLEW_NETWORK=1."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ from flexslew_plant.errors import BadInput, RunFault
 SETTING = "FLEXSLEW_NETWORK"
 PROFILES = Path(__file__).with_name("profiles")
 LOOPBACK, NETWORK = PROFILES / "loopback.xml", PROFILES / "network.xml"
-# where Fast DDS looks for the file; on Jazzy it knows the older name alone
+# where Fast DDS searches for the file; on Jazzy it supports the older name alone
 NEWER, OLDER = "FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 # each leads a node to other machines, or adds a transport that is bound to 0.0.0.0
@@ -40,8 +40,8 @@ def prepare(environment: MutableMapping[str, str]) -> None:
     """Set what Fast DDS reads at the first node of a process; setup/environment.sh does the same.
 
     Raises:
-        BadInput: FLEXSLEW_NETWORK has a wrong value, or the profile is missing: Fast DDS would say
-            nothing, and use every network.
+        BadInput: FLEXSLEW_NETWORK has a wrong value, or the profile is missing: Fast DDS would use
+            every network without a warning.
     """
     jazzy = environment.get("ROS_DISTRO") == "jazzy"
     name, other = (OLDER, NEWER) if jazzy else (NEWER, OLDER)
@@ -107,7 +107,7 @@ def reachable_sockets(pid: int) -> list[str]:
 
 @cache  # once per process
 def tell() -> None:
-    """Say in one line what the network may do here, if it may do anything."""
+    """Print in one line what the network may do here, if it may do anything."""
     if on_network(os.environ):
         print(
             f"{SETTING}=1: whoever is on this network can watch and command this bench",

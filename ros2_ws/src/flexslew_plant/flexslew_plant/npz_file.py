@@ -1,4 +1,4 @@
-"""The arrays of an .npz file, whose sizes are checked before anything is unpacked."""
+"""The arrays of an .npz file, with their sizes checked before anything is unpacked."""
 
 import math
 import zipfile

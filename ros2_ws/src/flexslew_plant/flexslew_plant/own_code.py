@@ -1,8 +1,8 @@
 """Classes of the user's own (laws, testbeds, ...), loaded by name: the one door for code.
 
-It is closed unless whoever asks passes a `Trust` that names the class. A trial file that the user
-gives is the user's own word (`ANY_CODE`); what a log, a study folder that was received, a request
-or a message names is somebody else's (`NO_CODE`, or what --trust names).
+It is closed unless the caller passes a `Trust` that names the class. A trial file that the user
+gives is the user's own word (`ANY_CODE`); a name in a log, a received study folder, a request
+or a message is another person's (`NO_CODE`, or what --trust names).
 """
 
 import hashlib
@@ -38,10 +38,10 @@ LAWS, TESTBEDS, METRICS, PLANNERS = GROUPS = (  # entry points of packages
 
 @dataclass(frozen=True)
 class Trust:
-    """Whose code may be loaded, and which files may be read, by the names in trials and requests.
+    """The code that may be loaded, and the files that may be read, by names in trials and requests.
 
     Attributes:
-        names: of classes, and of files where they may not be read otherwise.
+        names: trusted names of classes, and of files where they may not be read otherwise.
         everything: whether every name is trusted.
         files: whether files may be read that values name; None: those that values of a person or a
             request name, not those that a log names.
@@ -79,11 +79,11 @@ _FOUND: WeakKeyDictionary[type[Any], dict[str, str]] = WeakKeyDictionary()
 
 
 class Untrusted(BadInput):
-    """Code is named that nobody has trusted.
+    """Code is named that is not trusted.
 
     Args:
         words: where it is named, and what would run.
-        name: of the class.
+        name: name of the class.
     """
 
     def __init__(self, words: Refusal | str, name: str) -> None:
@@ -137,7 +137,7 @@ def code_hash(name: str) -> str:
     """Return the SHA-256 of the file that a name stands for, hexadecimal; empty: no such file.
 
     Python imports a module once: of a class of one, the file is meant as it was when the class was
-    found first here, which is what runs, whatever stands in it now.
+    found first here, which is what runs, even if it has changed since.
     """
     place, _, attribute = name.rpartition(".")
     found = getattr(sys.modules.get(place), attribute, None)
@@ -155,14 +155,14 @@ def find_class(
     Args:
         name: `file.py:Class` (a path from the working directory), `package.module.Class`, or the
             name of an entry point.
-        group: of the entry points of installed packages, for example flexslew.laws.
-        what: what it should be, for the error ("law").
+        group: group of entry points of installed packages, for example flexslew.laws.
+        what: kind of the class, for the error ("law").
         source: file or node to name in an error.
         known: the names that are built in, for the error.
-        trust: what may be loaded; an entry point of an installed package always may.
+        trust: the code that may be loaded; an entry point of an installed package always may.
 
     Raises:
-        Untrusted: a file or a module is named that nobody has trusted.
+        Untrusted: a file or a module is named that is not trusted.
         BadInput: there is no such class, or its module cannot be imported.
     """
     installed = _installed(group)

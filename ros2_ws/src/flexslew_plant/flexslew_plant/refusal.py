@@ -14,7 +14,7 @@ class Cause(StrEnum):
     RUN_OVER = "run_over"
     NOT_NOW = "not_now"  # the state of the run does not permit it
     FAULTS_OFF = "faults_off"
-    UNKNOWN = "unknown"  # nobody or nothing of this name or number
+    UNKNOWN = "unknown"  # no node or thing of this name or number
     LATCHED = "latched"  # the brake
     NOT_LATCHED = "not_latched"
     ALREADY_DUE = "already_due"  # another switch at that tick
@@ -23,7 +23,7 @@ class Cause(StrEnum):
     STEP_TOO_LARGE = "step_too_large"  # of the effort, under strict
     NO_ANSWER = "no_answer"  # in time, or at all
     BENCH_RESET = "bench_reset"
-    NOT_READY = "not_ready"  # and it gives no cause that the bench knows
+    NOT_READY = "not_ready"  # without a cause in this table
     NO_HEARTBEAT = "no_heartbeat"
     ABSENT = "absent"  # not on the graph
     BEHIND = "behind"  # it has not seen the newest ticks
@@ -33,7 +33,7 @@ class Cause(StrEnum):
     LAW_FAILED = "law_failed"
     DOUBTED = "doubted"  # the estimate, by its innovations
     NOT_FINITE = "not_finite"
-    NOT_HEARD = "not_heard"  # by those who must hear it
+    NOT_HEARD = "not_heard"  # by the nodes that must receive it
     DUPLICATE = "duplicate"  # another node of this name is on the graph
     NO_MANOEUVRE = "no_manoeuvre"  # the planner found none
     CANCELED = "canceled"

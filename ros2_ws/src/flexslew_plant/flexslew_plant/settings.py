@@ -53,15 +53,15 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     """Return values as an instance of the section `kind`; `2 min` is 120 where a key is in [s].
 
     Args:
-        kind: a section class, or any type that pydantic knows.
-        values: what YAML or a ROS parameter gave.
+        kind: a section class, or any other type that pydantic supports.
+        values: the data from YAML or a ROS parameter.
         source: the file (or node) to name in an error.
-        trust: which classes of the user's own may be loaded; pydantic hands it to validators.
+        trust: the user's own classes that may be loaded; pydantic hands it to validators.
 
     Raises:
         BadInput: the first wrong key, with its value and what is allowed; the class is none that
             can be checked.
-        Untrusted: it names code that nobody has trusted.
+        Untrusted: it names code that is not trusted.
     """
     try:
         try:

@@ -1,3 +1,3 @@
-"""The version of the bench; pyproject.toml says the same."""
+"""The version of the bench, as in pyproject.toml."""
 
 VERSION = "0.1.0"

@@ -1,4 +1,4 @@
-"""How the torque that a law asks for becomes efforts of thrusters, wheels and gyros.
+"""Allocation of a law's torque to the efforts of thrusters, wheels and gyros.
 
 Offers: joint_gains, sharing.
 """

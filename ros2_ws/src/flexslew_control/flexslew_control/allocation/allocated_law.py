@@ -13,15 +13,15 @@ from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 @dataclass
 class AllocatedLaw:
-    """Asks a law for the torque about the body axes, and an allocator for the efforts.
+    """Takes the torque about the body axes from a law, and the efforts from an allocator.
 
-    What the law sees as joints are the body axes: the rotation vector and rates that the joints
-    tell, and the torque of the plan's efforts, whichever drives the plan meant.
+    The joints of the law are the body axes: the rotation vector and rates that the joints measure,
+    and the torque of the plan's efforts, whichever drives the plan meant.
 
     Args:
-        law: from three joints to three torques.
-        allocator: shares them out.
-        attitude: the joints that tell the turn.
+        law: law with three joints and three torques.
+        allocator: shares the torques out among the drives.
+        attitude: the joints that measure the turn.
     """
 
     law: Law
@@ -32,7 +32,7 @@ class AllocatedLaw:
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
     ) -> None:
-        """Take charge with the torque that these efforts have given; see law.Law."""
+        """Become active with the torque that these efforts have given; see law.Law."""
         seen, wanted = self._turn(estimate, reference)
         self.law.reset(measurement, seen, wanted, self.allocator.torque @ effort)
 

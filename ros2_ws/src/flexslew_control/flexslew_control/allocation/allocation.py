@@ -73,13 +73,13 @@ class Allocator:
     """Shares a torque out among the joints' drives.
 
     Args:
-        joints: how many there are.
-        torque: of a unit effort of each joint about the centre of mass, shape (3, joints).
-        wheels: with which joints they are; None: no wheel takes part.
-        thrusters: with which joints they are; None: none takes part.
+        joints: number of joints.
+        torque: torque about the centre of mass by a unit effort of each joint, shape (3, joints).
+        wheels: joint indices and set; None: no wheel takes part.
+        thrusters: joint indices and set; None: none takes part.
         unloading: rate at which thrusters take what the wheels store [1/s].
-        speeds: where the tachometer's channels stand; None: nobody tells the wheels' speeds.
-        gyros: with which joints they are, and where the resolver's channels stand; None: none.
+        speeds: channels of the tachometer; None: the wheels' speeds are not measured.
+        gyros: joint indices, set and channels of the resolver; None: none.
     """
 
     joints: int
@@ -150,11 +150,11 @@ class Allocator:
 
 
 def allocator_of(settings: AnyAllocation, plant: PlantDescription) -> Allocator:
-    """Return what shares a torque out among the drives of a testbed.
+    """Return the allocator of a torque to the drives of a testbed.
 
     Raises:
-        BadInput: it does not turn in three axes, a name is no such drive, the drives cannot give
-            every torque, or nobody tells the speeds that are asked for.
+        BadInput: if it does not turn in three axes, a name is no such drive, the drives cannot give
+            every torque, or the required speeds are not measured.
     """
     testbed, names = plant.testbed, plant.joint_names
     if testbed.model().attitude is None or not isinstance(testbed, TurnedByDrives):

@@ -35,14 +35,14 @@ class GyroSet:
 
     A (d) has what a unit rate of each gimbal gives at its angle, in units of the mean momentum;
     H are the momenta in those units, p the angles that null motion prefers. With E = 1 the inverse
-    fails where the torque that is asked for is along the singular direction: no rate answers it,
+    fails where the required torque is along the singular direction: no rate gives it,
     and the gimbals lock. So E has dithered entries off its diagonal (Wie, Bailey and Heiberg 2001):
     E_ij = e sin(w t + phase), l = l_0 exp(-10 det A A^T).
 
     Args:
         gimbals: axes g and rotors s at angle zero, in body axes, shape (gyros, 2, 3).
         limit: largest efforts, shape (gyros,) [N m].
-        momentum: of the rotors, shape (gyros,) [N m s].
+        momentum: momenta of the rotors, shape (gyros,) [N m s].
         robustness: l_0 [-].
         dither: e [-].
         frequency: w [rad/s].

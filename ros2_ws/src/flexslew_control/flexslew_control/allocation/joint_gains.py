@@ -13,16 +13,16 @@ _AXES = ("x", "y", "z")
 def joint_gains(
     allocation: Allocation | None, key: str, gains: tuple[float, ...], axes: Matrix
 ) -> tuple[float, ...]:
-    """Return the g >= 0 whose sum of g a a^T is nearest to the gains on the diagonal.
+    """Return the g >= 0 for which the sum of g a a^T is nearest to the gains on the diagonal.
 
     Args:
-        allocation: of the law; None: the gains are those of the joints already.
-        key: of the gains, for an error.
+        allocation: the law's allocation; None: the gains are those of the joints already.
+        key: key of the gains, for an error.
         gains: about x, y, z, or one for all.
-        axes: a, along which each joint reads the turn, shape (joints, 3).
+        axes: axes a, along which each joint reads the turn, shape (joints, 3).
 
     Raises:
-        BadInput: neither one nor three gains.
+        BadInput: if the gains are neither one nor three.
     """
     if allocation is None:
         return gains

@@ -18,17 +18,17 @@ NONE: Indices = np.zeros(0, dtype=np.int64)
 
 
 class Drives(NamedTuple):
-    """Which joints take part, and which readings tell of them; the same in all lanes."""
+    """Which joints take part, and the readings of their states; the same in all lanes."""
 
     wheels: Indices = NONE
-    speeds: Indices = NONE  # of the wheels, among the readings of the tips; none: nobody tells
+    speeds: Indices = NONE  # of the wheels, among the readings of the tips; none: not measured
     thrusters: Indices = NONE
     gyros: Indices = NONE
     angles: Indices = NONE  # of their gimbals, among the readings of the tips
 
 
 class AllocationNumbers(NamedTuple):
-    """What an Allocator knows, for craft side by side, a lane each."""
+    """The data of an Allocator for several spacecraft, a lane each."""
 
     drives: Drives
     torque: Tensor  # of a unit effort of each joint, (lanes, 3, joints)
@@ -61,11 +61,11 @@ def share(
     """Write the efforts of all joints that give a torque; see Allocator.efforts.
 
     Args:
-        n: of some lanes.
-        lane: which of them counts.
+        n: data of some lanes.
+        lane: index of the lane.
         torque: about the centre of mass, in body axes, shape (3,) [N m].
-        readings: of the tips; empty: nobody tells, and gimbals stand at zero.
-        time: [s].
+        readings: tip readings; empty: none are known, and gimbals stand at zero.
+        time: simulated time [s].
         out: shape (joints,) [N m or N].
     """
     drives, told = n.drives, readings.size > 0

@@ -77,9 +77,9 @@ class WheelSet:
         """Return the motors' efforts that give a torque, scaled where one is beyond its limit.
 
         Args:
-            torque: on the platform, shape (3,) [N m].
-            speeds: of the wheels, shape (wheels,) [rad/s]; None: nobody tells, and there is no
-                null motion.
+            torque: torque on the platform, shape (3,) [N m].
+            speeds: wheel speeds, shape (wheels,) [rad/s]; None: not measured, and there is no null
+                motion.
 
         Returns:
             shape (wheels,) [N m].
@@ -96,10 +96,10 @@ def wheel_efforts(
     """Write the efforts of a set of wheels; see WheelSet.efforts.
 
     Args:
-        wheels: of some lanes.
-        lane: which of them counts.
+        wheels: data of some lanes.
+        lane: index of the lane.
         torque: shape (3,).
-        speeds: shape (wheels,); empty: nobody tells.
+        speeds: shape (wheels,); empty: not measured.
         out: shape (wheels,).
     """
     count = out.size

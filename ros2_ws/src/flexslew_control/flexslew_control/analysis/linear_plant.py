@@ -25,15 +25,15 @@ _STILL = 1e-9  # of the largest slope: what drifts less is at rest
 
 @dataclass(frozen=True)
 class PlantPath:
-    """What lies between a command and the motor's effort, tick by tick.
+    """The path from a command to the motor's effort, tick by tick.
 
     Args:
         period: one tick [s].
         actuator: the motors.
-        gain: of what reaches each motor, shape (efforts,) [-]; None: one.
-        delay: of what reaches each motor, shape (efforts,) [ticks]; None: none. A part of a tick
+        gain: gain of each motor's command, shape (efforts,) [-]; None: one.
+        delay: delay of each command, shape (efforts,) [ticks]; None: none. A part of a tick
             counts by the mean over it.
-        steps: of the integration in a tick, equal ones.
+        steps: number of equal integration steps in a tick.
     """
 
     period: float

@@ -1,6 +1,6 @@
-"""The closed sampled loop of a plant and a running law, opened where margins are asked for.
+"""The closed sampled loop of a plant and a running law, opened at the cuts of a margin.
 
-Connections are by hand as in lti, and as a margin is asked for with any cut open: control.connect
+Connections are by hand as in lti, since a margin may be required with any cut open: control.connect
 makes one system of each, here the two parts are evaluated once over frequency for all cuts.
 """
 
@@ -25,16 +25,16 @@ _HIDDEN = 1e-6  # above one: a pole outside of the circle, though no effort move
 class ControlLoop:
     """Plant and controller side by side, all connections between them cut.
 
-    From (v, e, r) to (u, y): v is what the motors are told, u what the controller asks for, y what
-    the sensors read, e what the controller reads, r its references. What it reads of the applied
+    From (v, e, r) to (u, y): v is the motors' command, u the controller's demand, y the sensors'
+    output, e the controller's input, r its references. What it reads of the applied
     efforts stays connected: that is inside of the plant's drive.
 
     Args:
-        system: with these inputs and outputs.
-        efforts: how many.
-        sensors: how many the controller listens to.
+        system: state space with these inputs and outputs.
+        efforts: number of efforts.
+        sensors: number of sensors that the controller reads.
         parts: plant from v to (y, applied efforts), law from (e, applied efforts) to u.
-        joint_names: of the plant.
+        joint_names: names of the plant's joints.
         joint_positions: how states show them, whether the controller reads them or not, shape
             (joints, states).
     """
@@ -183,9 +183,9 @@ def visible_poles(loop: ControlLoop, share: float = _ACTS) -> tuple[Complex, Vec
 def unstable_poles(loop: ControlLoop, close: float = 1e-9) -> Complex:
     """Return the poles outside of the unit circle that anything in the loop excites and shows.
 
-    Beside those that are visible: an estimator's error, if it is told the efforts, is moved by no
-    effort, but by what sensors misread, and what the controller asks for shows it. A pole that is
-    hidden so is known less exactly, and is one only beyond _HIDDEN.
+    In addition to the visible ones: an estimator's error, if the estimator reads the efforts, is
+    moved by no effort but by errors of the sensors, and the controller's demand shows it. A pole
+    hidden in this way is known less exactly, and counts only beyond _HIDDEN.
 
     Args:
         loop: cut everywhere.

@@ -58,9 +58,9 @@ class Swept:
     """A loop's response over a grid of frequencies.
 
     Args:
-        loop: whose.
+        loop: the loop.
         grid: shape (k,) [rad/s].
-        response: see Loop.response.
+        response: response at each frequency, see Loop.response.
     """
 
     loop: ControlLoop
@@ -227,7 +227,7 @@ def disk_margins(sweep: Swept, names: tuple[str, ...]) -> DiskMargins:
     mu = structured(m)
     refined = np.zeros(len(mu), dtype=bool)
     while not refined[worst := int(np.argmax(mu))]:
-        # the best scaling of one frequency is a good one of those beside it
+        # the best scaling of one frequency is a good one at the neighbouring frequencies
         d = _best_scaling(m[worst])
         mu[worst], refined[worst] = min(mu[worst], _scaled(m[worst], d)), True
         above = mu > mu[worst]

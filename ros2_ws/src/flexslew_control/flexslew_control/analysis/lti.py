@@ -70,7 +70,7 @@ class Lti:
         step = max(1, 2_000_000 // max(n * n, 1))
         for first in range(0, count, step):
             part = slice(first, first + step)
-            # A - 1 first: near z = 1 it keeps the digits that z - A would lose beside one
+            # A - 1 first: near z = 1 it keeps the digits that z - A would lose
             pencil = (z[part, None, None] - 1.0) * np.eye(n) - (self.a - np.eye(n))
             out[part] += self.c @ np.linalg.solve(
                 pencil, np.broadcast_to(self.b, (len(pencil), *self.b.shape))

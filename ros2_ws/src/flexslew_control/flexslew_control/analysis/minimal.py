@@ -29,7 +29,7 @@ def minimal(
 ) -> "control.StateSpace":
     """Return a system without the states that no input moves or no output sees.
 
-    As `control.minreal`, for which python-control wants slycot, and for undamped and rigid motions,
+    As `control.minreal`, for which python-control needs slycot, and for undamped and rigid motions,
     too. Take the rows and columns first: `minimal(plant[["position:yaw"], ["effort:yaw"]])`.
 
     Args:
@@ -38,7 +38,7 @@ def minimal(
             the bench has them below 1e-15; of states that were mixed rounding may leave 1e-7.
 
     Raises:
-        BadInput: it has a number that is not finite.
+        BadInput: if it has a number that is not finite.
     """
     import control
 

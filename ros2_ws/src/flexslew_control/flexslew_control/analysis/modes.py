@@ -1,4 +1,4 @@
-"""Natural modes of a plant: frequency, damping, shape, and who moves and sees them.
+"""Natural modes of a plant: frequency, damping, shape, and the actuators and sensors they reach.
 
 control.damp gives the first two alone; the rest is in the eigenvectors.
 """

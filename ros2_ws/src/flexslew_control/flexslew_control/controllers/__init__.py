@@ -60,7 +60,7 @@ DERIVED = ("computed", LAW_HASH, DUE)  # keys of a settings_text that are no set
 
 @section
 class CommonSettings:
-    """What may stand beside the settings of any law."""
+    """Settings that any law may have in addition to its own."""
 
     handover_time: NonNegative = 1.0  # over which a predecessor's effort is blended out [s]
     monitor: MonitorSettings | None = None  # the tests; null: off
@@ -149,16 +149,16 @@ def require_settings(
 ) -> None:
     """Check the settings of a law that is built in, before anything is designed from them.
 
-    Gains by joint are counted, too; what else a design needs is told when it is built.
+    Gains by joint are counted, too; further requirements of a design are reported when it is built.
 
     Args:
-        law: a key of CONTROLLERS; another one is not looked at, since that may run its code.
+        law: a key of CONTROLLERS; another one is not checked, since that may run its code.
         values: its section of a trial file as plain data.
         plant: what it is for.
         source: file and key to name in an error.
 
     Raises:
-        BadInput: wrong settings.
+        BadInput: for wrong settings.
     """
     _common_settings(values, source)
     if law not in CONTROLLERS:
@@ -200,10 +200,10 @@ def _require_unwinding(settings: Any, period: float) -> None:
 
 
 def _require_allocation(law: str, settings: Any, plant: PlantDescription) -> None:
-    """Check that a law that knows nothing of thrusters and gyros has none to command.
+    """Check that a law without support for thrusters and gyros has none to command.
 
     Raises:
-        BadInput: it has; a negative push would be cut, and a gyro's torque turns with its gimbal.
+        BadInput: if it has; a negative push would be cut, a gyro's torque turns with its gimbal.
     """
     model = plant.testbed.model()
     if not (model.one_way or model.gyros) or getattr(settings, "allocation", None) is not None:

@@ -48,14 +48,14 @@ class Controller:
     Args:
         name: its name on the bench.
         estimator: fed with every measurement.
-        law: asked only while in charge.
-        joint_names: in the order of the effort.
+        law: called only while the controller is active.
+        joint_names: joints in the order of the efforts.
         period: one tick [s].
-        handover_time: over which the effort of the predecessor is blended out [s].
-        requires_plan: it is not ready without one.
-        monitor: of the innovations; None: they are not looked at.
-        attitude: the joints that read an attitude; None: none do. Estimator and law then see
-            positions about the reference whose errors are rotations.
+        handover_time: over which the effort of the previous controller is blended out [s].
+        requires_plan: without a plan it is not ready.
+        monitor: tests of the innovations; None: they are not tested.
+        attitude: the joints that read an attitude; None: none do. Estimator and law then receive
+            positions about the reference, so that errors are rotations.
     """
 
     def __init__(
@@ -73,44 +73,44 @@ class Controller:
         self._attitude = attitude
         self.name, self.joint_names, self.period = name, joint_names, period
         self._estimator, self._law = estimator, law
-        # told what the plan wants, where it makes use of that
+        # receives the plan's reference, where the estimator uses it
         self._expect: Callable[[Reference], None] | None = getattr(estimator, "expect", None)
-        # shown the references to come, where it looks ahead
+        # receives the references to come, where the law uses them
         self._foresee: Callable[[Callable[[int], Reference], int], None] | None = getattr(
             law, "foresee", None
         )
-        # says why it cannot fly this plan, where it needs more of it than a reference
+        # returns why the law cannot fly this plan, where it needs more of it than a reference
         self._objection: Callable[[Plan | None], str] | None = getattr(law, "objection", None)
         self._handover_ticks = max(1, round(handover_time / period))
         self._requires_plan = requires_plan
         self._course = Course()
         self._key = (-1, _NONE)  # epoch and tick of the last measurement
         self._answered = -1  # last tick it answered
-        self._led = False  # it was in charge in this epoch
+        self._led = False  # it was active in this epoch
         self._fresh = True  # it has seen no measurement yet
-        self._joined = 0  # first tick it saw of a flight that others flew already; 0: of none
+        self._joined = 0  # first tick it saw of a flight in progress; 0: of none
         self._anew = False  # the next tick does not follow from the last one
         self._answer: Answer | None = None
-        self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
+        self._offset: Vector = np.zeros(len(joint_names))  # previous minus own effort
         self._handover_tick = 0
         self._hold = self._at_rest(np.zeros(len(joint_names)))
-        self._predecessor: Estimator | None = None  # whose state is taken over
+        self._predecessor: Estimator | None = None  # source of the state to be taken over
         self._failure: Refusal | None = None  # why the law or its estimator gave up
         self._blind = False  # the estimate is not finite
         self._monitor = monitor
         self._doubt: Refusal | None = (
             None  # why the estimate is not to be trusted, until the next epoch
         )
-        self.events: deque[Event] = deque()  # what it has to say
+        self.events: deque[Event] = deque()  # to be published
 
     @property
     def handover_ticks(self) -> int:
-        """In how many ticks the effort of a predecessor is blended out."""
+        """Ticks over which the effort of the previous controller is blended out."""
         return self._handover_ticks
 
     @property
     def estimator(self) -> Estimator:
-        """What turns measurements into its estimates."""
+        """The estimator that it uses."""
         return self._estimator
 
     def use_estimator(self, estimator: Estimator) -> None:
@@ -120,12 +120,12 @@ class Controller:
 
     @property
     def monitor(self) -> Monitor | None:
-        """What looks at the innovations of the estimator; None: nothing does."""
+        """The tests of the estimator's innovations; None: there are none."""
         return self._monitor
 
     @property
     def law(self) -> Law:
-        """What turns its estimates into efforts."""
+        """The law that it runs."""
         return self._law
 
     @property
@@ -158,9 +158,9 @@ class Controller:
         self._course = course
 
     def begin_epoch(self, epoch: int) -> None:
-        """Know that the bench was reset: the plan of tick 0 is flown again, if there is one.
+        """Begin an epoch after a reset: the plan of tick 0 is flown again, if there is one.
 
-        What kept it from taking charge was of the flight that is over: it begins anew.
+        Reasons against becoming active belonged to the flight that is over: they are dropped.
         """
         if epoch > self._key[0]:
             if self._key[0] >= 0:
@@ -189,15 +189,15 @@ class Controller:
         A plan that starts at or before a tick that has been seen is refused: which tick would be
         the first to follow it would depend on the moment of its arrival. So is one in flight that
         does not begin where the reference is then, see course.LARGEST_JUMP. A standby that has no
-        plan takes it: it came after the plan that the bench flies, and begins anew with it. One
-        that was started in flight hears all plans of it, and takes them one after the other. So
-        does one that was asked before it heard them: it was in charge at rest where it came, and
-        hands over to itself. Of the plans that began when it was there already it takes none but
-        the first that it hears, or one that goes on from those.
+        plan takes it: it came after the plan that the bench flies, and starts again with it. One
+        that was started in flight receives all plans of it, and takes them one after the other. So
+        does one that had to answer before it received them: it was active at rest where it came,
+        and hands over to itself. Of the plans that started after it came, it takes only the first
+        that it receives, or one that continues from those.
 
         Args:
-            plan: to be followed.
-            of_flight: it was published in flight: a reset drops it.
+            plan: plan to be followed.
+            of_flight: whether it was published in flight; a reset drops it then.
         """
         if plan.joint_names != self.joint_names:
             return _mismatch(f"the plan moves {plan.joint_names}, the bench has {self.joint_names}")
@@ -211,7 +211,7 @@ class Controller:
         begun = plan.first_tick <= self.last_tick
         if begun and self._joins(plan):
             (self._course.add if of_flight else self._course.begin_with)(plan)
-            self._anew = True  # a question that is repeated gets the answer that it had
+            self._anew = True  # a repeated question gets the earlier answer
             return None
         if begun:
             return _mismatch(
@@ -224,7 +224,7 @@ class Controller:
         return None
 
     def _joins(self, plan: Plan) -> bool:
-        """Return whether it follows a plan that has begun: it came after whoever flies it."""
+        """Return whether it follows a plan that has started, as it joined during the flight."""
         if not self._led:
             return self.plan is None or self._joined > 0
         if not self._joined:
@@ -236,13 +236,13 @@ class Controller:
     def take_over(self, other: "Controller") -> None:
         """Take the place of another design of the same controller from the next measurement on.
 
-        Its plan and what its estimator knows are taken over (where both are of one kind and size;
-        else the estimator starts afresh); its effort is handed over as that of any predecessor.
+        The other's plan and estimator state are taken over (where both estimators are of one kind
+        and size; else the estimator starts afresh); its effort is blended out as in any handover.
         """
         self._course, self._hold, self._key = other._course, other._hold, other._key
         self._led, self._fresh, self._joined = other._led, other._fresh, other._joined
         self._anew = other._anew
-        # one that was succeeded before it saw a measurement knows nothing of its own
+        # one that was replaced before it saw a measurement has no state of its own
         self._predecessor = other._predecessor or other._estimator
 
     def observe(self, measurement: Measurement) -> Answer | None:
@@ -285,7 +285,7 @@ class Controller:
             seen = self._about_reference(measurement)
             if not follows:
                 self._estimator.reset(seen)
-                # in a later epoch the law begins anew, too
+                # in a later epoch the law starts again, too
                 self._answered, self._doubt = -1 if first else _NONE, None
                 if self._monitor is not None:
                     self._monitor.reset()
@@ -311,7 +311,7 @@ class Controller:
     def _begin_again(self, seen: Measurement) -> None:
         """Start the estimator afresh, unless it reads a sensor that is still no number.
 
-        It begins with fewer sensors than it then reads: it is asked from a tick before.
+        It starts with fewer sensors than it then reads: it is started a tick before.
         """
         before = seen._replace(tick=seen.tick - 1, time=seen.time - self.period)
         for begin in (before, seen):
@@ -321,7 +321,7 @@ class Controller:
                 return
 
     def _about_reference(self, measurement: Measurement) -> Measurement:
-        """Return the measurement with positions whose differences from the reference are errors."""
+        """Return the measurement with positions that differ from the reference by the errors."""
         if self._attitude is None:
             return measurement
         reference, measured = self.reference(measurement.tick), measurement.joint_position
@@ -329,7 +329,7 @@ class Controller:
         return measurement._replace(joint_position=position)
 
     def _judge(self, monitor: Monitor, measurement: Measurement) -> None:
-        """Doubt the estimate from now on if its innovations are larger than it states."""
+        """Doubt the estimate from now on if its innovations are larger than its variance allows."""
         assert isinstance(self._estimator, Monitored)
         doubt = monitor.take(self._estimate.innovation, self._estimator.innovation_variance())
         if doubt is None:
@@ -340,7 +340,7 @@ class Controller:
         self._tell(what, measurement)
 
     def _tell(self, what: Fact, at: Measurement) -> None:
-        """Have something to say of this tick."""
+        """Queue an event of this tick."""
         self.events.append(event_of(what, at.tick, at.time, at.epoch, self.name))
 
     def _compute_answer(self, measurement: Measurement, estimate: Estimate) -> Answer:

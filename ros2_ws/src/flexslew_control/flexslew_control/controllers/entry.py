@@ -1,4 +1,4 @@
-"""What a law's file says of it: its entry in the table of controllers."""
+"""The entry of a law in the table of controllers, which the law's file defines."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -17,27 +17,27 @@ class PlanVariant(NamedTuple):
 
 @dataclass(frozen=True)
 class LawEntry:
-    """A law, as the rest of the bench knows it.
+    """A law and its properties for the rest of the bench.
 
     Args:
-        name: what `controllers.<name>.law` calls it; its node's executable too.
+        name: value of `controllers.<name>.law`; its node's executable too.
         settings: its section.
         build: returns estimator and law for a testbed that it fits.
         follows_reference: whether it follows a reference that moves; else it holds the rest, and
             refuses such a plan (see Law.objection).
         linear: returns estimator and law as matrices for these references, tick by tick, where
             they are linear (None: these settings are not); None: it never is.
-        lane_gains: keys of its section that lanes beside each other may have for themselves; the
-            law has nothing else of its testbed, unless a key of `of_testbed` is set.
-        of_testbed: keys of its section with which it has.
-        checked: whether these gains are checked against the testbed that it believes in; on a free
-            platform all are.
-        takes_over: whether its linear form holds where it takes over in flight: z is what its
-            estimator knows, and an integral begins such that the effort stays.
+        lane_gains: keys of its section in which the lanes of a batch may differ; the law has
+            nothing else of its testbed, unless a key of `of_testbed` is set.
+        of_testbed: keys of its section that make it depend on the testbed.
+        checked: whether these gains are checked against its design model; on a free platform all
+            are.
+        takes_over: whether its linear form holds where it takes over in flight: z is the state of
+            its estimator, and the integral starts such that the effort stays.
         compared: its settings in a comparison, where the trial has none.
-        from_file: returns the keys that a file holds, from its path and who names it; the key
+        from_file: returns the keys of a file, from its path and the source for errors; the key
             `file` of its section then stands for them (see controllers.with_file).
-        plans: compared, where a plan is made for its law.
+        plans: plan variants of a comparison, where a plan is made for its law.
     """
 
     name: str

@@ -74,9 +74,9 @@ class ControllerHost:
         self.controller: Controller | None = None
         self.plan: Plan | None = None
         self._first: Plan | None = None  # that of tick 0
-        self._heard: list[tuple[Plan, bool]] = []  # before the first testbed; see adopt
+        self._heard: list[tuple[Plan, bool]] = []  # received before the first testbed; see adopt
         self.epoch = 0  # of the last question
-        self.run_ends = 0  # at this tick; 0: when somebody stops it
+        self.run_ends = 0  # at this tick; 0: only when it is stopped
         self.plans_taken, self.plan_hash = 0, ""  # of the plan that is followed
         self.plan_from = 0, 0  # epoch and tick of the first question answered with it
         self.events: deque[Event] = deque()
@@ -86,7 +86,7 @@ class ControllerHost:
         self._plan_refused: Refusal | None = None
         self._tunings: list[_Tuning] = []
         self._thread = QuestionThread()
-        self._stray = False  # a strange message was told of
+        self._stray = False  # a stray message was reported
 
     @property
     def reason(self) -> Refusal | None:
@@ -164,12 +164,12 @@ class ControllerHost:
     def adopt(self, plan: Plan, of_flight: bool = False) -> Refusal | None:
         """Follow a plan as soon as there is a testbed; return why not, or None.
 
-        One that it follows already, or did in this flight, changes nothing: planners tell a plan
-        again after a reset, when they are started again, and when a later one was refused.
+        A plan that it follows already, or did in this flight, changes nothing: planners publish a
+        plan again after a reset, after their own restart, and when a later one was refused.
 
         Args:
-            plan: to be followed.
-            of_flight: it was published in flight, see Controller.adopt.
+            plan: plan to be followed.
+            of_flight: whether it was published in flight, see Controller.adopt.
         """
         digest, following = plan_hash(plan), self.controller and self.controller.plan
         if following and digest == self.plan_hash and self._plan_refused is None:
@@ -198,7 +198,7 @@ class ControllerHost:
         return self._plan_refused
 
     def plan_refused(self, digest: str) -> Event:
-        """Return what the log says of a plan with this hash, which was just refused."""
+        """Return the event of a plan with this hash, which was just refused."""
         tick, period = self.last_tick, self.controller.period if self.controller else 0.0
         reason = str(self._plan_refused or "")
         what = PlanRefused(digest, controller=self.name, reason=reason)
@@ -209,7 +209,7 @@ class ControllerHost:
         if self.controller is None:
             return None
         if question.mismatch(len(self.controller.joint_names), self._appendages):
-            return None  # of a testbed that is still to be announced, or of nobody who knows it
+            return None  # of a testbed still to be announced, or from a stray sender
         if not self._thread.take((question.epoch, question.tick)):
             self.ignored(
                 topics.MEASUREMENT,
@@ -229,7 +229,7 @@ class ControllerHost:
         return answer
 
     def ignored(self, topic: str, what: str) -> None:
-        """Say once that a message is not one of the plant of this bench."""
+        """Report once that a message is not one of the plant of this bench."""
         if not self._stray:
             self._stray = True
             period = self.controller.period if self.controller else 0.0
@@ -243,13 +243,13 @@ class ControllerHost:
         who: str = "",
         beside: Callable[[Callable[[], "list[_Tuning]"]], "list[_Tuning]"] = lambda make: make(),
     ) -> Tuned:
-        """Design the controller anew with some settings changed, for a tick to come.
+        """Design the controller again with some settings changed, for a tick to come.
 
         Args:
-            changes: of its settings, nested as they are.
+            changes: changed settings, nested as they are.
             tick: first one with the new settings; 0, or one that is over when the design is made:
                 the next.
-            who: asks.
+            who: name of the client that requests it.
             beside: makes the design while questions are answered.
         """
         if self._build is None or self.controller is None:
@@ -300,7 +300,7 @@ class ControllerHost:
     def _designed(
         self, build: Build, tick: int, changes: dict[str, Any], who: str
     ) -> list[_Tuning]:
-        """Return a new tuning, and after it anew those that are due later."""
+        """Return a new tuning, then the later ones, designed again on top of it."""
         before = [each for each in self._tunings if each.tick <= tick]
         after = [(t.tick, t.changes, t.who) for t in self._tunings if t.tick > tick]
         values, made = before[-1].values if before else self.values, []

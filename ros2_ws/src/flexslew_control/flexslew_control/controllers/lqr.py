@@ -82,7 +82,7 @@ def scaled_problem(linear: Linearisation, weights: ScaledWeights) -> ScaledProbl
     scale = np.concatenate((size, size / w.time))
     position = [w.joint] * m + [w.mode] * (n - m)
     rate = [w.joint_rate] * m + [w.mode_rate] * (n - m)
-    # of a wheel, whose turn of the platform is a small part of its own, B is not 1
+    # a wheel's turn of the platform is a small part of its own turn, so its B is not 1
     inertia = np.diag(linear.mass)[:m] / np.diag(linear.input_matrix)[:m]
     effort_scale = inertia / w.time**2
     return ScaledProblem(

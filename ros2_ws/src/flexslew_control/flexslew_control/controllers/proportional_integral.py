@@ -135,7 +135,7 @@ class NominalDeviation:
     gains: PiGains
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Action:
-        """Return what the deviation of the estimate asks for."""
+        """Return the action on the deviation of the estimate."""
         n = self.model.coordinates
         requested = nominal(self.model, reference)
         e, rate = estimate.position - requested[:n], estimate.velocity - requested[n:]

@@ -1,4 +1,4 @@
-"""Whether a law stays stable when it is asked once per tick, on all modes of the bench."""
+"""Whether a law that is called once per tick stays stable, on all modes of the bench."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -120,17 +120,17 @@ def require_sampled_pd(
     ki: Vector | None = None,
     seen: Callable[[SmallMotions], SmallMotions] = lambda plant: plant,
 ) -> None:
-    """Check a collocated law on a free platform, whose modes are fast beside a tick.
+    """Check a collocated law on a free platform, where modes are fast compared with a tick.
 
     Args:
-        model: of the bench.
-        rest: q about which it is looked at.
+        model: model of the bench.
+        rest: q of the linearisation.
         kp: one gain per joint that is seen, shape (joints,).
-        kd: of the same shape.
+        kd: rate gains, of the same shape.
         period: one tick [s].
-        what: is checked, for the message.
-        ki: of the same shape; none: no integral.
-        seen: what the law sees of the small motions of the joints; itself: all of them.
+        what: name of the checked law or gains, for the message.
+        ki: integral gains, of the same shape; None: no integral.
+        seen: returns the small motions that the law reads, from those of the joints; default: all.
 
     Raises:
         BadInput: see require_sampled_stability.

@@ -140,7 +140,7 @@ class UserLaw:
     ) -> None:
         self._built, self._law, self._joints = built, law, joints
         self._rest = None if getattr(built, "follows_reference", True) else rest
-        # a planner does not ask it how it would fly: it may remember what it was asked
+        # a planner must not call it for its prediction: it may keep a state of earlier calls
         self.flight_only: bool = getattr(built, "flight_only", False)
         self._limit = time_limit
         self.terms: dict[str, Vector] = {}
@@ -152,10 +152,10 @@ class UserLaw:
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
     ) -> None:
-        """Tell the user's law that it takes charge, if it wants to know.
+        """Call the user's `reset`, if there is one, since the law becomes active.
 
         Raises:
-            LawFailed: the user's code raised.
+            LawFailed: if the user's code raised.
         """
         reset = getattr(self._built, "reset", None)
         if reset is None:

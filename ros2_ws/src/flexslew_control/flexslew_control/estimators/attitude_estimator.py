@@ -31,7 +31,7 @@ PRESENT = 0.5  # size of a reading from which on it is one: zeros mean that ther
 
 @section
 class AttitudeFilterSettings:
-    """The `attitude` section of a law that knows the attitude from sensors alone."""
+    """The `attitude` section of a law that takes the attitude from sensors alone."""
 
     gyro: str | None = None  # name of the gyro; null: the only one
     noise_factor: Positive = 1.0  # on all noises that the sensors state [-]
@@ -41,15 +41,15 @@ class AttitudeFilterSettings:
 
 
 class TurnFilter(Protocol):
-    """What an estimate of attitude, bias and perhaps more is made of; beliefs are its own."""
+    """A filter of attitude, bias and perhaps more; beliefs are its own."""
 
     @property
     def noise(self) -> GyroNoise:
-        """That of the gyro."""
+        """Noise of the gyro."""
 
     @property
     def channels(self) -> int:
-        """How many innovations the gyro gives."""
+        """Number of the gyro's innovations."""
 
     def begin(self, attitude: Vector, reading: Vector, sigmas: tuple[float, float]) -> Any:
         """Return the first belief; sigmas are of attitude [rad] and bias [rad/s]."""
@@ -72,26 +72,25 @@ class TurnFilter(Protocol):
         """Return the rate in body axes, shape (3,) [rad/s]."""
 
     def covariance(self, belief: Any) -> Matrix:
-        """Return that of small turn and bias, then of what else is believed."""
+        """Return the covariance of small turn and bias, then of the other states."""
 
 
 @dataclass
 class AttitudeEstimator:
-    """What the joints that turn the platform would read, by a filter of attitude and bias.
+    """The readings of joints that turn the platform, estimated by a filter of attitude and bias.
 
-    The filter stands as far in the past as the latest reading is late. What it believes is carried
-    to the present with the gyro's readings since, so that a late reading counts for its own time.
+    The filter stands as far in the past as the latest reading is late. Its belief is carried to
+    the present with the gyro's readings since, so that a late reading counts for its own time.
     Its first attitude is the first that a star tracker reads; until then it takes the reference
     for the attitude. All other joints are as measured. The covariance is of the small turn in
     body axes [rad], then of the bias [rad/s]; innovations without a reading are zero.
 
     Args:
-        joints: that read the attitude.
-        gyro: which rates are taken from.
-        trackers, suns: what corrects them.
-        settings: what is believed.
-        period: one tick [s].
-        filter: of attitude, bias and perhaps modes.
+        joints: joints that read the attitude.
+        gyro: source of the rates.
+        trackers, suns: sensors that correct them.
+        settings: noises and initial deviations.        period: one tick [s].
+        filter: filter of attitude, bias and perhaps modes.
     """
 
     joints: AttitudeJoints
@@ -102,25 +101,25 @@ class AttitudeEstimator:
     period: float
     filter: TurnFilter
     _belief: Any = field(init=False)
-    _covariance: Matrix = field(init=False)  # of the estimate; its shape tells beliefs apart
+    _covariance: Matrix = field(init=False)  # of the estimate; its shape distinguishes beliefs
     _rates: deque[tuple[Vector, Vector]] = field(
         init=False
     )  # gyro and efforts since the time of the belief
-    _seen: deque[Vector] = field(init=False)  # tips of the ticks whose readings may still count
+    _seen: deque[Vector] = field(init=False)  # tips of the ticks with readings that may still count
     _first: int = field(init=False, default=0)  # tick of the reset
     _tick: int = field(init=False, default=-1)
-    _found: bool = field(init=False, default=False)  # a star tracker has told the attitude
+    _found: bool = field(init=False, default=False)  # a star tracker has given the attitude
     _reference: Vector = field(init=False, default_factory=lambda: NOTHING)
     _last: Estimate = field(init=False)
 
     def __post_init__(self) -> None:
-        """Load what readings call: those of a controller's warm-up are zeros, which are none."""
+        """Compile the steps for readings, which the zeros of a controller's warm-up do not call."""
         belief = self.filter.begin(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), (1.0, 1.0))
         self.filter.told_attitude(belief, belief.attitude, np.eye(3))
         self.filter.told_direction(belief, np.eye(3)[0], np.eye(3)[0], 1.0)
 
     def expect(self, reference: Reference) -> None:
-        """Be told where the plan wants the joints at the tick that comes."""
+        """Set the reference joint positions for the next tick."""
         self._reference = reference.position
 
     def reset(self, measurement: Measurement) -> None:
@@ -196,7 +195,7 @@ class AttitudeEstimator:
         return told.nis
 
     def _wanted(self, measurement: Measurement) -> Vector:
-        """Return where the joints shall be; where they are measured if nobody has told."""
+        """Return the reference joint positions; the measured ones if there is no reference."""
         return self._reference if self._reference.size else measurement.joint_position
 
     def _estimate(
@@ -255,7 +254,7 @@ def attitude_estimator(
 
 
 def joint_estimator(plant: PlantDescription, settings: AttitudeFilterSettings | None) -> Estimator:
-    """Return what tells a collocated law where the joints are: as measured, or by a filter.
+    """Return the estimator of joints for a collocated law: as measured, or by a filter.
 
     Raises:
         BadInput: see attitude_estimator.

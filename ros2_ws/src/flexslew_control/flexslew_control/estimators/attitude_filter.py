@@ -76,12 +76,12 @@ def corrected_by_attitude(belief: Belief, measured: Vector, noise: Matrix) -> Co
 def corrected_by_direction(
     belief: Belief, measured: Vector, inertial: Vector, sigma: float
 ) -> Correction:
-    """Return the belief after a measured direction, which tells the two turns across it.
+    """Return the belief after a measured direction, which determines the two turns across it.
 
     Args:
-        belief: before it.
+        belief: prior belief.
         measured: unit vector in body axes, shape (3,).
-        inertial: what it is in inertial space, a unit vector, shape (3,).
+        inertial: the same direction in inertial space, a unit vector, shape (3,).
         sigma: standard deviation in each direction across it [rad].
     """
     after, off = _copied(belief), np.empty(2)

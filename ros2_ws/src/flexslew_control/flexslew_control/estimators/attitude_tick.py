@@ -1,6 +1,6 @@
 """The tick of the filter of attitude and bias for other machine code, which keeps its state.
 
-In compiled form what AttitudeEstimator says for one run with a RigidFilter, by the same steps.
+In compiled form, by the same steps, the result of AttitudeEstimator for one run with a RigidFilter.
 """
 
 from collections.abc import Callable
@@ -167,9 +167,9 @@ def reader(
     told_attitude: Callable[..., None],
     told_direction: Callable[..., None],
 ) -> Callable[..., None]:
-    """Return what corrects a belief by what was measured at its time.
+    """Return a function that corrects a belief by the measurements at its time.
 
-    It takes (time, AttitudeNumbers, own, seen, belief, known): a tick, what else the filter knows,
+    It takes (time, AttitudeNumbers, own, seen, belief, known): a tick, the filter's other data,
     tips of tick k in row k % rows of `seen`, and the belief, attitude and bias first. known, (1,),
     is zero until there was an attitude.
 

@@ -23,7 +23,7 @@ BIAS, MODES = 4, 7  # where they begin in a belief
 
 
 class FlexibleNumbers(NamedTuple):
-    """What a FlexibleFilter knows; those of many, row by row in one array each."""
+    """The data of a FlexibleFilter; those of many, row by row in one array each."""
 
     packed: Vector  # numbers of the equations
     rest: Vector  # q, (positions,)
@@ -63,19 +63,19 @@ def carry(
     reading: Vector,
     dt: float,
 ) -> None:
-    """Take a belief to a tick later, and correct it by what the gyro has read of that tick.
+    """Take a belief to a tick later, and correct it by the gyro's reading of that tick.
 
-    F and the root of Q stand beside each other, W = [F Q^(1/2)]: what the gyro shows of the errors
-    before the tick and of what joins meanwhile is C = H W, and the covariance becomes
+    F and the root of Q are the blocks of W = [F Q^(1/2)]: what the gyro shows of the errors
+    before the tick and of the noise during it is C = H W, and the covariance becomes
     (W - K C) diag(P, 1) (W - K C)^T + K R K^T.
 
     Args:
-        own: of the filter.
-        belief: in and out.
+        own: data of the filter.
+        belief: prior belief; updated in place.
         moved: modes and v at the end of the tick by the equations, (modes + coordinates,).
-        turn: of the tick by them.
+        turn: rotation over the tick by them.
         middle: rates of the joints in its middle, (3,) [rad/s].
-        reading: of the gyro, (3,) [rad/s].
+        reading: reading of the gyro, (3,) [rad/s].
         dt: one tick [s].
     """
     p, errors, deviation = _covariance(own, belief), len(own.first), own.deviations[1]
@@ -211,10 +211,10 @@ def _correct(own: FlexibleNumbers, error: Vector, belief: Vector) -> None:
 
 @called
 def _over_a_tick(own: FlexibleNumbers, middle: Vector) -> Matrix:
-    """Return F over a tick, beside it the root of the covariance that joins meanwhile.
+    """Return F over a tick, and to its right the root of the covariance that the tick adds.
 
     Args:
-        own: of the filter.
+        own: data of the filter.
         middle: rates of the joints, (3,) [rad/s].
 
     Returns:

@@ -1,7 +1,7 @@
 """The tick of the filter with modes for other machine code, for many crafts at once.
 
-In compiled form what AttitudeEstimator says for one run with a FlexibleFilter. The equations of
-motion of all crafts are advanced side by side, all else one after another.
+In compiled form the result of AttitudeEstimator for one run with a FlexibleFilter. The equations of
+motion of all crafts are advanced together, all else one after another.
 """
 
 from collections.abc import Callable
@@ -123,13 +123,13 @@ def _size(moved: Matrix, first: Matrix) -> int:
 
 @called
 def _efforts(scale: Vector, first: Matrix) -> int:
-    """Return how many efforts there are."""
+    """Return the number of efforts."""
     return scale.size - len(first) + 3
 
 
 @called
 def flexible_of(all_crafts: FlexibleNumbers, k: int) -> FlexibleNumbers:
-    """Return what the filter of one craft knows, from arrays with a row for each."""
+    """Return the filter data of one craft, from arrays with a row for each."""
     return FlexibleNumbers(
         all_crafts.packed[k],
         all_crafts.rest[k],
@@ -196,16 +196,16 @@ def _take_all(
 def flexible_tick(kernel: LaneKernel, steps: int) -> Callable[..., None]:
     """Return the tick of the filters of crafts with the same equations.
 
-    It takes (k, sensors, crafts, told, reference, memory, place, found, filled) and writes what is
-    believed at tick k, from 0 on, one after another. `sensors` are AttitudeNumbers of trackers that
-    are equally late, `crafts` FlexibleNumbers, row by row: one for all, or one for each. told:
+    It takes (k, sensors, crafts, told, reference, memory, place, found, filled) and writes the
+    beliefs at tick k, from 0 on, one after another. `sensors` are AttitudeNumbers of trackers with
+    equal delays, `crafts` FlexibleNumbers, row by row: one for all, or one for each. `told`:
     readings of all tips at this tick, then the efforts before it, (filled, tips + efforts).
     reference: of the joints, (joints,). memory: in and out, (filled, flexible_memory), anything at
     tick 0. place: an array of the kernel. found: attitudes, then body rates, (filled, 7).
 
     Args:
-        kernel: the equations that all believe in.
-        steps: of them in a tick.
+        kernel: the equations of all the filters.
+        steps: integration steps in a tick.
     """
     advance, read = kernel.advance, kernel.read
     effort, position, rates, mode, *_ = kernel.rows

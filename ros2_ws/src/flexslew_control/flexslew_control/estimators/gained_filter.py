@@ -1,4 +1,4 @@
-"""A Kalman filter whose gains are known beforehand: no measurement changes its covariance."""
+"""A Kalman filter with gains known beforehand: no measurement changes its covariance."""
 
 from typing import NamedTuple
 

@@ -21,7 +21,7 @@ from flexslew_plant.testbeds.model import Model
 
 @section
 class FilterSettings:
-    """The `filter` section of a law whose estimator is a KalmanFilter."""
+    """The `filter` section of a law with a KalmanFilter as its estimator."""
 
     # model of the prediction: nonlinear, or linear where the equations of motion are linear
     prediction: Literal["linear", "nonlinear"] = "nonlinear"
@@ -219,7 +219,7 @@ class KalmanFilter:
         period: one tick [s].
         noise: spectral density of the white noise on [q, v]', shape (2 n, 2 n), of a filter
             without disturbances; None: with them, and with the noises of the settings.
-        on_joints: density of further noise on each joint's equation, beside that of the settings.
+        on_joints: density of further noise on each joint's equation, added to that of the settings.
     """
 
     model: Designed
@@ -238,8 +238,8 @@ class KalmanFilter:
         """Precompute the constant matrices.
 
         Raises:
-            BadInput: a mode or a disturbance does not show in the outputs, a linear prediction is
-                asked of a model that is not linear, or a mode is too fast for a tick.
+            BadInput: if a mode or a disturbance does not show in the outputs, a linear prediction
+                is demanded of a model that is not linear, or a mode is too fast for a tick.
         """
         model, s = self.model, self.settings
         n, m = model.coordinates, model.joints
@@ -374,7 +374,7 @@ class KalmanFilter:
 
 
 def outputs(measurement: Measurement, count: int) -> Vector:
-    """Return y: joint positions, joint rates and, where `count` asks for it, the first tip."""
+    """Return y: joint positions, joint rates and, where `count` includes it, the first tip."""
     m = measurement.joint_position.size
     joints = (measurement.joint_position, measurement.joint_velocity)
     return np.concatenate((*joints, measurement.tip_deflection[: count - 2 * m]))

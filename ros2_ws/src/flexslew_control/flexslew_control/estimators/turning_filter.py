@@ -34,9 +34,9 @@ class FilterAlong(NamedTuple):
 
 @dataclass
 class TurningFilter:
-    """The estimator of [e, e', d]: the deviation of joints and modes, and what disturbs efforts.
+    """The estimator of [e, e', d]: the deviation of joints and modes, and effort disturbances.
 
-    The joints' part of e is the rotation from the plan to what is measured, in body axes, and that
+    The joints' part of e is the rotation from the plan to the measurement, in body axes, and that
     of e' the difference of body rates, so it is the same from every inertial frame. Over a tick
     [e, e'] follows A(w) (see turning_platform) about the rates w of the plan, exactly for a held
     effort, driven by what the effort was beyond the plan's; d is a random walk. The estimate is
@@ -46,7 +46,7 @@ class TurningFilter:
     Args:
         platform: the small motions about any rates.
         period: one tick [s].
-        still: the filter about rest, whose constants it shares.
+        still: the filter about rest, with the constants that this one shares.
     """
 
     platform: TurningPlatform
@@ -62,7 +62,7 @@ class TurningFilter:
     _held: tuple[Vector, Matrix, Matrix] | None = field(init=False, default=None)  # w, F, G
 
     def expect(self, reference: Reference) -> None:
-        """Be told where the plan wants the joints at the tick that comes."""
+        """Set the reference for the next tick."""
         self._now = reference
 
     def reset(self, measurement: Measurement) -> None:
@@ -152,7 +152,7 @@ class TurningFilter:
         return self._held[1:]
 
     def _reference(self, measurement: Measurement) -> Reference:
-        """Return what the plan wants now; rest where it is measured if nobody has told."""
+        """Return the plan's reference; rest at the measured joints if there is none."""
         if self._now is not None:
             return self._now
         still = np.zeros_like(measurement.joint_velocity)
@@ -175,21 +175,20 @@ def turning_filter(
 ) -> TurningFilter:
     """Return the filter of a craft that turns in three axes.
 
-    Unless the settings say otherwise it counts with white noise on each joint's equation as large
-    as the drives over a second: on a torque itself, of a wheel on its share in what it turns. Much
-    noise at the plant's input gives a loop the margins of its full state
-    again (Doyle and Stein 1979, IEEE TAC 24(4)); with none, modes of another frequency than
-    believed are lost.
+    By default the settings assume white noise on each joint's equation as large as the drives over
+    a second: on a torque itself, of a wheel on its share in what it turns. Much noise at the
+    plant's input gives a loop the margins of its full state again (Doyle and Stein 1979, IEEE TAC
+    24(4)); with none, modes of another frequency than modelled are lost.
 
     Args:
         platform: the small motions about any rates.
         settings: noises.
-        plant: for the effort limits and the period.
-        noise: of a filter without disturbances, see KalmanFilter; None: with them.
-        key: of the tip's noise, for the error.
+        plant: description with the effort limits and the period.
+        noise: noise of a filter without disturbances, see KalmanFilter; None: with them.
+        key: key of the tip's noise, for the error.
 
     Raises:
-        BadInput: a motion or a disturbance does not show in the joints, or a tip shall be read.
+        BadInput: if a motion or a disturbance does not show in the joints, or a tip is to be read.
     """
     if settings.tip_sigma is not None:
         raise BadInput(

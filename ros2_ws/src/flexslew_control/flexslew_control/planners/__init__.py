@@ -93,13 +93,13 @@ def _own(values: Any, info: ValidationInfo) -> Any:
             raise BadInput(f"method: {name} has no plan(slew, progress)")
         return validated(found, values, name, trust)
     except BadInput as error:
-        raise ValueError(str(error)) from error  # from which `validated` tells an Untrusted
+        raise ValueError(str(error)) from error  # `validated` restores an Untrusted
 
 
 if TYPE_CHECKING:
     PlanSettings: TypeAlias = PlanSection
 else:
-    # a `plan` section of any method, told apart by `method`
+    # a `plan` section of any method; `method` selects the class
     PlanSettings = Annotated[
         union(
             [
@@ -163,7 +163,7 @@ def _require_near(settings: PlanSettings, source: str) -> None:
 
 
 def _by_joint(settings: PlanSettings, plant: PlantDescription) -> PlanSettings:
-    """Return a section whose goal is given by joint, and which attitudes have as it stands."""
+    """Return the section with its goal by joint and with the joints that follow from others."""
     require_joints_of(settings, plant.joint_names, "plan")
     given: Any = settings
     goal, initial = (getattr(given, key, None) for key in ("goal", "initial"))
@@ -193,7 +193,7 @@ def planned_about_one_axis(settings: PlanSettings, plant: PlantDescription) -> b
 
 
 def takes_gains_in_charge(settings: PlanSettings) -> bool:
-    """Return whether a section without `feedback` counts with the gains of who is in charge."""
+    """Return whether a section without `feedback` uses the gains of the active controller."""
     make = planner_of(settings).make
     alone = isinstance(make, Slewing) and make.open_loop
     return hasattr(settings, "feedback") and not alone
@@ -202,17 +202,17 @@ def takes_gains_in_charge(settings: PlanSettings) -> bool:
 def other_method(settings: PlanSettings, method: str, source: str, **more: Any) -> PlanSettings:
     """Return the `plan` section of another method for the same manoeuvre.
 
-    Start, goal, model, feedback and reference are taken over as far as the method has them; the
-    rest is its default.
+    Start, goal, model, feedback and reference are taken over as far as the method has these keys;
+    the other keys have their defaults.
 
     Args:
-        settings: the section that says the manoeuvre.
+        settings: the section that defines the manoeuvre.
         method: a key of PLANNERS.
         source: the file to name in an error.
         more: keys of the method's own section.
 
     Raises:
-        BadInput: there is no such method, or it cannot be asked for this manoeuvre.
+        BadInput: if there is no such method, or it cannot plan this manoeuvre.
     """
     asked = plain(settings)
     if method == settings.method:
@@ -235,26 +235,26 @@ def make_plan(
     law: ActiveLaw | None = None,
     predict: bool = True,
 ) -> Plan:
-    """Return the plan that a `plan` section asks for.
+    """Return the plan of a `plan` section.
 
-    The summary of a slew says under `believes` what the planner assumes, unlike the bench, and
-    under `predicted_residual_...` what the plan leaves where the law in charge flies it: that of a
-    spacecraft on the whole bench, others on the model that the planner believes in. Where the law
-    is not known, joint feedback with the gains that the planner counts with flies it.
+    The summary of a slew has under `believes` the planner's assumptions that differ from the bench,
+    and under `predicted_residual_...` the residual under the active law: on the whole bench for a
+    spacecraft, on the planner's model for other testbeds. Where the law is not known, joint
+    feedback with the gains that the planner assumes flies the plan.
 
     Args:
         settings: one of the sections above.
-        plant: what stands on the bench; the section may say otherwise.
-        feedback: gains of the controller in charge, where it has such gains.
+        plant: the bench; the section may override its model.
+        feedback: gains of the active controller, where it has such gains.
         progress: called with every update of an iteration, if the method has one.
-        law: of the controller in charge; None: a PD with its gains, or not known.
-        predict: whether the plan is flown once more for what the law leaves, which may take longer
-            than planning; the summary lacks it otherwise.
+        law: law of the active controller; None: a PD with its gains, or not known.
+        predict: whether the plan is flown once more for the residual under the law, which may take
+            longer than planning; the summary lacks it otherwise.
 
     Raises:
-        PlanFailed: no such manoeuvre, one whose numbers are beyond those of a computer, or one that
-            looks into a cone of `keep_out`; the message carries the numbers.
-        BadInput: period, limit, start or a joint cannot be used, or the section is longer than a
+        PlanFailed: if there is no such manoeuvre, its numbers overflow, or a boresight enters a
+            cone of `keep_out`; the message carries the numbers.
+        BadInput: if period, limit, start or a joint cannot be used, or the section is longer than a
             log can hold.
     """
     period, limit = plant.period, plant.effort_limit

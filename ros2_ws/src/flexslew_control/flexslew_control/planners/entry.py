@@ -1,4 +1,4 @@
-"""What a planner's file says of it: its entry in the table of planners."""
+"""The entry of a planner in the table of planners, which the planner's file defines."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -23,15 +23,15 @@ class PlanSection(Protocol):
         """When the manoeuvre begins [s]."""
 
 
-# section, bench, gains of the controller in charge (None: it has none), listener, its law
-# (None: nobody knows)
+# section, bench, gains of the active controller (None: it has none), listener, its law
+# (None: not known)
 Make: TypeAlias = Callable[
     [Any, PlantDescription, Feedback | None, Progress, ActiveLaw | None], Plan
 ]
 
 
 class Variant(NamedTuple):
-    """A way to use a planner that is compared beside its defaults."""
+    """A way to use a planner that is compared in addition to its defaults."""
 
     name: str  # behind that of the planner
     keys: Mapping[str, Any]  # of its section
@@ -40,11 +40,11 @@ class Variant(NamedTuple):
 
 @dataclass(frozen=True)
 class PlannerEntry:
-    """A planner, as the rest of the bench knows it.
+    """A planner as the rest of the bench uses it.
 
     Args:
         settings: its `plan` section; the default of `method` is its name.
-        make: returns the plan that a section asks for; see slewing.Slewing.
+        make: returns the plan of a section; see slewing.Slewing.
         slews: whether it takes joints to a goal.
         feedforward: whether its plans have one.
         takes_duration: whether the slew takes the `duration` of its section; else the planner

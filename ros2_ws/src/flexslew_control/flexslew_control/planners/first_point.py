@@ -21,7 +21,7 @@ def with_jump(plan: Plan, plant: PlantDescription, initial: Mapping[str, float])
         initial: positions of joints instead of those of the testbed, by name [rad or m].
     """
     model = plant.testbed.model()
-    if plan.joint_names != model.joint_names:  # whoever adopts it refuses it
+    if plan.joint_names != model.joint_names:  # the node that adopts it refuses it
         return plan
     at = initial_positions(plant.testbed) | dict(initial)
     here = np.array([at[name] for name in plan.joint_names])

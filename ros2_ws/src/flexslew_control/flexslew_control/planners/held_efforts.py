@@ -5,7 +5,7 @@ the ticks miss the goal by a little, of second order in the period. The smallest
 efforts that brings the planner's model to rest at the goal again follows by Newton's method on
     x_N(u) = x_goal,    du = W G^T (G W G^T)^+ (x_goal - x_N),    G = dx_N/du,
 where W weighs the room that each effort has below the limit: an effort at its limit stays there.
-A plan whose own nominal states miss the goal, as those of a robust shaper do, keeps its efforts:
+A plan with nominal states that miss the goal, as those of a robust shaper do, keeps its efforts:
 without its residual at the nominal frequency it would be another shaper. All bounds are relative to
 the way to the goal, so that plans of linear plants scale with it.
 """
@@ -30,14 +30,14 @@ _GAP = 2e-4  # that efforts close without a change of what is left [-]
 def exact_on_ticks(plan: Plan, slew: Slew, limit: Vector) -> Plan:
     """Return the plan with efforts that end at rest at the goal when each is held over its tick.
 
-    Its reference becomes the flight of the planner's model under these efforts. A plan that misses
-    by more than the hold explains, whose nominal states miss the goal by more than the hold
-    changes them, or that has no room below the limits, is returned as it is.
+    Its reference becomes the flight of the planner's model under these efforts. A plan is returned
+    as it is if it misses by more than the hold explains, if its nominal states miss the goal by
+    more than the hold changes them, or if it has no room below the limits.
 
     Args:
-        plan: whose nominal states end at rest at the goal.
-        slew: what was asked for.
-        limit: of the efforts, shape (joints,) [N m or N].
+        plan: a plan with nominal states that end at rest at the goal.
+        slew: the requested slew.
+        limit: largest efforts, shape (joints,) [N m or N].
     """
     limit = np.minimum(limit, plan.summary.get("amplitude", np.inf))
     found = _brought(plan, slew, limit) or plan
@@ -50,18 +50,18 @@ def exact_on_ticks(plan: Plan, slew: Slew, limit: Vector) -> Plan:
 def joints_at_rest(plan: Plan, slew: Slew, limit: Vector) -> Plan:
     """Return the plan with a reference that ends at rest at the goal, modes as they are.
 
-    For a plan whose nominal joints end beside the goal, as what suits an ensemble does: a reference
-    has to end where it is held afterwards. Efforts that change a little close a small gap, under
-    any law. A larger one belongs to the optimum of the loop, whose efforts then stay as they are:
+    The optimum of an ensemble leaves the nominal joints off the goal, but a reference has to end
+    where it is held afterwards. A small change of the efforts closes a small gap under any law. A
+    larger gap belongs to the optimum of the loop, and the total efforts then stay as they are:
     with s = t / T at the ticks, the reference is bent from r to r + d,
         d = e (3 s^2 - 2 s^3) + w T (s^3 - s^2),
-    where e and w are what position and rate lack at the end, and the feedforward gives
+    where e and w are the errors of position and rate at the end, and the feedforward gives
     -Kp d - Kd d' in addition.
 
     Args:
-        plan: whose reference is the flight of its nominal states.
-        slew: what was asked for, with the feedback that the plan counts with.
-        limit: of the efforts that close a small gap, shape (joints,) [N m or N].
+        plan: a plan with the flight of its nominal states as reference.
+        slew: the requested slew, with the feedback that the plan assumes.
+        limit: largest efforts that close a small gap, shape (joints,) [N m or N].
     """
     if missed(plan, slew) <= _GAP * slew.way:
         found = _brought(plan, slew, limit, joints_alone=True)
@@ -92,7 +92,7 @@ def missed(plan: Plan, slew: Slew) -> float:
 
 
 def _aim(slew: Slew, joints_alone: bool) -> tuple[Vector, Indices]:
-    """Return the final state, (2 n,), and which of its entries are asked for."""
+    """Return the final state, (2 n,), and the indices of its entries that are required."""
     m, n = slew.model.joints, slew.model.coordinates
     goal = np.concatenate((slew.model.rest(slew.named(slew.goal)), np.zeros(n)))
     rows = [*range(m), *range(n, n + m)] if joints_alone else range(2 * n)
@@ -116,7 +116,7 @@ def _brought(plan: Plan, slew: Slew, limit: Vector, joints_alone: bool = False) 
         return plan
     for _ in range(_ROUNDS):
         missed = (goal - states[-1])[rows]
-        if not np.isfinite(missed).all():  # a step far beyond what the slopes tell
+        if not np.isfinite(missed).all():  # a step beyond the validity of the slopes
             return None
         if np.abs(missed).max() < _CLOSE * slew.way:
             break

@@ -26,7 +26,7 @@ from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, plain, section
 
 MOST_POINTS = 10_000
-_ON_TICK = 1e-9  # of a tick, by which a point may be beside it
+_ON_TICK = 1e-9  # of a tick, by which a point may be off it
 _QUANTITIES = ("position", "velocity", "acceleration")
 
 
@@ -149,10 +149,10 @@ def _means(times: Vector, efforts: Vector, ticks: Vector) -> Vector:
 
 
 def _joints(points: Sequence[TrajectoryPoint], slew: Slew) -> tuple[str, ...]:
-    """Return whose trajectory it is, once each point is known to be whole.
+    """Return the names of the joints of the trajectory after a check of every point.
 
     Raises:
-        BadInput: by the key of the first point that is not.
+        BadInput: if a point is not allowed; the error names its key.
     """
     names = tuple(points[0].position)
     limit = dict(zip(slew.model.joint_names, slew.effort_limit.tolist(), strict=False))

@@ -16,10 +16,10 @@ _ROUNDING = 1e-9  # of a limit or of the largest torque
 
 
 class Shared(NamedTuple):
-    """A plan whose torque is shared out."""
+    """A plan with its torque shared out among the drives."""
 
     plan: Plan
-    used: float  # of what the drives can give, at most; above 1: the plan asks for more [-]
+    used: float  # largest share of what the drives can give; above 1: too much [-]
 
 
 def shared_out(plan: Plan, plant: PlantDescription, law: ActiveLaw | None) -> Shared:
@@ -70,10 +70,10 @@ def _allocator(plant: PlantDescription, law: ActiveLaw | None) -> Allocator:
 
 
 def require_one_way(plan: Plan, plant: PlantDescription) -> None:
-    """Check that a plan asks no thruster to pull.
+    """Check that a plan demands no pull from a thruster.
 
     Raises:
-        PlanFailed: it does.
+        PlanFailed: if it does.
     """
     for k in plant.testbed.model().one_way:
         least = float(plan.effort[:, k].min(initial=0.0))

@@ -19,4 +19,4 @@ Progress: TypeAlias = Callable[[Update], None]
 
 
 def ignore(update: Update) -> None:
-    """Do nothing with an update: nobody listens."""
+    """Do nothing with an update, where there is no listener."""

@@ -43,7 +43,7 @@ class ReferenceOnly:
 
 
 def plan_none(settings: NoPlan, slew: Slew, progress: Progress) -> Plan:
-    """Return the plan whose reference is the goal from its first tick on."""
+    """Return the plan with the goal as its reference from its first tick on."""
     ticks = tick_times(settings.start, settings.duration, slew.period)
     joints = slew.goal.size
     return Plan(

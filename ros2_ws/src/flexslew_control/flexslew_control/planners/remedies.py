@@ -1,4 +1,4 @@
-"""Why a slew fails, and what would do: each is tried before it is said."""
+"""Why a slew fails, and what would help: each remedy is tried before it is reported."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,7 +30,7 @@ def enough_time(plan: PlanFunction, settings: Any, slew: Slew) -> str:
         return finer
 
     def lasting(steps: int) -> float:
-        return rounded_up(now * 1.05**steps)  # what is said is what was tried
+        return rounded_up(now * 1.05**steps)  # the reported duration is the one that was tried
 
     def leads(steps: int) -> bool:
         duration = lasting(steps)
@@ -55,9 +55,9 @@ def enough_time(plan: PlanFunction, settings: Any, slew: Slew) -> str:
 def _enough_functions(plan: PlanFunction, settings: Any, slew: Slew) -> str:
     """Return how many functions of time would do, where there are any; else an empty text.
 
-    Functions that are long beside the period of a mode hardly move it: the weights that bring
-    it to rest grow with the square of their length, and without bound where a function spans
-    whole periods.
+    Functions that are long compared with the period of a mode hardly move it: the weights that
+    bring it to rest grow with the square of their length, and without bound where a function
+    spans whole periods.
     """
     if not slew.model.modes:
         return ""
@@ -80,10 +80,10 @@ def _enough_functions(plan: PlanFunction, settings: Any, slew: Slew) -> str:
 
 
 def _soft_enough(plan: PlanFunction, settings: Any, slew: Slew) -> str:
-    """Return which softer feedback would do, where the plan counts with one; else an empty text.
+    """Return which softer feedback would do, where the plan assumes one; else an empty text.
 
-    One that is stiff beside the modes holds the joints still against them, which takes effort
-    however slow the slew. So may the one that is assumed of a law without such gains.
+    A feedback that is stiff compared with the modes holds the joints still against them, which
+    takes effort however slow the slew. So may the feedback assumed for a law without such gains.
     """
     if not hasattr(settings, "feedback"):
         return ""
@@ -115,10 +115,10 @@ def _leads(plan: PlanFunction, settings: Any, slew: Slew) -> bool:
 
 
 def require_holding(slew: Slew) -> None:
-    """Check that the feedback with which a plan counts holds the testbed at the plan's start.
+    """Check that the feedback that a plan assumes holds the testbed at the plan's start.
 
     Raises:
-        PlanFailed: it does not, so no trajectory under it can be told.
+        PlanFailed: if it does not, so that no trajectory under it can be predicted.
     """
     rest = slew.model.rest(slew.named(slew.start))
     loop = collocated_loop(LinearPlant(slew.model, rest), slew.kp, slew.kd, slew.period)

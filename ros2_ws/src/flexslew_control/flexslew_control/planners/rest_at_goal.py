@@ -1,4 +1,4 @@
-"""Whether a testbed rests at the goal of a slew by itself, for plans whose efforts end there."""
+"""Whether a testbed rests at the goal of a slew by itself, for plans without effort afterwards."""
 
 import numpy as np
 
@@ -14,11 +14,11 @@ def require_rest(slew: Slew, end: float) -> None:
     """Check that the testbed rests at the goal by itself: efforts end when the slew does.
 
     Args:
-        slew: what is asked for.
-        end: of the slew, from its begin on [s].
+        slew: the requested slew.
+        end: end of the slew after its start [s].
 
     Raises:
-        BadInput: springs or loads move it from there.
+        BadInput: if springs or loads move it from there.
     """
     goal = slew.model.rest(slew.named(slew.goal))
     still, joints = np.zeros(slew.model.coordinates), slew.goal.size

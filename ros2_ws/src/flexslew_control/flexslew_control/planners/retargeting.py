@@ -1,7 +1,7 @@
 """The planner of retargeting manoeuvres: what balances the inertial loading, and changing gains.
 
 The turns of the hinges are the testbed's; the plan holds, tick by tick, the efforts -(B*)^+ d(t)
-(Kwak 1989, (3-5)) and the gains of a regulator with an integral, whose Riccati equation is solved
+(Kwak 1989, (3-5)) and the gains of a regulator with an integral, with its Riccati equation solved
 by perturbation or adiabatically ((3-25) to (3-56)).
 """
 
@@ -87,15 +87,15 @@ def plan_retargeting(
 
     Args:
         settings: the `plan` section.
-        plant: what stands on the bench, its turns included.
+        plant: the bench, with its turns.
         feedback: unused: the plan has gains of its own, or none.
         progress: unused: nothing is iterated.
         law: unused: nothing is predicted.
 
     Raises:
-        BadInput: nothing says how long it takes, two efforts are dependent, or the gains have no
-            solution.
-        PlanFailed: it needs more effort than the drives have.
+        BadInput: if the section has no duration and no hinge turns after the start, two efforts
+            are dependent, or the gains have no solution.
+        PlanFailed: if it needs more effort than the drives have.
     """
     whole = settings.model is None
     testbed = (

@@ -1,7 +1,7 @@
-"""A slew as every planner is asked for it: what it believes, from where to where, on which ticks.
+"""The slew that a planner receives: design model, start, goal, gains and ticks.
 
-What a `plan` section leaves out is that of the bench: the testbed (simplified, as a planner
-believes it), where its joints rest at the start, and the gains of the controller in charge.
+The bench supplies the keys that a `plan` section leaves out: the testbed (simplified for a
+planner), the positions of its joints at the start, and the gains of the active controller.
 """
 
 import importlib.metadata
@@ -25,7 +25,7 @@ from flexslew_plant.testbeds import Model, Testbed, believed, initial_positions
 from flexslew_plant.testbeds.integration_error import steps_per_tick
 
 _LATEST = 50  # ticks, of commands that a planner counts with
-_LISTED = 6  # differences between model and bench that are told one by one
+_LISTED = 6  # differences between model and bench that are listed one by one
 
 
 @section
@@ -51,18 +51,18 @@ class TooMuchTorque(PlanFailed):
 
 @dataclass(frozen=True)
 class Slew:
-    """What a planner is asked for.
+    """The slew that a planner receives.
 
     Args:
-        testbed: what the planner believes.
-        start, goal: where the joints rest, shape (joints,) [rad or m].
+        testbed: the planner's model of the testbed.
+        start, goal: positions at which the joints rest, shape (joints,) [rad or m].
         kp, kd: gains of the feedback that flies the plan, shape (joints,).
         period: one tick [s].
-        effort_limit: of the drives, shape (joints,) [N m or N].
-        beliefs: in one line, what is believed differently from the bench; empty: nothing.
-        actuator: the motors, as the planner believes them.
-        delay: of what reaches each motor, shape (joints,) [ticks]; empty: none.
-        begin: when the slew begins, from when on a plan counts [s].
+        effort_limit: limits of the drives, shape (joints,) [N m or N].
+        beliefs: differences of the planner's model from the bench in one line; empty: none.
+        actuator: the planner's model of the motors.
+        delay: delay of the command of each motor, shape (joints,) [ticks]; empty: none.
+        begin: time of the bench at the start of the slew, from which a plan counts [s].
     """
 
     testbed: Testbed
@@ -93,7 +93,7 @@ class Slew:
         return steps_per_tick(poles, self.period)
 
     def motors(self, period: float) -> Lti:
-        """Return what lies between commands and what the motors give, by ticks of a period [s]."""
+        """Return the dynamics from commands to efforts of the motors, by ticks of a period [s]."""
         delay = self.delay * (self.period / period) if self.delay.size else None
         path = PlantPath(period, self.actuator, delay=delay)
         return motors(path, self.model.joint_names)
@@ -135,17 +135,17 @@ def slew_of(
     feedback: Feedback | None = None,
     late_motors: bool = False,
 ) -> Slew:
-    """Return the slew that a `plan` section asks for.
+    """Return the slew of a `plan` section.
 
     Args:
         settings: any `plan` section; of model, initial, goal and feedback it need not have all.
-        plant: what stands on the bench.
-        feedback: gains of the controller in charge; None: it has no such gains.
-        late_motors: whether the planner counts with the lag and the delay of the bench's motors;
-            others believe in motors that give at once what is commanded.
+        plant: the bench.
+        feedback: gains of the active controller; None: it has no such gains.
+        late_motors: whether the planner includes the lag and the delay of the bench's motors;
+            others assume motors that give the command at once.
 
     Raises:
-        BadInput: a joint or a key that the testbed does not have.
+        BadInput: if the testbed does not have a joint or a key.
     """
     testbed = believed(plant.testbed, getattr(settings, "model", None), "plan: model", plant.trust)
     names = testbed.model().joint_names
@@ -184,7 +184,7 @@ def _goal(settings: Any, testbed: Testbed, names: tuple[str, ...]) -> dict[str, 
     """
     if settings.goal is not None:
         return dict(settings.goal)
-    if getattr(settings, "is_made", False):  # its plan is there already, and says so itself
+    if getattr(settings, "is_made", False):  # its plan is made already, with its goal
         return {}
     goal = testbed.typical_goal
     if not set(goal) <= set(names):

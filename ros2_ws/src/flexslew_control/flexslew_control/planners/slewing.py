@@ -1,4 +1,4 @@
-"""How a planner of slews makes a plan: what the bench says, the slew, what the plan leaves."""
+"""How a planner of slews makes a plan: from the bench to the slew, the plan and its residual."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -64,18 +64,18 @@ class Slewing:
 
     Args:
         plan: returns the plan of a slew.
-        exact: says of a section whether the efforts shall end at rest at the goal when each is
-            held over its tick; None: of none.
-        rings: says of a section why its flight may leave the tips vibrating, which then is a
-            warning; empty: its plan says so itself. None: no section is meant to leave them still.
+        exact: returns whether the efforts of a section shall end at rest at the goal when each is
+            held over its tick; None: of no section.
+        rings: returns why the flight of a section may leave the tips vibrating, for a warning;
+            empty: its plan has that warning already. None: no section is meant to leave them still.
         one_axis: whether a spacecraft with many joints is planned about the one that moves.
         open_loop: whether a section without `feedback` is for a slew without one, instead of
-            one with the gains of the controller in charge.
-        whole: says of a section whether a craft that turns in three axes is planned as a whole,
-            instead of about the eigenaxis; None: of none.
-        late_motors: whether lag and delay of the motors are counted with.
+            one with the gains of the active controller.
+        whole: returns whether a section plans a craft that turns in three axes as a whole,
+            instead of about the eigenaxis; None: no section does.
+        late_motors: whether the plan includes lag and delay of the motors.
         with_feedback: whether a plan as a whole depends on kp and kd of the joints that fly it.
-        predicts: whether a plan says what it leaves where the law in charge flies it.
+        predicts: whether the summary of a plan has the residual under the active law.
         usable: returns the share of each drive's limit that a section leaves to the plan [-]; None:
             all of it.
     """
@@ -159,7 +159,7 @@ class Slewing:
         return 1.0 if self.usable is None else self.usable(settings)
 
     def _motors(self, plant: PlantDescription) -> Matrices | None:
-        """Return what lies between commands and efforts of a bench, where that counts."""
+        """Return the dynamics from commands to efforts of a bench, if the planner includes it."""
         if not self.late_motors:
             return None
         path = PlantPath(plant.period, *known_motors(plant))
@@ -168,13 +168,13 @@ class Slewing:
     def _left(
         self, plan: Plan, plant: PlantDescription, flies: ActiveLaw | None
     ) -> Prediction | None:
-        """Return what a plan leaves on the whole bench; None: nobody is known to fly it, or can."""
+        """Return the residuals of a plan on the whole bench; None: no law, or it cannot fly it."""
         if flies is None:
             return None
         return flown_on_bench(plan, plant, flies, motors=self._motors(plant))
 
     def _ringing(self, settings: Any, found: Prediction, more: str = "") -> dict[str, Any]:
-        """Return a warning of tips that vibrate on, where a section does not say so itself.
+        """Return a warning of tips that vibrate on, where the plan has none already.
 
         Args:
             settings: the section.
@@ -323,7 +323,7 @@ class Slewing:
             TooMuchTorque: a drive has not what another axis needs, however slow the turn.
         """
         share, usable, needs = 1.0, self._usable(settings), ""
-        own = replace(self, rings=None)  # whether it rings, the whole bench tells
+        own = replace(self, rings=None)  # the flight on the whole bench shows whether it rings
         for _ in range(_SLOWER):
             turn = reduced(settings, plant, feedback, share)
             try:

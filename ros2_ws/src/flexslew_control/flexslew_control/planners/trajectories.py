@@ -26,8 +26,8 @@ def rest_to_rest(
 
     With s = t / T clipped to [0, 1] (Gorinevsky and Vukovich 1998, section 3: "a straight line in
     the actuator coordinate space and a third order polynomial in time"):
-        cubic    p = 3 s^2 - 2 s^3, whose acceleration jumps at both ends;
-        quintic  p = 10 s^3 - 15 s^4 + 6 s^5, whose acceleration is zero there.
+        cubic    p = 3 s^2 - 2 s^3, with an acceleration that jumps at both ends;
+        quintic  p = 10 s^3 - 15 s^4 + 6 s^5, with zero acceleration there.
 
     Args:
         profile: a key of PROFILES.

@@ -79,7 +79,7 @@ def told(
 
 
 def not_flown(plan: Plan) -> Plan:
-    """Return a plan about one axis that no law has flown, with a warning that says so."""
+    """Return a plan about one axis with a warning that no law has flown it on the whole bench."""
     words = "not flown on the whole bench: what it leaves is that of the planner's own model"
     return with_warning(plan, words)
 
@@ -155,7 +155,7 @@ def flown_on_bench(
     """
     try:
         controller = build_controller(_NAME, law.law, dict(law.settings), plant, "plan")
-    except BadInput:  # who builds the controllers says why
+    except BadInput:  # reported where the controllers are built
         return None
     stands = plant.testbed if testbed is None else testbed
     before = plan.first_tick if start is None and starts_moving(stands) else 0

@@ -1,4 +1,4 @@
-"""Who a controller is and whether it could take charge: the status that its node announces."""
+"""The status of a controller that its node announces: its identity and its readiness."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -25,14 +25,14 @@ class Announcer:
     """Publishes a status whenever it changes, and while the controller works.
 
     Args:
-        node: of the controller.
-        host: that holds it.
-        law: that it runs.
-        alive: signs of life, for others of its name.
-        sent: what must be heard: the commands first, then the states.
-        heard: returns what hears the questions, whose publisher is the plant; None: it asks
-            otherwise, and hears the answers there.
-        listeners: nodes that must hear what is sent, besides the plant.
+        node: node of the controller.
+        host: host of the controller.
+        law: name of its law.
+        alive: heartbeats, to detect other nodes of its name.
+        sent: publishers of the commands, then of the states, which must have listeners.
+        heard: returns the subscription to the plant's questions; None: they and the answers take
+            another way.
+        listeners: nodes that must receive what is sent, in addition to the plant.
     """
 
     def __init__(
@@ -56,10 +56,10 @@ class Announcer:
         self._tick = 0  # of the last status
 
     def look(self) -> None:
-        """Look at the graph and announce what has changed.
+        """Check the graph and announce what has changed.
 
-        While an older node of the same name is alive this one says nothing: the bench could not
-        tell whom it hears.
+        While an older node of the same name is alive this one publishes nothing: the bench could
+        not distinguish the two.
         """
         before, self.older = self.older, self._alive.older
         if self.older and not before:
@@ -76,7 +76,7 @@ class Announcer:
         self.announce(always=True)
 
     def seen(self, tick: int) -> None:
-        """Announce now and then that it keeps up."""
+        """Announce at intervals that it keeps up."""
         if self._host.due != self._due:  # those of a flight that is over are dropped
             self.describe()
         elif tick >= self._tick + _RENEW or tick == 0:
@@ -109,13 +109,13 @@ class Announcer:
         )
 
     def _reason(self) -> Refusal | None:
-        """Return why the controller could not take charge now, as far as its node knows."""
+        """Return why the controller could not become active now, by the data of its node."""
         why = self.older or self._host.reason
         if why is not None or self._is_heard:
             return why
         heard = self._heard()
         plant = publishers_of(self._node, heard) if heard else set()
-        # who publishes there and is no plant, as a bag that is played, hears no answers
+        # a publisher there that is not a plant, as a bag that is played, takes no answers
         plant = plant & set(self._alive.presence.of_role("plant")) or plant
         missing = unmatched(self._node, self._sent[:1], [*plant, *self._listeners])
         missing += unmatched(self._node, self._sent[1:], self._listeners)

@@ -1,4 +1,4 @@
-"""A host between the questions that its node hears and the answers that it publishes."""
+"""A host between the questions that its node receives and the answers that it publishes."""
 
 from collections.abc import Callable
 from math import inf
@@ -24,25 +24,26 @@ _IDLE = 0.02  # else the graph is, for so long [wall s]
 
 
 class Answering:
-    """Answers `measurement` on `effort_command`, and says on `controller_state` what led to it.
+    """Answers `measurement` on `effort_command`, and publishes the intermediate results.
 
-    Where the plant has a line (see Calling), it asks there; `measurement` is not heard any more,
-    and the answer goes out on the line before its copy does on `effort_command`.
+    These go out on `controller_state`. Where the plant has a line (see Calling), questions come on
+    it; the subscription to `measurement` ends, and the answer goes out on the line before its copy
+    does on `effort_command`.
 
     Args:
-        node: of the controller.
-        outlets: of the node.
-        loop: that serves it.
-        host: that is asked.
+        node: node of the controller.
+        outlets: outlets of the node.
+        loop: loop that serves the node.
+        host: host of the controller, which answers.
         observed: called with the tick of each question, after its answer.
-        instance: of the node, as in its sign of life.
+        instance: instance of the node, as in its heartbeat.
         by_call: the plant shares this process and calls `answer` instead.
 
     Attributes:
-        period: of the bench [s].
-        silent: another one of this name is asked; questions are none to this one.
-        heard: the questions; None: they come by calls or on the line.
-        sent: the commands, then the states.
+        period: one tick of the bench [s].
+        silent: an older node of this name answers; this one takes no questions.
+        heard: subscription to the questions; None: they come by calls or on the line.
+        sent: outlets of the commands, then of the states.
     """
 
     def __init__(
@@ -61,15 +62,15 @@ class Answering:
         self.sent = [outlets.publisher(t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
         self.heard: Subscription[Any] | None = None
         self._calling: Calling | None = None
-        self._asked = -inf  # on the line [wall s]
-        self._heard_before: tuple[int, int] | None = None  # what was heard when the line began
+        self._asked = -inf  # last time that a question came on the line or was due [wall s]
+        self._heard_before: tuple[int, int] | None = None  # newest before the line
         if not by_call:
             self._listen()
             self._calling = Calling(node, host.name, self.sent[0].publisher.topic_name)
 
     @property
     def name(self) -> str:
-        """What the bench knows the controller by."""
+        """Name of the controller on the bench."""
         return self._host.name
 
     def answer(self, question: Measurement) -> EffortCommand | None:
@@ -77,18 +78,18 @@ class Answering:
         return self._answered(question, None, None)
 
     def begin_anew(self, period: float) -> None:
-        """Forget what was heard: a testbed was announced, with this period [s]."""
+        """Forget received questions: a testbed was announced, with this period [s]."""
         self.period, self._heard_before = period, None
         if self._calling is not None:
             self._calling.at_once()
 
     def expect(self) -> None:
-        """Wait for questions on the line from now on: the next one comes at once, or is there."""
+        """Wait for questions on the line from now on: the next one comes at once, or has come."""
         self._asked = monotonic()
         self._loop.hurry()
 
     def look(self, now: float) -> None:
-        """Call the plant, if there is one that answers; hear `measurement` where nobody does."""
+        """Call the plant where it answers; subscribe to `measurement` where there is no line."""
         if self._calling is None:
             return
         self._calling.look(now, self.silent)
@@ -96,7 +97,7 @@ class Answering:
             self._listen()
 
     def fly(self) -> float:
-        """Answer what comes on the line for a moment; return when to do so again [wall s]."""
+        """Answer questions on the line for a moment; return the time to the next call [wall s]."""
         if self._calling is None or not self._calling.open:
             return inf
         if not self._calling.begun and not self._begin():
@@ -114,7 +115,7 @@ class Answering:
         return 0.0 if monotonic() < self._asked + _BUSY else _IDLE
 
     def serve(self) -> bool:
-        """Answer a question that waits; return whether there was one."""
+        """Answer a pending question; return whether there was one."""
         if self._calling is not None and self._calling.begun:
             data = self._calling.receive(False)
             if data is not None:
@@ -132,9 +133,9 @@ class Answering:
         self.heard = subscription(self._node, topics.MEASUREMENT, self._hear, raw=True)
 
     def _begin(self) -> bool:
-        """Change to the line if all questions before it were heard; return whether it was done."""
+        """Change to the line if all earlier questions were received; return whether it was done."""
         newest = self._host.newest
-        waits_for = newest if self.heard is not None else None  # else no more are heard elsewhere
+        waits_for = newest if self.heard is not None else None  # else none come otherwise
         if self._calling is None or not self._calling.may_begin(waits_for, monotonic()):
             return False
         self._heard_before = newest
@@ -159,7 +160,7 @@ class Answering:
     def _hear_on_line(self, data: bytes, line: Calling) -> None:
         try:
             question, at = measurement_from(data, self.period)
-        except ValueError:  # nothing that a plant says
+        except ValueError:  # not in the format of a plant
             line.close()
             return
         if self._heard_before is not None:

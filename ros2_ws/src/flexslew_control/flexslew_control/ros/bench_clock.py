@@ -1,4 +1,4 @@
-"""The simulated time for nodes that do not hear every tick."""
+"""The simulated time for nodes that do not receive every tick."""
 
 from collections.abc import Callable
 from math import inf
@@ -13,11 +13,11 @@ from flexslew_plant.ros.offers import subscription
 
 
 class BenchClock:
-    """Follows the state of the bench, which the plant tells now and then.
+    """Follows the state of the bench, which the plant publishes at intervals.
 
     Args:
-        node: that listens.
-        on_reset: is called when the bench was reset.
+        node: node that subscribes.
+        on_reset: called after a reset of the bench.
         on_state: takes every state, before that.
     """
 
@@ -34,17 +34,17 @@ class BenchClock:
 
     @property
     def known(self) -> bool:
-        """Whether it was heard where the bench is."""
+        """Whether a state of the bench was received."""
         return self._heard > 0.0
 
     @property
     def epoch(self) -> int:
-        """Counts resets."""
+        """Number of resets."""
         return int(self._state.epoch)
 
     @property
     def last_tick(self) -> int:
-        """At which the run ends; zero: when somebody stops it."""
+        """Tick at which the run ends; zero: only when it is stopped."""
         return int(self._state.last_tick)
 
     @property
@@ -58,7 +58,7 @@ class BenchClock:
         return bool(self._state.state == "finished")
 
     def now(self) -> float:
-        """Return the simulated time [s]: as told, and what has passed since where it is paced."""
+        """Return the simulated time [s]: as received, plus the time since where it is paced."""
         passed = (monotonic() - self._heard) * self._state.rate_factor if self.running else 0.0
         return seconds_of(self._state.stamp) + passed
 
@@ -68,7 +68,7 @@ class BenchClock:
 
     def _on_state(self, message: msg.BenchState) -> None:
         if message.stamp.sec < 0 or not 0.0 <= message.rate_factor < inf:
-            return  # no plant says this
+            return  # no plant publishes this
         before, self._state, self._heard = self._state, message, monotonic()
         self._take(message)
         if message.epoch != before.epoch:

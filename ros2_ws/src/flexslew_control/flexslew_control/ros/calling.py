@@ -12,19 +12,19 @@ from flexslew_plant.graph import topics
 
 _AGAIN = 0.2  # until the plant is called again [wall s]
 _CATCHING_UP = 1.0  # for the questions before those of the line [wall s]
-_WITHOUT = 1.0  # without a line until messages are heard again [wall s]
+_WITHOUT = 1.0  # without a line until the node subscribes to messages again [wall s]
 
 
 class Calling:
     """Calls the plant of the bench until it answers, and again when it has hung up.
 
     Args:
-        node: of the controller.
-        name: that the bench knows it by.
+        node: node of the controller.
+        name: its name on the bench.
         answers: absolute name of the topic of its commands.
 
     Attributes:
-        begun: questions come on the line; what is heard elsewhere is a copy.
+        begun: questions come on the line; those received elsewhere are copies.
     """
 
     def __init__(self, node: Node, name: str, answers: str) -> None:
@@ -34,8 +34,8 @@ class Calling:
         self._line: DirectLine | None = None
         self.begun = False
         self._before: tuple[int, int] | None = None  # the newest question that is not on the line
-        self._welcomed = 0.0  # [wall s]
-        self._next = 0.0  # call [wall s]
+        self._welcomed = 0.0  # time of the next call [wall s]
+        self._next = 0.0  # when the line was lost [wall s]
         self._since = -inf  # there has been no line [wall s]
 
     @property
@@ -48,7 +48,7 @@ class Calling:
 
         Args:
             now: [wall s].
-            silent: another one of this name is to be asked: hang up and do not call.
+            silent: an older node of this name answers: hang up and do not call.
         """
         if silent:
             self.close()
@@ -75,7 +75,7 @@ class Calling:
         """Return whether the next question is one of the line.
 
         Args:
-            newest: epoch and tick of the last question that was heard; None: none was.
+            newest: epoch and tick of the last question received; None: none was.
             now: [wall s].
         """
         if self._before is None:
@@ -91,7 +91,7 @@ class Calling:
         return newest is None or newest >= self._before or now > self._welcomed + _CATCHING_UP
 
     def begin(self) -> None:
-        """Say that answers come on the line from now on."""
+        """Announce that answers come on the line from now on."""
         assert self._line is not None
         self.begun = True
         self._line.say({ANSWERS: True})

@@ -1,4 +1,4 @@
-"""What the controllers say of the plans that they hear, and who waits for it."""
+"""The answers of the controllers to the plans that they receive, for waiting clients."""
 
 import json
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from flexslew_plant.ros.statuses import Statuses
 
 
 class _Pending(NamedTuple):
-    """A plan whose answers somebody waits for."""
+    """A plan with answers that a client waits for."""
 
     digest: str
     deadline: float  # [wall s]
@@ -32,10 +32,10 @@ class ControllerAnswers:
     """Listens to the controllers' statuses and refusals.
 
     Args:
-        node: of the planner.
-        loop: that serves it.
-        presence: signs of life of the controllers.
-        on_refusal: is called with the hash of a plan that one of them refuses.
+        node: node of the planner.
+        loop: loop that serves the node.
+        presence: heartbeats of the controllers.
+        on_refusal: called with the hash of a plan that one of them refuses.
         laws: receive statuses and events.
     """
 
@@ -60,7 +60,7 @@ class ControllerAnswers:
         return self._answers.followed
 
     def expect(self, digest: str) -> None:
-        """Forget what was said of an earlier plan with this hash: it is published again."""
+        """Forget the answers to an earlier plan with this hash: it is published again."""
         self._answers.expect(digest)
 
     def of(self, digest: str) -> Answered:
@@ -69,14 +69,14 @@ class ControllerAnswers:
         return self._answers.of(digest, [n for n in known if self._presence.silent(n, now)])
 
     def awaited(self, digest: str) -> Future:
-        """Return a future of what the controllers say of the plan with this hash."""
+        """Return a future of the controllers' answers to the plan with this hash."""
         future = self._loop.future()
         self._pending.append(_Pending(digest, monotonic() + PATIENCE, future))
         self._loop.hurry()
         return future
 
     def poll(self, now: float) -> bool:
-        """Tell those who wait; return whether somebody still does."""
+        """Answer waiting clients; return whether any still waits."""
         self._statuses.poll(now)
         for pending in list(self._pending):
             found = self.of(pending.digest)
@@ -88,7 +88,7 @@ class ControllerAnswers:
 
     @property
     def met(self) -> bool:
-        """Whether all controllers on the graph were heard: DDS may name them long before."""
+        """Whether all controllers on the graph have sent a status; DDS may list them before."""
         there: int = self._node.count_publishers(topics.CONTROLLER_STATUS)
         return there <= len(self._answers.known)
 

@@ -127,7 +127,7 @@ class ControllerNode:
         return self.answering.serve()
 
     def _tell(self) -> None:
-        """Pass on what the host has to say."""
+        """Publish the events of the host."""
         while self._host.events:
             self._events.tell(self._host.events.popleft())
 

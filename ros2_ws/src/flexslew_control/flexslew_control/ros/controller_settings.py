@@ -6,7 +6,7 @@ from flexslew_plant.settings import section
 
 @section
 class ControllerNodeSettings:
-    """The parameters of the node; those of the law stand beside them."""
+    """The parameters of the node; those of the law are added to them."""
 
     law: str = DEFAULT  # a key of CONTROLLERS, or package.module.Class of your own
     requires_plan: bool = False  # not ready without a plan

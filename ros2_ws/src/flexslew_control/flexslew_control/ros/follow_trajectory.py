@@ -36,13 +36,13 @@ _OF_PLATFORMS = ("multi_dof_trajectory", "component_path_tolerance", "component_
 
 
 class FollowTrajectory:
-    """Publishes a trajectory as a plan, and looks at the joints until it is over.
+    """Publishes a trajectory as a plan, and compares the joints with it until it is over.
 
     Args:
-        node: of the planner.
-        loop: that serves it.
-        job: that plans.
-        release: that publishes.
+        node: node of the planner.
+        loop: loop that serves the node.
+        job: job that makes the plan.
+        release: release that publishes the plan.
     """
 
     def __init__(self, node: Node, loop: Loop, job: PlanJob, release: PlanRelease) -> None:
@@ -60,7 +60,7 @@ class FollowTrajectory:
         )
 
     def poll(self) -> None:
-        """End what cannot go on: the run is over, or begins anew."""
+        """End flights that cannot go on, since the run is over or starts again."""
         for flight in self._flown.values():
             if (end := flight.lost(self._release.clock)) is not None:
                 flight.over(end)
@@ -75,7 +75,7 @@ class FollowTrajectory:
         self._server.destroy()
 
     def _may_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
-        """A published plan is flown: who wants the bench to stop takes the brake."""
+        """Reject to cancel a published plan, which is flown: the bench stops by the brake."""
         return CancelResponse.REJECT if _number(goal) in self._flown else CancelResponse.ACCEPT
 
     async def _execute(self, goal: ServerGoalHandle) -> Any:
@@ -133,7 +133,7 @@ class FollowTrajectory:
             self._node.destroy_subscription(states)
 
     def _refused(self, request: Any) -> TrackingEnd | None:
-        """Return what cannot be asked for of this bench, or None."""
+        """Return why a request does not fit this bench, or None."""
         known, asked = self._release.requests.joint_names, request.trajectory.joint_names
         tolerances = (*request.path_tolerance, *request.goal_tolerance)
         strange = [name for name in (*asked, *(t.name for t in tolerances)) if name not in known]
@@ -232,7 +232,7 @@ class _Flight:
         return TrackingEnd(TrackingCode.GOAL_TOLERANCE_VIOLATED, words)
 
     def over(self, end: TrackingEnd) -> None:
-        """Say what came of it, once."""
+        """Set the result, once."""
         if not self.ended.done():
             self.ended.set_result(end)
 

@@ -35,7 +35,7 @@ class PlanJob:
         self._late: Late = _never
         self._motions: Motions = _at_rest
         self._request: PlanRequest | None = None  # that is planned for
-        self._made: Plan | None = None  # whose motion is not known yet, or that is predicted
+        self._made: Plan | None = None  # without a known motion yet, or being predicted
         self._predicts = False  # the process predicts that plan
 
     @property

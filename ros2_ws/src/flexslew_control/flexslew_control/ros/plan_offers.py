@@ -1,4 +1,4 @@
-"""The topics of plans: what those hear who listen, and those who come later."""
+"""The topics of plans: the messages to present listeners, and to later ones."""
 
 from flexslew_msgs import msg
 from rclpy.node import Node
@@ -16,10 +16,10 @@ class PlanOffers:
     """Publishes plans, latched.
 
     Args:
-        node: of the planner.
+        node: node of the planner.
 
     Attributes:
-        told: the plan that those hear last who come now; None: they hear none.
+        told: the plan that a new listener receives last; None: it receives none.
         attitude: the joints of the testbed that read one; None: none do.
     """
 
@@ -33,19 +33,19 @@ class PlanOffers:
         """Return a plan as a message.
 
         Args:
-            plan: to be told.
+            plan: the plan.
             now: its stamp [s]: a reset drops it, but not that of 0 s.
         """
         return message_of(msg.Plan, {"stamp": stamp(now), **plan_fields(plan, self.attitude)})
 
     def offer(self, plan: Plan, message: msg.Plan) -> None:
-        """Let everybody hear a plan."""
+        """Publish a plan."""
         self.told = plan
         self._offers[topics.PLAN].publish(message)
         self._offers[topics.PLANNED_TRAJECTORY].publish(trajectory_message(plan))
 
     def forget(self) -> None:
-        """Let nobody who comes now hear what was published before."""
+        """Withdraw earlier messages from later listeners."""
         if self.told is None:
             return
         self.told = None

@@ -1,4 +1,4 @@
-"""Plans on their way to the controllers: published at once, or kept until somebody decides."""
+"""Plans on their way to the controllers: published at once, or kept until a client decides."""
 
 from collections.abc import Sequence
 from time import monotonic
@@ -68,7 +68,7 @@ class PlanRelease:
         self._trust = Trust.of(trust)
         self._draft: tuple[Plan, msg.Plan, int | None] | None = None  # the flight that it is of
         self._course: PlannedCourse | None = None
-        self._stray = False  # a strange message was told of
+        self._stray = False  # a stray message was reported
         self._early: Plan | None = None  # to begin with, see begin
         self._begin_by = 0.0  # [wall s]
         self._outdated: set[tuple[str, str]] = set()  # reported: hash, and for which law it is
@@ -168,16 +168,16 @@ class PlanRelease:
     def begin_with(self, plan: Plan) -> None:
         """Publish the plan that the node was started with, which is that of tick 0.
 
-        A planner that is started in flight tells it again where it is followed, else after a reset:
-        it would come too late.
+        A planner that is started in flight publishes it again where it is followed, else after a
+        reset: it would come too late.
         """
         self._early, self._begin_by = plan, monotonic() + PATIENCE
         self.begin()
 
     def begin(self) -> None:
-        """Publish that plan, if it is known where the bench is and, in flight, who follows it.
+        """Publish that plan once the state of the bench and, in flight, its followers are known.
 
-        To be called now and then: of what stands on the bench DDS may tell before of either.
+        Call it repeatedly: DDS may report the testbed before either of these.
         """
         plan, now = self._early, self.clock.now()
         if plan is None or not self.clock.known:
@@ -198,7 +198,7 @@ class PlanRelease:
             self.refuse(plan.method, Refusal(words, cause=Cause.PAST))
 
     def review(self) -> None:
-        """Report plans to come whose law is another one by now than they were made for, once."""
+        """Report once each plan to come that was made for another law than the current one."""
         for plan, _ in self._current_course.plans if self._course is not None else ():
             why = self._other_law(plan) if plan.start >= self.clock.now() else ""
             key = plan_hash(plan), why
@@ -211,7 +211,7 @@ class PlanRelease:
         return other_law(plan, self.laws.at(plan.first_tick))
 
     def refuse(self, method: str, why: Refusal) -> None:
-        """Say on `events` why nothing comes of a request that has no answer of its own."""
+        """Publish on `events` why a request without an answer of its own is refused."""
         what = PlanRefused(method=method, controller="planner", reason=str(why))
         self._say(what, self._tick)
 
@@ -244,7 +244,7 @@ class PlanRelease:
         return StartOfPlan(rest or None, at and at.law)
 
     def _begin_again(self) -> None:
-        """Tell the plan of tick 0 again: a newcomer of the flight that is over heard the latest."""
+        """Publish the plan of tick 0 again: newcomers of the last flight have the newest."""
         first = self._current_course.plan if self._course is not None else None
         if first is None:
             self._offers.forget()
@@ -252,13 +252,13 @@ class PlanRelease:
             self._tell_again(first)
 
     def _tell_again(self, plan: Plan) -> None:
-        """Let everybody hear a plan as that of tick 0."""
+        """Publish a plan as that of tick 0."""
         self._offers.offer(plan, self._offers.message(plan, 0.0))
 
     def _withdraw_if_refused(self, digest: str) -> None:
         """Fly on with the plan before the newest one if all controllers have refused that.
 
-        Who comes now hears the plans that are flown, and not the one that nobody took.
+        New listeners then receive the plans that are flown, and not the refused one.
         """
         plan = self._current_course.plan if self._course is not None else None
         if plan is None or plan_hash(plan) != digest:

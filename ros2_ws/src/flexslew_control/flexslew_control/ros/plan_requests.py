@@ -16,20 +16,20 @@ from flexslew_plant.ros.parameters import serve_changes
 from flexslew_plant.testbeds import model_of, read_testbed
 from flexslew_plant.yaml_data import load_yaml
 
-START_MARGIN = 1.0  # until a plan that is asked for now can begin [wall s]
+START_MARGIN = 1.0  # until a plan requested now can start [wall s]
 MODEL = "model"  # the parameter of the node that may be set at run time
 
 
 class PlanRequests:
-    """Adds to a request what its client need not say.
+    """Adds to a request what its client may leave out.
 
     Args:
-        clock: of the bench.
+        clock: clock of the bench.
         trust: classes of the user's own that testbed and requests may name.
         beginning: returns what is known of the bench at a plan's start [s].
 
     Attributes:
-        testbed: what stands there; an empty message: nobody has said.
+        testbed: what stands on the bench; an empty message: not known.
     """
 
     def __init__(
@@ -82,9 +82,9 @@ class PlanRequests:
     def request(
         self, section: str | dict[str, Any], period: float = 0.0, limit: Sequence[float] = ()
     ) -> PlanRequest | Refusal:
-        """Return what a client asks for, in YAML or plain data.
+        """Return a client's request, from YAML or plain data.
 
-        Period and limits need not be said, once a testbed is known.
+        Period and limits may be left out, once a testbed is known.
         """
         here = self.testbed
         if not here.settings and not (period and limit):
@@ -110,9 +110,9 @@ class PlanRequests:
         return request._replace(trust=trust)
 
     def soonest(self) -> float:
-        """Return from which tick on a plan can begin that is asked for now [s].
+        """Return the earliest start of a plan that is requested now [s].
 
-        Where the bench is may be heard before what stands there: nothing can be planned then.
+        The state of the bench may be received before its testbed: nothing can be planned then.
         """
         now, period = self._clock.now(), float(self.testbed.period)
         if now <= 0.0 or period <= 0.0:

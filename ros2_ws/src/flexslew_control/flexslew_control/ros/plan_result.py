@@ -28,10 +28,10 @@ def plan_result(
     """Return the result of a goal, and end the goal with it.
 
     Args:
-        goal: that was planned for.
-        outcome: what came of it.
-        plan: as published; None without one.
-        answered: what the controllers say of it; None: they were not asked.
+        goal: goal that requested the plan.
+        outcome: the plan, or why there is none.
+        plan: published message; None without one.
+        answered: the controllers' answers to it; None: none were awaited.
     """
     result = action.PlanSlew.Result()
     if isinstance(outcome, Plan):

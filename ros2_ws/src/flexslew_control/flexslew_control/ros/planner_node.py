@@ -58,7 +58,7 @@ class Planner:
     def poll(self) -> float:
         """Look for the plant and for plans; return the wall seconds until the next look."""
         now = monotonic()
-        if self._due and now > self._due + _LATE:  # a long plan was written: nobody was heard
+        if self._due and now > self._due + _LATE:  # a long plan was written, no heartbeat read
             self._presence.excuse(now - self._due)
         wait = self._next(now)
         self._due = now + wait

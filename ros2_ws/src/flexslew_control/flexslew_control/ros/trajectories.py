@@ -1,4 +1,4 @@
-"""Plans as trajectory_msgs/JointTrajectory, and trajectories as what a planner is asked for."""
+"""Plans as trajectory_msgs/JointTrajectory, and trajectories as requests to a planner."""
 
 from typing import Any
 
@@ -44,14 +44,14 @@ def trajectory_message(plan: Plan) -> JointTrajectory:
 
 
 def trajectory_section(message: JointTrajectory, start: float) -> dict[str, Any]:
-    """Return the `plan` section that a trajectory asks for.
+    """Return the `plan` section of the request that a trajectory makes.
 
     Args:
         message: the trajectory.
-        start: of one whose stamp is zero: as soon as it can be [s].
+        start: earliest start, of a trajectory with a stamp of zero [s].
 
     Raises:
-        BadInput: no joint is named, or one twice, or a point has numbers for others.
+        BadInput: if no joint is named, or one twice, or a point has numbers for others.
     """
     names = list(message.joint_names)
     if not names or len({*names}) < len(names):

@@ -1,4 +1,4 @@
-"""What is heard on `joint_trajectory` becomes a plan, or an event that says why not."""
+"""Messages on `joint_trajectory` become a plan, or an event that gives the refusal."""
 
 from functools import partial
 
@@ -16,12 +16,12 @@ from flexslew_plant.ros.offers import subscription
 
 
 class TrajectoryRequests:
-    """Asks for a plan through the points of each trajectory.
+    """Requests a plan through the points of each trajectory.
 
     Args:
-        node: of the planner.
-        job: that plans.
-        release: that publishes.
+        node: node of the planner.
+        job: job that makes the plan.
+        release: release that publishes the plan.
     """
 
     def __init__(self, node: Node, job: PlanJob, release: PlanRelease) -> None:

@@ -28,14 +28,14 @@ class Tuning:
     """Passes requests on to the host, and keeps the parameters true.
 
     Args:
-        node: that offers the service.
-        host: whose controller it is.
-        law: that it runs.
-        serve: answers a question that waits; returns whether there was one.
-        granted: is called after a change was granted, which may be due at a later tick.
+        node: node that offers the service.
+        host: host of the controller.
+        law: name of its law.
+        serve: answers a pending question; returns whether there was one.
+        granted: called after a change was granted, which may be due at a later tick.
 
     Raises:
-        BadInput: the settings are not those of the law.
+        BadInput: if the settings are not those of the law.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class Tuning:
             sys.setswitchinterval(interval)
 
     def _keep(self, changes: dict[str, Any]) -> None:
-        """Let the parameters say what holds from now on."""
+        """Set the parameters to the values that hold from now on."""
         self._taken = True
         try:
             for name, value in flat(changes).items():

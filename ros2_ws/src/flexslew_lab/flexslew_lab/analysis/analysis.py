@@ -1,4 +1,4 @@
-"""What flies in a trial, in the order in which a control engineer asks."""
+"""What flies in a trial, in the order of a control engineer's questions."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -96,7 +96,7 @@ class Analysis:
     plan: Plan | None
 
     def __repr__(self) -> str:
-        """Return one line: who closes the loop, how many poles it has, what it keeps."""
+        """Return one line: the controller, the number of poles, the margins."""
         what = f"<Analysis of {self.controller}: {len(self.poles)} poles, "
         if not self.stable:
             return f"{what}{self.statement}>"
@@ -305,7 +305,7 @@ def responses(analysis: Analysis, ticks: int) -> dict[str, Vector]:
     """
     loop, rest, path = analysis.loop, analysis.point.rest, analysis.point.path
     closed = loop.closed
-    # a disturbance comes beside what the motors give, and is rubbed as that is
+    # a disturbance adds to the effort of the motors, with the same friction
     motors = replace(path.actuator, lag=0.0)
     bare = sampled_plant(rest, replace(path, actuator=motors, gain=None, delay=None))
     n = 2 * rest.model.coordinates

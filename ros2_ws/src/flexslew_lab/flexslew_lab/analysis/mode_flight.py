@@ -49,22 +49,22 @@ def _signals(model: Model) -> tuple[object, ...]:
 def mode_response(
     trial: Trial, analysis: Analysis, loop: ControlLoop, path: PlantPath, mode: Complex, ticks: int
 ) -> Matrix:
-    """Return what sensors of joints and appendages read while the bench moves in one mode.
+    """Return the readings of joints and appendages while the bench moves in one mode.
 
-    Half the difference of two flights that start on the real part of the mode, of either sign:
-    even powers of the motion cancel, odd ones from the third on are below rounding.
+    They are half the difference of two flights that start on the real part of the mode, of either
+    sign: even powers of the motion cancel, odd ones from the third on are below rounding.
 
     Args:
         trial: what flies, without its plan, its schedule and its sensors' errors.
-        analysis: of that trial: where it rests, and a controller that has rested there.
-        loop: what is predicted with the faults of the path.
+        analysis: analysis of that trial: its rest, and a controller that has rested there.
+        loop: the predicted loop with the faults of the path.
         path: gains and delays that faults `actuator_gain` and `command_delay` add.
         mode: an eigenvector of the closed loop, shape (states,).
-        ticks: how many.
+        ticks: number of ticks.
 
     Returns:
         readings, shape (ticks, sensors); the first is of the start. Without instruments: no law
-        that can be analysed hears them, and they read late, or now and then.
+        that can be analysed uses them, and they read late, or now and then.
     """
     parts = _Parts.of(mode, loop, analysis, path)
     commands = (loop.closed.c @ mode)[: loop.efforts]

@@ -39,7 +39,7 @@ def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> 
 
 
 def tables(analysis: Analysis) -> list[Table]:
-    """Return the numbers in the order in which they are asked for."""
+    """Return the tables of the numbers in the order of the questions."""
     found = [_modes(analysis), _poles(analysis)]
     if not analysis.stable:
         return found

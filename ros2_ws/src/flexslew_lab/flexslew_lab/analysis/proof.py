@@ -1,4 +1,4 @@
-"""Margins and poles proved: what was predicted beside what the non-linear bench flies."""
+"""Margins and poles proved: the predictions against flights of the non-linear bench."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -98,7 +98,7 @@ class Proof:
         return f"<Proof: {poles} and {margins} flown as predicted{more}>"
 
     def _repr_html_(self) -> str:
-        """Return what was predicted beside what was flown, for notebooks."""
+        """Return the table of predictions and flights, for notebooks."""
         rows = [
             (f"{m.channel}: {m.kind}", short(m.predicted), short(m.flown), m.agrees)
             for m in self.margins
@@ -135,10 +135,10 @@ class Proof:
 
 
 def proved(trial: Trial, analysis: Analysis) -> Proof:
-    """Return the poles and the margins of an analysis beside those of the flown bench.
+    """Return the poles and the margins of an analysis together with those of the flown bench.
 
     Raises:
-        BadInput: the loop is not stable, its plant changes with time, or the trial's is another.
+        BadInput: if the loop is not stable, its plant changes with time, or the trial has another.
     """
     if not analysis.stable:
         raise BadInput("--prove: the loop is not stable: there is no margin to prove")

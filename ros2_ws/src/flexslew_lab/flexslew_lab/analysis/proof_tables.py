@@ -18,7 +18,7 @@ def margin_rows(proof: Proof) -> list[tuple[str, ...]]:
 
 
 def proof_tables(proof: Proof) -> list[Table]:
-    """Return what was predicted beside what was flown."""
+    """Return the tables of predictions and flights."""
     poles = [
         [f"{p.frequency:.8g}", f"{p.flown_frequency:.8g}", f"{p.damping:.6g}",
          f"{p.flown_damping:.6g}", _WORDS[p.agrees]]

@@ -1,4 +1,4 @@
-"""The linear models of a trial: where it rests at a time, and what lies before its motors then."""
+"""The linear models of a trial: its rest at a time, and the path to its motors then."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -40,10 +40,10 @@ class Point:
 
 
 def moment_of(at: float | str | None) -> float:
-    """Return the simulated time that is asked about [s]; None: the start.
+    """Return the requested simulated time [s]; None: the start.
 
     Raises:
-        BadInput: it is none.
+        BadInput: if it is no time.
     """
     time = 0.0 if at is None else number_in(at, ("s",), "--at")
     if time < 0.0:
@@ -61,14 +61,14 @@ def point_of(
 
     Args:
         trial: what flies.
-        at: simulated time [s], or with a unit: the joints stand where the plan wants them then;
+        at: simulated time [s], or with a unit: the joints stand at the reference of the plan then;
             None: the start.
         joints: positions by name, instead of the plan's [rad or m], or with a unit.
-        plan: of the trial; None: made where it is needed.
+        plan: plan of the trial; None: made where it is needed.
 
     Raises:
-        BadInput: the time is none, a name is no joint, or a position is not finite.
-        PlanFailed: there is no plan.
+        BadInput: if the time is none, a name is no joint, or a position is not finite.
+        PlanFailed: if there is no plan.
     """
     time = moment_of(at)
     plant = plant_of(trial)

@@ -1,4 +1,4 @@
-"""Says when the first use of a planner, a law or a testbed waits for the compiler."""
+"""Reports when the first use of a planner, a law or a testbed waits for the compiler."""
 
 from time import monotonic
 
@@ -9,7 +9,7 @@ _OFTEN = 5.0  # between two lines [wall s]
 
 
 class _Compiling:
-    """Counts what is compiled and says so, the first time at once."""
+    """Counts the compiled functions and prints progress, the first time at once."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -30,5 +30,5 @@ class _Compiling:
 
 
 def say_when_compiling() -> None:
-    """Say on standard error, from now on, that machine code is compiled, and how far it is."""
+    """Print from now on, on standard error, that machine code is compiled, and the progress."""
     tell_of_compiling(_Compiling())

@@ -98,7 +98,7 @@ def _fly(
     file: str | None, sets: list[str] | None, out: Path | None, pace: tuple[float, bool],
     at: tuple[str, int, bool],
 ) -> int:  # fmt: skip
-    """Fly a trial with a page beside it; return the exit code."""
+    """Fly a trial together with its page; return the exit code."""
     from dataclasses import replace
 
     from flexslew_lab.run.domain import own_domain
@@ -137,10 +137,10 @@ def _fly(
 def _page(
     folder: Path, command: str, at: tuple[str, int, bool], trust: list[str]
 ) -> Iterator["subprocess.Popen[str]"]:
-    """Yield the process of the page as soon as it says where it is; end it afterwards."""
+    """Yield the process of the page as soon as it has printed its address; end it afterwards."""
     settings: dict[str, object] = {"folder": str(folder.resolve()), "command": command}
     settings |= dict(zip(("host", "port", "browser"), at, strict=True))
-    settings |= {"trust": trust} if trust else {}  # ROS knows no list without entries
+    settings |= {"trust": trust} if trust else {}  # ROS has no list without entries
     words = [sys.executable, "-P", "-m", "flexslew_lab.ros.console_node", "--ros-args"]
     for key, value in settings.items():
         words += [

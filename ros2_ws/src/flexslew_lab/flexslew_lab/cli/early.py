@@ -15,7 +15,7 @@ OPERATING = (
 def join(arguments: list[str]) -> None:
     """Join the graph of a bench without a namespace if this command operates one.
 
-    Whatever is wrong is told when the command runs, which then joins by itself.
+    Errors are reported when the command runs, which then joins by itself.
     """
     if arguments[:1] and arguments[0] in OPERATING and not _others(arguments):
         with suppress(Exception):

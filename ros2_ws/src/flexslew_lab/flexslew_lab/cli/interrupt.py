@@ -11,7 +11,7 @@ from types import FrameType
 from flexslew_plant.processes.atomic import atomic
 
 INTERRUPTED = 130  # exit code
-EXIT_TIMEOUT = 1.5  # until the process ends, whatever holds it up [wall s]
+EXIT_TIMEOUT = 1.5  # until the process ends, for any cause of delay [wall s]
 NODES_EXIT_TIMEOUT = 30.0  # the same where files have to be closed [wall s]
 _patience = EXIT_TIMEOUT
 
@@ -26,8 +26,8 @@ def while_importing() -> None:
 def while_running() -> Iterator[None]:
     """Raise KeyboardInterrupt when interrupted, and end by force if it is not handled in time.
 
-    Code below a callback of compiled code may swallow it. Who handled the signal before the block
-    does so after it: a program that calls the command line keeps its own way of ending.
+    Code below a callback of compiled code may swallow it. The handler of the signal before the
+    block is restored after it: a program that calls the command line keeps its own way of ending.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -92,7 +92,7 @@ def export(
     from flexslew_lab.log.export import export_log
 
     target = writable_folder(out or Path("export") / run_name(bag), "--out")
-    done = export_log(bag_folder(bag), target, kind, topic)  # type: ignore[arg-type]  # it says what is allowed
+    done = export_log(bag_folder(bag), target, kind, topic)  # type: ignore[arg-type]  # it lists the allowed ones
     if as_json:
         files = {t: str(path) for t, path in done.files.items()}
         print(json_text({"files": files, "rows": done.rows, "skipped": done.skipped}))

@@ -195,7 +195,7 @@ def plan(
     try:
         made = make_plan(settings, plant_of(requested), feedback_of(requested), told, law)
         made = with_stated_law(requested, made)
-    except BadInput as error:  # says its key
+    except BadInput as error:  # the error names its key
         raise BadInput(str(error), source) from None
     except PlanFailed as error:
         raise PlanFailed(f"{source}: plan: {error}") from None
@@ -349,7 +349,7 @@ def _require_text(words: list[str]) -> None:
 
 def _exit_code() -> int:
     code = 0
-    if "--json" not in sys.argv:  # whose reader may take both outputs for one
+    if "--json" not in sys.argv:  # with a reader that may take both outputs for one
         say_when_compiling()
     try:
         _require_text(sys.argv[1:])
@@ -366,7 +366,7 @@ def _exit_code() -> int:
         if not isinstance(leave.__context__, BrokenPipeError):
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = _UNREAD  # whoever read our output has left, of which typer makes a 1
+        code = _UNREAD  # the reader of our output has left, of which typer makes a 1
     except RunFault as error:
         say(str(error), head="error: ")
         code = 3

@@ -19,7 +19,7 @@ WITHOUT_ROS = (
 
 
 def remedy(error: ModuleNotFoundError) -> str:
-    """Return one line that says what to do about a missing package; empty where it is not known."""
+    """Return one line with the remedy for a missing package; empty if there is none."""
     package = (error.name or "").partition(".")[0]
     if package in ROS:
         return WITHOUT_ROS
@@ -31,10 +31,10 @@ def remedy(error: ModuleNotFoundError) -> str:
 
 
 def require_ros() -> None:
-    """Refuse where ROS 2 or the messages of the bench are not installed; say who may reach it.
+    """Refuse if ROS 2 or the messages of the bench are missing; print how far the bench is open.
 
     Raises:
-        BadInput: one of them is missing, or FLEXSLEW_NETWORK has a wrong value.
+        BadInput: if one of them is missing, or FLEXSLEW_NETWORK has a wrong value.
     """
     if any(find_spec(package) is None for package in ("rclpy", "flexslew_msgs")):
         raise BadInput(WITHOUT_ROS)

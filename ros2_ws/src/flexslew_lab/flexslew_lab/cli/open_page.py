@@ -14,7 +14,7 @@ Open = Annotated[bool, typer.Option("--open", help="Open the page in a tab of th
 
 
 def open_page(page: Path) -> None:
-    """Open a page in a new tab; where there is no screen, say so."""
+    """Open a page in a new tab, or print that there is no screen."""
     if not (_screen() and webbrowser.open_new_tab(page.resolve().as_uri())):
         say("no browser here to open the page in")
 

@@ -146,7 +146,7 @@ COMMANDS = (controllers, switch, start, pause, step, reset, brake, inject, retar
 
 @contextmanager
 def _bench(namespace: str, which: RunningBench) -> Iterator["Operator"]:
-    from flexslew_lab.ros.operator import PATIENCE, connected  # says it where ROS is missing
+    from flexslew_lab.ros.operator import PATIENCE, connected  # or the error without ROS
 
     with connected(which.domain, namespace, PATIENCE if which.known else _BY_HAND) as bench:
         try:
@@ -157,7 +157,7 @@ def _bench(namespace: str, which: RunningBench) -> Iterator["Operator"]:
 
 
 def _meant() -> RunningBench:
-    """Return the bench that is meant; who has no ROS is told that before they have to choose."""
+    """Return the bench that is meant; without ROS, raise the error before a user has to choose."""
     import flexslew_lab.ros.operator  # noqa: F401
 
     return bench_to_operate()
@@ -173,7 +173,7 @@ def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
 
 
 def _print_reply(reply: "Reply", which: RunningBench, place: str = "") -> bool:
-    """Print what a bench answers, and which it is; return whether it does what it was asked for."""
+    """Print the answer of a bench, and which it is; return whether it grants the request."""
     where = f", namespace {place}" if place else ""
     say(f"{reply.message} ({which.words}{where})")
     return reply.ok

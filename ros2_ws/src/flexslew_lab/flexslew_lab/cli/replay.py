@@ -244,7 +244,7 @@ def live(
 
 
 def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:
-    """Say what a comparison does not cover, and what else ran than was recorded."""
+    """Print what a comparison does not cover, and the code that differs from the recorded one."""
     for name, (there, here) in changed.items():
         say(f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here")
     if missing:

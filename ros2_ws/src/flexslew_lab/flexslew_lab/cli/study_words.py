@@ -55,7 +55,7 @@ def progress(name: str) -> Iterator[Callable[[int, int], None]]:
 
 
 class _Lines:
-    """Says how far a study is, at most every half minute."""
+    """Prints the progress of a study, at most every half minute."""
 
     def __init__(self, name: str) -> None:
         self._name, self._pace = name, Pace()
@@ -133,7 +133,7 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
 
 
 def side_by_side(names: Sequence[str], found: list[dict[str, Any]]) -> None:
-    """Print the 99 % quantiles of two studies beside each other."""
+    """Print the 99 % quantiles of two studies side by side."""
     from flexslew_lab.studies.findings.tables import overall_rows
 
     first, second = ({row.name: row.quantiles[-1] for row in overall_rows(one)} for one in found)

@@ -1,7 +1,7 @@
 """Output for people: progress, tables, lines.
 
-All of it goes through this file. What is printed may come from a file of somebody else's: what does
-not show, as the sequences that a terminal obeys (title, clipboard), is escaped.
+All of it goes through this file. Printed text may come from a file of another user: what does not
+show, as the sequences that a terminal obeys (title, clipboard), is escaped.
 """
 
 import os
@@ -17,7 +17,7 @@ from rich.text import Text
 
 from flexslew_plant.refusal import one_line
 
-_WHOLE = 10**6  # columns, where nobody reads them
+_WHOLE = 10**6  # columns, without a terminal
 for_people = Console(stderr=True)  # standard output is for results
 
 
@@ -57,7 +57,7 @@ def print_line(words: str) -> None:
 
 
 def say(words: str, style: str = "", head: str = "", head_style: str = "red") -> None:
-    """Tell a person something, as it is and on one line.
+    """Print a line for a user, as it is.
 
     Args:
         words: any text.

@@ -1,4 +1,4 @@
-"""A comparison: candidates that fly one manoeuvre on a trial's bench and on others beside it."""
+"""A comparison: candidates that fly one manoeuvre on a trial's bench and on others."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -30,7 +30,7 @@ class Candidate(NamedTuple):
 
     name: str
     method: str  # of its plan; empty: it has none
-    keys: Mapping[str, Any]  # of the plan's section, beside the manoeuvre
+    keys: Mapping[str, Any]  # of the plan's section, in addition to the manoeuvre
     controllers: dict[str, dict[str, Any]]
     active: str
 
@@ -52,9 +52,9 @@ def other_benches(
     """Return testbeds with errors of the stiffness, then of what is carried, where it can change.
 
     Args:
-        testbed: the trial's.
-        stiffness: errors, relative [-].
-        carried: errors, relative, beside the smallest of the stiffness [-].
+        testbed: the trial's testbed.
+        stiffness: relative errors [-].
+        carried: relative errors, each with the smallest error of the stiffness [-].
         load: returns a testbed that carries, or is, that many times as heavy.
     """
     least = min(stiffness, key=abs)
@@ -128,7 +128,7 @@ class Comparison:
     groups: Sequence[Group]
 
     def __repr__(self) -> str:
-        """Return one line: who flew."""
+        """Return one line: the candidates that flew."""
         flown = ", ".join(entry.name for entry in self.flown)
         return f"<Comparison by {self.word}: {flown or 'nothing'} flown of {len(self.entries)}>"
 
@@ -165,16 +165,15 @@ class Description:
     """What is compared, and by what.
 
     Args:
-        trial: with the section of the manoeuvre as its plan, or with none.
+        trial: a trial with the section of the manoeuvre as its plan, or with none.
         source: its file, for messages.
         candidates: variants of it.
-        benches: that each flies on, with a plan for the trial's own.
-        redesigned: see ComparisonJob, as `metrics` and `curves`.
-        metrics: what a flight is compared by.
-        curves: what is drawn of a flight over time.
-        view: returns what the entries show.
-        rest: how long a flight is watched after the longest plan, at least; None: the trial says
-            when it ends [s].
+        benches: benches that each flies on, with a plan for the trial's own.
+        redesigned: see ComparisonJob, as for `metrics` and `curves`.
+        metrics: returns the numbers of a flight.
+        curves: returns the curves of a flight over time.
+        view: returns the comparison of the entries.
+        rest: least time of a flight after the longest plan [s]; None: the trial's duration counts.
         distinct: whether variants of a method with one plan are one candidate.
     """
 
@@ -224,7 +223,7 @@ def compared(
 
 @dataclass
 class _Work:
-    """Whoever plans and flies, and how much of that is done."""
+    """The executor of plans and flights, and how many are done."""
 
     executor: Executor[PlanCase | FlightCase, CaseOutcome]
     progress: Callable[[int, int], None]
@@ -265,7 +264,7 @@ def _make_plans(described: Description, work: _Work) -> _Planned:
 
 
 def _distinct(planned: _Planned) -> _Planned:
-    """Leave out variants whose plan is that of an earlier one of their method."""
+    """Leave out variants with the same plan as an earlier one of their method."""
     kept: _Planned = []
     for candidate, entry in planned:
         others = (e.plan for c, e in kept if c.method == candidate.method)

@@ -22,15 +22,15 @@ _LIMIT = 3600.0  # of a plan or a flight [wall s]
 
 
 class PlanCase(NamedTuple):
-    """A plan that is asked for."""
+    """A requested plan."""
 
     number: int
     method: str
-    keys: Mapping[str, Any]  # of its section, beside the manoeuvre
+    keys: Mapping[str, Any]  # of its section, in addition to the manoeuvre
 
 
 class FlightCase(NamedTuple):
-    """A flight that is asked for."""
+    """A requested flight."""
 
     number: int
     controllers: dict[str, dict[str, Any]]
@@ -72,10 +72,10 @@ class ComparisonJob:
         trust: which classes of the user's own it may name.
         redesigned: whether the laws are designed for the bench that they fly on, not for the
             trial's own.
-        metrics: returns what a flight is compared by; it is told when the manoeuvre ends, a step
-            with the longest plan beside it [s]. A function of a module, as `curves`: it goes from
+        metrics: returns the numbers of a flight from its log and the end of the manoeuvre, for a
+            step that of the longest plan [s]. A function of a module, as `curves`: it goes from
             process to process.
-        curves: returns what is drawn of some ticks of a flight over time, (ticks, curves).
+        curves: returns the curves of some ticks of a flight over time, (ticks, curves).
     """
 
     trial: str

@@ -55,12 +55,12 @@ def planners(trial: Trial, source: str, errors: Sequence[float] = ERRORS) -> Des
     """Return the comparison of every method on the manoeuvre of a trial.
 
     Args:
-        trial: the bench, the controller in charge, and in `plan` the manoeuvre.
+        trial: the bench, the active controller, and in `plan` the manoeuvre.
         source: its file, for messages.
-        errors: of the stiffness, relative [-].
+        errors: relative errors of the stiffness [-].
 
     Raises:
-        BadInput: the trial asks for no manoeuvre, its controllers cannot be built, or an error is
+        BadInput: if the trial has no manoeuvre, its controllers cannot be built, or an error is
             not allowed.
     """
     section = plan_section_of(trial, source)
@@ -87,7 +87,7 @@ def planners(trial: Trial, source: str, errors: Sequence[float] = ERRORS) -> Des
 def _variants(trial: Trial) -> list[tuple[str, Variant]]:
     """Return the methods and their variants, the trial's own first, bare references last.
 
-    A trial that asks for a variant itself has that one first, then the method with its defaults.
+    A trial with a variant in its plan has that one first, then the method with its defaults.
     """
     assert not isinstance(trial.plan, SavedPlan | None)
     own, usual = planner_of(trial.plan), Variant("", {})
@@ -229,7 +229,7 @@ def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison
 
 
 def _columns(found: SlewComparison) -> list[TableColumn]:
-    """Return the columns of the page, those of each flight beside each other."""
+    """Return the columns of the page, those of each flight next to each other."""
     linear = all(unit == "m" for _, unit in found.named)
     torque, joint = ("N", "m") if linear else ("N m", "rad")
     names, bound = [name for name, _ in found.named], found.lower_bound

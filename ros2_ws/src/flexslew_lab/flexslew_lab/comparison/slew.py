@@ -1,4 +1,4 @@
-"""What a comparison of methods says of the slew: its limits, its numbers, its columns."""
+"""The slew in a comparison of methods: its limits, its numbers, its columns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,10 +26,10 @@ from flexslew_plant.testbeds import initial_positions
 
 @dataclass(frozen=True)
 class SlewComparison:
-    """What the entries say of the manoeuvre.
+    """The results of the entries on the manoeuvre.
 
     Args:
-        trial: that is compared.
+        trial: the trial.
         flown: the methods that have a plan.
         lower_bound: of the duration, for a rigid body under the limits [s]; 0: not known.
         limit: the convex optimum over the duration; None: the plant is not linear.
@@ -146,7 +146,7 @@ def tip_of(flight: ComparedFlight) -> float:
 
 
 def slew_comparison(trial: Trial, entries: Entries, errors: Sequence[float]) -> SlewComparison:
-    """Return what the entries say of the manoeuvre; see SlewComparison."""
+    """Return the results of the entries on the manoeuvre; see SlewComparison."""
     plans = [entry.plan for entry in entries if entry.plan is not None]
     flown = tuple(entry for entry in entries if entry.flights)
     model, resting = trial.testbed.model(), initial_positions(trial.testbed)

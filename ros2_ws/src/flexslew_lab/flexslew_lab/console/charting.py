@@ -28,8 +28,8 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
     """Return the axes and the style of curves: a reference is dashed in the colour of its joint.
 
     Args:
-        curves: of the chart.
-        title: below its lower axis, whose quantity and unit it says.
+        curves: curves of the chart.
+        title: label below the lower axis, with quantity and unit.
     """
     series: list[dict[str, Any]] = [
         {

@@ -11,7 +11,7 @@ from flexslew_lab.console.gui import Element, Told
 from flexslew_lab.console.link import BenchLink, RequestResult
 from flexslew_lab.console.server import ConsoleServer
 
-Act = Callable[[str], None]  # takes who asks
+Act = Callable[[str], None]  # takes the user and page of the request
 
 
 class DeskPanel(Protocol):
@@ -25,9 +25,9 @@ class Desk:
     """Hands the clicks of all pages to the thread that serves the bench.
 
     Args:
-        server: of the page.
-        link: to the bench.
-        say: told in one line when a page sends what none of its forms can.
+        server: server of the page.
+        link: link to the bench.
+        say: called with one line when a page sends what none of its forms can send.
     """
 
     _accepted: tuple[str, dict[str, Any]] | None = None  # the settings of its bench, the model
@@ -71,7 +71,7 @@ class Desk:
         self.server.call(swap)
 
     def work(self) -> None:
-        """Do what the pages have asked for since the last call."""
+        """Perform the requests that the pages have sent since the last call."""
         while self._waiting:
             act, page = self._waiting.popleft()
             try:
@@ -84,10 +84,10 @@ class Desk:
 
 
 class DeskReply:
-    """A line that says what became of the last request of its panel.
+    """A line that shows the outcome of the last request of its panel.
 
     Args:
-        desk: of the page.
+        desk: desk of the page.
     """
 
     def __init__(self, desk: Desk) -> None:
@@ -116,7 +116,7 @@ class DeskReply:
         self._show(line(words, role, color))
 
     def clear(self) -> None:
-        """Say nothing."""
+        """Show an empty line."""
         self._show("")
 
     def _show(self, content: str) -> None:

@@ -23,7 +23,7 @@ _WEBGL = """(() => {
   return /swiftshader|llvmpipe|software/i.test(by) ? 1 : 2;
 })()"""
 _PATIENCE = 20.0  # for a page to begin [wall s]
-# once all that was sent before is on the screen; a page that nobody sees waits until somebody does
+# after the sent data is on the screen; a hidden page waits until it is visible
 _DRAWN = "return new Promise(then => requestAnimationFrame(() => setTimeout(then, 0)))"
 _ASLEEP = 30.0  # after which such a page gets the next pictures all the same [wall s]
 
@@ -32,10 +32,10 @@ class PageView:
     """One browser's page.
 
     Args:
-        gui: the elements.
-        number: of the page.
-        say: told in one line when the page sends what cannot be read.
-        show: has all pages show what has changed.
+        gui: elements of the page.
+        number: number of the page.
+        say: called with one line when the page sends what cannot be read.
+        show: updates all pages with what has changed.
     """
 
     def __init__(
@@ -44,8 +44,8 @@ class PageView:
         self.gui, self.number, self.gone = gui, number, False
         self._say, self._show, self._client = say, show, ui.context.client
         self._drawn: dict[Element, Any] = {}
-        self._sent = False  # something large since the page was last asked whether it has drawn
-        self._drawing = False  # it was asked, and has not answered
+        self._sent = False  # large data was sent since the page last reported a finished drawing
+        self._drawing = False  # the page has not yet reported the end of its drawing
         self._late: dict[Element, None] = {}  # what has changed since
         self._client.on_delete(self._leave)
         self._client.on_connect(self._catch_up)
@@ -87,7 +87,7 @@ class PageView:
             _see(drawn, element)
 
     def follow(self) -> None:
-        """Have the page say when it has drawn what was sent to it."""
+        """Let the page report when it has drawn what was sent to it."""
         if self._sent and self.hears and not self._drawing:
             self._sent, self._drawing = False, True
             background_tasks.create(self._until_drawn())
@@ -104,7 +104,7 @@ class PageView:
         self.gone = True
 
     def _catch_up(self) -> None:
-        """Draw again what was not sent while nobody listened."""
+        """Draw again what was not sent while no browser was connected."""
         for element in list(self._drawn):
             if element.kind in _LARGE:
                 self.update(element)
@@ -161,7 +161,7 @@ class PageView:
 
     @property
     def hears(self) -> bool:
-        """Somebody listens: what is sent now is not waited for."""
+        """Whether a browser is connected; data sent now does not queue up."""
         return bool(self._client.has_socket_connection)
 
 
@@ -272,7 +272,7 @@ def _show_chart(view: PageView, element: Element, drawn: Any) -> None:
         return
     fresh = drawn.structure is not element.data.options
     drawn.structure = element.data.options
-    with drawn.props.suspend_updates():  # for a browser that asks for all of it later
+    with drawn.props.suspend_updates():  # for a browser that fetches all of it later
         drawn.props["options"] = whole(element.data)
     if fresh:
         drawn.run_chart_method(":setOption", expression(drawn.options), "true")

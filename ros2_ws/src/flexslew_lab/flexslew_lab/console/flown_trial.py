@@ -1,4 +1,4 @@
-"""The trial that a bench flies now, from what it and its controllers say of themselves."""
+"""The trial that a bench flies now, from its own reports and those of its controllers."""
 
 from dataclasses import fields
 from typing import Any
@@ -14,15 +14,15 @@ from flexslew_plant.yaml_data import load_yaml
 def flown_trial(view: BenchView, controller: str) -> Trial:
     """Return the trial of one controller of a bench, tuned as it is, without a plan.
 
-    What was injected by hand is not in it; the schedule's disturbances and faults are.
+    What was injected by hand is left out; the schedule's disturbances and faults are included.
 
     Args:
-        view: of the bench.
-        controller: that is in charge of it.
+        view: view of the bench.
+        controller: name of the active controller.
 
     Raises:
-        BadInput: the bench or the controller has not said what it is, or is code of the user's own
-            that this process may not load.
+        BadInput: if the bench or the controller has not reported its settings yet, or is code of
+            the user's own that this process may not load.
     """
     known = view.controllers.get(controller)
     if known is None or not view.bench_settings:

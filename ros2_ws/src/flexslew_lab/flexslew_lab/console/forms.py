@@ -1,4 +1,4 @@
-"""Forms made from sections of settings: a field for each key, what is wrong told beside it."""
+"""Forms made from sections of settings: a field for each key, with its error next to it."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ class FormKey(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The name with the unit that its words say in brackets."""
+        """The name, with the unit from its description in brackets."""
         units = " or ".join(units_in(self.words))
         return f"{self.name} [{units}]" if units else self.name
 
@@ -115,7 +115,7 @@ def one_of(name: str, value: Any, known: Mapping[str, float]) -> float:
 
 
 def offer(field: Element, options: tuple[str, ...], nothing: str) -> None:
-    """Let a list offer these; without any of them it says so in these words."""
+    """Set the options of a list; without options it shows the text `nothing`."""
     shown = options or (nothing,)
     if shown != field.options:
         field.value = field.value if field.value in shown else shown[0]
@@ -131,7 +131,7 @@ class OpenedOn:
 
     def __init__(self, field: Element) -> None:
         self._field = field
-        self._shown = field.value  # of the list itself: nobody has chosen
+        self._shown = field.value  # chosen by the list itself, not by a user
         self._open = False
 
     def offer(self, options: tuple[str, ...], nothing: str, active: str) -> None:
@@ -155,10 +155,10 @@ class Form:
     """Fields below one another; `values` returns what they hold.
 
     Args:
-        desk: of the page.
-        keys: of the fields.
-        place: a folder of the page that they stand in.
-        sliders: beside each positive number, over two powers of ten.
+        desk: desk of the page.
+        keys: keys of the fields.
+        place: folder of the page that contains the fields.
+        sliders: add a slider next to each positive number, over two powers of ten.
     """
 
     def __init__(
@@ -182,19 +182,19 @@ class Form:
                 self._errors[key.name] = gui.html(visible=False)
 
     def changed(self) -> dict[str, Any] | None:
-        """Return the values of the fields that say something else than at first, or None."""
+        """Return the values of the fields that differ from the start, or None if one is wrong."""
         return self._read({key.name: key.text for key in self._keys})
 
     def values(self, as_written: bool = False) -> dict[str, Any] | None:
         """Return the values of the fields that are not empty; None: a field is wrong.
 
         Args:
-            as_written: quantities are left to the bench, which knows the kinds of its joints.
+            as_written: leave quantities to the bench, which has the kinds of its joints.
         """
         return self._read({}, as_written)
 
     def refuse(self, why: Refusal) -> bool:
-        """Tell a refusal beside the field that it names; return whether there is one."""
+        """Show a refusal next to the field that it names; return whether there is one."""
         for name in sorted(self._errors, key=len, reverse=True):
             if why.key == name or why.key.startswith(f"{name}."):
                 self._tell(name, str(why))

@@ -60,13 +60,13 @@ def listening(host: str, port: int, what: str = "console") -> socket.socket:
 
 
 class Gate:
-    """Lets in who knows the token, asks for this host and comes from the page itself: ASGI.
+    """ASGI gate: admits requests with the token, for this host, from the page itself.
 
     Args:
-        inner: what answers those who are let in.
-        host: that is listened on.
-        port: of it.
-        token: in the address of the page; empty: a new one.
+        inner: application that answers admitted requests.
+        host: address on which the server listens.
+        port: port on which the server listens.
+        token: token in the address of the page; empty: a new one.
     """
 
     def __init__(self, inner: Inner, host: str, port: int, token: str = "") -> None:
@@ -131,7 +131,7 @@ class Gate:
 
 
 def spoken(name: str, port: int) -> tuple[str, ...]:
-    """Return what a client says in Host of a name and a port; it leaves out the usual port."""
+    """Return the Host headers of clients for a name and a port; the usual port may be left out."""
     return (f"{name}:{port}", name) if port == _USUAL else (f"{name}:{port}",)
 
 
@@ -193,7 +193,7 @@ def _sealed(scope: Scope, send: Send, cookie: str) -> Send:
 
 
 async def _close(scope: Scope, receive: Receive, send: Send, why: str) -> None:
-    """Refuse a WebSocket before its handshake, with the reason where the server can tell one."""
+    """Refuse a WebSocket before its handshake, with the reason where the server can send one."""
     await receive()
     if "websocket.http.response" not in scope.get("extensions", {}):
         await send({"type": "websocket.close"})  # 403

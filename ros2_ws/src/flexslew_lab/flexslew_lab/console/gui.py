@@ -1,4 +1,4 @@
-"""The elements of a page as plain data, the same for everybody who opens it.
+"""The elements of a page as plain data, the same for every browser that opens it.
 
 Panels make and change them; `drawing` shows them in each browser.
 """
@@ -18,9 +18,9 @@ class Element:
     """One element. What is assigned to it is shown by all pages.
 
     Args:
-        gui: that it belongs to.
+        gui: page data that the element belongs to.
         kind: a key of the table of drawings.
-        label: beside a field, or on a button.
+        label: text next to a field, or on a button.
         given: any of the attributes.
 
     Attributes:

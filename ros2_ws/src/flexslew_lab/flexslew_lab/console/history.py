@@ -96,7 +96,7 @@ def thinned(
 ) -> tuple[Vector, list[Vector]]:
     """Return curves on one time axis, the smallest and the largest value of each bucket kept.
 
-    The axis begins at start and ends at end, whatever is known between them.
+    The axis runs from start to end, even where the curves have no points.
 
     Args:
         curves: that share a chart.

@@ -11,7 +11,7 @@ class RequestResult(NamedTuple):
 
     ok: bool
     message: str
-    tick: int = 0  # of what was asked for, where it has one
+    tick: int = 0  # tick of the request, if it has one
 
 
 class Iterate(NamedTuple):
@@ -31,7 +31,7 @@ class BenchLink(Protocol):
     """The way to a bench. All calls come from one thread, and all answers to it."""
 
     view: BenchView
-    replay: bool  # of a log: nothing can be asked of it
+    replay: bool  # of a log, which accepts no requests
     folder: str  # of the run; empty where it is not known
     command: str  # that repeats it
 
@@ -48,10 +48,10 @@ class BenchLink(Protocol):
         """
 
     def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
-        """Ask the planner for a manoeuvre that nobody follows yet, YAML of a `plan` section."""
+        """Request a manoeuvre, YAML of a `plan` section, that no controller follows yet."""
 
     def cancel(self) -> None:
         """Give up the plan that is being made."""
 
     def measure(self, on: bool) -> None:
-        """Take what the sensors say at every tick into the view, or no longer."""
+        """Add the sensor readings of every tick to the view, or stop adding them."""

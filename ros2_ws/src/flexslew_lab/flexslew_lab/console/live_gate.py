@@ -1,4 +1,4 @@
-"""The gate before the Foxglove server: who may talk to it at all.
+"""The gate before the Foxglove server: which clients may connect to it at all.
 
 The server's library has no check of its own: any page that a browser of this machine shows could
 open it. It therefore listens where no page finds it, at one of 2^24 addresses of the loopback, and
@@ -30,7 +30,7 @@ _TOLD = 16  # foreign origins that are named, of a page that may invent as many 
 
 
 def hidden_address() -> str:
-    """Return an address of the loopback that nobody guesses."""
+    """Return a loopback address that cannot be guessed."""
     return ".".join(map(str, (127, *secrets.token_bytes(2), 1 + secrets.randbelow(254))))
 
 
@@ -86,7 +86,7 @@ class LiveGate:
         self._sock.close()
 
     async def _serve(self) -> None:
-        # who is refused is told so; the log would hold a traceback for each
+        # a refused client receives the reason; the log would hold a traceback for each
         quiet = logging.getLogger("websockets.server")
         quiet.setLevel(logging.CRITICAL)
         self._server = await serve(
@@ -136,7 +136,7 @@ async def _copy(source: Any, target: Any) -> None:
 
 
 def _refused(words: str) -> Response:
-    """Return the answer to those who are not let in."""
+    """Return the answer to refused clients."""
     status, body = http.HTTPStatus.FORBIDDEN, words.encode()
     headers = {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}
     return Response(status.value, status.phrase, Headers(headers), body)

@@ -33,15 +33,15 @@ Make = Callable[[Desk], DeskPanel]
 
 
 class Page:
-    """Panels over one bench, the same for everybody who opens it.
+    """Panels over one bench, the same for every browser that opens it.
 
     Args:
-        link: to the bench.
+        link: link to the bench.
         host: address to listen on.
         port: 0 takes any.
-        say: told what a person should know, a line each.
-        recording: that the link shows; None: the bench is alive.
-        layouts: file of what the charts show; None: the user's own.
+        say: called with each line for the user.
+        recording: panel of the log that the link shows; None: a live bench.
+        layouts: file of the chart layouts; None: the user's own.
 
     Raises:
         BadInput: the port cannot be opened.
@@ -77,7 +77,7 @@ class Page:
         return POLL_PERIOD
 
     def refresh(self) -> None:
-        """Have every panel say what is known now."""
+        """Update every panel to the present state."""
         for panel in self._panels:
             panel.refresh()
         over = self._link.view.now.state == FINISHED

@@ -1,4 +1,4 @@
-"""What a testbed looks like now, in world coordinates, and as a flat drawing."""
+"""The shape of a testbed now, in world coordinates, and as a flat drawing."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -147,7 +147,7 @@ def _projected(
 
 
 def _corners(shape: Shape) -> Matrix:
-    """Return points whose hull is the shape's, around its own origin."""
+    """Return points with the shape as their convex hull, around its own origin."""
     if shape.kind == "box":
         signs = np.array(np.meshgrid((-0.5, 0.5), (-0.5, 0.5), (-0.5, 0.5))).reshape(3, -1).T
         return np.asarray(signs * np.asarray(shape.size))

@@ -17,7 +17,7 @@ TIPS, INNOVATION, ESTIMATE = "tips", "innovation", "estimate minus truth"
 def _columns(
     labels: tuple[str, ...], time: Vector, rows: Matrix, dashed: bool = False
 ) -> list[Curve]:
-    """Return a curve for each joint: whatever is drawn of one has its colour."""
+    """Return a curve for each joint; all curves of a joint have its colour."""
     return [
         Curve(label, time, rows[:, k], dashed, color=k)
         for k, label in enumerate(labels)
@@ -71,7 +71,7 @@ def _effort(view: BenchView, joints: Joints) -> list[Curve]:
     time = view.truth.time
     for limit, unit in sorted(set(zip(joints.limit, joints.effort_units, strict=True))):
         for sign in (1.0, -1.0):
-            level = np.full(len(time), sign * limit)  # whatever window is cut out, it crosses it
+            level = np.full(len(time), sign * limit)  # in any window, it crosses all of it
             curves.append(Curve(f"limit {sign * limit:g} {unit}", time, level, True, color=GREY))
     return curves
 

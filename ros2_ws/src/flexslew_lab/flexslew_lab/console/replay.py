@@ -1,4 +1,4 @@
-"""The log of a run as a page asks for it."""
+"""The log of a run, behind the same link as a live bench."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -81,7 +81,7 @@ class Replay:
         return self._seek(time, _BEFORE)
 
     def _last_tick(self) -> int:
-        """Return that of the run; 0 where a reset made it begin anew, and epochs have their own."""
+        """Return the last tick of the run; 0 after a reset, where each epoch has a last tick."""
         self._seek(self.last, 1.0)
         period = self.view.joints.period if self.view.joints else 0.01
         once = abs(self.view.time - self.time) < 0.5 * period

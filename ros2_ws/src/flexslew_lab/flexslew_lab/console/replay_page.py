@@ -20,10 +20,10 @@ def serve(
     """Serve a page over a log until interrupted.
 
     Args:
-        bag: its folder or file.
+        bag: folder or file of the log.
         host: address to listen on.
         port: 0 takes any.
-        say: told where the page is.
+        say: called with the address of the page.
         trust: testbeds of the user's own that are drawn.
         browser: open the page where there is a screen.
 

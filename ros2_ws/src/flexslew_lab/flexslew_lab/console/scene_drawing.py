@@ -13,11 +13,11 @@ _DOTS = 160  # along each line
 
 
 class SceneDrawing:
-    """A place that shows a picture; flat until the browser has said that it can do more.
+    """A place that shows a picture; flat until the browser has reported that it can do more.
 
     Attributes:
-        able: 0: the browser has no WebGL; 1: its processor draws, which a bench beside it would
-            feel, so that only who asks for it gets three dimensions; 2: it has a graphics card.
+        able: 0: the browser has no WebGL; 1: its processor draws, which slows a bench on the same
+            machine, so that three dimensions need a request; 2: it has a graphics card.
     """
 
     def __init__(self) -> None:

@@ -27,12 +27,12 @@ _SERVER = "flexslew.server"  # key of a request's scope
 
 
 class ConsoleServer:
-    """Serves one page to everybody who may see it.
+    """Serves one page to every browser that the gate admits.
 
     Args:
         host: address to listen on.
         port: 0 takes any.
-        say: told in one line when a page sends what cannot be read.
+        say: called with one line when a page sends what cannot be read.
 
     Attributes:
         gui: what stands on the page.
@@ -67,7 +67,7 @@ class ConsoleServer:
         return f"http://{name}:{self.port}/?token={self.gate.token}"
 
     def open_browser(self) -> None:
-        """Open the page in a browser, where somebody sits before a screen."""
+        """Open the page in a browser, if there is a screen."""
         if sys.platform == "linux" and not _SCREENS & os.environ.keys():
             return
         with suppress(webbrowser.Error):
@@ -110,7 +110,7 @@ class ConsoleServer:
 @cache
 def _nicegui() -> tuple[asyncio.AbstractEventLoop, Any]:
     """Return the loop that all pages of this process share, running, and what answers there."""
-    logging.getLogger("nicegui").setLevel(logging.CRITICAL)  # else a traceback for what is told
+    logging.getLogger("nicegui").setLevel(logging.CRITICAL)  # else it prints tracebacks
     for name in ("uvicorn.error", "engineio.server", "socketio.server"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
@@ -131,7 +131,7 @@ def _nicegui() -> tuple[asyncio.AbstractEventLoop, Any]:
 
 
 def _invalid(error: BaseException | None) -> None:
-    """Tell in one line what a page has sent that is no message."""
+    """Print one line about page data that is no message."""
     print(f"a page sent invalid data: {error!r:.200}", file=sys.stderr, flush=True)
 
 

@@ -1,4 +1,4 @@
-"""The record of an experiment while it is flown, and the responses that it tells so far."""
+"""The record of an experiment while it is flown, and the responses computed from it so far."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from flexslew_lab.identification.measurements import FIELDS, Channels, ticks_rec
 from flexslew_lab.identification.record import Record
 from flexslew_plant.errors import BadInput
 
-LEAST = 3  # periods: the first holds the transient, and two tell noise from response
+LEAST = 3  # periods: the first holds the transient, two separate noise from response
 
 
 class Progress(NamedTuple):
@@ -45,14 +45,14 @@ def progress(plan: Plan, time: float) -> Progress:
 
 
 def record_so_far(view: BenchView, plan: Plan) -> Record:
-    """Return what was measured from the begin of an experiment until now, at most to its end.
+    """Return the measurements from the start of an experiment until now, at most to its end.
 
     Args:
-        view: of the bench, whose link listens to the sensors.
-        plan: that shakes it.
+        view: view of the bench, with a link that receives the sensors.
+        plan: plan of the experiment.
 
     Raises:
-        BadInput: nothing is known yet, or not all of it was heard.
+        BadInput: if there are no measurements yet, or ticks are missing.
     """
     joints, track = view.joints, view.measured
     if joints is None or not track.time.size or track.time[-1] <= plan.start:
@@ -76,11 +76,11 @@ def record_so_far(view: BenchView, plan: Plan) -> Record:
 
 
 def response_so_far(record: Record, plan: Plan, periods: int) -> FrequencyResponse:
-    """Return the frequency responses that the first periods of an experiment tell.
+    """Return the frequency responses from the first periods of an experiment.
 
     Args:
-        record: from its begin on.
-        plan: that shakes it.
-        periods: of each of its parts, at least LEAST.
+        record: record from the start of the experiment.
+        plan: plan of the experiment.
+        periods: periods of each of its parts, at least LEAST.
     """
     return frequency_response([record], [replace(plan, start=0.0)], periods)

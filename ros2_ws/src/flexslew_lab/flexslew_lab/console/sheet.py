@@ -1,4 +1,4 @@
-"""How the page looks, the key of its brake, and what it says once nothing answers."""
+"""The style of the page, the key of its brake, and its notice when the server is silent."""
 
 PRIMARY = "#1565c0"  # of buttons; white on it has a contrast of 5.7
 SHEET = """

@@ -1,4 +1,4 @@
-"""What a page knows of a bench: how it stands now, who is there, what happened, what it flew."""
+"""The page's view of a bench: its state now, controllers, events, and the curves of its run."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ class Now(NamedTuple):
     state: str = "not found"  # or waiting, running, paused, finished; replaying
     waiting_for: tuple[str, ...] = ()
     tick: int = 0
-    last_tick: int = 0  # 0: when somebody stops it
+    last_tick: int = 0  # 0: no end is set
     epoch: int = 0
     rate_factor: float = 0.0
     wall_time: float = 0.0  # [s]
@@ -101,7 +101,7 @@ class BenchView:
         self.measured = Track()  # empty unless the link listens to the sensors
         self.position: Vector = np.zeros(0)  # the coordinates now; empty before the first tick
         self.time = 0.0  # simulated [s]
-        self.answering = ""  # who gave the last answer
+        self.answering = ""  # controller of the last answer
         self._layouts: dict[tuple[str, int], list[Layout]] = {}
 
     def take(self, name: str, kind: str, data: Sequence[bytes]) -> None:
@@ -116,7 +116,7 @@ class BenchView:
             self._take_rows(name, kind, data)
             return
         for one in data:
-            with suppress(BadInput):  # nothing that a node of the bench says; no log holds it
+            with suppress(BadInput):  # no message of a bench's node; no log holds it
                 self._take_one(name, cdr.decode(kind, one))
 
     def _take_one(self, name: str, message: Any) -> None:
@@ -136,7 +136,7 @@ class BenchView:
             self.plan = message
 
     def forget(self) -> None:
-        """Begin anew, as after a jump in a log or where another plant has come."""
+        """Start again with empty tracks, as after a jump in a log or with another plant."""
         self.truth.clear()
         self.controller_state.clear()
         self.measured.clear()
@@ -152,7 +152,7 @@ class BenchView:
             columns = block.columns
             time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
             last = track.time[-1] if track.time.size else np.nan
-            new = np.diff(time, prepend=last) != 0.0  # a question is asked again until answered
+            new = np.diff(time, prepend=last) != 0.0  # a query repeats until answered
             if not new.any():
                 continue
             time, columns = time[new], {k: v[new] for k, v in columns.items()}
@@ -176,7 +176,7 @@ class BenchView:
         return {"position": place, "velocity": rate, COORDINATES: q}
 
     def _take_state(self, m: Any) -> None:
-        if m.epoch > self.now.epoch:  # it stands where it began, and nothing is asked of it yet
+        if m.epoch > self.now.epoch:  # back at the start, no query yet
             self.position = np.zeros(0)
         faults = tuple(zip((int(n) for n in m.fault_numbers), m.faults, strict=False))
         self.now = Now(

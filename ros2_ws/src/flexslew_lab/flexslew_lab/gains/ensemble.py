@@ -130,9 +130,9 @@ class GainEnsemble:
         return sha256(whole.encode()).hexdigest()
 
     def outcomes(self, choices: Sequence[Sequence[float]]) -> list[MemberOutcome]:
-        """Return what choices of factors on the gains do; NaN where nothing flies.
+        """Return the outcomes of choices of factors on the gains; NaN where nothing flies.
 
-        Those whose loop is not stable are not flown.
+        Those with a loop that is not stable are not flown.
         """
         alphas = [self._alpha(factors) for factors in choices]
         stable = [k for k, alpha in enumerate(alphas) if alpha > 0.0]

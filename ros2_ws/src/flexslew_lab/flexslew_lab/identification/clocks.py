@@ -13,7 +13,7 @@ from flexslew_plant.errors import BadInput
 
 _EVEN = 1e-3  # of a tick: jitter up to which samples lie on ticks
 _SAME = 1e-6  # of a tick, within which two stamps are one
-_AROUND = 11  # steps, whose median is a clock's present one
+_AROUND = 11  # steps; their median is a clock's present one
 _GAP = 1.5  # steps of a clock beyond which a sample is missing
 _IRREGULAR = 0.3  # spread of a clock's steps from which a gap must exceed it _SPREADS times
 _SPREADS = 5.0

@@ -13,7 +13,7 @@ class Columns(NamedTuple):
 
     series: dict[str, tuple[Vector, Vector]]  # times [s] and values
     source: str
-    past: frozenset[str] = frozenset()  # whose values held until their stamp, not from it on
+    past: frozenset[str] = frozenset()  # names of values held until their stamp, not from it on
 
 
 def require_times(columns: Columns) -> None:

@@ -43,7 +43,7 @@ class Flights:
         return varied(self._testbed, nested(keys), "--fit")
 
     def flown(self, values: Vector) -> Matrix:
-        """Return what the sensors would say without errors, (ticks + 1, outputs)."""
+        """Return the readings of the sensors without errors, (ticks + 1, outputs)."""
         self.flights += 1
         testbed = self.testbed(values)
         model = testbed.model()

@@ -13,7 +13,7 @@ from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
-_AT_LIMIT = (0.01, 0.5)  # part of the samples at the largest value that looks like a drive's limit
+_AT_LIMIT = (0.01, 0.5)  # part of the samples at the largest value that suggests a drive's limit
 _FEW = 5  # samples
 
 
@@ -72,7 +72,7 @@ def foreign_record(
 
 
 def _limited(name: str, values: Vector) -> list[str]:
-    """Return, in words, that an effort looks as if its drive had been at its limit."""
+    """Return a warning that the drive of an effort seems to have been at its limit; else none."""
     size = np.abs(values)
     there = size >= size.max() * (1.0 - 1e-9)
     share = float(there.mean())

@@ -19,7 +19,7 @@ from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
-_LEAST = 3  # periods: the first holds the transient, and two tell noise from response
+_LEAST = 3  # periods: the first has the transient, and two separate noise from response
 CONFIDENCE = 0.95
 
 Complex = NDArray[np.complex128]

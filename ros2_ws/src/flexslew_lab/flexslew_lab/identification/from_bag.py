@@ -1,4 +1,4 @@
-"""The record of a run: what its sensors said and the efforts applied, never its truth."""
+"""The record of a run: the readings of its sensors and the efforts applied, never its truth."""
 
 from pathlib import Path
 from typing import Any

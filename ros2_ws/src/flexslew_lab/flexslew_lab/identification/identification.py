@@ -42,7 +42,7 @@ class Validation:
         source: the run.
         outputs: names.
         explained: part of each output's variance, 1 is all of it, (outputs,) [-].
-        over_noise: residual beside the noise that was identified, (outputs,) [-].
+        over_noise: residual relative to the noise that was identified, (outputs,) [-].
     """
 
     source: str
@@ -53,14 +53,15 @@ class Validation:
 
 @dataclass(frozen=True, repr=False)
 class Identification:
-    """All that runs have told.
+    """All results of the identification from some runs.
 
     Args:
-        model: modes and inertias, of the first run.
-        response: of all runs with the same multisine; None: see `without_response`.
+        model: modes and inertias of the first run.
+        response: frequency responses of all runs with the same multisine; None: see
+            `without_response`.
         without_response: why there are no frequency responses.
-        physical: parameters that were fitted; None: none were asked for.
-        validation: of every further run.
+        physical: parameters that were fitted; None: none were requested.
+        validation: validation on every further run.
     """
 
     model: ModalModel
@@ -151,7 +152,7 @@ class Experiment:
 
     record: Record
     plan: Plan | None  # that shook it
-    testbed: Testbed | None  # that its log says stood on the bench
+    testbed: Testbed | None  # that stood on the bench, from its log
     flown: Plan | None = None  # the last plan of any method
 
 
@@ -191,18 +192,18 @@ def identify(
     start: dict[str, float] | None = None,
     tell: Tell | None = None,
 ) -> Identification:
-    """Return what runs say: responses of all, a model of the first, proved on the others.
+    """Return the responses of all runs and a model of the first, validated on the others.
 
     Args:
         experiments: at least one.
-        band: that was shaken [rad/s]; None: the plan's, or where the efforts have their power; of
-            a slew, around the modes that its plan believed.
+        band: band that was shaken [rad/s]; None: the plan's, or where the efforts have their power;
+            of a slew, around the modes of its plan's model.
         fit: paths of numbers in the testbed's section to fit.
         start: first values of some of them.
-        tell: called with what is being done.
+        tell: called with words on each step of the work.
 
     Raises:
-        BadInput: an experiment cannot tell; it says why, with the numbers.
+        BadInput: if an experiment cannot be used; the message gives the reason and the numbers.
     """
     first = experiments[0]
     if band is None:
@@ -219,11 +220,11 @@ def identify(
 
 
 def band_of(plan: Plan | None, source: str) -> tuple[float, float] | None:
-    """Return the frequencies that a plan shook, or believed the modes in; None: nobody says.
+    """Return the band that a plan shook, or around the modes of its model; None: not known.
 
     Args:
-        plan: that was flown.
-        source: of it, for messages.
+        plan: plan that was flown.
+        source: its source, for messages.
     """
     if plan is not None and plan.method == EXCITATION.name:
         low, high = plan.summary["band"]

@@ -1,4 +1,4 @@
-"""The record of a bench of this project: what its measurements say, tick by tick, and of what."""
+"""The record of a bench of this project: its measurements, tick by tick, and their outputs."""
 
 from typing import Any, NamedTuple
 
@@ -61,7 +61,7 @@ def ticks_record(
 
 
 class Listener:
-    """Implements trial.in_process.Observer: keeps what the sensors say in a flight."""
+    """Implements trial.in_process.Observer: keeps the measurements of a flight."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -82,10 +82,10 @@ class Listener:
         """Ignore it."""
 
     def record(self, source: str) -> Record:
-        """Return what was heard.
+        """Return the record of the measurements received.
 
         Raises:
-            BadInput: nothing, or see ticks_record.
+            BadInput: if there are none, or see ticks_record.
         """
         if not self._heard:
             raise BadInput(f"{source}: no measurements")

@@ -9,8 +9,8 @@ from flexslew_lab.identification.separable import ModalLeastSquares, Solution
 from flexslew_plant.arrays import Vector
 
 _GRID = 0.05  # relative distance of its frequencies
-# Beside a known mode: how many places on either side, and how many times its price a mode must
-# explain there, where what is not linear is left, too.
+# Next to a known mode: how many places on either side, and how many times its price a mode must
+# explain there, where the non-linear part is left, too.
 _BESIDE, _DEARER = 6, 10.0
 
 
@@ -19,13 +19,13 @@ def missed_mode(
 ) -> Oscillator | None:
     """Return the oscillator of a grid that explains most of what is left; None: none pays.
 
-    Where none does, a mode may be hidden beside one that is known.
+    Where none does, a mode may be hidden next to one that is known.
 
     Args:
-        signals: of the experiment.
+        signals: signals of the experiment.
         solution: modes that were found.
         noise: standard deviation of every output, (outputs,).
-        band: lowest and highest frequency to look at [rad/s].
+        band: lowest and highest frequency of the search [rad/s].
     """
     problem = ModalLeastSquares(signals, noise)
     now = problem.solve(solution.modes, slopes=False)
@@ -48,7 +48,7 @@ def missed_mode(
 
 
 def _neighbours(modes: tuple[Oscillator, ...], duration: float) -> list[Oscillator]:
-    """Return oscillators beside modes, from half a period of the record to half the grid away."""
+    """Return oscillators next to modes, from half a period of the record to half the grid away."""
     found = []
     for mode in modes:
         nearest = np.pi / (duration * mode.frequency)
@@ -64,10 +64,10 @@ def split_mode(
 ) -> tuple[Oscillator, ...] | None:
     """Return the modes with one of them as two, where that explains most; None: none pays.
 
-    A mode that stands for two close ones lies between them and is damped more.
+    A mode that stands for two close ones is between them and is damped more.
 
     Args:
-        signals: of the experiment.
+        signals: signals of the experiment.
         solution: modes that were found.
         noise: standard deviation of every output, (outputs,).
     """

@@ -22,7 +22,7 @@ _CONVERGED = 1e-2  # of a step, in standard deviations
 
 @dataclass(frozen=True)
 class ModalFit:
-    """What a record says about the modes, with covariances.
+    """The modes of a record, with covariances.
 
     Args:
         modes: oscillators in rising order of frequency, (modes,).
@@ -137,7 +137,7 @@ def noise_of(solution: Solution) -> Vector:
 
 
 def modal_fit(solution: Solution) -> ModalFit:
-    """Return what a solution says, in rising order of frequency, with covariances."""
+    """Return the modes of a solution in rising order of frequency, with covariances."""
     problem, modes = solution.problem, solution.modes
     inputs = problem.record.effort.shape[1]
     order = np.argsort([mode.frequency for mode in modes])

@@ -18,7 +18,7 @@ from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
 from flexslew_plant.yaml_data import yaml_text
 
 _AXES = "xyz"
-_LIGHT = 1e-6  # mass of an appendage whose modes push nothing along [kg]
+_LIGHT = 1e-6  # mass of an appendage with modes that push nothing along [kg]
 
 
 def testbed_of(found: ModalModel) -> IdentifiedTestbed:

@@ -22,8 +22,8 @@ CONFIDENCE = 0.95
 _ORDERS = tuple(range(4, 29, 2))
 _WHITE_LAGS = 25  # of the residual's autocorrelation
 _SEPARATE = 0.01  # relative distance of two modes, at least
-_SINGULAR = 1e4  # condition number from which inertias cannot be told apart
-_POWER = 0.99  # of the efforts that lies in the band, where nobody says what it is
+_SINGULAR = 1e4  # condition number from which inertias cannot be separated
+_POWER = 0.99  # of the efforts' power in the band, where no band is given
 _BELOW = 0.5  # of the band, down to which modes are looked for [-]
 _BEYOND = 1.3  # of the band, from which on a mode stands for others [-]
 _FADING = 0.5  # damping ratio beyond which a mode may be none [-]
@@ -33,7 +33,7 @@ _SHAKEN = 1e-3  # of the efforts' power that a band must hold
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate and where the truth lies with a probability of CONFIDENCE."""
+    """An estimate and its interval, which contains the truth with a probability of CONFIDENCE."""
 
     value: float
     low: float
@@ -75,7 +75,7 @@ class Whiteness:
 
     @property
     def white(self) -> bool:
-        """Whether it looks like white noise."""
+        """Whether it passes the test for white noise."""
         return self.statistic <= self.bound
 
 
@@ -254,7 +254,7 @@ def _power_below(record: Record) -> tuple[Vector, Vector]:
 
 
 def _require(record: Record, band: tuple[float, float]) -> None:
-    """Refuse what cannot tell, with the numbers."""
+    """Refuse a record that cannot identify modes, with the numbers."""
     if record.saturated > 0.01:
         raise BadInput(
             f"{record.source}: a drive was at its limit in {record.saturated:.0%} of the ticks, "
@@ -331,10 +331,10 @@ def interval(value: float, deviation: float) -> Interval:
 
 
 def whiteness_of(record: Record, residual: Matrix) -> tuple[Whiteness, ...]:
-    """Return it for every output of a record; all of them together, if white, pass with 99 %.
+    """Return the whiteness of every output of a record; all of them, if white, pass with 99 %.
 
     Args:
-        record: whose outputs they are.
+        record: record of the outputs.
         residual: measured minus fitted, (ticks + 1, outputs).
     """
     n, lags = len(residual), np.arange(1, _WHITE_LAGS + 1)

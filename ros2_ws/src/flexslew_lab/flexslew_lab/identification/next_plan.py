@@ -1,4 +1,4 @@
-"""What the next manoeuvre would gain from what a manoeuvre's own log has told."""
+"""The gain for the next manoeuvre from a model identified in the log of a manoeuvre."""
 
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,8 +1,8 @@
 """Parameters of a testbed's own equations from a record, by prediction error.
 
 The bench's non-linear equations are flown with the efforts that were really applied, held over
-every tick. What the sensors say differs from that flight by their noise, a bias and the motion that
-the bench had before the record; the last two are eliminated (variable projection on the free
+every tick. The readings of the sensors differ from that flight by their noise, a bias and the
+motion of the bench before the record; the last two are eliminated (variable projection on the free
 motions of the bench). The efforts are known exactly, so the feedback that made them biases nothing.
 Slopes are those of the flight as it is computed, by its variational equations; the covariance is
 the inverse of Fisher's information (Ljung 1999, chapter 9).
@@ -24,10 +24,10 @@ from flexslew_plant.testbeds import Testbed, initial_positions
 
 _ROUNDS = 12
 _CONVERGED = 1e-2  # of a step, in standard deviations; flights round at some 5e-3 of them
-_ALIKE = 0.99  # correlation from which two parameters cannot be told apart
-_UNTOLD = 1e-12  # eigenvalue of the scaled information below which rounding speaks
+_ALIKE = 0.99  # correlation from which two parameters cannot be separated
+_UNTOLD = 1e-12  # eigenvalue of the scaled information below which rounding dominates
 _UNKNOWN = 0.5  # relative standard deviation from which a parameter is not known at all
-_LIGHT = 0.1  # weight of damping and inertia beside the frequencies, for a start
+_LIGHT = 0.1  # weight of damping and inertia relative to frequencies, for a start
 _PREFIX = "testbed."
 
 
@@ -43,11 +43,11 @@ class PhysicalFit:
     """Parameters with their covariance.
 
     Args:
-        parameters: in the order they were asked for.
-        correlation: (parameters, parameters).
-        warnings: what cannot be told apart, or at all.
+        parameters: parameters in the requested order.
+        correlation: their correlation, (parameters, parameters).
+        warnings: parameters that cannot be separated, or are not known.
         noise: standard deviation of the residual of every output, (outputs,).
-        flights: how many were flown.
+        flights: number of flights.
     """
 
     parameters: tuple[Parameter, ...]
@@ -117,7 +117,7 @@ def fit_parameters(
 
 
 def _covariance(information: Matrix) -> Matrix:
-    """Return the inverse; a direction that no flight tells gets a variance that says so."""
+    """Return the inverse; a direction without information gets a very large variance."""
     size = np.sqrt(np.diag(information))
     size = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
@@ -162,7 +162,7 @@ def _along(
 
 
 def _by_modes(found: ModalModel, problem: Flights, first: Vector) -> Vector:
-    """Return the parameters whose small motions have the modes and the inertia found."""
+    """Return the parameters that give small motions the modes and the inertia found."""
     if not found.modes:
         return first
     requested = np.array([[m.frequency.value, m.damping_ratio.value] for m in found.modes])
@@ -191,7 +191,7 @@ def _by_modes(found: ModalModel, problem: Flights, first: Vector) -> Vector:
 
 
 def _warnings(names: tuple[str, ...], correlation: Matrix, spread: Vector) -> tuple[str, ...]:
-    """Return which parameters the record cannot tell apart, or does not know."""
+    """Return which parameters the record cannot separate, or does not determine."""
     words = []
     for i, name in enumerate(names):
         if not 0.0 < spread[i] < _UNKNOWN:

@@ -13,17 +13,17 @@ _PER_PERIOD = 5.0  # means in a period of the highest frequency that is kept
 
 
 class LowFrequencies:
-    """What signals hold below a frequency: the low end of the cosine transform of means.
+    """The part of signals below a frequency: the low end of the cosine transform of means.
 
     Both are orthonormal rows, so white noise stays white and keeps its size, and a fit is exact
-    whatever they leave out. What lies above the band tells nothing, and costs most of the work.
+    for any part left out. Frequencies above the band add no information, but most of the work.
 
     Args:
-        samples: of a signal.
-        period: between them [s].
+        samples: number of samples of a signal.
+        period: time between them [s].
         highest: end of the band [rad/s].
         lowest: corner of a high pass of second order on all signals [rad/s]; 0: none. The rate of
-            a free body remembers every error of the effort; behind the filter it is forgotten.
+            a free body sums every error of the effort; the filter removes it.
 
     Attributes:
         each: samples of a mean.
@@ -45,7 +45,7 @@ class LowFrequencies:
         return self.of_sums(columns[: each * count].reshape(count, each, -1).sum(axis=1))
 
     def of_sums(self, sums: Matrix) -> Matrix:
-        """Return the coefficients of columns whose sums over `each` samples are given.
+        """Return the coefficients of columns from their sums over `each` samples.
 
         Sums of samples behind the last that is transformed are left out.
         """

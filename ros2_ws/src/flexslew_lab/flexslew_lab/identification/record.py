@@ -1,4 +1,4 @@
-"""What an experiment gave: the efforts that were applied and what the sensors said, on ticks."""
+"""The record of an experiment: the efforts applied and the readings of the sensors, on ticks."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -29,9 +29,9 @@ class Output:
 
     Args:
         name: for people and files, `position.JOINT` or `tip.APPENDAGE`.
-        unit: of its values.
+        unit: unit of its values.
         quantity: what it measures.
-        joint: whose position or rate; empty for a deflection.
+        joint: joint of a position or a rate; empty for a deflection.
     """
 
     name: str

@@ -16,7 +16,7 @@ from flexslew_plant.arrays import Matrix, Vector
 _STEP = 1e-6  # relative, of the differences with respect to frequency
 _DAMPING_STEP = 1e-6
 _BLOCK = 4096  # rows that are turned at once
-_KEPT = 256  # modes whose responses are kept: those of a search, too
+_KEPT = 256  # modes with responses that are kept: those of a search, too
 
 Pair: TypeAlias = tuple[Matrix, Matrix]  # of positions and of rates
 T = TypeVar("T")
@@ -37,9 +37,9 @@ class RegressorSignals:
     """The signals of a record and the responses to its efforts, below a frequency.
 
     Args:
-        record: of the experiment.
+        record: record of the experiment.
         highest: end of the band [rad/s]; None: all ticks as they are.
-        lowest: what lies below is filtered away [rad/s]; 0: nothing.
+        lowest: frequency below which all is filtered away [rad/s]; 0: nothing.
     """
 
     def __init__(self, record: Record, highest: float | None, lowest: float = 0.0) -> None:
@@ -71,7 +71,7 @@ class RegressorSignals:
 
     @property
     def rows(self) -> int:
-        """How many numbers of each output there are, whatever they are turned to."""
+        """The number of values of each output before they are turned."""
         return len(self.measured)
 
     def columns(self, modes: tuple[Oscillator, ...], slopes: bool = False) -> tuple[Terms, Terms]:
@@ -163,7 +163,7 @@ class RegressorSignals:
 
 
 def neighbours(mode: Oscillator) -> tuple[tuple[Oscillator, Oscillator, float], ...]:
-    """Return the two pairs of modes whose differences are the slopes, with their distances."""
+    """Return two pairs of modes for the slopes by differences, with their distances."""
     dw, dz = _STEP * mode.frequency, _DAMPING_STEP
     return (
         (

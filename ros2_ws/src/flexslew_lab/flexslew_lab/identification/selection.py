@@ -84,7 +84,7 @@ def _refine_selection(
 
 
 def _passive(solution: Solution, modes: tuple[Oscillator, ...]) -> tuple[Oscillator, ...]:
-    """Return the modes that a bench can have, where sensors at the drives can tell.
+    """Return the modes that are physically possible, where sensors at the drives show it.
 
     There the residues of a mode are phi phi^T: one that pushes back is an error of another mode.
     """
@@ -110,7 +110,7 @@ def _rough_noise(record: Record) -> Vector:
 def pruned(
     signals: RegressorSignals, modes: tuple[Oscillator, ...], noise: Vector
 ) -> tuple[Oscillator, ...]:
-    """Return the modes without those whose absence costs less than their parameters."""
+    """Return the modes without those with a smaller gain than the price of their parameters."""
     problem = ModalLeastSquares(signals, noise)
     kept = list(modes)
     now = problem.solve(tuple(kept), slopes=False).cost if kept else 0.0

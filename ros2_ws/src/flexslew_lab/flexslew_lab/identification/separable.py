@@ -11,9 +11,9 @@ exactly, so nothing is biased by the feedback that made them: the errors of the 
 sensors' noise alone (the direct method with the true noise model, Pintelon and Schoukens, chapter
 9). A rate sensor sees the derivative with the same residues; a deflection has no rigid part.
 
-On all ticks every mode has S_ioa q_ia' beside R_ioa q_ia: a damping that couples the modes turns
-their shapes complex, and without S their frequencies would be biased by its square (Ewins 2000,
-2.7). No effort moves a bench at once, so the sum of S over the modes is 0.
+On all ticks every mode has S_ioa q_ia' in addition to R_ioa q_ia: a damping that couples the modes
+turns their shapes complex, and without S their frequencies would be biased by its square (Ewins
+2000, 2.7). No effort moves a bench at once, so the sum of S over the modes is 0.
 """
 
 from dataclasses import dataclass
@@ -95,7 +95,7 @@ class ModalLeastSquares:
         return PieceSlopes(columns, rows, inertia, part.of_modes, count)
 
     def _ratio(self, group: ParameterGroup) -> float:
-        """Return the weight of a group's rate beside its position."""
+        """Return the weight of a group's rate relative to its position."""
         both = group.position >= 0 and group.rate >= 0
         return float(self.noise[group.position] / self.noise[group.rate]) if both else 1.0
 

@@ -1,9 +1,9 @@
 """Poles of a record for every order, by subspace identification and by OKID with ERA.
 
-They are where the modal fit starts, and what a stabilisation diagram shows: a mode of the bench is
+The modal fit starts from them, and a stabilisation diagram shows them: a mode of the bench is
 found again at every order, a pole of the noise is not. MOESP is SLICOT's (IB01AD, IB01BD; Van
 Overschee and De Moor 1996, chapter 4); OKID is the observer of Juang, Phan, Horta and Longman
-(1993), whose Markov parameters ERA turns into a state space (Juang and Pappa 1985).
+(1993); ERA turns its Markov parameters into a state space (Juang and Pappa 1985).
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from flexslew_plant.extras import how_to_install
 _SAMPLES = 5.0  # per period of the highest frequency of the band, at least
 _BLOCK_ROWS = 30
 _MARKOV = 200  # parameters that ERA gets
-_OBSERVER = 30  # samples that the observer looks back
+_OBSERVER = 30  # past samples of the observer
 _MOST_DAMPED = 0.3
 _SAME = 0.02  # relative distance within which two poles are one mode
 _FOUND_AGAIN = 0.5  # part of the orders in which a mode must be found
@@ -39,7 +39,7 @@ class Slowed(NamedTuple):
 
     effort: Matrix  # (samples, inputs)
     measured: Matrix  # (samples, outputs)
-    bounded: Matrix  # outputs whose response to an impulse does not grow: rates, not positions
+    bounded: Matrix  # outputs with a bounded impulse response: rates, not positions
     period: float  # [s]
 
 

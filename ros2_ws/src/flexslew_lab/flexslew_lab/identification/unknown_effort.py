@@ -7,7 +7,7 @@ frequencies and damping ratios (variable projection, Kaufman 1975), shared by al
     z(t) = R0 iint u + sum_i (R_i q_i + S_i q_i') of the unit pulse u over the span.
 
 The prior of an effort is a line between the samples around it, with the largest error that such a
-line has anywhere in the record as its standard deviation. It keeps spans apart whose pulses no
+line has anywhere in the record as its standard deviation. It separates spans with pulses that no
 sensor can distinguish.
 """
 

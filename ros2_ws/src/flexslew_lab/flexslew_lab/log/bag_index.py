@@ -1,4 +1,4 @@
-"""Where in a bag a time lies: its chunk index, so that a jump costs no reading from the start."""
+"""The place of a time in a bag, by its chunk index: a jump costs no reading from the start."""
 
 import struct
 from array import array

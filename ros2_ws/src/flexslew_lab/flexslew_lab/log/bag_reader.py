@@ -58,7 +58,7 @@ BATCH = 1 << 14  # messages of a chunk that become arrays at once
 
 
 class BagMessage(NamedTuple):
-    """One message as it lies in the bag."""
+    """One message as stored in the bag."""
 
     topic: str
     type: str
@@ -80,20 +80,20 @@ class Overview(NamedTuple):
     statuses: dict[str, Any]  # the last ControllerStatus of every controller
     metadata: dict[str, dict[str, str]]  # the records by name
     cut: Cut | None
-    unprotected: tuple[str, ...]  # parts whose numbers no checksum protects, in words
+    unprotected: tuple[str, ...]  # parts without a checksum over their numbers, as text
 
 
 class BagReader:
-    """A bag, read from its start each time it is asked. Memory does not grow with its length.
+    """A bag, read from its start by every call. Memory does not grow with its length.
 
     Args:
-        path: the rosbag2 folder, or the .mcap file.
+        path: rosbag2 folder or .mcap file.
         foreign: also read bags that this project has not written.
-        trust: which classes that the log names may be loaded by those who read it, and which files
-            may be read: by default none.
+        trust: classes named by the log that its readers may load, and files that they may read;
+            none by default.
 
     Raises:
-        BadInput: there is no bag, it is damaged, foreign, or of another version; also while
+        BadInput: if there is no bag, or it is damaged, foreign, or of another version; also while
             reading.
 
     """
@@ -107,7 +107,7 @@ class BagReader:
 
     @property
     def trial_text(self) -> str:
-        """The validated trial as YAML; of a log that names none what it says of its bench."""
+        """The validated trial as YAML; a log without one describes it by its bench."""
         named = self.metadata.get("trial", "")
         if named or self._foreign:
             return named
@@ -135,9 +135,9 @@ class BagReader:
         """Yield arrays, chunk by chunk; within a topic in the order of the bag.
 
         Args:
-            topics: of types without sequences of nested types, such as /truth.
-            checked: refuse a truth that is not finite, changes its sizes or begins anew; else leave
-                that to the caller.
+            topics: topics with types without sequences of nested types, such as /truth.
+            checked: refuse a truth that is not finite, changes its sizes or starts again; else the
+                caller has to check this.
 
         """
         layouts: dict[tuple[str, int], list[Layout]] = {}
@@ -177,7 +177,7 @@ class BagReader:
     def columns(self, topic: str, fields: Collection[str] | None = None) -> dict[str, np.ndarray]:
         """Return a whole topic as arrays by field, and `stamp` [s]; for figures, not for 24 h.
 
-        Sequences whose length changes in the course of the run are filled with NaN.
+        Sequences of varying length are filled with NaN up to the longest.
         """
         blocks = list(self.blocks([topic]))
         if not blocks:
@@ -233,7 +233,7 @@ class BagReader:
         )  # fmt: skip
 
     def _unprotected(self) -> tuple[str, ...]:
-        """Say which parts have no checksum, after a whole pass."""
+        """Return the parts without a checksum, after a whole pass."""
         found = []
         if self._bare and not self._sealed:
             where = f"the first at byte {self._bare[0]}"

@@ -27,11 +27,11 @@ def column_name(
     """Return the name of one entry of a sequence: `position.hub`, else `position_0`.
 
     Args:
-        overview: of the bag, which says what stands on the bench.
-        topic: of the message.
-        field: the sequence.
-        place: of the entry, from 0.
-        trust: which testbeds of the user's own may be loaded: they know their coordinates.
+        overview: overview of the bag, with its testbed.
+        topic: topic of the message.
+        field: name of the sequence.
+        place: index of the entry, from 0.
+        trust: testbeds of the user's own that may be loaded for the names of their coordinates.
     """
     testbed = overview.testbed
     if topic == "/truth" and (known := coordinate_of(overview, field, place, trust)):

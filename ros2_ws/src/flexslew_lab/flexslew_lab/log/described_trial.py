@@ -1,18 +1,18 @@
-"""The trial of a log that names none: of nodes that somebody started one by one."""
+"""The trial of a log that names none, from nodes that were started one by one."""
 
 from typing import Any
 
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_plant.yaml_data import yaml_text
 
-_OF_PLANT = ("rate_factor", "answer_timeout", "display_rate")  # beside the settings of the bench
+_OF_PLANT = ("rate_factor", "answer_timeout", "display_rate")  # next to those of the bench
 _FAULTS_BEFORE = "faults_enabled"  # how logs of before name allow_faults
 
 
 def described_trial(testbed: Any, statuses: dict[str, Any], end: float, source: str) -> str:
     """Return the trial that testbed and statuses of a log describe, as YAML; "" where they do not.
 
-    The plan is none of the trial's here: a log says which plan was taken at which tick.
+    The plan is no part of this trial: the log gives each plan and the tick at which it was taken.
 
     Args:
         testbed: flexslew_msgs/Testbed, or None.

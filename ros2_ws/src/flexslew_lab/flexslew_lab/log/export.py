@@ -105,7 +105,7 @@ def export_log(
 
 
 def _file_name(topic: str) -> str:
-    """Return a topic as the name of a file, which lies in no other folder whatever the topic is."""
+    """Return a topic as the name of a file, which is in no other folder for any topic."""
     return re.sub(r"[^A-Za-z0-9_]", "_", topic.strip("/"))[:100]
 
 
@@ -184,7 +184,7 @@ def _stamp_unit(name: str) -> tuple[str, ...]:
 def _unit(
     overview: Overview, topic: str, field: str, k: int, units: tuple[str, ...], trust: Trust
 ) -> str:
-    """Return the unit of the k-th value of a sequence, as the testbed or the comment says it."""
+    """Return the unit of the k-th value of a sequence, from the testbed or the comment."""
     if topic == "/truth" and (known := coordinate_of(overview, field, k, trust)):
         return known.unit
     of_tip = unit_of_tip(overview, k, trust) if field == "tip_deflection" else None
@@ -232,7 +232,7 @@ def _schema(overview: Overview, topic: str, columns: list[_Column]) -> pa.Schema
 
 
 def _sink(path: Path, schema: pa.Schema, kind: str) -> Any:
-    """Return what writes a table; a link that lies at its place is replaced, never followed."""
+    """Return the writer of a table; a link at its path is replaced, never followed."""
     if path.is_symlink():
         path.unlink()
     if kind == "csv":

@@ -1,4 +1,4 @@
-"""The testbed that a log was flown on, made from what the log says of it."""
+"""The testbed of the flight in a log, made from the log's description of it."""
 
 from flexslew_control.law import described
 from flexslew_lab.log.bag_reader import Overview
@@ -13,8 +13,8 @@ from flexslew_plant.testbeds.model import Model
 def flown_testbed(overview: Overview, epoch: int, trust: Trust) -> Testbed | None:
     """Return the testbed of a log with all its turns, those of operators in that epoch too.
 
-    It says where the joints are and where antennas look; None: of a version that this one does not
-    know.
+    It gives the places of the joints and the directions of antennas; None: this version does not
+    have the testbed.
     """
     if overview.testbed is None:
         return None
@@ -30,6 +30,6 @@ def flown_testbed(overview: Overview, epoch: int, trust: Trust) -> Testbed | Non
 
 
 def flown_model(overview: Overview, trust: Trust) -> Model | None:
-    """Return the model of a log's testbed; None: nobody knows."""
+    """Return the model of a log's testbed; None if it is unknown."""
     testbed = flown_testbed(overview, 0, trust)
     return None if testbed is None else testbed.model()

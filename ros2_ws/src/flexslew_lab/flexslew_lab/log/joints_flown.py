@@ -12,7 +12,7 @@ def joints_and_modes(
     """Return where joints and modes are and how fast, each of shape (ticks, joints + modes).
 
     Args:
-        model: of the testbed; None: nobody knows.
+        model: model of the testbed; None: unknown.
         position: q of the truth, shape (ticks, positions).
         velocity: v of the truth, shape (ticks, coordinates).
     """
@@ -32,9 +32,9 @@ def estimated_joints(model: Model | None, estimate: Matrix, reference: Matrix) -
     In a log they are as far from the reference as the rotation between them.
 
     Args:
-        model: of the testbed; None: nobody knows.
-        estimate: of joints and modes, shape (ticks, joints + modes).
-        reference: of the joints, shape (ticks, joints).
+        model: model of the testbed; None: unknown.
+        estimate: joints and modes, shape (ticks, joints + modes).
+        reference: joints, shape (ticks, joints).
     """
     joints = reference.shape[1]
     if model is None or model.attitude is None or not estimate.shape[1] >= joints == model.joints:
@@ -47,7 +47,7 @@ def estimate_errors(model: Model | None, estimate: Matrix, truth: Matrix) -> Mat
     """Return estimate - truth of what both have; of an attitude the rotation between them.
 
     Args:
-        model: of the testbed; None: nobody knows.
+        model: model of the testbed; None: unknown.
         estimate: as estimated_joints has it, shape (ticks, n).
         truth: as joints_and_modes has it, shape (ticks, m).
     """

@@ -16,13 +16,13 @@ def coordinate_of(
 ) -> Coordinate | None:
     """Return the name and the unit of one entry of `position` or `velocity` of the truth.
 
-    None: the log does not tell, or of a testbed that this version or this trust does not load.
+    None: the log has neither, or names a testbed that this version or this trust does not load.
 
     Args:
-        overview: of the bag, which says what stands on the bench.
-        field: of the truth.
-        place: of the entry, from 0.
-        trust: which classes that the log names may be loaded.
+        overview: overview of the bag, with its testbed.
+        field: field of the truth.
+        place: index of the entry, from 0.
+        trust: classes named by the log that may be loaded.
     """
     if overview.testbed is None or field not in _FIELDS:
         return None

@@ -23,7 +23,7 @@ from flexslew_lab.metrics.takeovers import TAKEOVERS as TAKEOVERS
 from flexslew_lab.metrics.operator_changes import OPERATOR_CHANGES as OPERATOR_CHANGES
 from flexslew_lab.metrics.course import COURSE as COURSE
 from flexslew_lab.metrics.trajectory import TRAJECTORY as TRAJECTORY
-from flexslew_lab.metrics.pointing import POINTING as POINTING  # after what it says by appendage
+from flexslew_lab.metrics.pointing import POINTING as POINTING  # after its values by appendage
 from flexslew_lab.metrics.platform_error import PLATFORM_ERROR as PLATFORM_ERROR
 from flexslew_lab.metrics.performance_errors import PERFORMANCE_ERRORS as PERFORMANCE_ERRORS
 from flexslew_lab.metrics.jitter import JITTER as JITTER

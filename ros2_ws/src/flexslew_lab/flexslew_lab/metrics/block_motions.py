@@ -15,9 +15,9 @@ def block_motions(testbed: PointingTestbed, block: Block, goal: dict[str, float]
     """Return the motions of a block; see Pointing.motions.
 
     Args:
-        testbed: whose states they are.
-        block: of them.
-        goal: where the joints go, by name.
+        testbed: testbed of the states.
+        block: block of states.
+        goal: goal of the joints by name.
     """
     last = _Last.found
     if last is not None and last[0] is block and last[1] is testbed and last[2] == goal:

@@ -16,10 +16,10 @@ class Epoch:
     """Measures one epoch with every metric.
 
     Args:
-        number: of the epoch; its events count.
+        number: number of the epoch; its events count.
         setup: what is known before the first tick.
         own: metrics of the trial's own, besides METRICS.
-        without: those of METRICS that nobody asks for.
+        without: those of METRICS that are not requested.
     """
 
     def __init__(

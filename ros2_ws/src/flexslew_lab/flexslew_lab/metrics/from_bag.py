@@ -24,15 +24,15 @@ _AT_REST = 1e-4  # of the largest rate: what switch times between ticks leave of
 def metrics_of(path: Path, trust: Trust = NO_CODE) -> dict[str, Any]:
     """Return the content of metrics.json, keys as in metrics.KEYS, from a bag.
 
-    Metrics of the trial's own are run if they are trusted; of others, `warnings` says that they
-    are left out.
+    Metrics of the trial's own are run if they are trusted; others are left out, with a line in
+    `warnings`.
 
     Args:
         path: the bag's folder or file.
         trust: which classes that the log names may be loaded.
 
     Raises:
-        BadInput: there is no bag, it is damaged or foreign, or it holds no truth.
+        BadInput: if there is no bag, it is damaged or foreign, or it contains no truth.
     """
     return metrics_from(BagReader(path, trust=trust))
 
@@ -98,7 +98,7 @@ def manoeuvre_of(
 ) -> FlownManoeuvre:
     """Return what a plan's joint references, shapes (ticks + 1, joints), are measured against.
 
-    How far an attitude goes is the rotation, wherever the joints of the testbed tell one.
+    The displacement of an attitude is its rotation, if the joints of the testbed read one.
     """
     attitude = None if testbed is None else testbed.model().attitude
     first, last = position[0], position[-1]

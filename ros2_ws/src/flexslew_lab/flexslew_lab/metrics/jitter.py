@@ -16,12 +16,12 @@ _LONGEST = 1_000_000  # and beyond which it is not kept
 
 
 class Jitter:
-    """Implements Metric; says nothing of a testbed without a platform that points.
+    """Implements Metric; returns no value for a testbed without a platform that points.
 
     Welch 1967: the attitude error from the end of the manoeuvre, or `pointing_from`, on is cut into
     windows of `pointing_window`, each less its straight line and times Hann's window; the mean of
     their spectra is summed by octaves. The square of a band's value is the variance of the attitude
-    error in that band. Where a tick is missing the window begins anew.
+    error in that band. Where a tick is missing the window starts again.
     """
 
     KEYS: ClassVar[Mapping[str, Key]] = {

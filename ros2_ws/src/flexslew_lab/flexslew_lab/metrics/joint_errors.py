@@ -129,7 +129,7 @@ def _in_motion(
 ) -> Vector:
     """Return the larger share of what is left of angle and rates, where the plan ends moving.
 
-    How far it has gone says little there: after a whole turn nothing is left of any error.
+    The share of the way means little there: after a whole turn nothing is left of any error.
     """
     rows = (final, rate - goal, goal)
     turns = rows if attitude is None else tuple(map(attitude.turn_of, rows))

@@ -10,7 +10,7 @@ _MARGIN = "keep_out_margin"
 
 
 class KeepOutMetric:
-    """Implements Metric; says nothing of a testbed without cones."""
+    """Implements Metric; returns no value for a testbed without cones."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         _MARGIN: Key(

@@ -10,10 +10,10 @@ from flexslew_plant.testbeds.contract import HasLinesOfSight
 
 
 class LineOfSightMetric:
-    """Implements Metric; says nothing of a testbed on which no antenna turns.
+    """Implements Metric; returns no value for a testbed on which no antenna turns.
 
-    Only the times count at which an antenna has turned to a target and has not begun to turn to
-    the next one.
+    Only the times count at which an antenna has turned to a target and has not started to turn
+    to the next one.
     """
 
     KEYS: ClassVar[Mapping[str, Key]] = {

@@ -39,7 +39,7 @@ class RunSetup(NamedTuple):
 
     joint_names: tuple[str, ...]
     manoeuvre: FlownManoeuvre
-    limit: Vector  # of the effort, (joints,); (0,) where nobody says
+    limit: Vector  # of the effort, (joints,); (0,) where not given
     testbed: Testbed | None  # None: of a version that this one does not know
 
 
@@ -54,7 +54,7 @@ class Block(NamedTuple):
     effort: Matrix  # applied from the tick before to this one, (ticks, joints)
     tip: Matrix  # deflection by appendage, (ticks, appendages) [m]
     error: Matrix | None  # joint position - goal, (ticks, joints); None: no goal
-    started: NDArray[Any]  # whether the manoeuvre has begun, (ticks,)
+    started: NDArray[Any]  # whether the manoeuvre has started, (ticks,)
     over: NDArray[Any]  # whether it has ended, (ticks,)
 
 
@@ -67,7 +67,7 @@ def summed(before: Vector, terms: Matrix) -> Vector:
 
 
 class Ending(NamedTuple):
-    """What the truth does not say of a run."""
+    """The facts of a run that the truth does not contain."""
 
     events: Sequence[Event]  # of the epoch
     wall_times: Sequence[float]  # recorded besides the events [s]
@@ -95,7 +95,7 @@ class Metric(Protocol):
 
 @dataclass(frozen=True)
 class MetricEntry:
-    """A metric, as the rest of the bench knows it.
+    """A metric as the rest of the bench uses it.
 
     Args:
         metric: the class; its keys name what it measures.

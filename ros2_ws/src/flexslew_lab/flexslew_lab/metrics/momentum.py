@@ -13,7 +13,7 @@ _STILL = 1e-9  # of the peak: the speed of a wheel at rest, by rounding [-]
 
 
 class Momentum:
-    """Implements Metric; says nothing of a testbed without wheels and gyros.
+    """Implements Metric; returns no value for a testbed without wheels and gyros.
 
     The momentum of the wheels is h = sum of I s a, with a wheel's inertia I, the speed s of its
     spin relative to the platform and its axis a, in body axes; a gyro adds its rotor's.

@@ -16,7 +16,7 @@ from flexslew_plant.events import (
     WasReset,
 )
 
-# What an operator asks for that changes the motion; what the schedule brings has no such event
+# Requests of an operator that change the motion; entries of the schedule have no such event
 CHANGES = (
     SwitchRequested,
     InjectionRequested,

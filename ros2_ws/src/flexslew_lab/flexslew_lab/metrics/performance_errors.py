@@ -20,7 +20,7 @@ from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 
 class PerformanceErrors:
-    """Implements Metric; says nothing of a testbed without a platform that points.
+    """Implements Metric; returns no value for a testbed without a platform that points.
 
     With e(t) the rotation from the goal's attitude, in body axes, and windows of `pointing_window`
     laid end to end from the end of the manoeuvre on, or from `pointing_from` (ECSS-E-ST-60-10C,

@@ -22,7 +22,7 @@ from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 
 class PlatformError:
-    """Implements Metric; says nothing of a testbed without a platform that points."""
+    """Implements Metric; returns no value for a testbed without a platform that points."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "residual_platform_position": Key(

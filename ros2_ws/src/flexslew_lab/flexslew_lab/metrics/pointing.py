@@ -1,4 +1,4 @@
-"""Platforms whose appendages point somewhere: errors, turns, positions, efforts."""
+"""Platforms with appendages that point somewhere: errors, turns, positions, efforts."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -23,7 +23,7 @@ from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
 
 class PointingMetric:
-    """Implements Metric; says nothing of a testbed that points nowhere."""
+    """Implements Metric; returns no value for a testbed that points nowhere."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "pointing_error": Key(

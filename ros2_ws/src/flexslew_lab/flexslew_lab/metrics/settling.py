@@ -67,7 +67,7 @@ class Settling:
         joints = len(setup.joint_names)
         self._moves: Vector | None = None  # known with the first tick, (joints,)
         self.outside = np.full(joints, -np.inf)  # last time outside of the band [s]
-        self.beyond = np.full(joints, np.nan)  # the goal; NaN: it has not begun
+        self.beyond = np.full(joints, np.nan)  # the goal; NaN: it has not started
         self.last_time = 0.0  # [s]
 
     def add(self, block: Block) -> None:

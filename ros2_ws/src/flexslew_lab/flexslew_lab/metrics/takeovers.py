@@ -1,4 +1,4 @@
-"""Who was in charge: switches, missed answers, faults and what took over."""
+"""The active controllers of a run: switches, missed answers, faults and what took over."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar

@@ -14,7 +14,7 @@ BAND = 0.05  # of the largest distance of its tip until then [-]
 
 
 class Vibration:
-    """Implements Metric; says nothing of a testbed without a platform that points."""
+    """Implements Metric; returns no value for a testbed without a platform that points."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "vibration_settling_time": Key(

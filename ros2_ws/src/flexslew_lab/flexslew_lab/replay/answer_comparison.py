@@ -1,4 +1,4 @@
-"""Recorded answers beside those of a controller here, field by field, tick by tick."""
+"""Recorded answers compared with those of a controller here, field by field, tick by tick."""
 
 from typing import Any, NamedTuple
 

@@ -23,14 +23,14 @@ from flexslew_plant.own_code import NO_CODE, Trust
 
 
 class Check(NamedTuple):
-    """A controller beside its log."""
+    """A controller compared with its log."""
 
     controller: str
     law: str
     ok: bool  # every number is equal, no recorded answer is missing
     ticks: int  # compared
     only_recorded: int  # ticks that only the log answers
-    only_ours: int  # ticks that only the controller here answers: the other one was not heard
+    only_ours: int  # ticks with an answer here only: the recorded one was lost
     first_divergence: Divergence | None
     missing: str  # which part of the run was compared, and why not all of it; empty: all of it
     changed_code: dict[str, tuple[str, str]]  # class: SHA-256 of its file there, here
@@ -126,7 +126,7 @@ def _checked(
 
 
 class _Ticks:
-    """The ticks that were asked, of which a log may lack some."""
+    """The ticks of the measurements, of which a log may lack some."""
 
     def __init__(self) -> None:
         self.first, self.last, self.gaps = 0, (-1, -1), 0

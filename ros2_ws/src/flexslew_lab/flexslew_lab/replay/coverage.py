@@ -1,4 +1,4 @@
-"""Which part of a run its log holds: a comparison says nothing about the rest."""
+"""The part of a run that its log holds: a comparison does not cover the rest."""
 
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader

@@ -12,7 +12,7 @@ from flexslew_plant.own_code import Untrusted, code_hash
 
 @contextmanager
 def reading(bag: BagReader) -> Iterator[None]:
-    """Say of code that is refused inside of the block whether it is that of the recorded run.
+    """Add to errors of refused code in the block whether it is the code of the recorded run.
 
     Raises:
         Untrusted: inside of the block, with the file, its hash, and whether it is the recorded one.

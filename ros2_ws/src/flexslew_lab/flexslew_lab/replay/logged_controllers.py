@@ -41,7 +41,7 @@ class Adoption(NamedTuple):
 
     controller: str
     first: Key  # question that it answered with this plan
-    told: tuple[Told, ...]  # the plan, behind those before it that a newcomer heard, too
+    told: tuple[Told, ...]  # the plan, after those before it that a newcomer also received
 
 
 def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
@@ -49,10 +49,10 @@ def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
 
     Args:
         bag: to read.
-        changes: by path, instead of what the trial says.
+        changes: values by path that replace those of the trial.
 
     Raises:
-        BadInput: the bag holds none, or none that this version reads.
+        BadInput: if the bag holds no trial, or none that this version reads.
     """
     if not bag.trial_text:
         raise BadInput("holds no trial", bag.path)
@@ -74,14 +74,14 @@ class LoggedControllers:
     """Controllers as a log names them, each at its state before tick 0.
 
     Args:
-        bag: to take them from.
-        only: the names that are needed; none: all of the trial and of the log.
-        replaced: laws and settings by name that stand in for those of the log.
-        trial: that stands in for the log's.
-        trust: which laws may be loaded; None: those that the log may.
+        bag: source of the controllers.
+        only: name of the only controller needed; None: all of the trial and of the log.
+        replaced: laws and settings by name that replace those of the log.
+        trial: trial that replaces the log's.
+        trust: laws that may be loaded; None: those that the log may load.
 
     Raises:
-        BadInput: the log does not say what is needed, or a law cannot be built.
+        BadInput: if the log lacks data for it, or a law cannot be built.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class LoggedControllers:
             if what.controller in self._laws
         ]
         self._dying = _answered_twice(bag, [(k, w.controller) for k, w in self._begun if w.fresh])
-        flown = logged_laws(bag)  # settings of one law say nothing to another
+        flown = logged_laws(bag)  # settings of one law mean nothing to another
         self._tunings = [
             (key, what)
             for key, what in _messages_by_tick(bag, ControllerTuned)
@@ -123,10 +123,10 @@ class LoggedControllers:
         return [self.by_name[name] for at, name in self._dying if at == key]
 
     def until(self, key: Key) -> int:
-        """Give the controllers the plans and settings that they had when they were asked at `key`.
+        """Give the controllers the plans and settings that they had at the question `key`.
 
         Returns:
-            how many were tuned since the call before.
+            number of controllers tuned since the previous call.
         """
         while self._begun and self._begun[0][0] <= key:
             self._begin_anew(*self._begun.pop(0))
@@ -173,7 +173,7 @@ class LoggedControllers:
 
 
 def _messages_by_tick(bag: BagReader, kind: type[_Kind]) -> list[tuple[Key, _Kind]]:
-    """Return what controllers said of this kind and at which tick, in their order."""
+    """Return events of this kind from controllers, with their ticks, in their order."""
     told = [
         ((event.epoch, event.tick), event.what)
         for event in bag.overview.events
@@ -192,7 +192,7 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
             if status.law == OUTPUT_FEEDBACK.name:  # older logs: when it had no other one
                 values.setdefault("observer", "steady")
             laws[name] = status.law, values
-    # what a status says last is what was tuned last
+    # the last status holds the settings of the last tuning
     for _, what in reversed(_messages_by_tick(bag, ControllerTuned)):
         if what.controller in laws:
             laws[what.controller] = laws[what.controller][0], what.before
@@ -200,14 +200,14 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
 
 
 def adoptions(bag: BagReader) -> list[Adoption]:
-    """Return who took which plan from which question on, in that order.
+    """Return the controller, its plan and the first question answered with it, in that order.
 
-    A recorder may hear a controller late, so every status says when its plan was taken. One that
-    was started again does not know when: what it took before its first question counts from there
-    on, which is an event. Until it says what that was, it is what its predecessor followed.
+    A recorder may discover a controller late, so every status gives the tick of its plan. A
+    restarted one has no such tick: a plan that it took before its first question counts from
+    there on, which is an event. Until it reports that plan, its predecessor's is assumed.
 
     Raises:
-        BadInput: a controller says that it follows a plan that is not in the log.
+        BadInput: if a controller reports a plan that is not in the log.
     """
     source = str(bag.path)
     plans = {p.hash: Told(*published_plan(p, source)) for p in bag.overview.plans}
@@ -218,7 +218,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     heard_of: dict[str, set[int]] = {}  # processes of each name
     unasked: dict[str, int] = {}  # that came in place of another one and has no question yet
     started_again: dict[str, tuple[Told, ...]] = {}
-    assumed: dict[str, Adoption] = {}  # of its predecessor's plan, until it says what it heard
+    assumed: dict[str, Adoption] = {}  # plan of its predecessor, until it reports its own
     found = []
     for topic, kind, _, _, data in bag.messages(("/controller_status", "/events", "/plan")):
         status = decode(kind, data)
@@ -257,7 +257,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
             raise BadInput(
                 f"{name} follows plan {requested[:12]}, which is not in the log", bag.path
             )
-        # who has seen no question has no time to say it at: it may stand before the plan it names
+        # no time is known before the first question: the status may come before the plan it names
         known = requested in {digest for digest, _ in published}
         coming = [] if known else [(requested, plans[requested])]
         course = _course([*published, *coming], requested) or (plans[requested],)
@@ -265,12 +265,12 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         anew = came or status.plan_number <= following.get(name, ("", 0))[1]
         following[name] = requested, status.plan_number
         not_asked = status.plan_number and not (status.last_tick or status.plan_tick)
-        if not_asked and (anew or name in started_again):  # it may hear several plans by then
+        if not_asked and (anew or name in started_again):  # it may receive several plans by then
             started_again[name] = course
         if not_asked and anew:
             continue
         first = _first_question(status)
-        # one that is built anew, for another testbed or after a crash, says that it began there
+        # one that is built again, for another testbed or after a crash, reports that it began there
         begun[name] = first = max(first, begun.get(name, first))
         found.append(Adoption(name, first, course))
     return sorted(found, key=lambda adoption: adoption.first)
@@ -280,14 +280,14 @@ def _first_question(status: Any) -> Key:
     """Return the first question that was answered with the plan of a status."""
     if status.plan_number:
         return int(status.plan_epoch), int(status.plan_tick)
-    # of an older log: the one after what it had seen when it said so
+    # older log: the question after the newest one that its status reports
     first = int(status.epoch), int(status.last_tick) + 1
-    # (0, 1) is also what a controller said before its first measurement
+    # (0, 1) is also in the status of a controller before its first measurement
     return (0, 0) if first == (0, 1) else first
 
 
 def _settle(status: Any, assumed: Adoption, found: list[Adoption]) -> None:
-    """Drop what was assumed of a newcomer that says itself that it has heard no plan."""
+    """Drop the assumed plan of a newcomer that reports that it has received no plan."""
     if not (status.plan_hash or status.plan_number):
         found.remove(assumed)
 
@@ -310,8 +310,8 @@ def _course(published: Sequence[tuple[str, Told]], last: str) -> tuple[Told, ...
     """Return the plans that a newcomer follows, from that of tick 0 to the one with hash `last`.
 
     Args:
-        published: hashes and plans in their order; who listens from now on hears the latest.
-        last: that it heard.
+        published: hashes and plans in their order; a new subscriber receives the latest.
+        last: hash of the plan that it received.
     """
     course: tuple[Told, ...] = ()
     found = course

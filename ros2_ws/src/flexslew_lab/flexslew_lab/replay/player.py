@@ -48,8 +48,8 @@ class Player:
     """A position in a bag that moves with the wall clock, which its caller reads.
 
     Messages come in the order of the bag. After a start or a jump the latched messages that hold
-    there (plan, testbed, events, ...) come first, in a pause, too: a listener knows what it would
-    have known.
+    there (plan, testbed, events, ...) come first, in a pause, too: a subscriber then has the same
+    state as in the run.
 
     Args:
         settings: how to play.
@@ -95,7 +95,7 @@ class Player:
 
     @property
     def latched(self) -> set[str]:
-        """The names after remapping whose last messages a late listener must get."""
+        """The names, after remapping, with last messages that a late subscriber must get."""
         return {self._names.get(t, t) for t in self._latched}
 
     @property
@@ -117,11 +117,11 @@ class Player:
         self.paused = True
 
     def seek(self, time: float) -> float:
-        """Move to a simulated time [s]; return where the next message lies [s].
+        """Move to a simulated time [s]; return the time of the next message [s].
 
         Raises:
-            BadInput: that is outside of what is played, or the bag is damaged there; nothing is
-                changed.
+            BadInput: if the time is outside of the played part, or the bag is damaged there; the
+                player is then unchanged.
         """
         stamp, end = round(time * 1e9), min(self.last, self._end)
         if not self.first <= stamp <= end:

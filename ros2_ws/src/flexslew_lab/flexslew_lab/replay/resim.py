@@ -34,7 +34,7 @@ class Difference(NamedTuple):
 
 
 class Resimulation(NamedTuple):
-    """The log beside the run again."""
+    """The log compared with the run again."""
 
     recorded_hash: str  # of the last epoch, as in metrics.json
     hash: str
@@ -92,7 +92,7 @@ def _flown_again(
         rows = [again.truth(key) for key in keys]
         for number in np.unique(columns["epoch"]):
             part = columns["epoch"] == number
-            if number > epoch:  # metrics.json tells of the last epoch
+            if number > epoch:  # metrics.json is about the last epoch
                 recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), int(number)
             tick = columns["tick"][part]
             theirs = {name: columns[name][part] for name in FIELDS}

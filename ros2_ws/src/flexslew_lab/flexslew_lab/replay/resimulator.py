@@ -1,4 +1,4 @@
-"""A logged run once more: bench and controllers, steered by what the events of the log say."""
+"""A logged run once more: bench and controllers, steered by the events of the log."""
 
 from collections import defaultdict
 from typing import Any
@@ -37,11 +37,11 @@ _UNREADY = Refusal("the log says so", cause=Cause.NOT_READY)
 
 
 class Resimulator:
-    """The bench and its controllers, steered by what the events of the log say.
+    """The bench and its controllers, steered by the events of the log.
 
     Args:
         bag: to read.
-        trial: that it was recorded from, with what is changed in it.
+        trial: trial of the bag, with changes.
     """
 
     def __init__(self, bag: BagReader, trial: Trial) -> None:
@@ -59,7 +59,7 @@ class Resimulator:
         self._refused: set[Key] = set()
         self._asked: Key | None = None  # the newest question of the log that is out
         self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
-        self._successors: dict[Key, str] = {}  # who took over from one that was silent
+        self._successors: dict[Key, str] = {}  # controller that took over from a silent one
         self.replayed = dict.fromkeys(
             (kind_of(what) for what in (*REQUESTS, ControllerTuned, AnswerMissed)), 0
         )
@@ -68,7 +68,7 @@ class Resimulator:
             self._note((event.epoch, event.tick), event.what)
 
     def _note(self, key: Key, what: Fact) -> None:
-        """Keep what the log says of a tick."""
+        """Store the log's event of a tick."""
         match what:
             case AnswerMissed():
                 self._missed.add(key)
@@ -102,7 +102,7 @@ class Resimulator:
         return bench.truth()._asdict()
 
     def _end_epoch(self) -> None:
-        """Reset the bench; its last question was heard, if it went out, and never answered."""
+        """Reset the bench; its last question was received, if it went out, and never answered."""
         question = self.bench.question
         key = question.epoch, question.tick
         self._begin(key)
@@ -124,7 +124,7 @@ class Resimulator:
         self._begin(key)
         missed = key in self._missed
         self.replayed[kind_of(AnswerMissed)] += missed
-        # who heard it, even where nobody heard the answer
+        # all controllers that received it, even if no answer arrived
         alive = [controller.observe(question) for controller in self._controllers.by_name.values()]
         for answer in (*dying, *alive):
             if answer is not None and (not missed or key in self._refused):
@@ -146,7 +146,7 @@ class Resimulator:
             raise RunFault(bench.failure)
 
     def _unready(self, key: Key) -> set[str]:
-        """Return who could not take charge at the end of this tick, as its outcome shows."""
+        """Return the controllers not ready at the end of this tick, as its outcome shows."""
         unready = set(self._dropped.get((key[0], key[1] + 1), ()))
         if key in self._successors:
             possible = {*self._controllers.by_name, *self.bench.settings.fallback}

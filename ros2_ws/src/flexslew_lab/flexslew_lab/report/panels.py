@@ -11,7 +11,7 @@ from flexslew_plant.arrays import Vector
 
 INK, GRID, PALE = "#1d2733", "#e4e8ee", "#8a97a8"
 COLOURS = ("#0b6bcb", "#e0592a", "#1a9a6c", "#9a4fc4", "#c79100", "#c2375f", "#2aa3b8", "#6b7280")
-DASHES = ("solid", "dash", "dot", "dashdot")  # told apart where the colours run out
+DASHES = ("solid", "dash", "dot", "dashdot")  # to distinguish curves after the last colour
 MANOEUVRE, DISTURBED, BROKEN = "#0b6bcb", "#9a4fc4", "#c2375f"
 _SINGLE = 1e4  # largest place on an axis that single precision holds to a thousandth
 _ROUNDING = 1e-12  # up to which a place or an angle has not moved [m or rad]
@@ -29,7 +29,7 @@ class Mark(NamedTuple):
 
 @dataclass
 class Panel:
-    """One plot over time, or over whatever `x_title` says."""
+    """One plot over time, or over the quantity of `x_title`."""
 
     title: str
     unit: str = ""
@@ -139,7 +139,7 @@ def encoded(values: Vector, kind: type[np.floating[Any]]) -> dict[str, str]:
 
 
 def _kind_of(x: Vector) -> type[np.floating[Any]]:
-    """Return in which precision places are told apart that a plot cannot: a millionth of it."""
+    """Return a precision that is finer than a plot can show, which is a millionth of it."""
     small = np.nanmax(np.abs(x), initial=0.0) <= _SINGLE
     return np.float32 if small else np.float64
 

@@ -226,7 +226,7 @@ def _repeat(run: RunData) -> tuple[str, str, str]:
 
 
 def _charge(run: RunData) -> dict[str, Any]:
-    """Return who was in charge when, how that came, and the step of the effort."""
+    """Return the active controller of each phase, how it took charge, and the effort step."""
     names = list(dict.fromkeys(phase.controller for phase in run.phases if phase.controller))
     changes = [e for e in run.overview.events if isinstance(e.what, IN_CHARGE)]
     total = max(run.phases[-1].end - run.phases[0].start, 1e-9)
@@ -272,7 +272,7 @@ def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
 
 
 def _metric_rows(runs: Sequence[RunData]) -> tuple[list[_Row], list[_Row]]:
-    """Return a row for every number, those of joints that were not told to move apart."""
+    """Return a row for every number, with those of joints without a commanded move separate."""
     each = [flat(run.metrics) for run in runs]
     names = sorted({name: None for rows in each for name in rows}, key=_place)
     moved = {name for run in runs for name in told_to_move(run.metrics)}
@@ -305,7 +305,7 @@ def _subtitle(run: RunData) -> str:
 
 
 def _beliefs(run: RunData) -> list[str]:
-    """Return what the last plan assumes, unlike the bench, if it says so."""
+    """Return the assumptions of the last plan that differ from the bench, if it lists them."""
     if not run.overview.plans:
         return []
     summary = load_yaml(run.overview.plans[-1].summary, "plan") or {}
@@ -349,7 +349,7 @@ def _provenance(run: RunData) -> dict[str, Any]:
 
 
 def folder_of(bag: Path) -> Path:
-    """Return the folder of the run that a bag, or its file, lies in."""
+    """Return the run folder that contains a bag, or its file."""
     folder = bag.parent if bag.is_file() else bag
     return folder.parent if folder.name in ("bag", "log", WITHOUT) else folder
 

@@ -26,7 +26,7 @@ FRAMES = 500  # of the animation
 
 
 class Phase(NamedTuple):
-    """Who was in charge from when to when."""
+    """The active controller and the times of its phase."""
 
     start: float  # [s]
     end: float  # [s]
@@ -123,7 +123,7 @@ def appendage_names_of(overview: Overview, count: int) -> tuple[str, ...]:
 
 
 def _testbed(trial: Mapping[str, Any], bag: BagReader) -> Testbed | None:
-    """Return what was flown last, with the turns that operators asked for."""
+    """Return the last testbed of the flight, with the turns that operators requested."""
     epoch = max((e.epoch for e in bag.overview.events), default=0)
     known = flown_testbed(bag.overview, epoch, bag.trust)
     if known is not None or "testbed" not in trial:
@@ -160,7 +160,7 @@ class _Collector:
         model: Model | None = None,
         pointing: Pointing | None = None,
     ) -> None:
-        self._pointing = pointing  # whose wheels are shown
+        self._pointing = pointing  # testbed with the wheels to show
         self.joints = joints  # None: as many as efforts
         self._model = model  # None: the joints are the first entries of the state
         ticks = counts.get("/truth", 0)

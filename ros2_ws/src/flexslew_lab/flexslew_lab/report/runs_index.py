@@ -17,7 +17,7 @@ from flexslew_plant.yaml_data import load_yaml
 
 PAGE = "index.html"
 FIGURES = ("residual_tip_deflection", "settling_time", "peak_effort", "saturated_time")
-_MOVED = "settling_time"  # of joints that were told to move
+_MOVED = "settling_time"  # of joints with a commanded move
 _OPERATOR = {True: "changed", False: "untouched", None: ""}
 _LARGE = 1 << 22  # no metrics.json or trial.yaml of ours is larger [B]
 
@@ -31,7 +31,7 @@ class Run(NamedTuple):
     law: str  # the controller in charge at the start
     planner: str
     testbed: str
-    operator: str  # changed or untouched; empty: its log says nothing of it
+    operator: str  # changed or untouched; empty: unknown from its log
     verdict: str
     figures: dict[str, float | None]  # the worst joint where there are several
     metrics: dict[str, Any]  # all of them, by dotted name
@@ -77,10 +77,10 @@ def write_index(folder: Path) -> Path:
 
 
 def _run(folder: Path) -> Run:
-    """Return what the files of a run say of it.
+    """Return a run from its files.
 
     Raises:
-        OSError, ValueError, TypeError, AttributeError, BadInput: they are not as a run leaves them.
+        OSError, ValueError, TypeError, AttributeError, BadInput: if they are not as of a run.
     """
     file = folder / "metrics.json"
     metrics = json.loads(_text(file))

@@ -22,8 +22,8 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
 
     An appendage is a straight line plus the modal coordinates times its shapes, so the page only
     adds up: `line + gain sum_j q_j shape_j`, points in the frame of the line [m]. `body` is the
-    frame of the hub or platform; `turntable` tells a hub on a base from a body in space; `aims` are
-    the lines of sight of antennas with their targets.
+    frame of the hub or platform; `turntable` is true for a hub on a base, false for a body in
+    space; `aims` are the lines of sight of antennas with their targets.
     """
     testbed, position = run.testbed, run.frame_position
     if testbed is None or position.ndim != 2:
@@ -66,7 +66,7 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
 
 
 def _aims(scene: Scene, names: list[str], time: Vector) -> list[dict[str, Any]]:
-    """Return where each antenna looks in its frame, and its target in the world, by time."""
+    """Return by time each antenna's line of sight in its frame, and its target in the world."""
     if scene.aims is None:
         return []
     each = zip(*(scene.aims(t) for t in time.tolist()), strict=True)

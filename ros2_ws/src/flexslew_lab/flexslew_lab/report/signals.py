@@ -141,7 +141,7 @@ def _at(ticks: Any, own: Any, values: Matrix) -> Matrix:
 def _labels(overview: Overview, efforts: int, model: Model | None) -> dict[str, Any]:
     """Return for each kind of column a function from its number to its name and unit.
 
-    Both are empty where a column of the truth says nothing.
+    Both are empty where a column of the truth has no known meaning.
     """
     joints = joint_names_of(overview, efforts)
     known = overview.testbed is not None and len(overview.testbed.joint_units) == len(joints)

@@ -47,14 +47,14 @@ class Line(NamedTuple):
     """One line of the story."""
 
     time: float  # simulated [s]
-    who: str  # asked for it; empty: it happened by itself
+    who: str  # user that requested it; empty: it happened by itself
     words: str
     level: str
     changed: bool  # the motion, by an operator
 
 
 def story_of(events: Iterable[Event]) -> list[Line]:
-    """Return the events that tell what happened, in their order."""
+    """Return the events of the story, in their order."""
     return [
         Line(
             event.time,

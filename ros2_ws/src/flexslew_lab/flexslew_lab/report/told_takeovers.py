@@ -1,4 +1,4 @@
-"""Who fell silent in a run, and who took over, in words."""
+"""The controllers that fell silent in a run, and their successors, as text."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackT
 
 
 def told_takeovers(events: Sequence[Event]) -> list[str]:
-    """Return who fell silent when, who took over, and why where the bench knows."""
+    """Return the silent controllers with time and successor, and the reason if the bench has it."""
     words, reasons = [], {}
     for event in events:
         match event.what:

@@ -20,14 +20,14 @@ def verdict(
     changes: int = 0,
     units: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Return what a person wants to know of a run first, worst news before good ones.
+    """Return what a user should read first of a run, worst news before good ones.
 
     Args:
         metrics: content of metrics.json.
-        bare: the same of the run without feedforward; empty where there is none.
+        bare: content of metrics.json of the run without feedforward; empty without one.
         tolerance: `goal_tolerance` of the trial [-].
-        changes: how often an operator changed the run; it is then compared with nothing.
-        units: of the joints; what is not known is not told.
+        changes: number of changes by an operator; a changed run is compared with nothing.
+        units: units of the joints; unknown ones are left out.
     """
     parts = [
         missed_goal(metrics, tolerance, units),
@@ -76,7 +76,7 @@ def _bends(metrics: Mapping[str, Any]) -> bool:
 
 
 def _tracking_errors(metrics: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """Return how far joints that were told to move, else all, were from their goals at most."""
+    """Return the largest error after the manoeuvre, of joints with a commanded move, or of all."""
     errors = metrics.get("residual_attitude_error") or {}
     known = {name: abs(errors[name]) for name in told_to_move(metrics) if errors.get(name)}
     if not known:
@@ -106,7 +106,7 @@ def _ratio(large: float, small: float) -> str:
 
 
 def _settled(metrics: Mapping[str, Any]) -> str:
-    """Return when the last joint that was told to move has settled."""
+    """Return the settling time of the last joint with a commanded move."""
     times = metrics.get("settling_time") or {}
     overshoots = metrics.get("overshoot") or {}
     moved = [name for name, value in overshoots.items() if value is not None]

@@ -13,7 +13,7 @@ _NUMBER = re.compile(r"^[-+]?\d[\d.e+-]*( %)?$")
 
 
 class Reproduction(NamedTuple):
-    """Numbers and figures of a paper; imported when asked for."""
+    """Numbers and figures of a paper; imported on request."""
 
     about: str
     module: str

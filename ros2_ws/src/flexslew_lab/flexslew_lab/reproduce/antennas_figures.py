@@ -1,4 +1,4 @@
-"""Figures of chapter 4 of Kwak (1989), computed anew."""
+"""Figures of chapter 4 of Kwak (1989), computed again."""
 
 from itertools import pairwise
 from typing import Any, TypeAlias

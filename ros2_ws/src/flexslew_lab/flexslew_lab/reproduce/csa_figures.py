@@ -1,4 +1,4 @@
-"""Figures 3, 4, 5 and 7 of Gorinevsky and Vukovich 1998, computed anew."""
+"""Figures 3, 4, 5 and 7 of Gorinevsky and Vukovich 1998, computed again."""
 
 import numpy as np
 import plotly.graph_objects as go
@@ -24,7 +24,7 @@ from flexslew_plant.arrays import Vector
 
 
 def csa_figures() -> dict[str, go.Figure]:
-    """Return Figures 3, 4, 5 and 7 of Gorinevsky and Vukovich 1998, computed anew, by name."""
+    """Return Figures 3, 4, 5 and 7 of Gorinevsky and Vukovich 1998, computed again, by name."""
     return {
         "figure_3": _margin_figure("s at psi = 0.5 rad [1/s]", np.array([0.5])),
         "figure_4": _margin_figure("guaranteed s [1/s]", np.linspace(*PITCH_RANGE, 9)),

@@ -12,7 +12,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.model import Model
 
 PITCH_RANGE = (0.0, 1.245)  # of the guaranteed margin: where it is largest at the gains (17) [rad]
-_PITCHES = 42  # operating points over the range; the margin's minimum lies at its ends or a kink
+_PITCHES = 42  # operating points over the range; the margin's minimum is at its ends or a kink
 
 
 class BestGains(NamedTuple):

@@ -87,11 +87,11 @@ class _SteadyFilter:
 
 @dataclass
 class _TrueState:
-    """The estimator that knows the state: the testbed flown beside itself.
+    """The estimator with the true state: a second simulation of the testbed.
 
     Args:
         model: equations of motion of the testbed, one mode.
-        disturbance: on its joints, shape (joints,) [N m].
+        disturbance: disturbance of its joints, shape (joints,) [N m].
     """
 
     model: Model

@@ -1,7 +1,7 @@
 """A planar platform with one antenna: the matrices of Kwak (1989), (2-49) to (2-59), example 4.
 
 Coordinates (R_y, R_z, theta, q): the place in inertial space, the platform's angle, one mode of the
-antenna, which lies along y before it turns. In slugs, feet and pounds.
+antenna, which is along y before it turns. In slugs, feet and pounds.
 """
 
 from typing import NamedTuple

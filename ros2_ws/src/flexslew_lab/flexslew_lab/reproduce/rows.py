@@ -1,7 +1,7 @@
 """Rows of a reproduction: {item, paper, reference, ours, tolerance, tolerance_is, ok, because}.
 
 `paper` is what the paper prints, or where the reference is from; `reference` was computed in
-another way than `ours`. `ok` says whether ours is near it; None: it is not reproduced, `because`.
+another way than `ours`. `ok`: whether ours is near it; None: it is not reproduced, `because`.
 """
 
 from typing import Any, Literal
@@ -23,17 +23,17 @@ def relative(item: str, paper: Any, reference: float, ours: float, tolerance: fl
 
 
 def at_most(item: str, paper: Any, limit: float, ours: float) -> Row:
-    """Return a row whose reference is an upper bound."""
+    """Return a row with an upper bound as reference."""
     return _row(f"{item} (at most)", paper, limit, ours, 0.0, "at most", ours <= limit)
 
 
 def equal(item: str, paper: Any, reference: str, ours: Any) -> Row:
-    """Return a row whose reference is a word, or that has a word where one belongs."""
+    """Return a row with a word as reference, or with a word where one belongs."""
     return _row(item, paper, reference, ours, 0.0, "equal", reference == ours)
 
 
 def not_reproduced(item: str, paper: Any, reference: Any, ours: Any, because: str) -> Row:
-    """Return a row that shows both numbers and says why they differ."""
+    """Return a row that shows both numbers and why they differ."""
     found = _row(item, paper, reference, ours, 0.0, "", False)
     return {**found, "ok": None, "because": because}
 

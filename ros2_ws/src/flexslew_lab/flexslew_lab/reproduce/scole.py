@@ -214,7 +214,7 @@ def free_frequencies(name: str) -> Vector:
 
 
 def scole_figures() -> dict[str, go.Figure]:
-    """Return Figures 3 to 9 of Sung and Joo, computed anew, by name."""
+    """Return Figures 3 to 9 of Sung and Joo, computed again, by name."""
     flights = {case: flown(case) for case in list(CASES)[:4]}
     a = flights["tracking (a)"]
     t = a.time[: len(a.feedforward)]

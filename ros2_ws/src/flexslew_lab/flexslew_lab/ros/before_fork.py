@@ -17,4 +17,4 @@ def before_fork() -> None:
     store()
     check_for_type_support(ParameterEvent)
     numba.core.registry.cpu_target.target_context.refresh()
-    inspect.getmodule(inspect.currentframe())  # rclpy looks up who logs, among all modules
+    inspect.getmodule(inspect.currentframe())  # rclpy searches all modules for the caller of a log

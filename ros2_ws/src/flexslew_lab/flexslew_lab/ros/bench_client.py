@@ -26,7 +26,7 @@ class _Asked(NamedTuple):
 
 
 class BenchClient:
-    """Asks and delivers.
+    """Sends requests to the bench, and delivers its answers.
 
     Args:
         node: of this process.
@@ -43,7 +43,7 @@ class BenchClient:
             for name in (topics.PLAN_SLEW, topics.DRAFT_PLAN)
         }
         self._goal: Any = None  # that is planned for
-        self._planned: list[tuple[str, Drafted]] = []  # who waits for which action
+        self._planned: list[tuple[str, Drafted]] = []  # plans under way, by action
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
         """Call a service; see console.link.Link.ask."""
@@ -85,7 +85,7 @@ class BenchClient:
                 asked.then(RequestResult(False, words))
 
     def _send(self) -> None:
-        """Call whom the graph knows by now: a request to anybody else would be lost."""
+        """Call the services on the graph by now: requests to others would be lost."""
         for k, asked in enumerate(self._asked):
             client = self._clients[asked.service]
             if asked.future is None and client.service_is_ready():

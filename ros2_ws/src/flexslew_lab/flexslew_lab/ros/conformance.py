@@ -1,7 +1,7 @@
-"""Whether an external controller keeps the lock-step: questions that a bench asks on a bad day.
+"""Whether an external controller keeps the lock-step, under the questions of a bad day.
 
-The rules are those of docs/any_language.md. The bench here sways a little, whatever it is asked
-for: what is examined is who answers what and when, and not how well.
+The rules are those of docs/any_language.md. The bench here sways a little for any command: the
+examination covers the ticks and times of answers, not their quality.
 """
 
 from collections.abc import Callable
@@ -31,13 +31,13 @@ from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.start import start_ros
 
 _QUESTIONS = 200  # in lock-step
-_BURST = 5  # questions nobody waits for
+_BURST = 5  # questions sent without waiting for answers
 _FAR = 3000  # ticks by which a stray question is ahead
 _QUIET = 0.3  # in which an answer that must not come would have come [wall s]
 _SWAY = 1e-3  # of the joints, at 1 rad/s [rad or m]
 _AFRESH = 3  # ticks after a reset that are answered as at the start
 _SOMEBODY, _NOBODY = "somebody_else", ""  # the drive brakes
-_BEHIND = 900  # questions after which a bench would soon wait for who has told none of them
+_BEHIND = 900  # questions after which a bench would soon wait for a controller that reports none
 _STAMP, _HEAD = Struct("<iI"), 4  # of an answer, behind the encapsulation of CDR
 _MIDDLE, _ROUNDS = 50, 3  # questions to others before and after one to it, while it is stopped
 _EARLY, _LATE = 60.0, 1.0  # by which `since` may be before the examination, and after now [s]
@@ -65,12 +65,12 @@ class Wrong(Exception):
 
 
 class Examiner:
-    """A plant that asks one controller.
+    """A plant that sends its questions to one controller.
 
     Args:
-        bench: whose testbed is announced.
+        bench: bench with the announced testbed.
         patience: for anything that must come [wall s].
-        running: whether the controller's process still is.
+        running: returns whether the controller's process still runs.
         start_again: ends the process and starts another one; returns what was wrong, or "".
         stop: stops the process (True), or lets it go on.
     """
@@ -117,7 +117,7 @@ class Examiner:
     def examine(self) -> list[RuleFinding]:
         """Return a finding for each rule, in the order of docs/any_language.md.
 
-        A rule that cannot be looked at, since nobody has become ready, is not in the list.
+        A rule that cannot be examined, since no controller has become ready, is not in the list.
         """
         rules = (
             ("status: ready after /testbed", self._becomes_ready),
@@ -318,7 +318,7 @@ class Examiner:
             self._answered_after_a_stop()
 
     def _answered_after_a_stop(self) -> None:
-        """Ask while its process is stopped: one question to it between many to somebody else."""
+        """Send questions while its process is stopped: one to it between many to others."""
         asked = self._tick + _MIDDLE + 1
         self._answers.clear()
         self._stop(True)
@@ -418,7 +418,7 @@ class Examiner:
             raise Wrong(f"{len(self._answers)} answers {when}")
 
     def _ready(self, when: str) -> None:
-        """Refuse who could not take charge."""
+        """Refuse a controller that could not take charge."""
         if self._status is not None and not self._status.ready:
             raise Wrong(f"not ready {when}: {self._status.reason}")
 

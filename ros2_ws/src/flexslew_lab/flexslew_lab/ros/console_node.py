@@ -35,8 +35,8 @@ class ConsoleNode:
 
     Args:
         settings: None: the parameters of the node.
-        say: told where the page is.
-        loop: that serves the node.
+        say: called with the address of the page.
+        loop: loop that serves the node.
 
     Raises:
         BadInput: the port cannot be opened.

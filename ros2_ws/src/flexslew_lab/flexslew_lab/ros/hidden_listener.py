@@ -18,7 +18,7 @@ class HiddenListener:
     executor wakes up for every subscription of its nodes.
 
     Args:
-        node: on whose behalf; its namespace and its remappings hold.
+        node: the visible node; its namespace and its remappings apply.
         heard: topics by their absolute names in a bench without a namespace.
 
     Attributes:
@@ -40,7 +40,7 @@ class HiddenListener:
             self.listen(name, topic)
 
     def listen(self, name: str, topic: Topic) -> None:
-        """Hear one more topic."""
+        """Subscribe to one more topic."""
         self.subscriptions[name] = self.node.create_subscription(
             message_class(topic.type),
             self._resolve(topic.name),
@@ -50,11 +50,11 @@ class HiddenListener:
         )
 
     def ignore(self, name: str) -> None:
-        """Hear a topic no longer."""
+        """Unsubscribe from a topic."""
         self.node.destroy_subscription(self.subscriptions.pop(name))
 
     def take(self) -> Iterator[tuple[str, bytes, Mapping[str, Any]]]:
-        """Yield all that waits: the name of the topic, as it was given, CDR, and what DDS says."""
+        """Yield all waiting messages: topic as it was given, CDR, and the message info of DDS."""
         for name, subscription in self.subscriptions.items():
             with subscription.handle:
                 take, kind = subscription.handle.take_message, subscription.msg_type

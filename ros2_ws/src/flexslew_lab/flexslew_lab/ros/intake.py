@@ -1,4 +1,4 @@
-"""What a recorder hears: on its socket, and over DDS."""
+"""The messages that a recorder receives on its socket and over DDS."""
 
 import os
 from collections.abc import Iterator
@@ -15,10 +15,10 @@ from flexslew_plant.ros.graph import is_published
 from flexslew_plant.ros.loop import Loop
 
 QUESTIONS = "/measurement"
-# who leaves after the plant
+# topics of nodes that leave after the plant
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan", "/planned_trajectory")
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
-_LONGEST = 30.0  # of those who are never silent, after the plant has left [wall s]
+_LONGEST = 30.0  # limit for nodes that are never silent, after the plant has left [wall s]
 _TAKE_EVERY = 0.005  # from DDS, while nothing comes: to look costs as much then [wall s]
 
 
@@ -31,7 +31,7 @@ class Intake:
 
     Attributes:
         subscriptions: over DDS, by absolute names of topics.
-        plant_only: who may speak on the topics of the plant.
+        plant_only: filter of publishers on the topics of the plant.
     """
 
     def __init__(self, node: Node, loop: Loop) -> None:
@@ -70,7 +70,7 @@ class Intake:
             yield message
 
     def expects_more(self, now: float, plant_here: bool) -> bool:
-        """Return whether those who leave after the plant may still have something to say."""
+        """Return whether nodes that leave after the plant may still send messages."""
         node = self._listener.node
         if plant_here:
             self._plant_here = now

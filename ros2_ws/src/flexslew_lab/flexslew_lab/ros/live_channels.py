@@ -48,7 +48,7 @@ class LiveChannels:
             )
 
     def welcome(self, topic: str) -> None:
-        """Tell a newcomer what is latched."""
+        """Send the latched messages of a topic to a newcomer."""
         for data, time in self._latched.get(topic, ()):
             self._channels[topic].log(data, log_time=time)
 

@@ -26,10 +26,10 @@ _HEARD = (
     topics.TESTBED, topics.BENCH_STATE, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN,
     topics.RECORDED,
 )  # fmt: skip
-_SAID = (topics.EVENTS, topics.PLAN)  # may be heard before the testbed that they are about
-_UNRECORDED = 4.0  # until a bench is heard without its recorder; DDS needs up to 3 [wall s]
-# after another plant has announced itself, until who is not on the graph is of the bench before: a
-# node leaves it at once, one that was killed after 20 s [wall s]
+_SAID = (topics.EVENTS, topics.PLAN)  # may arrive before their testbed
+_UNRECORDED = 4.0  # until ticks are taken without the recorder; DDS needs up to 3 [wall s]
+# delays after the announcement of another plant; a controller that is then not on the graph is of
+# the bench before: a node leaves the graph at once, a killed one after 20 s [wall s]
 _SORTED_OUT = (3.0, 25.0)
 _SILENT = 5.0  # after which the plant is taken for gone; it shows its state twice a second [wall s]
 
@@ -50,9 +50,9 @@ class LiveLink:
         self.view, self.folder, self.command = BenchView(trust), folder, command
         self._client = BenchClient(node)
         self._heard = 0.0  # of the plant, last [wall s]
-        self._recorded = monotonic()  # when the recorder was heard, or could not be [wall s]
+        self._recorded = monotonic()  # when the recorder last sent, or could not [wall s]
         self._listener = HiddenListener(node, {name: TOPICS[name] for name in _HEARD})
-        self._sort_out: tuple[float, ...] = ()  # when to look who is still there [wall s]
+        self._sort_out: tuple[float, ...] = ()  # when to check which controllers remain [wall s]
         self._said: deque[tuple[int, str, bytes]] = deque(maxlen=EVENTS)  # when [ns], topic, CDR
         self._truths = partial(node.count_publishers, node.resolve_topic_name(topics.TRUTH))
 
@@ -111,7 +111,7 @@ class LiveLink:
         self._client.ask(service, values, then)
 
     def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
-        """Ask the planner for a manoeuvre that nobody follows yet."""
+        """Request from the planner a manoeuvre that no controller follows yet."""
         joints = self.view.joints
         if joints is None:
             then(RequestResult(False, "no testbed has announced itself yet"), None)
@@ -126,7 +126,7 @@ class LiveLink:
         self._client.cancel()
 
     def measure(self, on: bool) -> None:
-        """Hear the sensors at every tick, or no longer."""
+        """Subscribe to the sensors at every tick, or unsubscribe."""
         name = topics.MEASUREMENT
         if on and name not in self._listener.subscriptions:
             self._listener.listen(name, TOPICS[name])

@@ -11,7 +11,7 @@ READ_ONLY = "this server is read-only; start ./flexslew live --operate to comman
 class ServedTopic(Protocol):
     """The node, as far as its server's threads may use it."""
 
-    newcomers: deque[str]  # topics that somebody has begun to listen to
+    newcomers: deque[str]  # topics with a new subscriber
     parameters: LiveParameters
     operate: bool  # clients may set parameters
 
@@ -19,7 +19,7 @@ class ServedTopic(Protocol):
         """Return parameters as the server's library takes them."""
 
     def refuse(self, words: str) -> None:
-        """Tell all clients why a parameter was not set."""
+        """Send all clients the reason why a parameter was not set."""
 
 
 class LiveListener:
@@ -46,7 +46,7 @@ class LiveListener:
     def on_set_parameters(
         self, client: Any, requested: list[Any], request: str | None
     ) -> list[Any]:
-        """Set parameters; what is refused is told as a status, and what holds is returned."""
+        """Set parameters; report refusals as a status, and return the values that hold."""
         for parameter in requested:
             if not self._live.operate:
                 self._live.refuse(READ_ONLY)
@@ -57,7 +57,7 @@ class LiveListener:
         return self._live.shown(self._live.parameters.values([p.name for p in requested]))
 
     def on_parameters_subscribe(self, names: list[str]) -> None:
-        """Nothing to do: changes are told to all."""
+        """Do nothing: changes are sent to all clients."""
 
     def on_parameters_unsubscribe(self, names: list[str]) -> None:
         """Nothing to do."""

@@ -20,7 +20,7 @@ from flexslew_plant.ros.node_process import run_node, within
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
 
-_REFRESH = 0.05  # how often clients hear the simulated time [wall s]
+_REFRESH = 0.05  # period at which clients receive the simulated time [wall s]
 
 
 @section
@@ -37,8 +37,8 @@ class LiveNode:
 
     Args:
         settings: None: the parameters of the node.
-        say: told where the server listens.
-        loop: that serves the node.
+        say: called with the address of the server.
+        loop: loop that serves the node.
 
     Raises:
         BadInput: the server's library is not installed, or the port is taken.
@@ -59,7 +59,7 @@ class LiveNode:
         self._gate = LiveGate(chosen.port, chosen.origins)
         self._websocket = foxglove.websocket
         self._context = context = foxglove.Context()  # its channels close with it
-        self.newcomers: deque[str] = deque()  # topics that somebody has begun to listen to
+        self.newcomers: deque[str] = deque()  # topics with a new subscriber
         self.parameters = LiveParameters(node)
         self._services = LiveServices(node, foxglove)
         capability = self._websocket.Capability
@@ -84,7 +84,7 @@ class LiveNode:
         say(f"open {self._gate.address} in Foxglove, which {may} the bench; Ctrl-C ends it")
 
     def poll(self) -> float:
-        """Tell the time and what has changed; return when to look again [wall s]."""
+        """Send the time and all changes; return when to poll again [wall s]."""
         now = monotonic()
         self._services.poll(now, self._server.add_services if self.operate else None)
         for origin in self._gate.refused_origins():
@@ -113,7 +113,7 @@ class LiveNode:
         return [self._websocket.Parameter(name, value=value) for name, value in values.items()]
 
     def refuse(self, words: str) -> None:
-        """Tell all clients why a parameter was not set."""
+        """Send all clients the reason why a parameter was not set."""
         self._server.publish_status(words, self._websocket.StatusLevel.Error, "parameters")
 
 

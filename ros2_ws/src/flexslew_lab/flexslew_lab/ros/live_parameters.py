@@ -20,7 +20,7 @@ _SERVICE = "/set_parameters"
 
 
 class LiveParameters:
-    """Knows all parameters by `/node.parameter`, and sets them; server threads may call it.
+    """Holds all parameters by `/node.parameter`, and sets them; server threads may call it.
 
     Args:
         node: of this process.
@@ -29,8 +29,8 @@ class LiveParameters:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._clients: dict[str, AsyncParameterClient] = {}  # by node
-        self._asked: dict[str, float] = {}  # node to when it was asked [wall s]
-        self._told: set[str] = set()  # nodes that have told theirs
+        self._asked: dict[str, float] = {}  # node to time of the last request [wall s]
+        self._told: set[str] = set()  # nodes that have sent their parameters
         self._values: dict[str, Any] = {}
         self._changed: set[str] = set()
         self._requests: deque[tuple[str, Any, Future[str]]] = deque()
@@ -137,7 +137,7 @@ def _plain(value: Any) -> Any:
 
 
 def _typed(value: Any, now: Any) -> Any:
-    """Return a value of the type that the parameter has: JSON cannot tell 2 from 2.0."""
+    """Return a value in the type of the parameter: JSON has no difference between 2 and 2.0."""
     if isinstance(value, list) and isinstance(now, list):
         return [_typed(one, now[0] if now else one) for one in value]
     number = isinstance(value, int) and not isinstance(value, bool)

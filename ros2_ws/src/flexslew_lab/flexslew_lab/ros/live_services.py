@@ -86,7 +86,7 @@ class LiveServices:
         self._testbed = testbed
 
     def _plan(self, name: str, values: dict[str, Any], answer: Future[RequestResult]) -> None:
-        """Ask the planner; where a client says nothing of ticks and drives, those of the bench."""
+        """Request a plan; without ticks and drives of the client, those of the bench are used."""
         bench = {"period": self._testbed.period, "effort_limit": [*self._testbed.effort_limit]}
         try:
             goal = request_of(action.PlanSlew.Goal, {**bench, **values})

@@ -1,4 +1,4 @@
-"""Statuses of controllers that are left out of a log: of those whose name is another one's."""
+"""Leaves statuses out of a log: those of controllers with a name that belongs to another one."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
@@ -19,10 +19,10 @@ class _Held(NamedTuple):
 
 
 class Namesakes:
-    """Lets in what the controller says whose name it is, and everything on other topics.
+    """Admits statuses of the controller that owns its name, and all messages on other topics.
 
-    One that was started again is heard while its predecessor still counts as alive: what it says
-    waits until that one is silent, or lives on.
+    A restarted controller sends while its predecessor still counts as alive: its messages wait
+    until that one is silent, or lives on.
 
     Args:
         presence: signs of life.

@@ -1,4 +1,4 @@
-"""What an operator asks of a running bench, as short-lived service clients.
+"""Requests of an operator to a running bench, as short-lived service clients.
 
 Only messages are imported here: an answer takes well under a second.
 """
@@ -27,7 +27,7 @@ from flexslew_plant.ros.start import start_ros
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
 _early: dict[tuple[int, str], tuple[list[Node], float]] = {}  # by domain and namespace
 _SURE, _OTHERS = 2, 1.0  # nodes that look for every bench; for one more to be seen [wall s]
-_RETRY = 0.25  # until another node tries to be heard, then twice that, and so on [wall s]
+_RETRY = 0.25  # until another node tries to connect, then twice that, and so on [wall s]
 
 
 class Operator:
@@ -50,9 +50,9 @@ class Operator:
         return self._ask(topics.OPERATE, action=action)
 
     def act_everywhere(self, action: str) -> Iterator[tuple[str, Reply]]:
-        """Yield the namespace of each bench on the graph, and what it answers to an action.
+        """Yield the namespace of each bench on the graph, and its answer to an action.
 
-        A connection to one namespace asks the bench in it alone.
+        A connection to one namespace sends the action to the bench in it alone.
 
         Raises:
             FlexslewError: there is none.
@@ -67,7 +67,7 @@ class Operator:
                 asked.add(place)
                 try:
                     yield place, self._ask(topics.OPERATE, f"{place}/", action=action)
-                except FlexslewError as error:  # the others are asked all the same
+                except FlexslewError as error:  # the others are called all the same
                     yield place, Reply(refused=Refusal(str(error)))
                 end = min(end, monotonic() + _OTHERS)
             sleep(0.02)
@@ -87,7 +87,7 @@ class Operator:
         return self._ask(topics.RETARGET, target=target, at=at)
 
     def controllers(self) -> tuple[str, list[dict[str, Any]]]:
-        """Return who is in charge and the status of every controller."""
+        """Return the active controller and the status of every controller."""
         reply = self._call(
             srv.ListControllers, topics.LIST_CONTROLLERS, srv.ListControllers.Request()
         )
@@ -98,7 +98,7 @@ class Operator:
         """Give the bench to another controller.
 
         Args:
-            controller: who takes over.
+            controller: name of the next controller.
             at: simulated time [s]; 0: the next tick.
             strict: refuse a step of the effort above max_effort_step.
             max_effort_step: [N m or N].
@@ -134,7 +134,7 @@ class Operator:
         return future.result()
 
     def _find_node(self, kind: Any, name: str) -> tuple[Node, Any]:
-        """Return a node that the bench knows, and its client.
+        """Return a node that the bench has discovered, and its client.
 
         Once in ten times a newcomer misses the answer to its announcement and would have to wait
         for the plant's next one, up to 3 s; another newcomer most likely does not.
@@ -169,7 +169,7 @@ class Operator:
             name.removesuffix(f"/{service}")
             for node in self.nodes
             for name, _ in node.get_service_names_and_types()
-            if name.endswith(f"/{service}") and node.count_services(name)  # else asked for alone
+            if name.endswith(f"/{service}") and node.count_services(name)  # else clients only
         }
 
 

@@ -1,4 +1,4 @@
-"""Who may speak on the topics of a plant: the plant of this bench."""
+"""Filters the topics of a plant: only the plant of this bench may publish on them."""
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping
@@ -23,25 +23,25 @@ _FAST_DDS, _PREFIX = "rmw_fastrtps", 12  # of a GUID, the part of its participan
 
 
 class PlantOnly:
-    """Lets in what the plant says, and what others say on other topics.
+    """Admits messages of the plant, and those of others on other topics.
 
-    A plant is known by its signs of life. One that was started again may be heard before its first
-    one: what it says waits for that. Before any plant was heard, and where the middleware does not
-    say who publishes, everything is let in.
+    A plant is identified by its signs of life. Messages of a restarted one may arrive before its
+    first sign; they wait for it. Before the first plant, and where the middleware does not give
+    the publisher, everything is admitted.
     """
 
     def __init__(self) -> None:
-        self._strangers: dict[str, bool] = {}  # topics that others spoke on, and whether it is told
-        self._plants: set[bytes] = set()  # participants of all that were heard
+        self._strangers: dict[str, bool] = {}  # topics with messages of others: was it reported
+        self._plants: set[bytes] = set()  # participants of all plants so far
         self._undecided: defaultdict[bytes, deque[tuple[float, str, bytes]]] = defaultdict(deque)
 
     def admit(
         self, taken: Iterable[tuple[str, bytes, Mapping[str, Any]]], now: float
     ) -> Iterator[tuple[str, bytes]]:
-        """Yield topic and CDR of what is let in.
+        """Yield topic and CDR of the admitted messages.
 
         Args:
-            taken: topic, CDR, and what DDS says of a message; also of SIGN_OF_LIFE.
+            taken: topic, CDR, and info of DDS on each message; also of SIGN_OF_LIFE.
             now: [wall s].
         """
         for topic, data, info in taken:
@@ -75,13 +75,13 @@ def _is_of_plant(sign_of_life: bytes) -> bool:
 
 
 def _participant(info: Mapping[str, Any]) -> bytes:
-    """Return who of DDS published a message, which is one for all nodes of a process.
+    """Return the DDS participant that published a message, one for all nodes of a process.
 
     Args:
-        info: of the message, as rclpy gives it.
+        info: info on the message from rclpy.
 
     Returns:
-        Empty where rclpy or its middleware does not say.
+        Empty if rclpy or its middleware does not give it.
     """
     gid = info.get("publisher_gid") or {}
     told = gid.get("implementation_identifier", "").startswith(_FAST_DDS)

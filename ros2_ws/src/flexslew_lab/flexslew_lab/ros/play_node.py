@@ -22,14 +22,14 @@ from flexslew_plant.ros.offers import message_class, qos
 from flexslew_plant.ros.parameters import new_node, settings_of
 
 _POLL_PERIOD = 0.05  # until the next poll, for what a service has changed [wall s]
-_BATCH = 1000  # messages between two polls at whether all were heard
+_BATCH = 1000  # messages between two waits for acknowledgement
 _PATIENCE = Duration(seconds=2)  # with a listener that does not take what it is sent
 
 Report = Callable[[float, float], None]  # simulated time of the player and of the end [s]
 
 
 class PlayNode:
-    """Publishes what its player says is due.
+    """Publishes the messages of its player when they are due.
 
     Args:
         settings: how to play; None: the parameters of the node.
@@ -51,7 +51,7 @@ class PlayNode:
         if self._settings.clock:
             self._clock = node.create_publisher(Clock, CLOCK, LOOP_DEPTH)
         self._services = PlayServices(node, self.player, self.send, self.sought)
-        self._waiting: list[str] | None = None  # for whom; None: not any more
+        self._waiting: list[str] | None = None  # missing subscribers; None: all are there
         self._unacknowledged = 0
         self._next_report = self._next_clock = 0.0
         if self._settings.wait_for:

@@ -1,4 +1,4 @@
-"""What a recorder hears of every tick, passed on many messages at a time."""
+"""Passes on the recorder's messages of every tick, many at a time."""
 
 from array import array
 
@@ -14,10 +14,10 @@ _MUCH = 32_000  # that go without waiting for it, so that every batch is one pie
 
 
 class Rebroadcast:
-    """Passes on what is shown rather than acted upon.
+    """Passes on messages that are shown rather than acted upon.
 
-    A listener of its own would wake up at every tick, and cost a bench that goes as fast as it
-    can a part of its speed; the recorder has heard it anyway.
+    A subscription of its own would wake up a page at every tick, and slow down a bench that goes
+    as fast as it can; the recorder has received the messages anyway.
 
     Args:
         node: the recorder.

@@ -71,7 +71,7 @@ class Recorder:
         return _BUSY_EVERY if self._take() > _BUSY else _TAKE_EVERY
 
     def interrupted(self) -> bool:
-        """Return whether to stay: a plant that is interrupted too still has something to say."""
+        """Return whether to stay: an interrupted plant still sends its last messages."""
         if self._leave_at is not None or not self._watch.here:
             return False
         self._leave_at = monotonic() + _ENDING
@@ -111,7 +111,7 @@ class Recorder:
             yield topic, data
 
     def _tell_status(self) -> None:
-        """Tell the plant what is safe: it holds back rather than lose more than a second."""
+        """Report the safe tick to the plant, which waits rather than lose more than a second."""
         if self._recording.safe == self._told:
             return
         self._told = epoch, tick = self._recording.safe

@@ -9,7 +9,7 @@ from flexslew_plant.settings import section
 
 
 def _object(words: str) -> str:
-    """Return JSON that is an object; a ValueError says that it is not."""
+    """Return JSON that is an object; raise a ValueError otherwise."""
     try:
         given = json.loads(words)
     except ValueError:

@@ -48,7 +48,7 @@ def request_of(kind: Any, values: Mapping[str, Any]) -> Any:
 
 
 def granted(response: Any) -> bool:
-    """Return whether a service has done what it was asked for, or will at its time."""
+    """Return whether a service has granted a request, or will at its time."""
     return bool(response.ok or getattr(response, "scheduled", False))
 
 

@@ -27,12 +27,12 @@ class PlantAndController:
         return min(node.poll() for node in self._nodes)
 
     def interrupted(self) -> None:
-        """Let the plant say that the run ends before its time."""
+        """Let the plant report that the run ends before its time."""
         self._plant.interrupted()
 
 
 def main() -> None:
-    """Run the plant beside PD + feedforward until it is done or interrupted."""
+    """Run the plant together with PD + feedforward until it is done or interrupted."""
     run_node(partial(PlantAndController, DEFAULT))
 
 

@@ -17,9 +17,9 @@ from flexslew_lab.run.domain_locks import (
 from flexslew_plant.errors import BadInput, FlexslewError
 
 _HIGHEST = 101  # above it the ports of DDS meet the ephemeral ones of Linux
-_LAST = 232  # that DDS knows
+_LAST = 232  # the highest of DDS
 _ROOT = str(Path(__file__).resolve().parents[2])  # the checkout, or the installation by pip
-_WORDS = 4096  # that a lock says of its run, at most [bytes]
+_WORDS = 4096  # largest description of a run in a lock [bytes]
 _held: dict[int, int] = {}  # open locks of this process by domain
 
 
@@ -29,7 +29,7 @@ class RunningBench(NamedTuple):
     domain: int  # ROS_DOMAIN_ID
     trial: str = ""
     folder: str = ""  # of the run
-    root: str = ""  # whose code flies it
+    root: str = ""  # checkout or installation that flies it
     user: int = 0
     known: bool = True  # whether a run of this machine has claimed the domain
     bench: bool = True  # whether it is one: an examination of a controller is none
@@ -56,9 +56,9 @@ def own_domain(what: str = "", folder: Path | None = None, bench: bool = True) -
     3.2, see standstill.py).
 
     Args:
-        what: runs there, for those who look for a bench.
-        folder: of the run, for the same.
-        bench: is what runs there; else nobody who looks for one is led to it.
+        what: description of the run, for commands that look for a bench.
+        folder: folder of the run, for the same.
+        bench: whether a bench runs there; else no command is led to it.
 
     Raises:
         BadInput: ROS_DOMAIN_ID is not a number of a domain.
@@ -83,9 +83,9 @@ def own_domain(what: str = "", folder: Path | None = None, bench: bool = True) -
 
 
 def _free_domain() -> tuple[int, int]:
-    """Return the free domain whose last run is the oldest, and its locked file.
+    """Return the free domain with the oldest last run, and its locked file.
 
-    The highest comes first: a number that a person sets by hand is usually low.
+    The highest comes first: a number that a user sets by hand is usually low.
 
     Raises:
         FlexslewError: if no domain is free.
@@ -127,7 +127,7 @@ def running_benches(everybody: bool = False) -> list[RunningBench]:
     """Return the benches of this user that run on this machine, by domain.
 
     Args:
-        everybody: those of other users, too, as far as their locks can be read.
+        everybody: include benches of other users, as far as their locks can be read.
     """
     found = []
     for lock in domain_locks():
@@ -199,7 +199,7 @@ def _running_bench(lock: DomainLock) -> RunningBench:
 
 
 def _describe(handle: int, what: str, folder: Path | None, bench: bool) -> None:
-    """Write into a lock what runs in its domain, for those who look for a bench."""
+    """Write the description of a domain's run into its lock, for commands that look for a bench."""
     where = "" if folder is None else str(folder.resolve())
     facts = {"trial": what[:200], "folder": where, "root": _ROOT, "bench": bench}
     os.ftruncate(handle, 0)
@@ -209,7 +209,7 @@ def _describe(handle: int, what: str, folder: Path | None, bench: bool) -> None:
 def _released(number: int, handle: int | None) -> None:
     if handle is not None:
         del _held[number]
-        os.ftruncate(handle, 0)  # and so the file tells when
+        os.ftruncate(handle, 0)  # this also sets the time of the file
         os.close(handle)
 
 

@@ -1,7 +1,7 @@
 """Lock files of ROS domains: one per domain and user, in the folder of temporary files.
 
-A user locks a domain in a file of their own and examines the files of all others, whom they can
-read and not write. The system drops a lock when its holder ends.
+A user locks a domain in a file of their own and examines the files of all other users, which are
+readable but not writable. The system drops a lock when its holder ends.
 """
 
 import os
@@ -15,7 +15,7 @@ from typing import NamedTuple
 from flexslew_plant.processes.file_lock import lock_file
 
 _NAME = re.compile(r"flexslew_domain_(\d{1,3})(?:_\d+)?\.lock")
-_READABLE = 0o644  # by every user, whatever the umask
+_READABLE = 0o644  # by every user, for any umask
 
 
 class DomainLock(NamedTuple):
@@ -41,10 +41,10 @@ def domain_locks() -> list[DomainLock]:
 def lock_domain(number: int, others: Iterable[DomainLock]) -> int | None:
     """Return the open lock file of this user; None if another run holds the domain.
 
-    Two users who try one domain at once may both get None; each then tries another one.
+    Two users that try one domain at once may both get None; each then tries another one.
 
     Args:
-        number: of the domain.
+        number: number of the domain.
         others: the lock files of all users.
 
     Raises:

@@ -25,17 +25,17 @@ from flexslew_plant.errors import FlexslewError
 
 BEFORE_FORK = "flexslew_lab.ros.before_fork"  # does what all nodes have in common
 _LARGEST = 1 << 17  # of a request or a report [B]
-_VANISHED = 1  # exit code of a node whose fork server was killed: it ends by itself
+_VANISHED = 1  # exit code of a node after its fork server was killed: it ends by itself
 
 
 class ForkServer:
-    """Starts nodes and hears how they end.
+    """Starts nodes and receives their exit codes.
 
     Args:
-        modules: what nodes will run, and BEFORE_FORK; others are imported when they are started.
+        modules: modules that nodes will run, and BEFORE_FORK; others are imported at their start.
 
     Raises:
-        BadInput: they could not start on this machine.
+        BadInput: if they could not start on this machine.
     """
 
     def __init__(self, modules: Iterable[str]) -> None:
@@ -72,13 +72,13 @@ class ForkServer:
         """Return the pid of a new process that runs `main` of a module.
 
         Args:
-            module: by its dotted name.
-            arguments: of its command line.
-            environment: on top of that of this process.
-            output: open file for all that it says.
+            module: dotted name.
+            arguments: arguments of the command line.
+            environment: variables added to those of this process.
+            output: open file for its standard output and error.
 
         Raises:
-            FlexslewError: the fork server is gone.
+            FlexslewError: if the fork server is gone.
         """
         request = {"module": module, "arguments": arguments, "environment": dict(environment)}
         with self._lock:
@@ -152,7 +152,7 @@ def _serve(pipe: socket.socket) -> Callable[[], None] | None:
 
 
 def _report(pipe: socket.socket, words: dict[str, int]) -> None:
-    with suppress(OSError):  # nobody wants to know any more
+    with suppress(OSError):  # no reader is left
         pipe.send(json.dumps(words).encode())
 
 
@@ -173,11 +173,11 @@ def _born(request: dict[str, object], output: int, supervisor: int) -> Callable[
 
 
 def main() -> None:
-    """Serve the fork server whose socket and modules the command line names."""
+    """Serve the fork server with the socket and modules that the command line names."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = socket.socket(fileno=int(sys.argv[1]))
     for name in sys.argv[2:]:
-        with suppress(ImportError):  # the node itself will say so
+        with suppress(ImportError):  # the node itself will report it
             getattr(importlib.import_module(name), "before_fork", lambda: None)()
     gc.collect()
     gc.freeze()  # else each copy would soon have its own pages

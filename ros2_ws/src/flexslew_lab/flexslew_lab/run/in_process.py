@@ -73,7 +73,7 @@ def _tick(bench: Bench, controllers: dict[str, Controller], observer: Observer |
             if observer is not None:
                 observer.event(event)
     if not bench.answered and bench.question is not question:
-        # the drive refused the newcomer's step and asks its predecessor
+        # the drive refused the newcomer's step and returns the question to its predecessor
         if observer is not None:
             observer.question(bench.question)
         predecessor = controllers.get(bench.question.controller)

@@ -35,7 +35,7 @@ class LaunchValues(NamedTuple):
 
 
 def launch_values(given: Mapping[str, str]) -> LaunchValues:
-    """Return the arguments of a launch; others belong to whoever includes the launch file.
+    """Return the arguments of a launch; others belong to the file that includes the launch file.
 
     Args:
         given: text of every argument.

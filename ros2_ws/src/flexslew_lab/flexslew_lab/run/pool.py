@@ -1,7 +1,7 @@
 """Processes on this machine that do numbered cases of a job, a chunk at a time.
 
 The dead are replaced, the hung are ended. Every process has a pipe of its own, so one that dies at
-any moment harms no other. A result does not depend on who found it or in which chunk.
+any moment harms no other. A result does not depend on its process or on its chunk.
 """
 
 import multiprocessing
@@ -28,8 +28,8 @@ _LARGEST = 4096  # cases of a chunk
 _GROWTH = 4  # of a chunk over the one before, at most
 _DEATHS = 2  # with a chunk, before it is split to find out which case it is
 _LAST_WORDS = 1.0  # patience with a process that has closed its pipe and not yet ended [wall s]
-_READY = -1  # what a process says first
-_START = 120.0  # that a process may take before it says so [wall s]
+_READY = -1  # first message of a process
+_START = 120.0  # limit for the first message of a process [wall s]
 _STARTING = threading.Lock()  # of processes, one after the other: others may have threads
 _SERVER = multiprocessing.get_context("forkserver")  # has imported everything once, for all
 
@@ -48,7 +48,7 @@ _Result = TypeVar("_Result", bound=Numbered)
 
 
 class CaseFlyer(Protocol[_Given, _Result]):
-    """Does cases of a job in whatever process it stands."""
+    """Does cases of a job, in any process."""
 
     def fly(
         self,
@@ -59,9 +59,9 @@ class CaseFlyer(Protocol[_Given, _Result]):
         """Do the cases.
 
         Args:
-            cases: of the job.
+            cases: cases of the job.
             report: gets the results as they come, in any order.
-            begin: told the number of a case before it is done alone.
+            begin: called with the number of a case before it is done alone.
         """
 
 
@@ -127,8 +127,8 @@ class Chunks:
     def next(self, cases: Iterator[_Case], workers: int = 1) -> list[_Case]:
         """Return the next chunk; empty at the end.
 
-        Towards the end of the cases, if they say how many are left, chunks become smaller: no
-        worker shall wait for the last one of another.
+        Towards the end of the cases, if their number is known, chunks become smaller: no worker
+        shall wait for the last one of another.
         """
         size = self._size
         if workers > 1:
@@ -165,8 +165,8 @@ class _Worker(Generic[_Case]):
     pipe: Connection
     chunk: _Chunk[_Case] = field(default_factory=_Chunk)
     now: int | None = None  # number of the case that is done alone
-    ready: bool = False  # it has said so
-    heard: float = 0.0  # when something came from it last [wall s]
+    ready: bool = False  # its first message has come
+    heard: float = 0.0  # time of its last message [wall s]
     patience: float = _START  # with its silence [wall s]
     started: float = 0.0  # the chunk [wall s]
     size: int = 0  # of the chunk at its start
@@ -212,7 +212,7 @@ class Pool(Generic[_Case, _Result]):
                     yield results
 
     def close(self) -> None:
-        """End the processes, in whatever they are at."""
+        """End the processes, in any state."""
         for worker in self._workers:
             self._end(worker)
         self._workers.clear()
@@ -234,7 +234,7 @@ class Pool(Generic[_Case, _Result]):
             worker = idle.pop() if idle else self._start()
             worker.chunk, worker.now, worker.size = chunk, None, len(chunk)
             worker.started = worker.heard = monotonic()
-            with suppress(OSError):  # it is dead: its pipe will say so
+            with suppress(OSError):  # it is dead: its pipe will report it
                 worker.pipe.send(list(chunk))
 
     def _start(self) -> _Worker[_Case]:
@@ -300,10 +300,10 @@ class Pool(Generic[_Case, _Result]):
         return []
 
     def _excuse(self, worker: _Worker[_Case], why: str) -> list[_Result]:
-        """Put all that a process was given back into the queue: it has not begun.
+        """Put the whole chunk of a process back into the queue: it has not started.
 
         Raises:
-            RunFault: the same has happened to others before it.
+            RunFault: if the same has happened to others before it.
         """
         self._again.append(worker.chunk)
         self._unready += 1
@@ -350,9 +350,9 @@ def _without_script() -> Iterator[None]:
 
 def _work(pipe: Connection, job: PooledJob[Any, Any]) -> None:
     """Do what comes through the pipe until it is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who gives out chunks
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent process
     flyer = job.flyer()
-    with suppress(EOFError, OSError):  # whoever gave out chunks is gone
+    with suppress(EOFError, OSError):  # the parent process is gone
         pipe.send(_READY)
         while True:
             flyer.fly(pipe.recv(), pipe.send, pipe.send)

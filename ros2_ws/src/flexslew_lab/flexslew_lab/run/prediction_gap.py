@@ -1,4 +1,4 @@
-"""What a plan has predicted beside what its flight has left."""
+"""The prediction of a plan compared with the result of its flight."""
 
 from typing import Any
 

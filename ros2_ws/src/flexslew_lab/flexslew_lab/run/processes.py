@@ -51,13 +51,13 @@ def node_processes(
     """Return the nodes of a trial in the order of their start, the plant last.
 
     Args:
-        trial: what to fly.
-        folder: of the run; the bag goes into its subfolder bag.
-        record: with the recorder.
-        metadata: of the run, for the bag.
-        plan: file of the trial's plan, where it is made already.
-        namespace: of all nodes; empty: none.
-        autostart: fly as soon as all are there; else when an operator says so.
+        trial: trial to fly.
+        folder: folder of the run; the bag goes into its subfolder bag.
+        record: start the recorder, too.
+        metadata: metadata of the run, for the bag.
+        plan: file of the trial's plan, if it is made already.
+        namespace: namespace of all nodes; empty: none.
+        autostart: fly as soon as all nodes are there; else when an operator starts it.
     """
     listeners = ["recorder"] if record else []
     trust = own_names(trial)
@@ -70,7 +70,7 @@ def node_processes(
         }
         processes.append(NodeProcess("recorder", "flexslew_lab", "recorder", parameters))
     planned = trial.plan is not None
-    if planned or not autostart:  # an operator may want to plan
+    if planned or not autostart:  # an operator may need to plan
         parameters = {"exit_with_plant": True, "trust": trust}
         if trial.plan is None:
             pass
@@ -122,7 +122,7 @@ def parameter_file(processes: list[NodeProcess]) -> str:
 
 
 def main() -> None:
-    """Write `parameters.yaml` for whoever starts the nodes of a trial one by one.
+    """Write `parameters.yaml` for a user that starts the nodes of a trial one by one.
 
     The command line holds a shipped trial or a trial file, and the folder of the run.
     """

@@ -56,7 +56,7 @@ _ORIENTATION = 32  # of a tick, in the message alone [B]
 
 
 class _Prepared(NamedTuple):
-    """What stands on the bench and who flies it, before tick 0."""
+    """The bench, its controllers and its plan before tick 0."""
 
     bench: Bench
     controllers: dict[str, Controller]
@@ -77,15 +77,15 @@ def run_trial(
     """Fly the trial, write its folder and return what came out.
 
     Args:
-        trial: what to fly.
+        trial: trial to fly.
         source: its file, for messages and for the log.
         out: folder of the run; None: a new one below runs/.
         in_process: without ROS.
         report: write report.html too.
         progress: called with the tick and the last tick.
-        say: called with a line for a person.
-        autostart: over ROS, fly as soon as all are there; else when an operator says so.
-        warn: called with a line on what the run will not show as it is asked for; None: say it.
+        say: called with a line for the user.
+        autostart: over ROS, fly as soon as all nodes are there; else when an operator starts it.
+        warn: called with a line on a request that the run will not show; None: it goes to `say`.
 
     Raises:
         BadInput, PlanFailed: before anything was written.
@@ -175,7 +175,7 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
     bench, controllers = set_up(trial, source)
     try:
         plan = plan_of_trial(trial)
-    except BadInput as error:  # says its key
+    except BadInput as error:  # the error names its key
         raise BadInput(str(error), source) from None
     except PlanFailed as error:
         raise PlanFailed(f"{source}: plan: {error}") from None
@@ -284,6 +284,6 @@ def _finished(
 
 
 def _unwritten(result: Result, error: Exception) -> Result:
-    """Return a result that says what is not on the disk, with exit code 3."""
+    """Return a result with the error of an incomplete write, and exit code 3."""
     words = "; ".join(part for part in (result.message, str(error)) if part)
     return result._replace(exit_code=3, message=words)

@@ -1,10 +1,10 @@
-"""Tells a node that stands still inside Fast DDS 3.2 from one that only waits or is stopped.
+"""Detects a node that stands still inside Fast DDS 3.2, unlike one that waits or is stopped.
 
 One thread holds the lock of the discovery and waits for the thread of the timers (a remote writer
 leaves: PDP::removeWriterProxyData), which waits for that lock to announce the node
-(PDP::set_next_announcement_interval): eProsima/Fast-DDS issue 6502. From then on the node hears of
-nobody new and may never end its own construction. The thread of the timers wakes at least every 3 s
-(leaseAnnouncement) wherever DDS is alive, so one that does not wake is the sign.
+(PDP::set_next_announcement_interval): eProsima/Fast-DDS issue 6502. From then on the node
+discovers no other and may never end its own construction. The thread of the timers wakes at least
+every 3 s (leaseAnnouncement) wherever DDS is alive, so one that does not wake is the sign.
 """
 
 from collections.abc import Callable
@@ -16,11 +16,11 @@ _TIMERS = "dds.ev."  # what Fast DDS calls the threads
 
 
 class Standstill:
-    """Looks at the processes of a run from time to time.
+    """Examines the processes of a run from time to time.
 
     Args:
-        clock: wall seconds.
-        processes: where the kernel shows them.
+        clock: returns the time [wall s].
+        processes: folder of the kernel with all processes.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Standstill:
                 continue
             woken, sleeps = _field(status, "voluntary_ctxt_switches"), _field(status, "State")
             before, since = self._woken.get(thread, ("", now))
-            if woken != before or not sleeps.startswith("S"):  # stopped by somebody, or at work
+            if woken != before or not sleeps.startswith("S"):  # stopped by a signal, or at work
                 since = now
             self._woken[thread] = woken, since
             found = found or now - since > PATIENCE

@@ -1,4 +1,4 @@
-"""Starts the processes of a trial, watches them, ends them; knows nothing of ROS messages."""
+"""Starts the processes of a trial, watches them, ends them; uses no ROS messages."""
 
 import fcntl
 import os
@@ -17,9 +17,9 @@ from flexslew_lab.run.standstill import Standstill
 
 _TICK = re.compile(rb"^tick (\d+) of (\d+)$")
 _LEAVES = re.compile(rb"^leaves with exit code (\d+)$")
-_ROOM = 1 << 20  # what a node may say while nobody reads it; Linux gives 64 KiB [bytes]
+_ROOM = 1 << 20  # unread output of a node; Linux gives 64 KiB [bytes]
 _GRACE = 10.0  # from one signal to the next stronger one [wall s]
-_LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.DEPARTURE_TIMEOUT
+_LEAVING = 90.0  # for nodes that leave after the plant [wall s]; see ros_node.DEPARTURE_TIMEOUT
 _LOOK = 5.0  # at whether the processes stand still, every so often [wall s]
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 _HELD_UP = (-signal.SIGALRM, -signal.SIGKILL)  # ended while it left: its own code counts
@@ -31,16 +31,16 @@ class Supervisor:
     """The processes of one run.
 
     A controller or planner that crashes before the start, or stands still in DDS at any time, is
-    started again, once. Plant and recorder are not: others depend on the one, the other has begun
-    its bag. Whoever stands still is killed.
+    started again, once. Plant and recorder are not: other nodes depend on the plant, and the
+    recorder has started its bag. A process that stands still is killed.
 
     Args:
-        processes: what to start; the end of the last one, the plant, is the end of the run.
+        processes: processes to start; the end of the last one, the plant, is the end of the run.
         parameters: the ROS parameter file.
-        log: file for what the processes say.
+        log: file for the output of the processes.
         domain: ROS_DOMAIN_ID for all of them.
         progress: called with the tick and the last tick.
-        server: that starts them; None: a new one.
+        server: fork server that starts them; None: a new one.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class Supervisor:
         self._log = log.open("wb")
         self._running: dict[str, int] = {}  # pids
         self._codes: dict[str, int] = {}
-        self._told: dict[str, int] = {}  # exit codes, by those who leave
+        self._told: dict[str, int] = {}  # exit codes, reported by leaving nodes
         self._selector = selectors.DefaultSelector()
         self._rest: dict[str, bytes] = {}
         self._standstill, self._next_look = Standstill(), monotonic() + _LOOK
         self._stuck: set[str] = set()  # killed for it
-        self._held_up: set[str] = set()  # who had to be ended after the plant
+        self._held_up: set[str] = set()  # nodes that had to be ended after the plant
         self._parameters = parameters
         self._environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
         self._environment.setdefault("ROS_LOG_DIR", str(log.parent.resolve() / "ros_log"))
@@ -101,9 +101,9 @@ class Supervisor:
         return self._verdict()
 
     def _lost(self) -> str:
-        """Return who ended before the start, so that it would never come; empty: nobody.
+        """Return a node that ended before the start, which would then never come; empty: none.
 
-        With exit code 0 that is who has left some time ago: others leave with the plant, which may
+        A node with exit code 0 counts after a delay: nodes leave together with the plant, which may
         need a moment longer.
         """
         if self._tick >= 0:
@@ -135,7 +135,7 @@ class Supervisor:
         self._rest[process.name] = b""
 
     def _serve(self, timeout: float) -> None:
-        """Take what the processes say and note who has ended."""
+        """Take the output of the processes and note those that have ended."""
         for key, _ in self._selector.select(timeout):
             data = os.read(key.fd, 65536)
             self._take(key.data, data)
@@ -167,7 +167,7 @@ class Supervisor:
                 os.kill(pid, signal.SIGKILL)
 
     def _note(self, name: str, words: str) -> None:
-        """Write into the log what the supervisor itself has to say of a process."""
+        """Write into the log a message of the supervisor itself about a process."""
         self._take(name, b"\n" * bool(self._rest[name]) + words.encode() + b"\n")
 
     def _take(self, name: str, data: bytes) -> None:
@@ -188,10 +188,10 @@ class Supervisor:
             self._log.flush()
 
     def _wait_for_rest(self) -> None:
-        """The others leave by themselves once the plant is gone and they were heard.
+        """Wait for the others, which leave once the plant is gone and their last messages are read.
 
-        Who was stopped goes on, to leave as the others do. Whom DDS holds up is ended. The run is
-        over, so that mars it only where it is the recorder.
+        A stopped process continues, to leave as the others do. One that DDS holds up is ended: the
+        run is over, so that this affects the result only for the recorder.
         """
         self._again.clear()
         for name in self._running:

@@ -12,11 +12,11 @@ HALF = ".half"  # at the end of the name of what is not written yet
 
 
 def put(place: Path, content: bytes) -> None:
-    """Write a file whole or not at all; a link that lies there is replaced, never followed.
+    """Write a file whole or not at all; a link at its place is replaced, never followed.
 
     Raises:
-        RunFault: the disk is full.
-        BadInput: it cannot be written for another reason.
+        RunFault: if the disk is full.
+        BadInput: if it cannot be written for another reason.
     """
     half = place.with_name(f"{place.name}.{os.getpid()}{HALF}")
     with told(place):
@@ -52,11 +52,11 @@ def own_folder(folder: Path) -> Path:
 
 @contextmanager
 def told(place: Path) -> Iterator[None]:
-    """Say in one line why something cannot be written.
+    """Report in one line why something cannot be written.
 
     Raises:
-        RunFault: the disk is full.
-        BadInput: anything else.
+        RunFault: if the disk is full.
+        BadInput: for any other reason.
     """
     try:
         yield

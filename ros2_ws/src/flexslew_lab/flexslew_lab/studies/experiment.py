@@ -22,13 +22,13 @@ def found_by_flying(
     """Return the `testbed` section of the bench of a trial as its measurements identify it.
 
     Args:
-        experiment: an experiment, or a manoeuvre whose plan believes a model.
-        nominal: the bench that is believed before, where a fit begins.
+        experiment: an experiment, or a manoeuvre with a plan that has a design model.
+        nominal: the model of the bench before, from which a fit starts.
         fit: paths of numbers in its section that are fitted; none: modes and inertias are found.
         shakes: whether its plan must be of method excitation.
 
     Raises:
-        BadInput: it cannot be flown, or cannot tell; with the numbers.
+        BadInput: if it cannot be flown, or identifies nothing; the message gives the numbers.
     """
     record, band = heard_in(experiment, shakes)
     model = identify_modes(record, band)
@@ -41,14 +41,14 @@ def found_by_flying(
 
 
 def heard_in(experiment: Trial, shakes: bool = True) -> tuple[Record, tuple[float, float]]:
-    """Return what the sensors say in a flight, and the band [rad/s] that it shakes.
+    """Return the record of the sensors in a flight, and the band [rad/s] that it shakes.
 
     Args:
         experiment: see found_by_flying.
         shakes: whether its plan must be of method excitation.
 
     Raises:
-        BadInput: it cannot be flown, or shakes nothing.
+        BadInput: if it cannot be flown, or shakes nothing.
     """
     place = f"{experiment.name}: plan"
     bench, controllers = set_up(experiment, experiment.name)

@@ -20,7 +20,7 @@ _WORST = "worst"
 
 
 def finished(study: Study, store: Store) -> dict[str, Any]:
-    """Return the summary of a study after writing its page beside it."""
+    """Return the summary of a study after writing its page to its folder."""
     from flexslew_lab.studies.findings.page import study_page
 
     found = summary(study, store, flights_of(store))
@@ -40,12 +40,12 @@ def fly_again(
     Args:
         study: its file.
         store: its folder, if there is one.
-        number: of the trial.
+        number: number of the trial.
         out: folder of the run; None: a new one below runs/.
-        say: told what a flight says of itself, its warnings too.
+        say: called with the messages and the warnings of the flight.
 
     Raises:
-        BadInput: the study has no such trial, or it cannot be flown.
+        BadInput: if the study has no such trial, or it cannot be flown.
     """
     from flexslew_lab.studies.cases import sample_table
 
@@ -77,12 +77,12 @@ def _difference(store: Store, number: int, metrics: dict[str, Any]) -> str:
 
 
 def keep_worst(study: Study, store: Store, say: Callable[[str], None]) -> list[Path]:
-    """Fly the worst trials again with their logs, as `keep.bags` says; return their folders.
+    """Fly the worst trials again with their logs, as `keep.bags` requires; return their folders.
 
     Args:
         study: its file.
         store: its folder, with the table.
-        say: told why a trial has no log.
+        say: called with the reason why a trial has no log.
     """
     words = study.settings.keep.bags.split()
     if words[0] == "none":

@@ -78,7 +78,7 @@ class Plans:
 def _made(trial: Trial) -> Plan | FlexslewError:
     try:
         plan = plan_of_trial(trial, predict=False)  # the study flies it
-    except BadInput as error:  # says its key
+    except BadInput as error:  # its message names the key
         return error
     except PlanFailed as error:
         return PlanFailed(f"plan: {error}")
@@ -113,7 +113,7 @@ def uses_testbed(plan: Mapping[str, Any], testbed: Testbed) -> bool:
 
 
 def sets_every_key(belief: Any, testbed: Any) -> bool:
-    """Return whether a `model` section says every key of a testbed."""
+    """Return whether a `model` section has every key of a testbed."""
     if not isinstance(belief, dict):
         return False
     for field_ in fields(testbed):
@@ -126,7 +126,7 @@ def sets_every_key(belief: Any, testbed: Any) -> bool:
 
 
 def flown(study: Study, case: Case, plans: Plans) -> Flown:
-    """Return what became of a trial; whatever a trial does is a result."""
+    """Return the result of a trial; a failure of any kind is a result, too."""
     try:
         metrics, digest, reason = _fly(case_trial(study, case), study.source, plans)
     except FlexslewError as error:
@@ -153,7 +153,7 @@ def _fly(
     own = own_metrics(trial.metrics, f"{source}: metrics", trial.trust)
     observer = MetricsObserver(bench, plan, own)
     fly(bench, controllers, observer)
-    if bench.drive.active == "":  # whatever became of it under the brake
+    if bench.drive.active == "":  # whether or not it failed under the brake
         return {}, None, _why_braked(observer.events)
     if bench.failure:
         return {}, None, bench.failure
@@ -191,7 +191,7 @@ def columns_of(
 ) -> dict[str, float | None]:
     """Return the metrics by column: those with parts by `name.part`, and their largest by name.
 
-    What is told by axis has the columns of all axes from the start; spectra have none.
+    Metrics by axis have the columns of all axes from the start; spectra have none.
 
     Args:
         metrics: content of metrics.json.

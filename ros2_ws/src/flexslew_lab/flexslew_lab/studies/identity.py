@@ -23,7 +23,7 @@ from flexslew_plant.settings import plain
 
 _NAMING = ("vary", "shake", "compare")  # keys that may name files, as the trial may
 _FREE = ("criteria", "keep", "limit", "trial")  # keys that change no trial
-# folders whose code decides what a trial becomes
+# folders with the code that determines the result of a trial
 _CODE = (
     "flexslew_plant",
     "flexslew_control",
@@ -70,10 +70,10 @@ def _own_keys(study: Study) -> dict[str, Key]:
 
 
 def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> None:
-    """Check that the study of a folder is the one that is asked for.
+    """Check that the study of a folder is the requested one.
 
     Raises:
-        BadInput: names the first difference and both values.
+        BadInput: if it is another; the message names the first difference and both values.
     """
     differences = [
         f"{key}: {_short(old)} there, {_short(new)} here"
@@ -91,12 +91,12 @@ def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> No
 def extended(there: dict[str, Any], here: dict[str, Any], samples: pa.Table) -> bool:
     """Return whether one study is another one with more samples, those of that come first.
 
-    A `stop` counts looks at fewer samples, so such a study is another one.
+    A `stop` counts checks with fewer samples, so such a study is another one.
 
     Args:
         there: identity of the one.
         here: identity of the other one.
-        samples: of the other one.
+        samples: samples of the other one.
     """
     before, now = (one["study"].get("sampling") or {} for one in (there, here))
     old, new = before.get("n"), now.get("n")

@@ -1,4 +1,4 @@
-"""The file that says what the study of a folder is of; read without what reads its tables."""
+"""The file with the identity of the study of a folder; read without the reader of its tables."""
 
 import os
 from pathlib import Path
@@ -13,7 +13,7 @@ _DIGEST = "samples_sha256"
 
 
 class KeptIdentity(NamedTuple):
-    """What a folder says of its study."""
+    """The identity of the study of a folder."""
 
     identity: dict[str, Any]  # see identity.identity_of
     samples_sha256: str | None  # None: an older folder

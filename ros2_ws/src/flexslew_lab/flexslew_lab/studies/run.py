@@ -60,12 +60,12 @@ class Preparation:
     identity: dict[str, Any] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Say what the study is of."""
+        """Set the identity of the study."""
         self.identity = identity_of(self.study, self.samples, self.columns, self.plans)
 
     @property
     def job(self) -> Job:
-        """What a process must know to fly its trials."""
+        """What a process needs to fly its trials."""
         return Job(self.study, self.plans)
 
     @property
@@ -75,7 +75,7 @@ class Preparation:
 
 
 def default_folder(study: Study, shard: Shard = ALL) -> Path:
-    """Return where a study is kept unless --out says another place."""
+    """Return the folder of a study without --out."""
     part = f"-shard-{shard.number}-of-{shard.of}" if shard.of > 1 else ""
     return RUNS / f"study-{study.settings.study}{part}"
 
@@ -101,11 +101,11 @@ def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
     """Return the columns of a study's table, and a typical trial of each variant.
 
     Args:
-        study: whose variants are built and whose metrics are looked up.
-        samples: of it.
+        study: the study with the variants and the metrics.
+        samples: samples of it.
 
     Raises:
-        BadInput: a variant cannot be flown as the file has it, or a metric is not known.
+        BadInput: if a variant cannot be flown as the file has it, or a metric is not known.
     """
     columns: dict[str, None] = {}
     trials = []
@@ -140,23 +140,23 @@ def run_study(
     Args:
         ready: the study.
         folder: new, empty, or with a part of the same study, or of one with fewer samples.
-        executor: who flies.
+        executor: executor of the flights.
         shard: which samples are requested here.
         retry_failed: fly failed trials again.
         progress: called with the trials that are done and those requested.
 
     Raises:
-        BadInput: the folder holds another study, and nothing was changed; or what trials run or
-            read has changed on the way.
-        RunFault: the disk is full.
-        KeyboardInterrupt: what was flown until then is written.
+        BadInput: if the folder contains another study, which is not changed; or if the code or the
+            files of the trials have changed on the way.
+        RunFault: if the disk is full.
+        KeyboardInterrupt: after the results until then are written.
     """
     study, store = ready.study, Store(folder)
     if shard.of > 1 and study.settings.stop is not None:
         raise BadInput("stop: is not allowed for a shard, which sees a part only", study.source)
     _is_started(Store(folder), ready)
     with store.locked():
-        begun = _is_started(store, ready)  # another run may have begun one meanwhile
+        begun = _is_started(store, ready)  # another run may have started one meanwhile
         store.clean()
         if not begun:
             store.create(ready.identity, ready.samples)
@@ -193,7 +193,7 @@ def flights_of(store: Store) -> dict[str, Any]:
 
 
 def note(store: Store, **facts: Any) -> None:
-    """Write facts of the run beside its results."""
+    """Write facts of the run next to its results."""
     store.write_facts(_FLIGHTS, flights_of(store) | facts)
 
 
@@ -246,10 +246,10 @@ def _fly_missing(
 
 
 def _written(results: Iterator[list[Flown]], store: Store, ready: Preparation) -> Iterator[int]:
-    """Write results as parts and yield how many came; what came is written whatever happens.
+    """Write results as parts and yield how many came; they are written after an error, too.
 
     Raises:
-        BadInput: what they run or read has changed; those since the last part are not written.
+        BadInput: if their code or files have changed; those since the last part are not written.
     """
 
     def write() -> None:

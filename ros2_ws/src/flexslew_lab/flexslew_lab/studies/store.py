@@ -1,7 +1,7 @@
-"""The folder of a study: samples, results in parts, the table of both, and what it is of.
+"""The folder of a study: samples, results in parts, the table of both, and its identity.
 
-Every file is written beside its place, flushed to the disk and renamed, so that a kill at any
-moment leaves whole files alone; and what is read again carries its SHA-256.
+Every file is written next to its place, flushed to the disk and renamed, so that a kill at any
+moment leaves whole files alone; a file that is read again carries its SHA-256.
 """
 
 import hashlib
@@ -157,10 +157,10 @@ class Store:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep others from writing here while the block runs.
+        """Keep other processes from writing here while the block runs.
 
         Raises:
-            BadInput: somebody writes here already.
+            BadInput: if another process writes here already.
         """
         with told(self.folder / _LOCK):
             self.folder.mkdir(parents=True, exist_ok=True)

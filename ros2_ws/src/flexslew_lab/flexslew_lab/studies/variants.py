@@ -27,7 +27,7 @@ class StudyVariant(NamedTuple):
     label: str  # empty where nothing is compared
     changes: dict[str, Any]
     replan: Knowledge = False  # see StudySettings
-    nominal: Mapping[str, Any] = {}  # what draws are of, by key, where its changes have a say in it
+    nominal: Mapping[str, Any] = {}  # nominal values of draws by key, where its changes set them
 
 
 def variants_of(
@@ -57,7 +57,7 @@ def variants_of(
             raise BadInput(f"compare.{key}: two entries read the same; give them names", source)
         if not named:
             raise BadInput(f"compare.{key}: is empty; name what is to be compared", source)
-        shown = len(named) > 1  # one choice tells nothing apart
+        shown = len(named) > 1  # one choice needs no label
         axes.append([(label if shown else "", {key: v}) for label, v in named.items()])
     variants = []
     for choice in product(*axes):
@@ -103,10 +103,10 @@ def require_effect(
 def with_nominal(
     variant: StudyVariant, varied: Iterable[Varied], base: dict[str, Any], source: str, trust: Trust
 ) -> StudyVariant:
-    """Return a variant with what draws are of where it says so itself.
+    """Return a variant with the nominal values of draws, by key, that its changes set.
 
     Raises:
-        BadInput: a draw would replace what is compared.
+        BadInput: if a draw would replace what is compared.
     """
     place, found = f"{source}: vary", dict[str, Any]()
     keys = [(key, one.reference) for one in varied for key in one.keys]

@@ -7,8 +7,8 @@ class Way(StrEnum):
     """How a trial was flown, as its row in the table has it."""
 
     LANES = "lanes"
-    BENCH = "bench"  # nobody asked for lanes
-    NOT_ALLOWED = "bench: refused"  # it says why
+    BENCH = "bench"  # lanes were not requested
+    NOT_ALLOWED = "bench: refused"  # with the reason of the refusal
     METRICS = "bench: a metric of its own raises"
     EDGE = "bench: a value at the edge of a quantum or a pulse"
     ROUNDING = "bench: a motion that magnifies rounding between quanta"

@@ -13,7 +13,7 @@ def overridden(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any
 
     A path joins keys with dots; in a list the key is the number of the entry, from zero
     (`controllers.pd_feedforward.kp.1`). A key that has a dot of its own is found too. Sections
-    that are not there are made, so whether a key exists is for the file's own validation to say.
+    that do not exist are made; the file's own validation then checks whether a key is known.
 
     Args:
         values: what YAML holds: dictionaries, lists and scalars.
@@ -37,7 +37,7 @@ def keys_to(values: dict[str, Any], path: str, make: bool = True) -> tuple[Any, 
         make: whether containers may be missing on the way, as `put` makes them.
 
     Raises:
-        BadInput: see overridden; or a container is missing that nobody makes.
+        BadInput: see overridden; or if a container is missing without `make`.
     """
     rest, keys, walked = _parts(path), list[Any](), ""
     place: Any = values

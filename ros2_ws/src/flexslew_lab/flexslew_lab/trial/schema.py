@@ -97,7 +97,7 @@ def _with_quantities(node: Any, units: list[str]) -> Any:
 
 
 def _open_unions(node: Any, definitions: dict[str, Any]) -> Any:
-    """Return a schema whose unions also hold classes of the user's own, chosen by their key."""
+    """Return a schema with unions that also take classes of the user's own, chosen by their key."""
     if isinstance(node, list):
         return [_open_unions(one, definitions) for one in node]
     if not isinstance(node, dict):

@@ -16,7 +16,7 @@ from flexslew_plant.yaml_data import load_yaml
 
 FOLDER = Path(str(resources.files("flexslew_lab"))) / "trials"
 DEFAULT = "m1"
-_CHOICES = ("method", "kind", "law")  # they say which other keys a section has
+_CHOICES = ("method", "kind", "law")  # they determine the other keys of a section
 
 
 class Shipped(NamedTuple):
@@ -87,16 +87,16 @@ def changes_of(assignments: list[str] | None) -> dict[str, Any]:
 
 
 def read_trial(name: str | Path | None, assignments: list[str] | None = None) -> tuple[Trial, str]:
-    """Return a trial that the user gives, and what it came from, for messages and for the log.
+    """Return a trial that the user gives, and its origin for messages and for the log.
 
-    It is the user's own word: it may name any class of the user's own.
+    As the user gives it, it may name any class of the user's own.
 
     Args:
         name: as in trial_path.
-        assignments: `key.path=value`, instead of what the file says.
+        assignments: `key.path=value`, instead of the values in the file.
 
     Raises:
-        BadInput: the file cannot be read, or one of its values is not allowed.
+        BadInput: if the file cannot be read, or one of its values is not allowed.
     """
     path, changes = trial_path(name), changes_of(assignments)
     label = label_of(path)

@@ -1,4 +1,4 @@
-"""A trial file: what stands on the bench, who flies it, what happens when."""
+"""A trial file: the bench, the controllers that fly it, and what happens when."""
 
 from dataclasses import fields, replace
 from math import floor
@@ -74,7 +74,7 @@ PlanKey: TypeAlias = Annotated[
 
 @section
 class Trial(BenchSettings, PaceSettings):
-    """The keys of a trial file: what stands on the bench, and who flies it."""
+    """The keys of a trial file: the bench, and the controllers that fly it."""
 
     # name of the run and of its folder: letters, digits, `_`, `.`, `-`
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")] = "trial"
@@ -90,7 +90,7 @@ class Trial(BenchSettings, PaceSettings):
     trust: NotAKey[Trust] = Field(default=NO_CODE, exclude=True, repr=False)
 
     def __repr__(self) -> str:
-        """Return one line: what stands on the bench, how long, the plan and who flies it."""
+        """Return one line: the testbed, the duration, the plan and the controllers."""
         plan = "no plan"
         if self.plan is not None:
             plan = self.plan.file if isinstance(self.plan, SavedPlan) else self.plan.method
@@ -128,12 +128,12 @@ _MOST_TICKS = 1e12  # of a run
 
 
 def checked_trial(trial: Trial, source: str) -> Trial:
-    """Return a trial that is about to be flown, checked for what an old log may still hold.
+    """Return a trial that is about to be flown, checked for errors that an old log may contain.
 
     Raises:
-        BadInput: it has too many ticks or none, an entry of the schedule lies after the end or
-            silences nobody, a plan that ends in motion is over before the run, a controller's
-            settings are wrong, or the goal or the schedule names what the testbed does not have.
+        BadInput: if it has too many ticks or none, an entry of the schedule is after the end or
+            silences no controller, a plan that ends in motion is over before the run, settings
+            of a controller are wrong, or the testbed lacks what the goal or the schedule names.
     """
     _require_settings(trial, source)
     if not trial.duration / trial.period <= _MOST_TICKS:
@@ -208,7 +208,7 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     require_units_of_joints(Trial, values, trial.testbed, source)
     if trial.trust != trust:
         trial = replace(trial, trust=trust)
-    if "" in trial.controllers:  # who leads by that name is the brake
+    if "" in trial.controllers:  # that name is the brake's
         raise BadInput("a name", source, "controllers", "")
     requested = {"active": trial.active} | {
         f"fallback.{i}": c for i, c in enumerate(trial.fallback)
@@ -263,12 +263,12 @@ def with_sections(trial: Trial, values: dict[str, Any], source: str) -> Trial:
     Many times as fast as trial_of_values for all of it.
 
     Args:
-        trial: whose other sections stay.
-        values: plain data of the other sections; seed, name and rate_factor as they are.
-        source: for messages.
+        trial: the trial; sections without a new value stay.
+        values: plain data of the new sections; seed, name and rate_factor as they are.
+        source: source for messages.
 
     Raises:
-        BadInput: a value of a section is not allowed.
+        BadInput: if a value of a section is not allowed.
     """
     given = {name: value for name, value in values.items() if name in ALONE}
     alone = validated(_Alone, given, source, trial.trust)
@@ -354,10 +354,10 @@ def follow(controllers: dict[str, Controller], active: str, plan: Plan | None) -
 
 
 def plan_of_trial(trial: Trial, predict: bool = True) -> Plan | None:
-    """Return the trial's plan, or None where it asks for none.
+    """Return the trial's plan, or None where it has none.
 
     Args:
-        trial: that flies it.
+        trial: the trial that flies it.
         predict: see make_plan.
 
     Raises:

@@ -137,7 +137,7 @@ class Bench:
             for entry in self.settings.schedule
             if entry.switch is not None
         )
-        self._turned = self._testbed  # with what operators have asked for besides
+        self._turned = self._testbed  # including the turns that operators have requested
         self.model = self._testbed.model()
         self.epoch += 1
         self.tick = 0
@@ -253,11 +253,11 @@ class Bench:
         if not self.handover.answered(command.effort, self._applied):
             self.question = self.question._replace(controller=self.drive.active)
             return False
-        self._answer = kept(command.effort.copy())  # whatever becomes of the sender's array
+        self._answer = kept(command.effort.copy())  # a copy: the sender may change its array
         return True
 
     def turn_away(self, command: EffortCommand) -> None:
-        """Reject the answer of another process than the one whose name its sender has."""
+        """Reject an answer that comes from another process with the same controller name."""
         words = f"another process called {command.controller} answered than the one that counts"
         self._reject(command, Objection.SENDER, words)
 
@@ -298,7 +298,7 @@ class Bench:
         self._ask()
 
     def _watch_tips(self) -> None:
-        """Tell of appendages that deflect too far for their equations, once an epoch."""
+        """Report appendages that deflect too far for their equations, once an epoch."""
         small = self.appendages.small
         if small is None:
             return
@@ -348,13 +348,13 @@ class Bench:
     def inject(
         self, text: str, tick: int = 0, who: str = "", controllers: Sequence[str] = ()
     ) -> InjectResult:
-        """Return whether something breaks as an operator wants, or why not.
+        """Return whether a fault or disturbance that an operator requests is accepted, or why not.
 
         Args:
             text: YAML, see schedule.injected_entry.
-            tick: at which it begins; 0: the next.
-            who: wants it.
-            controllers: all that there are, none of others falls silent; none: not known.
+            tick: tick at which it begins; 0: the next.
+            who: name of the operator.
+            controllers: controllers that exist and that a fault may silence; empty: unknown.
         """
         start = max(tick, self.tick + 1)
         if gone := past(tick, self.tick, self.settings.period):
@@ -381,8 +381,8 @@ class Bench:
 
         Args:
             text: YAML, see retarget.retargeted.
-            tick: at which it begins to turn; 0: the next.
-            who: wants it.
+            tick: tick at which it begins to turn; 0: the next.
+            who: name of the operator.
         """
         start = max(tick, self.tick + 1)
         if gone := past(tick, self.tick, self.settings.period):
@@ -403,8 +403,8 @@ class Bench:
         """Return whether a fault or disturbance ends with the next tick, or why not.
 
         Args:
-            number: see active_faults.
-            who: wants it.
+            number: number of the fault or disturbance, see active_faults.
+            who: name of the operator.
         """
         here = {fault.number for fault in self.active_faults()}
         if number not in here:
@@ -422,7 +422,7 @@ class Bench:
         return self._injections.active(self.tick)
 
     def over(self, tick: int) -> bool:
-        """Return whether it is too late for what is asked for at a tick; 0 stands for the next."""
+        """Return whether a requested tick is over; 0 stands for the next one."""
         return tick != 0 and tick < self.tick
 
     def _fail(self, after: Vector, disturbance: Vector) -> None:
@@ -477,7 +477,7 @@ class Bench:
         self.handover.distrust(self._names.joints[found.joint], found.difference)
 
     def _objected(self, command: EffortCommand) -> bool:
-        """Return whether the drive rejects the command, and say so."""
+        """Return whether the drive rejects the command, and record the rejection."""
         found = self.drive.objection(self.question, command)
         if found is not None:
             self._reject(command, *found)
@@ -490,10 +490,10 @@ class Bench:
             self.tell(CommandRejected(objection, count, command.controller, words))
 
     def finish(self, wall_time: float) -> None:
-        """Say how the run went, to people and to programs.
+        """Record the result of the run as an event.
 
         Args:
-            wall_time: during which ticks have passed [s].
+            wall_time: wall time during which ticks have passed [s].
         """
         saturated = self.saturated_ticks * self.settings.period
         rejected = {str(objection): count for objection, count in self.drive.rejected.items()}

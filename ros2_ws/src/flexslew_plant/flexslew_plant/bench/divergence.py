@@ -54,7 +54,7 @@ def integration_of(
 
 
 def is_lost(x: Vector) -> bool:
-    """Return whether a state is not finite, or so far away that it says nothing."""
+    """Return whether a state is not finite, or too far away to mean anything."""
     return not hypot(*x.tolist()) < FARTHEST
 
 
@@ -80,7 +80,7 @@ def diagnosis(
     """
     names = model.state_names
     lost = ~(np.abs(after) < FARTHEST)
-    # where one is lost, soon all are: then the one that was largest is told
+    # one lost state soon makes all lost: then the largest one before is reported
     first = int(np.argmax(np.abs(before) if lost.all() else lost))
     where = f"{names[first]} was {before[first]:.3g} before"
     q, modes = model.split(before)[0], model.modes

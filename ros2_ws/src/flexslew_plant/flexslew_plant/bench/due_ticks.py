@@ -1,4 +1,4 @@
-"""Ticks for which something is asked and that are over, or do not come: why, in the same words."""
+"""Refusals, in the same words everywhere, of requests for ticks that are over or never come."""
 
 from flexslew_plant.refusal import Cause, Refusal
 
@@ -7,9 +7,9 @@ def past(tick: int, now: int, period: float) -> Refusal | None:
     """Return why nothing can happen at a tick any more, or None; 0 stands for the next.
 
     Args:
-        tick: that is asked for.
-        now: at which the bench is.
-        period: of one tick [s].
+        tick: requested tick.
+        now: present tick of the bench.
+        period: duration of a tick [s].
     """
     if tick == 0 or tick >= now:
         return None
@@ -21,8 +21,8 @@ def too_late(tick: int, last_tick: int | None) -> Refusal | None:
     """Return why nothing can begin at a tick, if the run is over by then.
 
     Args:
-        tick: that is asked for.
-        last_tick: of the run; None: somebody stops it.
+        tick: requested tick.
+        last_tick: last tick of the run; None: it runs until it is stopped.
     """
     if last_tick is None or tick < last_tick:
         return None

@@ -1,4 +1,4 @@
-"""Who is in charge of the bench: switches, their queue and results, fallbacks, the brake's latch.
+"""The control of the bench: switches, their queue and results, fallbacks, the brake's latch.
 
 Every way out of a switch is a result and an event: it happened, it was refused (its step was too
 large), it was dropped (not ready when due, the brake is latched, the run was reset or is over), or
@@ -46,16 +46,16 @@ class _BrakeRequest(NamedTuple):
 
     tick: int
     on: bool
-    drops: tuple[SwitchRequest, ...]  # who waited when it was asked for
+    drops: tuple[SwitchRequest, ...]  # the switches that waited at the time of this request
 
 
 class Handover:
     """Hands the drive from one controller to the next.
 
     Args:
-        drive: that obeys the one in charge.
-        fallback: who takes over in turn when answers fail to come.
-        tell: takes what becomes of everything as an event of the present tick.
+        drive: the drive that obeys the active controller.
+        fallback: controllers that take over in this order when answers fail to come.
+        tell: takes every outcome as an event of the present tick.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Handover:
     ) -> None:
         self._drive, self._fallback, self._tell = drive, fallback, tell
         self.results: deque[SwitchResult] = deque()
-        self._tick = 0  # that has begun
+        self._tick = 0  # the present tick
         self.latched = False  # the brake, until it is released on purpose; a reset keeps it
         self.faulted = False  # a controller had to be replaced
         self._queue: list[SwitchRequest] = []
@@ -143,7 +143,7 @@ class Handover:
         return bool(self._queue)
 
     def due(self, tick: int) -> list[str]:
-        """Return who takes over at this tick, if all goes well."""
+        """Return the controllers that take over at this tick if their switches succeed."""
         return [request.controller for request in self._queue if request.tick <= tick]
 
     def relieves(self, tick: int) -> bool:
@@ -152,7 +152,7 @@ class Handover:
         return bool(self.due(tick)) or any(asked.tick <= tick for asked in brakes)
 
     def heirs(self) -> list[str]:
-        """Return who takes over if the one in charge misses one answer too many, best first.
+        """Return the next controllers if the active one misses one answer too many, best first.
 
         All but the last are not ready; without one that is ready the brake follows.
         """
@@ -198,11 +198,11 @@ class Handover:
         return why and Refusal(f"{controller} is not ready: {why}", cause=Cause.NOT_READY)
 
     def answered(self, effort: Vector, applied: Vector) -> bool:
-        """Take a valid answer; return False if it ends a handover whose step is too large.
+        """Take a valid answer; return False if it ends a handover because its step is too large.
 
         Args:
-            effort: of the answer, (joints,) [N m or N].
-            applied: during the last tick, (joints,) [N m or N].
+            effort: effort of the answer, (joints,) [N m or N].
+            applied: effort applied during the last tick, (joints,) [N m or N].
         """
         self._fallen.clear()
         if self._handover is None:
@@ -223,7 +223,7 @@ class Handover:
         return False
 
     def missed(self) -> None:
-        """Take a tick without a valid answer; somebody else takes over when it is one too many.
+        """Take a tick without a valid answer; the controller is replaced after one too many.
 
         A newcomer that never answered gives the bench back to the one before it; then the fallbacks
         follow in order, each as often as it is ready; then the brake.
@@ -235,10 +235,10 @@ class Handover:
             self._replace(silent, Cause.NO_ANSWER)
 
     def distrust(self, joint: str, difference: float) -> None:
-        """Take the bench from the one in charge, who flies on sensors that cannot be right.
+        """Replace the active controller, because the sensors that it uses are implausible.
 
         Args:
-            joint: whose sensors contradict each other.
+            joint: the joint with contradictory sensors.
             difference: between its motion and its rate sensor [rad/s or m/s].
         """
         misled = self._drive.active
@@ -261,16 +261,16 @@ class Handover:
             self._fail(request, self._tick, Refusal(words, cause=Cause.NO_ANSWER))
 
     def _chain(self) -> list[str]:
-        """Return who is asked in turn to take over, ready or not."""
+        """Return the controllers that may take over, in order, ready or not."""
         before = [self._handover[1]] if self._handover is not None else []
         return before + list(self._fallback)
 
     def note_readiness(self, controller: str, why: Refusal | None) -> None:
-        """Say it as an event when a controller can no longer take charge, or can again.
+        """Record an event when a controller becomes unready, or ready again.
 
         Args:
-            controller: whose.
-            why: it could not; None if it could.
+            controller: name of the controller.
+            why: reason why it is not ready; None if it is.
         """
         before = self._unready.get(controller)
         if before == why:
@@ -285,7 +285,7 @@ class Handover:
             self._tell(BecameReady(controller))
 
     def _latch(self, asked: _BrakeRequest) -> None:
-        """Latch or release the brake; who was asked for after its release still takes over."""
+        """Latch or release the brake; switches requested after its release still take place."""
         self.latched = asked.on
         outgoing = self._drive.active
         if asked.on:

@@ -84,12 +84,12 @@ class Injections:
     """The disturbances and faults of one epoch.
 
     Args:
-        names: of the testbed.
-        period: of a tick [s].
-        seed: of the trial.
-        epoch: counts resets.
-        known: those of the schedule.
-        tell: notes what begins and ends.
+        names: names of the testbed's parts.
+        period: duration of a tick [s].
+        seed: seed of the trial.
+        epoch: number of resets so far.
+        known: disturbances and faults of the schedule.
+        tell: takes the events when they begin and end.
     """
 
     def __init__(
@@ -142,13 +142,13 @@ class Injections:
         ]
 
     def begin(self, tick: int, demand: Vector, effort: Vector) -> None:
-        """Let faults set in and end at this tick, and say so; see Faults.begin."""
+        """Start and end the faults of this tick, and record events of it; see Faults.begin."""
         for timed, on in self.faults.begin(tick, demand, effort):
             end = int(timed.end) if timed.end < inf else None
             self._tell(FaultChanged(on, plain(timed.fault), timed.start, end))
 
     def disturbance(self, tick: int) -> Vector:
-        """Return the effort on the joints over this tick, and say what begins and ends."""
+        """Return the disturbance effort over this tick, and record events of its start and end."""
         total = self._nothing
         for timed in self._disturbances:
             if timed.start <= tick < timed.end:

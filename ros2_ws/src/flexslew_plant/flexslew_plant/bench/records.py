@@ -76,7 +76,7 @@ class SwitchRequest(NamedTuple):
     tick: int
     strict: bool = False
     max_effort_step: float = inf  # [N m or N]
-    who: str = ""  # asked for it; empty: the schedule, or somebody without a name
+    who: str = ""  # name of the operator; empty: the schedule, or an operator without a name
 
 
 class SwitchResult(NamedTuple):

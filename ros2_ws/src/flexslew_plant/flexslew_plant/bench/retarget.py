@@ -37,7 +37,7 @@ def retargeted(testbed: Testbed, requested: Any, at: float, place: str) -> Testb
 
 
 def with_schedule(testbed: Testbed, schedule: Schedule) -> Testbed:
-    """Return a testbed with all turns that a schedule gives it, which everybody knows beforehand.
+    """Return a testbed with all turns of a schedule, which are known in advance.
 
     Raises:
         BadInput: see retargeted.
@@ -49,11 +49,11 @@ def with_schedule(testbed: Testbed, schedule: Schedule) -> Testbed:
 
 
 def with_requests(testbed: Testbed, requests: Iterable[tuple[str, float]]) -> Testbed:
-    """Return a testbed with the turns that operators have asked for in flight.
+    """Return a testbed with the turns that operators have requested in flight.
 
     Args:
-        testbed: with the turns of its schedule.
-        requests: what they said, YAML, and when it begins [s], in the order in which they asked.
+        testbed: testbed with the turns of its schedule.
+        requests: the texts, YAML, and when each begins [s], in the order of the requests.
 
     Raises:
         BadInput: see retargeted.

@@ -75,13 +75,13 @@ def require_allowed(schedule: Schedule, allowed: bool, source: str = "trial") ->
 
 
 def injected_entry(text: str, at: float, testbed: Testbed | None = None) -> ScheduleEntry:
-    """Return what an operator wants to break as an entry of the schedule.
+    """Return the fault or disturbance that an operator requests as an entry of the schedule.
 
     Args:
         text: YAML, a fault (`{kind: command_lost, until: 30.0}`) or an entry without `at`
             (`{fault: {...}}`, `{disturbance: {...}, until: 30.0}`).
-        at: when [s].
-        testbed: whose joints say in which unit a quantity may be; None: in that of any joint.
+        at: when it begins [s].
+        testbed: its joints determine the unit of each quantity; None: that of any joint.
 
     Raises:
         BadInput: the text is no YAML, see requested_yaml, or no fault and no disturbance; or a

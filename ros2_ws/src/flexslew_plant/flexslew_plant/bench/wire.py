@@ -131,7 +131,7 @@ def truth_bytes(truth: Truth) -> bytes:
 
 
 class _Places(NamedTuple):
-    """Where the parts of a question stand whose strings and vectors have these lengths."""
+    """Positions of the parts of a question with strings and vectors of these lengths."""
 
     words: Struct  # all but the doubles; lengths before what they are of
     lengths: tuple[int, ...]  # of frame_id, name and vectors
@@ -139,7 +139,7 @@ class _Places(NamedTuple):
     vectors: tuple[slice, ...]  # doubles from there on
 
 
-_SIZES = 256  # of questions whose places are remembered
+_SIZES = 256  # of questions with cached positions
 _places: dict[int, _Places] = {}  # of the newest question of each size
 
 
@@ -208,7 +208,7 @@ def command_bytes(command: EffortCommand, at: Stamp, instance: int = 0) -> bytes
     Args:
         command: the answer.
         at: stamp of its question.
-        instance: of the process that answers; 0: not told.
+        instance: instance of the process that answers; 0: not given.
     """
     part, length, name = _text(command.controller)
     effort = command.effort.tolist()
@@ -218,7 +218,7 @@ def command_bytes(command: EffortCommand, at: Stamp, instance: int = 0) -> bytes
 
 
 def command_from(data: bytes) -> EffortCommand:
-    """Return the answer, whose effort may only be read; it need not have the last field.
+    """Return the answer, with a read-only effort; its last field may be missing.
 
     Raises:
         ValueError: these bytes are none.

@@ -9,29 +9,29 @@ from flexslew_plant.direct.line import DirectLine
 from flexslew_plant.direct.reception import Reception
 from flexslew_plant.graph.topics import LOOP_DEPTH
 
-TOPICS = "topics"  # fact that a caller says: absolute names of what it publishes
-# facts that the recorder says: the node that listens for it over DDS, and what it hears
+TOPICS = "topics"  # fact that a caller sends: absolute names of the topics that it publishes
+# facts that the recorder sends: its node that listens over DDS, and the topics that it records
 NODE, NAMESPACE, HEARD = "node", "namespace", "heard"
 PART = Struct("<BI")  # number of the topic, and how many bytes of CDR follow
-BOTH = 0x80  # beside the number of a topic: it goes over DDS, too
+BOTH = 0x80  # added to the number of a topic: the message goes over DDS, too
 
 
 class Inbox:
-    """Takes calls of publishers, and what they send: several parts at once, each PART and CDR.
+    """Takes calls of publishers and their messages: several parts at once, each PART and CDR.
 
-    The recorder hears all of it over DDS, too, as far as it is published there. Of a message that
-    goes both ways whichever comes first is yielded.
+    The recorder receives all of it over DDS, too, as far as it is published there. Of a message
+    that goes both ways the first copy is yielded.
 
     Args:
-        address: where to listen.
-        heard: what the recorder calls its topics, by their absolute names.
-        node: that listens over DDS, and its namespace.
+        address: socket address to listen on.
+        heard: the recorder's names of its topics, by their absolute names.
+        node: name and namespace of the node that listens over DDS.
     """
 
     def __init__(self, address: bytes, heard: Mapping[str, str], node: tuple[str, str]) -> None:
         self._reception, self._heard = Reception(address), heard
         self._node = dict(zip((NODE, NAMESPACE), node, strict=True))
-        self._lines: dict[DirectLine, list[str]] = {}  # what the recorder calls their topics
+        self._lines: dict[DirectLine, list[str]] = {}  # the recorder's names of their topics
         self._shared: set[str] = set()  # topics of any line
         # what came one way and is still to come the other: how often on a line less over DDS
         self._once: dict[tuple[str, bytes], int] = {}
@@ -51,7 +51,7 @@ class Inbox:
                         topic = names[number % BOTH]
                         if number < BOTH or self._first(topic, data, 1):
                             yield topic, data
-                except (struct.error, IndexError):  # nothing that a publisher says
+                except (struct.error, IndexError):  # no message of a publisher
                     line.close()
             if line.closed:
                 del self._lines[line]
@@ -70,7 +70,7 @@ class Inbox:
         return before * way >= 0
 
     def _greet(self, line: DirectLine, names: object) -> None:
-        """Say what is heard of the topics that are published there."""
+        """Send the names of those published topics that the recorder takes."""
         if not isinstance(names, list) or len(names) > BOTH:
             line.close()
             return

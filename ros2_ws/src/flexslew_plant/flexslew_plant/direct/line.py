@@ -12,11 +12,11 @@ from typing import Any
 
 from flexslew_plant.graph.topics import LOOP_DEPTH
 
-SLICE = 0.002  # that a process waits for a message before it looks at the graph [wall s]
-# that it asks again and again before it sleeps [wall s]: to be woken on another core takes longer
-# than a tick does, and most laws answer sooner
+SLICE = 0.002  # for which a process waits for a message before it reads the graph [wall s]
+# for which it polls again and again before it sleeps [wall s]: to be woken on another core takes
+# longer than a tick does, and most laws answer sooner
 _AWAKE = 0.0002
-_TRIES = 4  # of a microsecond each, before it looks at the clock and lets others go first
+_TRIES = 4  # of a microsecond each, before it reads the clock and yields the processor
 LARGEST = 1 << 15  # of a message [B]
 _TIME = struct.Struct("@ll")
 _PEER = struct.Struct("@3i")  # pid, uid, gid (unix(7), SO_PEERCRED)
@@ -28,12 +28,12 @@ class DirectLine:
     """A connected socket of whole messages (SOCK_SEQPACKET).
 
     Args:
-        connected: the socket.
-        kept: messages for an end that takes none; of more the oldest are lost, as in DDS.
+        connected: the connected socket.
+        kept: most messages stored for an end that takes none; the oldest are lost, as in DDS.
 
     Attributes:
-        eager: wait awake: somebody waits for what this end makes of the next message, and nobody
-            who hears copies of it needs the processor.
+        eager: wait awake: a process waits for the response of this end to the next message, and no
+            receiver of copies of it needs the processor.
         closed: the other end is gone, or was not understood.
     """
 
@@ -120,7 +120,7 @@ class DirectLine:
                 except BlockingIOError:
                     continue
             self._soon = monotonic() < began + _AWAKE
-            os.sched_yield()  # whoever else has something to do goes first
+            os.sched_yield()  # other processes go first
         try:
             return take(LARGEST, 0)
         finally:
@@ -139,7 +139,7 @@ class DirectLine:
 
 
 def facts(data: bytes) -> dict[str, Any]:
-    """Return what `say` has sent; {}: it is something else."""
+    """Return the facts that `say` has sent; {} for any other data."""
     with suppress(ValueError, RecursionError):
         found = json.loads(data)
         if isinstance(found, dict):
@@ -148,7 +148,7 @@ def facts(data: bytes) -> dict[str, Any]:
 
 
 def call(address: bytes, kept: int = LOOP_DEPTH) -> DirectLine | None:
-    """Return a line to who listens there, of this very user; None: nobody does."""
+    """Return a line to the listener at an address, of this very user; None without one."""
     connected = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         connected.setblocking(False)

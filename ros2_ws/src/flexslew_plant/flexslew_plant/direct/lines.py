@@ -12,18 +12,18 @@ from flexslew_plant.measurement import EffortCommand
 
 Key: TypeAlias = tuple[int, int]  # epoch and tick
 
-CALLER, ANSWERS = "controller", "answers"  # facts that a caller says: its name, that it has begun
-EPOCH, TICK = "epoch", "tick"  # facts that the plant says: of the newest question before the line
+CALLER, ANSWERS = "controller", "answers"  # facts of a caller: its name, that it has started
+EPOCH, TICK = "epoch", "tick"  # facts of the plant: the newest question before the line
 
 
 class Lines:
     """Takes the calls of controllers, one line for each name.
 
-    A caller says its name, and is told which question is out: it is asked all later ones on the
-    line. When that question has reached it over DDS, it says that it answers on the line.
+    A caller sends its name, and gets the key of the question that is out: it receives all later
+    ones on the line. When that question has reached it over DDS, it sends that it answers here.
 
     Args:
-        address: where to listen.
+        address: socket address to listen on.
         newest: returns epoch and tick of the question that is out.
     """
 
@@ -32,10 +32,10 @@ class Lines:
         self._lines: dict[str, DirectLine] = {}
         # as many as DDS would keep, the oldest first; a dict is slow at letting go of that one
         self._answers: OrderedDict[bytes, None] = OrderedDict()
-        self.answering: set[str] = set()  # who answers on its line
+        self.answering: set[str] = set()  # the controllers that answer on their lines
 
     def look(self) -> None:
-        """Take calls, and let go of who has hung up."""
+        """Take calls, and remove the lines that the callers have closed."""
         for name in [name for name, line in self._lines.items() if line.closed]:
             del self._lines[name]
             self.answering.discard(name)
@@ -45,11 +45,11 @@ class Lines:
             self._greet(line, said.get(CALLER))
 
     def send(self, named: str, question: bytes, eager: bool) -> None:
-        """Ask: first the one that is named, then the others, who observe.
+        """Send a question: first to the controller that must answer, then to the observers.
 
         Args:
-            named: who is to answer.
-            question: as it goes over DDS.
+            named: name of the controller that must answer.
+            question: the question as it goes over DDS.
             eager: wait awake for the answer.
         """
         first = self._lines.get(named)
@@ -96,13 +96,13 @@ class Lines:
 
     @property
     def greeting(self) -> bool:
-        """Somebody has called and does not answer on its line yet."""
+        """Whether a caller has called and does not answer on its line yet."""
         return self._reception.greeting or len(self.answering) < len(self._lines)
 
     def _greet(self, line: DirectLine, name: object) -> None:
-        """Say from which question on it will be asked here to who calls by this name."""
+        """Send a caller of this name the newest question's key; it gets all later ones here."""
         if not isinstance(name, str) or not name or name in self._lines:
-            line.close()  # of two with one name the older one is asked
+            line.close()  # of two with one name the older one keeps its line
             return
         epoch, tick = self._newest()
         line.say({EPOCH: epoch, TICK: tick})

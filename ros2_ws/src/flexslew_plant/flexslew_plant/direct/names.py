@@ -9,7 +9,7 @@ from flexslew_plant.errors import BadInput
 SETTING = "FLEXSLEW_TRANSPORT"  # environment variable
 AUTO, DDS = "auto", "dds"
 RECORDER = "recorder"  # in place of a topic, which begins with a slash
-SOCKET = "socket"  # how a controller is asked, beside DDS
+SOCKET = "socket"  # the transport of direct lines
 
 
 def direct(environment: Mapping[str, str]) -> bool:

@@ -20,16 +20,16 @@ class Reception:
     def __init__(self, address: bytes) -> None:
         self._address = address
         self._socket: socket.socket | None = None
-        self._strangers: list[DirectLine] = []  # that have not said who they are
+        self._strangers: list[DirectLine] = []  # that have not sent their facts
         self._listen()
 
     @property
     def greeting(self) -> bool:
-        """Somebody has called and has not said a word yet."""
+        """Whether a caller has called and has not sent anything yet."""
         return bool(self._strangers)
 
     def callers(self) -> Iterator[tuple[DirectLine, dict[str, Any]]]:
-        """Yield a line to each process of this user that has called, and the facts it has said."""
+        """Yield a line to each process of this user that has called, and the facts it has sent."""
         self._strangers += self._calls()
         for line in list(self._strangers):
             data = line.receive()

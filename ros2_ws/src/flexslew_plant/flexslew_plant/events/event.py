@@ -13,7 +13,7 @@ from flexslew_plant.refusal import Refusal
 
 JOINTS = 64  # at most, on any testbed
 LONGEST_TEXT = 1 << 16  # of a field [characters]
-_LONGEST_NAME = 200  # of who asks
+_LONGEST_NAME = 200  # of an operator [characters]
 
 Count = Annotated[int, Field(ge=0, lt=1 << 63, strict=True)]
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
@@ -23,7 +23,7 @@ Flag = Annotated[bool, Field(strict=True)]
 Efforts = Annotated[list[Finite], Field(max_length=JOINTS)]  # one per joint [N m or N]
 
 _T = TypeVar("_T")
-UNNAMED = "unnamed"  # somebody who does not say who asks
+UNNAMED = "unnamed"  # an operator that gives no name
 
 
 def too_long(text: str) -> str:
@@ -51,10 +51,10 @@ class Level(StrEnum):
 
 
 class Fact(Protocol):
-    """The record of an event: a frozen dataclass per kind, whose fields are the keys of its data.
+    """The record of an event: a frozen dataclass per kind; its fields are the keys of its data.
 
-    A field whose key is a word of Python ends in an underscore: from_ is `from`. A field that is
-    None is left out.
+    A field with a word of Python as its key ends in an underscore: from_ is `from`. A field that
+    is None is left out.
     """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
@@ -169,18 +169,18 @@ def event_of(what: Fact, tick: int, time: float, epoch: int, source: str) -> Eve
     """Return a fact as the event of a tick; texts that no log could hold are cut.
 
     Args:
-        what: has happened.
-        tick: at which it takes effect.
-        time: of the tick [simulated s].
-        epoch: counts resets.
-        source: the node that says so.
+        what: the fact that has happened.
+        tick: tick at which it takes effect.
+        time: time of the tick [simulated s].
+        epoch: number of resets so far.
+        source: name of the node that reports it.
     """
     what = _short(what)
     return Event(tick, time, epoch, level_of(what), source, what, message_of(what))
 
 
 def _short(what: Fact) -> Fact:
-    """Return a fact whose texts have no more characters than are read back."""
+    """Return a fact with its texts cut to the most characters that are read back."""
     texts = {f.name: v for f in fields(what) if isinstance(v := getattr(what, f.name), str)}
     most = {name: _LONGEST_NAME if name == "who" else LONGEST_TEXT for name in texts}
     cut = {name: v[: most[name]] for name, v in texts.items() if len(v) > most[name]}

@@ -1,4 +1,4 @@
-"""Events of who is in charge: switches, missed answers, fallbacks, the brake, who is ready."""
+"""Events of the active controller: switches, missed answers, fallbacks, brake, readiness."""
 
 from flexslew_plant.events.event import (
     Count,

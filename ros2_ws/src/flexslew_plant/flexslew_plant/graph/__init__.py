@@ -1,4 +1,4 @@
-"""What stands on the graph of ROS, and who can reach it; it loads no ROS itself.
+"""Names and rights on the graph of ROS, without loading ROS itself.
 
 Offers: graph_names, policies, rtps, topics.
 """

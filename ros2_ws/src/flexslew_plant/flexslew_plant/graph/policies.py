@@ -1,4 +1,4 @@
-"""Who may say and hear what on the graph, as SROS 2 policies: no more than each node needs."""
+"""Rights of each node on the graph, as SROS 2 policies: no more than each node needs."""
 
 from collections.abc import Iterable
 from importlib.util import find_spec
@@ -7,7 +7,7 @@ from xml.sax.saxutils import quoteattr
 
 from flexslew_plant.graph import topics as t
 
-HIDDEN = "_"  # ROS hides nodes whose names begin so; `_x` listens on behalf of the node `x`
+HIDDEN = "_"  # ROS hides nodes with such names; `_x` listens on behalf of the node `x`
 
 
 class Rights(NamedTuple):
@@ -96,11 +96,11 @@ NODES: dict[str, str] = {  # besides the controllers
 def policies(controllers: Iterable[str], namespace: str = "/") -> str:
     """Return a policy file of SROS 2 for the nodes of a bench.
 
-    An enclave is one process, so a hidden node shares that of the node on whose behalf it listens.
+    An enclave is one process, so a hidden node shares that of the node for which it listens.
 
     Args:
         controllers: names of the nodes that run a law.
-        namespace: of all of them.
+        namespace: namespace of all of them.
     """
     laws = tuple(controllers)
     tuned = tuple(t.TUNE.replace("~", law) for law in laws)

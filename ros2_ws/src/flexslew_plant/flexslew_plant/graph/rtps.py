@@ -1,4 +1,4 @@
-"""Of RTPS what Fast DDS offers no call for: who is on this machine, and that another one leaves."""
+"""RTPS beyond the calls of Fast DDS: count local participants, and announce that another leaves."""
 
 import struct
 from contextlib import suppress
@@ -29,17 +29,17 @@ def dispose(prefix: bytes) -> bytes:
 
 
 def ports(domain: int) -> range:
-    """Return where the participants of a domain hear announcements (DDSI-RTPS 2.3, 9.6.1.1)."""
+    """Return the ports of announcements to participants of a domain (DDSI-RTPS 2.3, 9.6.1.1)."""
     first = 7400 + 250 * domain + 10
     return range(first, min(first + 2 * _PARTICIPANTS, 1 << 16), 2)
 
 
 def participants_here(domain: int) -> int:
-    """Return how many participants of a domain have sockets on this machine; 0: nobody says.
+    """Return how many participants of a domain have sockets on this machine; 0 if unknown.
 
-    They are closed with a process that is killed, and are there before anything is said. Each has
-    two, for announcements and for data behind it: a socket that any process sends from, whose port
-    is none of its choice, is no participant.
+    The sockets are closed with a process that is killed, and exist before its first message. Each
+    participant has two, for announcements and for data on the next port: a socket that any process
+    sends from, with a port that is not its choice, is no participant.
     """
     try:
         rows = Path("/proc/net/udp").read_text().splitlines()[1:]
@@ -51,7 +51,7 @@ def participants_here(domain: int) -> int:
 
 def tell_all(message: bytes, domain: int) -> None:
     """Send to every participant that may be on this machine."""
-    with socket(AF_INET, SOCK_DGRAM) as sender, suppress(OSError):  # no loopback: nobody is there
+    with socket(AF_INET, SOCK_DGRAM) as sender, suppress(OSError):  # no loopback: no receiver
         sender.bind((_LOOPBACK, 0))  # else others could send to it while it sends
         for port in ports(domain):
             sender.sendto(message, (_LOOPBACK, port))

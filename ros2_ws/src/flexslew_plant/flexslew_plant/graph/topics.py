@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Topic(NamedTuple):
-    """What a topic carries and how it is offered; every offer is reliable unless said."""
+    """A topic's message type and quality of service; reliable by default."""
 
     name: str  # relative to the namespace; absolute what ROS keeps global
     type: str
@@ -36,7 +36,7 @@ JOINT_STATES = "joint_states"
 APPENDAGE_STATES = "appendage_states"
 MARKERS = "markers"
 IMU, ODOMETRY, WRENCH = "imu", "odometry", "wrench"  # of a platform that floats freely
-JOINT_TRAJECTORY = "joint_trajectory"  # a manoeuvre that the planner node is asked for
+JOINT_TRAJECTORY = "joint_trajectory"  # a manoeuvre requested from the planner node
 PLANNED_TRAJECTORY = "planned_trajectory"  # a plan as those without flexslew_msgs read it
 SENSORS_IMU, SENSORS_ATTITUDE = "sensors/imu", "sensors/attitude"  # gyros, star trackers
 ROBOT_DESCRIPTION = "robot_description"
@@ -58,7 +58,7 @@ TOPICS: dict[str, Topic] = {
         Topic(RECORDED, "flexslew_msgs/msg/Recorded", 200),
         Topic(ALIVE, "flexslew_msgs/msg/Alive", 20, reliable=False),
         Topic(BENCH_STATE, "flexslew_msgs/msg/BenchState", 1, latched=True),
-        Topic(PLAN, "flexslew_msgs/msg/Plan", 20, latched=True),  # a newcomer hears those before
+        Topic(PLAN, "flexslew_msgs/msg/Plan", 20, latched=True),  # a newcomer receives those before
         Topic(TESTBED, "flexslew_msgs/msg/Testbed", 1, latched=True),
         Topic(EVENTS, "flexslew_msgs/msg/Event", 1000, latched=True),
         Topic(JOINT_STATES, "sensor_msgs/msg/JointState", LOOP_DEPTH),
@@ -85,8 +85,8 @@ DISPLAYED = (
     *(CLOCK, JOINT_STATES, APPENDAGE_STATES, TF, MARKERS),
     *(IMU, ODOMETRY, WRENCH),
 )
-# Wall-clock status (what affects a run is an event, too), or copies of other topics; what a
-# trajectory asks for becomes a plan.
+# Wall-clock status (what affects a run is an event, too), or copies of other topics; a requested
+# trajectory becomes a plan.
 NOT_RECORDED = (
     *(ALIVE, BENCH_STATE, RECORDER_STATUS, RECORDED, DIAGNOSTICS, JOINT_TRAJECTORY),
     *(SENSORS_IMU, SENSORS_ATTITUDE),

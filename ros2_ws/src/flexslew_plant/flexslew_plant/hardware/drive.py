@@ -1,4 +1,4 @@
-"""The drive: checks every answer, holds the last effort, and brakes when nobody is in charge."""
+"""The drive: checks every answer, holds the last effort, and brakes without a controller."""
 
 from collections import Counter, deque
 from math import isfinite
@@ -13,11 +13,11 @@ _REMEMBERED = 64  # answers; a question that was repeated is answered more than 
 
 
 class Drive:
-    """Who may command the motors, and what they do when nobody does.
+    """Checks the commands to the motors; holds the last effort or brakes without a valid one.
 
     Args:
         active: the controller in charge at the start.
-        max_missed: ticks in a row without a valid answer before somebody else must take over.
+        max_missed: ticks in a row without a valid answer before another controller must take over.
         brake: viscous coefficient of each joint's own brake, shape (joints,) [N m s/rad].
     """
 
@@ -29,7 +29,7 @@ class Drive:
     def reset(self) -> None:
         """Return to the state of the start."""
         self.active = self._start
-        self.demand: Vector = np.zeros(self._brake.size)  # last effort asked [N m or N]
+        self.demand: Vector = np.zeros(self._brake.size)  # last requested effort [N m or N]
         self.missed_in_a_row = 0
         self.missed = 0
         self.rejected: Counter[Objection] = Counter()
@@ -71,7 +71,7 @@ class Drive:
         self.missed_in_a_row = 0
 
     def miss(self) -> bool:
-        """Count a tick without a valid answer; return whether somebody else must take over now."""
+        """Count a tick without a valid answer; return whether another one must take over now."""
         over = self.one_miss_left
         self.missed += 1
         self.missed_in_a_row += 1
@@ -79,7 +79,7 @@ class Drive:
 
     @property
     def one_miss_left(self) -> bool:
-        """Whether somebody else must take over if this tick is missed too."""
+        """Whether another controller must take over if this tick is missed too."""
         return self.missed_in_a_row + 1 >= self._max_missed
 
     def hand_over(self, controller: str) -> None:
@@ -88,10 +88,10 @@ class Drive:
         self.missed_in_a_row = 0
 
     def effort(self, velocity: Vector) -> Vector:
-        """Return the effort to ask of the motors, shape (joints,) [N m or N].
+        """Return the demanded effort of the motors, shape (joints,) [N m or N].
 
-        That of the brake is held, too, until a newcomer has answered: what the controller before
-        the brake asked for last is long out of date.
+        That of the brake is held, too, until a newcomer has answered: the last demand of the
+        controller before the brake is long out of date.
         """
         if not self.active:
             self.demand = -self._brake * velocity

@@ -1,4 +1,4 @@
-"""What motors give over a tick of the efforts that are asked of them.
+"""Mean efforts of the motors over a tick, from the efforts that are demanded of them.
 
 One set of steps serves the bench and the batches. Each step is about one motor. An effort that it
 returns is the exact mean over the tick, so the impulse is that of the continuous response.

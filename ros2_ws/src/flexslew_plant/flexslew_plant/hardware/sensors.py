@@ -68,11 +68,11 @@ class Sensors:
         """Take the errors.
 
         Args:
-            settings: of every kind of sensor.
-            rng: of the noise.
-            tips: noise, bias and quantisation of each tip reading, in its own unit and besides
-                those of its kind, shape (3, tips); None: none.
-            instruments: whose readings replace theirs among the tips; None: there are none.
+            settings: settings of every kind of sensor.
+            rng: generator of the noise.
+            tips: noise, bias and quantisation of each tip reading, in its own unit and on top of
+                those of its kind, shape (3, tips); None if unused.
+            instruments: readings of these replace theirs among the tips; None if unused.
         """
         self._channels = (
             settings.joint_position,
@@ -86,11 +86,11 @@ class Sensors:
         self._instruments = instruments
 
     def read(self, truth: Readings, x: Vector = NOTHING) -> Readings:
-        """Return what the sensors say; a perfect set returns the truth itself.
+        """Return the sensor readings; a perfect set returns the truth itself.
 
         Args:
             truth: readings without errors.
-            x: the state, for instruments.
+            x: state of the testbed, for instruments.
         """
         readings = self._with_errors(truth)
         if self._instruments is None:
@@ -98,7 +98,7 @@ class Sensors:
         return readings._replace(tip_deflection=self._instruments(x, readings.tip_deflection))
 
     def _with_errors(self, truth: Readings) -> Readings:
-        """Return what all but the instruments say."""
+        """Return the readings of all sensors but the instruments."""
         if not self._perfect:
             truth = Readings(*map(self._reading, self._channels, truth))
         if self._tips is None:

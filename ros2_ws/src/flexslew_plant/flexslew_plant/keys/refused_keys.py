@@ -13,13 +13,13 @@ WHOLE = "(whole file)"  # the key of an error that is about no single one
 
 
 class Placed(ValueError):
-    """A section cannot be what it says: the words name the place from the top of the file on."""
+    """A section has invalid values: the words name the place from the top of the file on."""
 
 
 def refusal_of(error: ValidationError, kind: Any, values: Any, source: str) -> Refusal:
     """Return the first error; a key of nothing is the whole file.
 
-    Where a key is missing and one beside it is unknown, that one is misspelled and comes first.
+    Of a missing key and an unknown one next to it, the unknown one is misspelled and comes first.
     """
     errors = error.errors()
     beside = (one for one in errors if one["loc"][:-1] == errors[0]["loc"][:-1])
@@ -42,7 +42,7 @@ def refusal_of(error: ValidationError, kind: Any, values: Any, source: str) -> R
 
 
 def _others(first: tuple[str, ...], wrong: list[tuple[str, ...]]) -> str:
-    """Return words about further keys that are wrong; of those beside the first one the names."""
+    """Return words about further wrong keys: names of those next to the first, else paths."""
     paths = [path for path in dict.fromkeys(wrong) if path != first]
     names = [path[-1] if path[:-1] == first[:-1] else ".".join(path) for path in paths if path]
     if not names:

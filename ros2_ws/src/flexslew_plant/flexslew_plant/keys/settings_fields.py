@@ -1,4 +1,4 @@
-"""What each key of a settings section means: the words beside it in the code, and what it may be.
+"""The meaning of each key of a settings section: its description in the code, and its range.
 
 The field is the only place where a key is described: its comment (at the end of its line, or in the
 lines above it) or the description of its type. Pages, forms, parameters, errors and the JSON schema
@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 class FieldMeaning(NamedTuple):
     """A key of a section."""
 
-    words: str  # with its unit; empty where the code says nothing
+    words: str  # with its unit; empty where the code has none
     low: float  # smallest allowed number; -inf: none
     high: float  # largest one; inf: none
     choices: tuple[str, ...] = ()  # the texts that are allowed; none: any

@@ -23,7 +23,7 @@ UNITS: dict[str, dict[str, float]] = {
     "N m": {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3},
     "Hz": {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3},
 }  # fmt: skip
-ABOVE = "unit of the section"  # says a key that is in the unit of the key that its section has
+ABOVE = "unit of the section"  # marks a key in the unit of its section's own key
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z][A-Za-z/ ]*)")
 _BRACKETS = re.compile(r"\[([^\]]+)\]")
 _EXAMPLE = re.compile(r"`[^`]*`")

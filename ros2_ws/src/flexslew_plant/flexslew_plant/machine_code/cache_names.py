@@ -2,7 +2,7 @@
 
 The cache of a function with a closure goes by what it closes over. For that, Numba gives each of
 its functions a name, drawn at random in each process: a function that closes over another one would
-be compiled anew by everyone, and never found. Here the name is what the function is made of.
+be compiled again by each process, and never found. Here the name is what the function is made of.
 
 What is compiled has a symbol with a number that Numba counts from 1 in each process. Two closures
 of one function, compiled by two processes, would meet under one symbol in a third that loads both

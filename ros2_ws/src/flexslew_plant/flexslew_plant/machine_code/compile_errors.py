@@ -35,7 +35,7 @@ def explained(dispatcher: Any) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    """Return what Numba has to say first."""
+    """Return the first message of a Numba error, and its first call."""
     text = _COLOURS.sub("", str(error))
     if _WRITES in text:
         return "it writes into an argument that it may only read"

@@ -2,14 +2,14 @@
 
 Two processes that compile one function at once would each write an index of its cache without the
 other's entry. The lock also spares a start of many nodes from compiling everything several times:
-who waits finds it in the cache. Every function has a lock of its own, so that two processes compile
-two functions side by side; one that is compiled within another takes its lock within the other's,
-in the order of the calls.
+a process that waits finds it in the cache. Every function has a lock of its own, so that two
+processes compile two functions side by side; a function that is compiled within another takes its
+lock within the other's, in the order of the calls.
 
-What is in the cache is loaded without the lock: nobody waits for a compiler whose result is not
-needed. So a file must be whole before an index names it, and keep its content for good. Numba's own
-files are not: it numbers them, uses a number again after a change of the source, and writes the
-index first. Whoever loads such a file calls machine code that was made for other types: wrong
+What is in the cache is loaded without the lock: no process waits for a compiler with a result that
+is not needed. So a file must be whole before an index names it, and keep its content for good.
+Numba's own files are not: it numbers them, uses a number again after a change of the source, and
+writes the index first. A process that loads such a file calls machine code for other types: wrong
 numbers, or a crash.
 """
 
@@ -64,7 +64,7 @@ class CompileLock:
         self._depth += 1
 
     def take(self) -> None:
-        """Wait until nobody else compiles."""
+        """Wait until no other process compiles."""
         if self._handle < 0:
             self._handle = self._taken()
 
@@ -123,9 +123,9 @@ class _LockedCache:
     """The cache of a function, which takes the lock where it holds nothing.
 
     Args:
-        cache: of Numba.
-        lock: that whoever compiles holds.
-        name: of the function.
+        cache: Numba's cache of the function.
+        lock: the lock that a compiling process holds.
+        name: name of the function.
     """
 
     def __init__(self, cache: Any, lock: CompileLock, name: str) -> None:
@@ -152,5 +152,5 @@ class _LockedCache:
         return found
 
     def __getattr__(self, name: str) -> Any:
-        """Return what else Numba asks of it."""
+        """Return any other attribute that Numba uses."""
         return getattr(self._cache, name)

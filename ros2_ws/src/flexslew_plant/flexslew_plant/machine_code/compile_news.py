@@ -1,4 +1,4 @@
-"""Who wants to know that machine code is compiled. It loads no compiler itself."""
+"""Listeners of compilations of machine code. It loads no compiler itself."""
 
 from collections.abc import Callable
 
@@ -11,6 +11,6 @@ def tell_of_compiling(listener: Callable[[str], None]) -> None:
 
 
 def compiling(name: str) -> None:
-    """Tell the listeners of a function that is compiled now."""
+    """Call the listeners with the name of a function that is compiled now."""
     for listener in _listeners:
         listener(name)

@@ -16,8 +16,8 @@ _LINE = 64  # bytes in a line of the cache, and in the widest vector
 def aligned_frame(typing: Any) -> Any:
     """Let the caller's place for them begin a line of the cache: a vector across two costs twice.
 
-    The compiler sees to it where something in the function asks for it: here a line that is held
-    by an instruction which does nothing.
+    The compiler aligns it where an instruction in the function requires it: here a line that is
+    held by an instruction which does nothing.
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

@@ -30,8 +30,9 @@ def for_all_access(dispatcher: Any, written: tuple[str, ...], strided: bool = Fa
         )
         entry = compile_it(taken if result is None else result(*taken))
         if taken != given and given not in told:
-            # told to the dispatcher, which else asks here at every such call, for a quarter of a
-            # millisecond; told twice, as by two compiled callers, it would never choose by itself
+            # registered with the dispatcher, which else comes here at every such call, for a
+            # quarter of a millisecond; if registered twice, as by two compiled callers, the
+            # dispatcher would never choose by itself
             told.add(given)
             dispatcher._insert([kind._code for kind in given], entry, False)
         return entry

@@ -1,4 +1,4 @@
-"""Processes beside each other: locks, identities, interrupts.
+"""Processes on one machine: locks, identities, interrupts.
 
 Offers: atomic, file_lock, interrupted, private_folder, process_identity.
 """

@@ -11,11 +11,11 @@ _PIPES = getattr(os, "O_NONBLOCK", 0)  # opening one would wait for its writer
 def lock_file(path: Path, mode: int = 0o644, create: bool = True) -> int | None:
     """Return the handle of a file after locking it; None where another process holds it.
 
-    Whoever closes the handle lets the next one have it.
+    Closing the handle releases the lock.
 
     Args:
-        path: of the file, which is no link.
-        mode: of a file that is made.
+        path: path of the file, which is no link.
+        mode: mode of a file that is made.
         create: make and open it for writing; else open an existing one for reading.
 
     Raises:
@@ -35,11 +35,11 @@ def lock_file(path: Path, mode: int = 0o644, create: bool = True) -> int | None:
 
 
 def hold(handle: int, wait: bool) -> bool:
-    """Return whether an open file is locked now: by flock, on Windows by msvcrt, else by nobody.
+    """Return whether an open file is locked now: by flock, on Windows by msvcrt, else not at all.
 
     Args:
-        handle: of the file.
-        wait: until no other process holds it; else return at once.
+        handle: handle of the file.
+        wait: whether to wait until no other process holds it; else return at once.
 
     Raises:
         OSError: the file system has no locks.

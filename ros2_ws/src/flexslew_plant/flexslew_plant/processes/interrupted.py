@@ -2,7 +2,7 @@
 
 
 def keep_exit_code() -> None:
-    """Let Python exit with our code, whatever an interrupt has cut short.
+    """Let Python exit with our code, regardless of what an interrupt has cut short.
 
     One that leaves a text which `exec` runs, as dataclasses are made by, counts as unhandled even
     where it is caught further up, and Python would end itself by SIGINT in place of any exit code

@@ -12,7 +12,7 @@ _reported: list[str] = []  # reasons, of this process
 
 
 class UnsafeFolder(OSError):
-    """Another user can write into a folder whose content would be executed."""
+    """Another user can write into a folder of code that would be executed."""
 
 
 def private_folder(path: Path) -> Path:

@@ -4,7 +4,7 @@ import os
 from functools import cache
 from pathlib import Path
 
-_STARTED = 19  # of what /proc says, counted from the state
+_STARTED = 19  # index in /proc/PID/stat, counted from the state
 
 
 def own_identity() -> str:
@@ -26,7 +26,7 @@ def has_ended(identity: str) -> bool:
 
 
 def started(identity: str) -> int | None:
-    """Return when a process started, since the boot of the machine [ns]; None: nobody here knows.
+    """Return when a process started, since the boot of the machine [ns]; None if unknown here.
 
     The wall clock may have been set meanwhile.
     """
@@ -43,14 +43,14 @@ def _is_local(identity: str) -> bool:
 
 
 def _stat(identity: str) -> list[str]:
-    """Return what /proc says of a process here, from its state on (proc_pid_stat(5))."""
+    """Return the fields of /proc/PID/stat of a process, from its state on (proc_pid_stat(5))."""
     number = identity.partition("/")[2]
     return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
 
 
 @cache
 def _where() -> str:
-    """Return this boot of this machine, and the PID namespace; empty where /proc does not say."""
+    """Return this boot of this machine, and the PID namespace; empty where /proc has neither."""
     try:  # the first namespace has the same number on every machine
         boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
         return f"{boot}:{os.readlink('/proc/self/ns/pid')}"

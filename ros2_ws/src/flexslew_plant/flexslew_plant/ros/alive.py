@@ -1,4 +1,4 @@
-"""The signs of life of the nodes: each beats on `alive` and hears the others."""
+"""The heartbeats of the nodes: each node sends its own on `alive` and receives the others'."""
 
 import random
 from collections.abc import Iterable
@@ -17,21 +17,21 @@ from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.graph import UNNAMED
 from flexslew_plant.ros.offers import publisher, subscription
 
-NOTICE = 1.0  # for an older one to hear of a newer one, or to leave [wall s]
-_LOOK = 0.05  # that counts between two looks at who was here before [wall s]
-# for one whose process lives, and was not heard, on processors that are busy [wall s]
+NOTICE = 1.0  # for an older node to receive the beat of a newer one, or to leave [wall s]
+_LOOK = 0.05  # counted at most between two checks for older nodes [wall s]
+# for a node with a running process and no heartbeat received, on busy processors [wall s]
 _WAITS = 3.0
-# what nobody else publishes, of the roles that a bench has once
+# topics that no other node publishes, by the roles that a bench has once
 _OWN = {"plant": topics.MEASUREMENT, "planner": topics.PLAN}
-_PARTICIPANTS = "ros_discovery_info"  # each publishes there (rmw_dds_common), in no namespace
-_PREFIX = 12  # of a GUID of DDS, the part of its participant, which is one of a process [B]
+_PARTICIPANTS = "ros_discovery_info"  # of each participant (rmw_dds_common), in no namespace
+_PREFIX = 12  # length of the participant part of a DDS GUID, one participant per process [B]
 
 
 class Alive:
-    """Beats for a node and keeps who else is alive.
+    """Sends the heartbeat of a node and keeps the heartbeats of the others.
 
     Args:
-        node: whose life it is.
+        node: node that sends the heartbeat.
         role: plant, controller, recorder, planner, console or live.
     """
 
@@ -42,15 +42,15 @@ class Alive:
         self._publisher = publisher(node, topics.ALIVE)
         subscription(node, topics.ALIVE, self._hear)
         self._next = 0.0
-        self._met = 0.0  # an older one [wall s]
-        # for how long it has looked while nobody was there unheard, and while somebody was [wall s]
+        self._met = 0.0  # when it found an older node [wall s]
+        # for how long it has watched without, and with, a rival that sent no heartbeat [wall s]
         self._certain = self._doubted = 0.0
         self._looked = monotonic()  # [wall s]
-        self._since: dict[tuple[int, int], int] = {}  # of others, see _dated
+        self._since: dict[tuple[int, int], int] = {}  # start times of other nodes, see _dated
 
     @property
     def older(self) -> Refusal | None:
-        """Who was here before under the same name, or as a plant of this namespace, if any."""
+        """The older node of the same name, or the older plant of this namespace, if any."""
         found = self.presence.older(self.beat, monotonic())
         if found is None:
             return None
@@ -58,10 +58,10 @@ class Alive:
         return Refusal(words, cause=Cause.DUPLICATE)
 
     def is_second(self, now: float) -> bool:
-        """Return whether another one was here before; this one leaves unless that does.
+        """Return whether there is an older node; this one leaves unless the older one does.
 
         Raises:
-            BadInput: it stays, and has had the time to notice this one.
+            BadInput: if the older node stays, and has had the time to notice this one.
         """
         older = self.older
         self._met = (self._met or now) if older else 0.0
@@ -70,12 +70,12 @@ class Alive:
         return older is not None
 
     def is_first(self, now: float) -> bool:
-        """Return whether nobody was here before: asked before a node publishes or serves anything.
+        """Return whether there is no older node; call it before the node publishes or serves.
 
-        Whoever is there, and was not heard of yet, may be one who was, unless it stays silent: then
-        it has died, or gives no signs of life at all.
+        A node on the graph that has not sent a heartbeat yet may be older, unless it stays silent:
+        then it has died, or sends no heartbeats at all.
         """
-        passed = min(now - self._looked, _LOOK)  # held up itself it hears nothing meanwhile
+        passed = min(now - self._looked, _LOOK)  # receives nothing while it is held up itself
         self._looked = now
         if self.older:
             return False
@@ -89,11 +89,11 @@ class Alive:
         return self._certain >= BEAT_EVERY
 
     def _has_silent_rivals(self, now: float) -> bool:
-        """Return whether the graph shows others of its name or role that gave no sign of life."""
+        """Return whether the graph shows rivals of its name or role that sent no heartbeat."""
         return self._rivals_on_graph() > len(self.presence.younger(self.beat, now))
 
     def _rivals_on_graph(self) -> int:
-        """Return how many others have its name, its role if that is had once, or no name yet."""
+        """Return how many other nodes have its name, its role where that is unique, or no name."""
         node, own = self._node, _OWN.get(self.beat.role)
         here = [
             info
@@ -120,10 +120,10 @@ class Alive:
             self.presence.hear(self._dated(beat), monotonic())
 
     def _dated(self, beat: Beat) -> Beat:
-        """Return a beat since when its process runs by the clock that nobody sets.
+        """Return a beat with the start time of its process on the monotonic clock.
 
-        That of the wall may have been set back since this one started: the newer one would be taken
-        for the older. Where the other one is on another machine there is no better one.
+        The wall clock may have been set back since this node started: the newer node would be taken
+        for the older. For a node on another machine only the wall clock is known.
         """
         key = beat.instance, beat.since
         if key not in self._since:
@@ -134,5 +134,5 @@ class Alive:
 
 
 def _participants(found: Iterable[Any]) -> set[bytes]:
-    """Return whose publishers these are, as a graph shows them."""
+    """Return the participants of these publishers, which a graph query has returned."""
     return {bytes(info.endpoint_gid)[:_PREFIX] for info in found}

@@ -1,8 +1,8 @@
-"""Nodes whose process has died: they are taken off the graph, since they cannot do so themselves.
+"""Removal of nodes from the graph after the death of their process, which cannot leave itself.
 
-DDS keeps a process that was killed on the graph, and goes on sending to it, until its lease is over
-(20 s). Where nodes have shared memory, as by their own profile, each of these messages makes a port
-anew, now and then under the hands of one who was started again; see profiles/loopback.xml.
+DDS keeps a killed process on the graph, and goes on sending to it, until its lease is over (20 s).
+Where nodes have shared memory, as by their own profile, each of these messages creates a port
+again, at times while a restarted process creates its own; see profiles/loopback.xml.
 """
 
 from rclpy.node import Node
@@ -16,11 +16,11 @@ _PERIOD = 0.1  # between two polls [wall s]
 
 
 class DeadNodes:
-    """Takes the dead off the graph of all processes of this machine.
+    """Takes dead nodes off the graph of all processes of this machine.
 
     Args:
-        node: that looks.
-        presence: who gave signs of life.
+        node: node that queries the graph.
+        presence: heartbeats of all nodes.
     """
 
     def __init__(self, node: Node, presence: Presence) -> None:
@@ -29,7 +29,7 @@ class DeadNodes:
         self._gone: set[int] = set()  # instances
 
     def poll(self, now: float) -> set[str]:
-        """Look for the dead if it is time; return the names of those that were found."""
+        """Check for dead nodes if it is time; return the names of those that were found."""
         dead: set[str] = set()
         if now < self._next:
             return dead
@@ -45,14 +45,14 @@ class DeadNodes:
 
 
 def take_off_graph(node: Node, beat: Beat) -> bool:
-    """Let all processes of this machine believe that a participant leaves; return if it was there.
+    """Announce to all processes of this machine that a participant left; return if it was there.
 
     Fast DDS writes the last 16 bits of the process id into the prefix of a GUID (GuidUtils), which
-    tells the one of this beat from another of its name.
+    distinguishes the node of this beat from another of its name.
 
     Args:
-        node: that sees the graph.
-        beat: of a node of that participant; its process must be known.
+        node: node that queries the graph.
+        beat: beat of a node of that participant; its process must be known.
     """
     topic = node.resolve_topic_name(topics.ALIVE)
     low = (int(beat.process.split("/")[1]) & 0xFFFF).to_bytes(2, "little")

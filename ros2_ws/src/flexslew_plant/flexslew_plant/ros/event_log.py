@@ -15,8 +15,8 @@ class EventLog:
     """Publishes events and logs them.
 
     Args:
-        node: that says them.
-        outlets: of the node, if the recorder has its own way to them.
+        node: node that publishes the events.
+        outlets: outlets of the node, if the recorder has its own line to them.
     """
 
     def __init__(self, node: Node, outlets: Outlets | None = None) -> None:
@@ -28,7 +28,7 @@ class EventLog:
     def tell(self, event: Event) -> None:
         """Publish and log an event."""
         self._offer.keep(event_message(event))
-        words = one_line(f"t = {event.time:.2f} s: {event.message}")  # an operator's may be any
+        words = one_line(f"t = {event.time:.2f} s: {event.message}")  # operators may write any
         # rclpy ties a severity to the line of the call
         if event.level == Level.INFO:
             self._logger.info(words)

@@ -1,4 +1,4 @@
-"""Who is on the graph: listeners that are missing or do not fit, and whether the plant is there."""
+"""Queries of the graph: missing or incompatible listeners, and whether the plant is there."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol
@@ -13,7 +13,7 @@ from flexslew_plant.graph.policies import HIDDEN
 
 
 def listeners_of(node: Node, publisher: "Publisher[Any]") -> set[str]:
-    """Return the names of all nodes that listen, those of another namespace with it."""
+    """Return the names of all nodes that listen, with the namespace where it is another one."""
     names = set()
     for info in node.get_subscriptions_info_by_topic(publisher.topic_name):
         name = info.node_name.removeprefix(HIDDEN)
@@ -25,14 +25,14 @@ def listeners_of(node: Node, publisher: "Publisher[Any]") -> set[str]:
 def unmatched(
     node: Node, publishers: Sequence["Publisher[Any]"], listeners: Sequence[str]
 ) -> list[str]:
-    """Return whom a sample published now would not reach, of those that must be there, and why.
+    """Return which required listeners a sample published now would not reach, and why.
 
-    A listener that asks for another QoS than is offered will never be reached, so nobody waits for
-    it; see incompatible.
+    A listener that requests a QoS that is not offered will never be reached, so it is not waited
+    for; see incompatible.
 
     Args:
-        node: that publishes.
-        publishers: what must be heard.
+        node: node that publishes.
+        publishers: publishers that the listeners must receive.
         listeners: names of nodes in the namespace of this one.
     """
     missing: dict[str, str] = {}
@@ -50,7 +50,7 @@ def unmatched(
 
 
 def _why_deaf(node: Node, publisher: "Publisher[Any]", listener: str) -> str:
-    """Return why a listener does not hear a topic, and what to change."""
+    """Return why a listener does not receive a topic, and what to change."""
     topic, here = publisher.topic_name, node.get_namespace()
     nodes = node.get_node_names_and_namespaces()
     places = {place for name, place in nodes if name.removeprefix(HIDDEN) == listener}
@@ -75,12 +75,12 @@ def _listeners_here(node: Node, topic: str) -> set[str]:
     }
 
 
-# a node whose subscription was heard of before its name, or whose publisher after its leave
+# a node of which DDS has reported a subscription before the name, or a publisher after it left
 UNNAMED = "_NODE_NAME_UNKNOWN_"
 
 
 def incompatible(node: Node, publishers: Sequence["Publisher[Any]"]) -> set[tuple[str, str]]:
-    """Return who asks for a QoS that is not offered: node, which may be UNNAMED, and topic."""
+    """Return node, which may be UNNAMED, and topic of each request for a QoS not offered."""
     return {
         (info.node_name, publisher.topic_name)
         for publisher in publishers
@@ -90,7 +90,7 @@ def incompatible(node: Node, publishers: Sequence["Publisher[Any]"]) -> set[tupl
 
 
 def publishers_of(node: Node, subscription: "Subscription[Any]") -> set[str]:
-    """Return the names of the nodes of this namespace that publish what the node hears here."""
+    """Return the names of the nodes of this namespace that publish the topic subscribed to."""
     return {
         info.node_name
         for info in node.get_publishers_info_by_topic(subscription.topic_name)
@@ -99,17 +99,17 @@ def publishers_of(node: Node, subscription: "Subscription[Any]") -> set[str]:
 
 
 def is_published(node: Node, subscription: "Subscription[Any]") -> bool:
-    """Return whether a node that is on the graph publishes what is heard here.
+    """Return whether a node that is on the graph publishes the topic subscribed to.
 
-    Where many leave at once Fast DDS 3.2 tells now and then of publishers of a process that it has
-    told to be gone: they have no name, and stay for good.
+    Where many nodes leave at once, Fast DDS 3.2 sometimes reports publishers of a process after
+    the report that it is gone: they have no name, and stay for good.
     """
     infos = node.get_publishers_info_by_topic(subscription.topic_name)
     return any(info.node_name != UNNAMED for info in infos)
 
 
 def _fits(publisher: "Publisher[Any]", info: Any) -> bool:
-    """Return whether a subscription asks for no more than is offered."""
+    """Return whether a subscription requests no more than is offered."""
     offered, asked = publisher.qos_profile, info.qos_profile
     reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
     return bool(
@@ -125,18 +125,18 @@ class _Stops(Protocol):
 class PlantWatch:
     """Ends a loop when the plant, once seen, is gone for good.
 
-    Who else publishes what only a plant does, as a bag does that is played, is not waited for.
+    Another publisher of the plant's topics, such as a bag that is played, is not waited for.
 
     Args:
-        loop: to stop.
-        node: that looks.
-        subscription: to a topic that only the plant publishes.
-        presence: who gave signs of life.
-        enabled: otherwise it only watches.
+        loop: loop to stop.
+        node: node that queries the graph.
+        subscription: subscription to a topic that only the plant publishes.
+        presence: heartbeats of all nodes.
+        enabled: False: only update `seen`, never stop the loop.
 
     Attributes:
-        seen: it was there; set by who hears it on this very subscription, since it may come and go
-            between two polls. Of other topics DDS may tell earlier than of this one.
+        seen: the plant was there; set by the callback of this very subscription, since the plant
+            may come and go between two polls. DDS may report other topics earlier than this one.
     """
 
     def __init__(
@@ -153,18 +153,18 @@ class PlantWatch:
 
     @property
     def here(self) -> bool:
-        """A plant is on the graph: before any gave a sign of life, whoever publishes as one."""
+        """Whether a plant is on the graph: any publisher until a plant has sent a heartbeat."""
         if not self._subscription.get_publisher_count():
             return False
         plants = self._presence.of_role("plant")
-        # of a publisher that is there DDS may tell before it tells whose it is
+        # DDS may report a publisher before the name of its node
         return not plants or any(
             info.node_name in (*plants, UNNAMED)
             for info in self._node.get_publishers_info_by_topic(self._subscription.topic_name)
         )
 
     def look(self, code: int = 0, stay: bool = False) -> None:
-        """Look for the plant; stop the loop with this code if it has left, unless told to stay."""
+        """Check for the plant; stop the loop with this code if it has left and not `stay`."""
         here = self.here
         if self._enabled and self.seen and not here and not stay:
             self._loop.stop(code)

@@ -14,27 +14,27 @@ _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 class Interrupts:
     """Both signals end the process, also where the exception is lost on its way.
 
-    What is raised within a compiler's callback or a destructor is printed there and forgotten; so
-    the signal comes again and again until somebody says that it was taken.
+    An exception raised within a compiler's callback or a destructor is printed there and dropped;
+    so the signal is repeated until `taken` is called.
     """
 
     def __init__(self) -> None:
         self._again: Timer | None = None
 
     def install(self) -> None:
-        """Answer both signals from now on."""
+        """Handle both signals from now on."""
         for number in _NUMBERS:
             signal.signal(number, self._raise)
 
     def ignore(self) -> None:
-        """Answer them no more: the process ends anyway, with an exit code of its own."""
+        """Ignore them from now on: the process ends anyway, with an exit code of its own."""
         for number in _NUMBERS:
             signal.signal(number, signal.SIG_IGN)
         self.taken()
         keep_exit_code()
 
     def taken(self) -> None:
-        """Note that somebody has caught it."""
+        """Note that the exception was caught."""
         if self._again is not None:
             self._again.cancel()
             self._again = None

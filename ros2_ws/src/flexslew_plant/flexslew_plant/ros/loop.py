@@ -21,8 +21,8 @@ from flexslew_plant.ros.told_lines import tell
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
-_BEGINNING = 0.02  # between two looks at who was here before [wall s]
-_LEAVING = 10  # until a process that DDS does not let go is ended [wall s]
+_BEGINNING = 0.02  # between two checks for older nodes [wall s]
+_LEAVING = 10  # until a process that hangs in DDS is ended [wall s]
 
 
 class Loop:
@@ -39,43 +39,43 @@ class Loop:
         self._closing = False
 
     def hurry(self) -> None:
-        """Poll before the next event: something changed that it has to know."""
+        """Poll before the next event, since its input has changed."""
         self._due = 0.0
 
     def add(self, node: Node) -> None:
         """Serve this node, too.
 
         Raises:
-            RunFault: other machines could reach it, see network.demand_loopback.
+            RunFault: if other machines could reach it, see network.demand_loopback.
         """
         demand_loopback()
         self._executor.add_node(node)
         self._nodes.append(node)
 
     def live(self, node: Node, role: str) -> Alive:
-        """Serve this node and beat for it."""
+        """Serve this node and send its heartbeat."""
         self._alive[node] = Alive(node, role)
         self.add(node)
         return self._alive[node]
 
     def only(self, node: Node, role: str) -> Alive:
-        """Serve and beat for a node of a role that a bench has once, as soon as it is that one.
+        """Serve a node of a role that a bench has once, and return when it is the only one.
 
         Raises:
-            BadInput: another one was here before, and stays.
+            BadInput: if an older node of the role stays.
         """
         alive = self.live(node, role)
         self.begin(alive, lambda: alive.is_second(monotonic()))
         return alive
 
     def begin(self, alive: Alive, look: Callable[[], object] = lambda: None) -> None:
-        """Serve the node of this life until it is the first of its name, or the loop is stopped.
+        """Serve this node until it is the first of its name, or the loop is stopped.
 
-        So a second one publishes nothing, answers nobody and hears nothing that it would act upon.
+        So a second one publishes nothing, answers no request and acts on no message.
 
         Args:
-            alive: of a node that has published nothing yet.
-            look: is called now and then meanwhile.
+            alive: heartbeat of a node that has published nothing yet.
+            look: called repeatedly meanwhile.
         """
         while not (alive.is_first(monotonic()) or self.stopped):
             look()
@@ -86,12 +86,12 @@ class Loop:
 
     @property
     def _abandoned(self) -> bool:
-        """Nobody would ever end this process."""
+        """Whether ROS or the supervisor is gone, so that nothing would ever end this process."""
         supervisor = int(os.environ.get(SUPERVISOR, "0"))
         return not rclpy.ok() or bool(supervisor and os.getppid() != supervisor)
 
     def outlets(self, node: Node) -> Outlets:
-        """Return outlets of a node of this loop, which are looked after with it."""
+        """Return outlets of a node of this loop, which serves them with the node."""
         self._outlets.append(Outlets(node))
         return self._outlets[-1]
 
@@ -100,11 +100,11 @@ class Loop:
         return self._executor.create_future()
 
     def own(self, node: Node) -> None:
-        """Take a node that nobody serves; it leaves with the others."""
+        """Take a node that is not served; it leaves with the others."""
         self._nodes.append(node)
 
     def close(self, patience: float) -> None:
-        """Let go of the nodes as soon as they were heard, or patience is at an end [wall s]."""
+        """Release the nodes once their messages are acknowledged, or patience [wall s] is over."""
         self._closing = True
         for node in self._executor.get_nodes():
             alive = self._alive.get(node)
@@ -114,12 +114,12 @@ class Loop:
         self._executor.shutdown()
 
     def leave(self, code: int, before: Callable[[], None]) -> None:
-        """Take all nodes off the graph, and before them what else somebody has made there.
+        """Take all nodes off the graph, after the call of `before`.
 
-        Fast DDS 3.2 hangs now and then where others leave at the same moment: one thread waits for
-        the events in PDP::removeWriterProxyData, the events wait for it to announce this node. It
-        holds up all of Python. SIGALRM then ends the process; the supervisor was told its code, and
-        the others were told that the nodes are gone.
+        Fast DDS 3.2 hangs at times where others leave at the same moment: one thread waits for the
+        events in PDP::removeWriterProxyData, the events wait for it to announce this node. It holds
+        up all of Python. SIGALRM then ends the process; the supervisor has received its code, and
+        the other nodes the announcement that the nodes are gone.
         """
         if SUPERVISOR in os.environ:
             tell(f"leaves with exit code {code}")
@@ -133,7 +133,7 @@ class Loop:
             self._nodes.pop().destroy_node()
 
     def _serve(self, timeout: float) -> None:
-        """Beat, and let one callback run."""
+        """Send the heartbeats that are due, and let one callback run."""
         now = monotonic()
         due = min((alive.poll(now) for alive in self._alive.values()), default=inf)
         with atomic:  # raised while rclpy makes a message, an interrupt comes out as RuntimeError
@@ -142,12 +142,12 @@ class Loop:
 
     @property
     def stopped(self) -> bool:
-        """Somebody has ended it."""
+        """Whether `stop` was called."""
         return self._code is not None
 
     @property
     def leaving(self) -> bool:
-        """Its nodes only stay to be heard: nothing is polled any more."""
+        """Whether its nodes stay only until their messages are acknowledged, without polls."""
         return self.stopped or self._closing
 
     def stop(self, code: int) -> None:
@@ -158,10 +158,9 @@ class Loop:
         """Serve the graph until stopped; return the exit code.
 
         Args:
-            poll: called between events, returns after how many wall seconds it wants to be called
-                again.
+            poll: called between events; returns the time until its next call [wall s].
         """
-        # while a node was built it heard nobody
+        # while a node was built, it received no message
         built, self._listened = max(monotonic() - self._listened, 0.0), inf
         for alive in self._alive.values():
             alive.presence.excuse(built)

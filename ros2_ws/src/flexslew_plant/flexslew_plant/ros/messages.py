@@ -1,4 +1,4 @@
-"""Fields of a record into a ROS message. Questions and answers are bytes: see bench.wire."""
+"""Conversion of records to ROS messages. Questions and answers are bytes: see bench.wire."""
 
 from array import array
 from collections.abc import Mapping
@@ -41,12 +41,12 @@ def seconds_of(at: Time | Duration) -> float:
 
 
 def requested_tick(at: Time, period: float, tick: int) -> int:
-    """Return at which tick something is asked for: 0 for the next one, negative for one long over.
+    """Return the tick of a request: 0 for the next one, negative for one that is long past.
 
     Args:
         at: simulated time; zero stands for the next tick.
-        period: of a tick [s].
-        tick: of the bench.
+        period: length of a tick [s].
+        tick: current tick of the bench.
     """
     nearest = round(seconds_of(at) / period)
     return -1 if at != Time() and nearest == 0 < tick else nearest

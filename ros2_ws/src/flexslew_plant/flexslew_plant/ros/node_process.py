@@ -23,21 +23,21 @@ from flexslew_plant.ros.told_lines import tell
 class Served(Protocol):
     """What a loop runs: one node or several.
 
-    It may also have `interrupted()`, called when somebody wants it to end; where that returns True,
-    it stops its loop itself, or is interrupted again. And `close()`, which finishes what must be
+    It may also have `interrupted()`, called at an interrupt: where it returns True, the object
+    stops its loop itself, or is interrupted again. And `close()`, which finishes what must be
     whole, or raises FlexslewError: exit code 3; and `leave()`, which takes off the graph what the
     nodes of the loop do not take with them. They leave last.
     """
 
     def poll(self) -> float:
-        """Do what is due; return after how many wall seconds to be called again."""
+        """Do what is due; return the time until the next call [wall s]."""
 
 
 _interrupts = Interrupts()
 
 
 def _run(loop: Loop, served: Served) -> int:
-    """Run the loop; an interrupt ends it, unless what is served has still something to do."""
+    """Run the loop; an interrupt ends it, unless `interrupted` returns True."""
     while True:
         try:
             return loop.run(served.poll)
@@ -62,7 +62,7 @@ def within(namespace: str) -> list[str]:
     """Return the command line of a node in a namespace; empty: in none.
 
     Raises:
-        BadInput: it is no name.
+        BadInput: if it is not a valid name.
     """
     name = "/" + namespace.strip("/")
     if name == "/":
@@ -76,11 +76,11 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
 
     Args:
         build: takes the loop, returns what it serves.
-        args: command line; None: of the process.
+        args: command line; None: that of the process.
     """
-    # our own handlers: rclpy's would invalidate the context before the last words are said
+    # our own handlers: rclpy's would invalidate the context before the last messages are sent
     _interrupts.install()
-    faulthandler.register(signal.SIGUSR1)  # tells where each thread stands, whatever holds it up
+    faulthandler.register(signal.SIGUSR1)  # prints the stack of each thread, even of one that hangs
     served = loop = None
     code = 0
     try:
@@ -103,7 +103,7 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
                 loop.close(INTERRUPTED_TIMEOUT if code == 130 else DEPARTURE_TIMEOUT)
                 code = _closed(served) or code
             loop.leave(code, getattr(served, "leave", lambda: None))
-        # the graph hears of our leaving only if the participant is really destroyed
+        # the leave is announced to the graph only if the participant is really destroyed
         del served, loop
         gc.collect()
         rclpy.try_shutdown()

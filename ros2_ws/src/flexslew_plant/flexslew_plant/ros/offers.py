@@ -69,7 +69,7 @@ def subscription(
 
 
 def service(node: Node, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
-    """Offer a service whose answer reaches a client that this node has not discovered yet.
+    """Offer a service with an answer that reaches a client not discovered by this node yet.
 
     A client may find the server before the server finds it, on a busy machine long before: Fast
     DDS waits 0.1 s for the listener of the answer, rclpy warns, and the answer is lost. It is sent

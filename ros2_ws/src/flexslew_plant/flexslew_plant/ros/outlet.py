@@ -1,4 +1,4 @@
-"""A publisher whose messages go to the recorder past DDS, and to everybody else over it."""
+"""A publisher that sends to the recorder on a direct line and to all other listeners over DDS."""
 
 import os
 from collections.abc import Callable
@@ -10,11 +10,11 @@ from rclpy.serialization import serialize_message
 from flexslew_plant.direct.inbox import BOTH
 
 _PROCESSORS = len(os.sched_getaffinity(0))  # of this process
-_AWAKE = 2  # of them are taken while plant and controller wait awake
+_AWAKE = 2  # of the processors are taken while plant and controller wait awake
 
 
 class Turns:
-    """How often the loop of a node has turned; in one turn nobody comes or goes."""
+    """How often the loop of a node has turned; within one turn the listeners count as constant."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -24,13 +24,13 @@ class Outlet:
     """A publisher of one topic.
 
     Args:
-        publisher: over DDS.
-        add: to what goes to the recorder: number and CDR; returns whether it fits.
-        turns: of the loop; None: DDS is asked each time who listens.
+        publisher: the publisher over DDS.
+        add: appends number and CDR to the message to the recorder; returns whether they fit.
+        turns: turns of the loop; None: the listeners are counted at each call.
 
     Attributes:
-        number: of the topic on the line to the recorder; -1: it is not heard there.
-        recorder_alone: when it was looked at, the one subscription was the recorder's.
+        number: number of the topic on the line to the recorder; -1: it is not on that line.
+        recorder_alone: the recorder had the only subscription at the last check.
     """
 
     def __init__(
@@ -42,12 +42,12 @@ class Outlet:
         self.publisher, self._handle, self._add = publisher, publisher.handle, add
         self.number, self.recorder_alone = -1, False
         self._turns = turns
-        self._asked: int | None = None  # in which turn DDS was
-        self._count = 0  # what it said
+        self._asked: int | None = None  # turn of the last count
+        self._count = 0  # subscriptions counted then
 
     @property
     def count(self) -> int:
-        """How many subscriptions DDS serves, as it said in this turn of the loop."""
+        """How many subscriptions DDS serves, counted once per turn of the loop."""
         turn = None if self._turns is None else self._turns.count
         if turn is None or turn != self._asked:
             self._asked = turn
@@ -56,7 +56,7 @@ class Outlet:
 
     @property
     def heard(self) -> bool:
-        """Anybody listens."""
+        """Whether there is any listener."""
         if self.number >= 0:
             return True
         known = self._turns is not None and self._turns.count == self._asked
@@ -64,19 +64,19 @@ class Outlet:
 
     @property
     def shared(self) -> bool:
-        """Somebody listens over DDS who is not the recorder on its line."""
+        """Whether there is a listener over DDS other than the recorder on its line."""
         count = self.count
         return count > 0 and (count > 1 or self.number < 0 or not self.recorder_alone)
 
     def may_wait_awake(self, processors: int = _PROCESSORS) -> bool:
         """Return whether plant and controller may wait awake, which takes two processors.
 
-        A recorder that hears copies past DDS needs one, anybody else more than can be told.
+        A recorder that receives copies on its line needs one; other listeners may need any number.
         """
         return not self.heard or (processors > _AWAKE and not self.shared)
 
     def publish(self, data: bytes) -> None:
-        """Send CDR bytes to all who listen; nothing is kept for later ones."""
+        """Send CDR bytes to all listeners; nothing is kept for later ones."""
         number, shared = self.number, self.shared
         if number >= 0 and not self._add(number + BOTH * shared, data):
             shared = True  # too large

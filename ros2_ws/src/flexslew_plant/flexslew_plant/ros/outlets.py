@@ -1,4 +1,4 @@
-"""Publishers whose messages go to the recorder past DDS, and to everybody else over it."""
+"""Publishers that send to the recorder on a direct line and to all other listeners over DDS."""
 
 import os
 from math import inf
@@ -15,19 +15,19 @@ from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.outlet import Outlet, Turns
 
 _AGAIN = 0.2  # until the recorder is called again [wall s]
-_LOOK = 0.1  # who else listens [wall s]
-_KEPT = 16 * LOOP_DEPTH  # for a recorder that is held up; the plant waits for it long before
+_LOOK = 0.1  # between two checks for other listeners [wall s]
+_KEPT = 16 * LOOP_DEPTH  # for a recorder that is held up; the plant waits for it long before that
 _TOGETHER = 1 << 13  # sent at once while ticks follow each other, a few of them [B]
 _LEAVING = 5.0  # for a recorder that takes nothing [wall s]
 
 
 class Outlets:
-    """Calls the recorder of the bench until it answers; what is published then goes to it directly.
+    """Calls the recorder of the bench until it answers, and then sends messages to it directly.
 
-    The recorder hears over DDS as well. Nothing is published there for its sake alone.
+    The recorder also subscribes over DDS. Nothing is published there for the recorder alone.
 
     Args:
-        node: that publishes.
+        node: node that publishes.
     """
 
     def __init__(self, node: Node) -> None:
@@ -36,12 +36,12 @@ class Outlets:
         self._address = address(node.context.get_domain_id(), questions, RECORDER)
         self._turns = Turns()
         self._offers: list[Outlet] = []
-        self._heard: list[Outlet] = []  # by the recorder on the line, by their numbers
+        self._heard: list[Outlet] = []  # topics of the recorder's line, by their numbers
         self._parts: list[bytes] = []  # of the next message on the line
         self._size = 0  # of these [B]
         self._line: DirectLine | None = None
-        self._listens = "", ""  # for the recorder over DDS: a node and its namespace
-        self._next = 0.0  # call or look [wall s]
+        self._listens = "", ""  # node and namespace that subscribe over DDS for the recorder
+        self._next = 0.0  # time of the next call or check [wall s]
 
     def publisher(self, name: str) -> Outlet:
         """Return a publisher of a topic of the table."""
@@ -49,7 +49,7 @@ class Outlets:
         return self._offers[-1]
 
     def look(self, now: float) -> None:
-        """Call, or look who else listens, if it is time [wall s]."""
+        """Call the recorder, or check for other listeners, if it is time [wall s]."""
         line = self._line
         if line is None:
             if self._direct and now >= self._next:
@@ -67,15 +67,15 @@ class Outlets:
             line.flush()
             if now >= self._next:
                 self._next = now + _LOOK
-                line.receive()  # which tells when the recorder is gone
+                line.receive()  # which detects that the recorder is gone
                 self._choose()
 
     def turn(self) -> None:
-        """Ask DDS anew who listens: the loop turns, or somebody waits for just that."""
+        """Let the listeners be counted again: at each turn of the loop, or on demand."""
         self._turns.count += 1
 
     def send(self) -> None:
-        """Send what was published since the last time: the loop does before it waits."""
+        """Send what was published since the last call; the loop sends before it waits."""
         if self._parts:
             message = b"".join(self._parts)
             self._parts.clear()
@@ -110,7 +110,7 @@ class Outlets:
         return True
 
     def _begin(self, line: DirectLine) -> None:
-        """Learn which topics the recorder hears."""
+        """Receive the list of topics that the recorder records."""
         data = line.receive()
         if data is None:
             return
@@ -126,13 +126,13 @@ class Outlets:
             offer.number = number
 
     def _let_go(self) -> None:
-        """The recorder is gone, or this is none."""
+        """Forget the line: the recorder is gone, or another process answered."""
         self._line, self._listens, self._heard = None, ("", ""), []
         for offer in self._offers:
             offer.number = -1
 
     def _send_over_dds(self, message: bytes) -> None:
-        """Publish what has not gone there: a recorder that follows a lost one hears it."""
+        """Publish over DDS what the lost recorder did not get, for the recorder that follows it."""
         heard = self._heard
         self._let_go()
         for number, data in split(message):

@@ -30,10 +30,10 @@ Change = Callable[[dict[str, Any]], str]  # takes nested changes; returns why no
 
 
 def new_node(name: str) -> Node:
-    """Return a node that takes any parameter at its start; `settings_of` says which are right.
+    """Return a node that takes any parameter at its start; `settings_of` validates them.
 
     Args:
-        name: unless the command line says another one.
+        name: default, which the command line may override.
     """
     node = Node(
         name,
@@ -137,13 +137,13 @@ def declared(node: Node, kind: Any, given: dict[str, Any], changeable: Iterable[
     Nested sections are dotted names; what ROS cannot hold (a list of sections) is YAML text.
 
     Args:
-        node: whose parameters they are.
+        node: node that declares the parameters.
         kind: the section.
-        given: by the user.
+        given: values set by the user.
         changeable: names that may change at run time; the others are read-only.
 
     Raises:
-        BadInput: an unknown parameter or a value that is not allowed.
+        BadInput: for an unknown parameter or a value that is not allowed.
     """
     settings = validated(kind, given, f"node {node.get_name()}", ANY_CODE)
     declare(node, settings, changeable)

@@ -32,10 +32,10 @@ from flexslew_plant.ros.told_lines import tell
 
 
 class Plant:
-    """Sends on what the session says, and tells it what comes.
+    """Publishes the records of the session, and passes messages and answers to it.
 
     Args:
-        loop: that serves it.
+        loop: loop that serves it.
         neighbour: a controller in the same process.
     """
 
@@ -85,12 +85,12 @@ class Plant:
         return wait
 
     def interrupted(self) -> None:
-        """Say that the run ends before its time."""
+        """Let the session report that the run ends early, and publish that."""
         self.session.interrupted()
         self._send()
 
     def _send(self) -> None:
-        """Publish what the session has to say."""
+        """Publish the records that the session has put out."""
         outbox = self.session.outbox
         while outbox:
             record = outbox.popleft()
@@ -106,18 +106,18 @@ class Plant:
         done = self.session.run.state == FINISHED and not self.loop.stopped
         if done and self._settings.exit_when_done:
             if failure := self.session.bench.failure:
-                tell(f"error: {failure}")  # for the one who started this node
+                tell(f"error: {failure}")  # for the process that started this node
             self.loop.stop(3 if self.session.bench.faulted else 0)
 
     def _is_truth_received(self) -> bool:
-        """Return whether the truth is published, and heard."""
+        """Return whether the truth is published, and has a listener."""
         return self._settings.truth and self._truth.heard
 
     def _missing(self) -> list[str]:
-        """Return who would not hear the first question."""
+        """Return the nodes that the first question would not reach."""
         session, now = self.session, monotonic()
         controllers, listeners = session.needed(now), self._settings.wait_for
-        if session.bench.tick or session.bench.epoch:  # who was lost on the way is not waited for
+        if session.bench.tick or session.bench.epoch:  # nodes lost on the way are not waited for
             listeners = tuple(n for n in listeners if not session.presence.silent(n, now))
         shown = [self._truth] * self._settings.truth + self.display.publishers
         heard = [offer.publisher for offer in (self._exchange.questions, *shown)]

@@ -2,18 +2,17 @@
 
 import os
 
-# Priorities. A law that computes too long does not hold up the plant, nor does one that waits for
-# its turn hold up the one in charge; but it has seen all that it must know when it takes over.
+# Priorities. A law that computes too long does not hold up the plant, nor does a standby law hold
+# up the one in charge; but a standby law has seen all that it must know when it takes over.
 PLANT, IN_CHARGE, STANDBY, NONE = 3, 2, 1, 0
 
 
 class RealTime:
     """Gives this process real-time priority where its user is allowed to.
 
-    Root may, and who has an `rtprio` limit (limits.conf(5)), which may be less than is wanted; for
-    others nothing changes. Without
-    it a page that is drawn, or a compiler, holds up a tick now and then where processors are few.
-    What this process starts meanwhile goes on without.
+    Root may, and so may a user with an `rtprio` limit (limits.conf(5)), which may be less than
+    demanded; for others nothing changes. Without it a page that is drawn, or a compiler, holds up a
+    tick at times where processors are few. Processes that this one starts do not get it.
 
     """
 
@@ -21,7 +20,7 @@ class RealTime:
         self._priority = NONE
 
     def want(self, priority: int) -> None:
-        """Change how all threads are scheduled, where that is news; NONE: as anybody else."""
+        """Change how all threads are scheduled, if the priority is new; NONE: the default."""
         if priority == self._priority:
             return
         self._priority = priority
@@ -37,7 +36,7 @@ class RealTime:
 
 
 def priority_of(in_charge: bool, rate_factor: float) -> int:
-    """Return that of a controller of a bench at this rate."""
+    """Return the priority of a controller of a bench at this rate."""
     if rate_factor > 0.0:
         return IN_CHARGE if in_charge else STANDBY
     return NONE
@@ -45,7 +44,7 @@ def priority_of(in_charge: bool, rate_factor: float) -> int:
 
 def _ways(priority: int) -> list[tuple[int, int]]:
     """Return policies and priorities, the best first, of which one may be allowed."""
-    once = os.SCHED_RESET_ON_FORK  # only who may do everything takes this back
+    once = os.SCHED_RESET_ON_FORK  # only a privileged process can take this back
     if priority == NONE:
         return [(os.SCHED_OTHER, NONE), (os.SCHED_OTHER | once, NONE)]
     return [(os.SCHED_FIFO | once, less) for less in range(priority, NONE, -1)]

@@ -1,4 +1,4 @@
-"""The first step of every process that joins the graph: who may reach it, then rclpy.init."""
+"""The first step of every process that joins the graph: limit its reach, then rclpy.init."""
 
 import os
 import sys
@@ -19,16 +19,16 @@ _WITHOUT_LOG = ("--ros-args", "--disable-external-lib-logs")
 
 
 def start_ros(**how: Any) -> None:
-    """Initialise ROS where only those may reach it who are meant to.
+    """Initialise ROS so that only the intended hosts can reach it.
 
-    A process whose log folder cannot be written has no log file of ROS.
+    A process without a writable log folder has no log file of ROS.
 
     Args:
-        how: for rclpy.init.
+        how: arguments of rclpy.init.
 
     Raises:
-        BadInput: see network.prepare; the middleware is none that stays on the loopback; or the
-            command line is none of ROS.
+        BadInput: see network.prepare; if the middleware does not stay on the loopback; or if the
+            command line is not one of ROS.
     """
     prepare(os.environ)
     middleware = rclpy.get_rmw_implementation_identifier()
@@ -37,7 +37,7 @@ def start_ros(**how: Any) -> None:
             f"RMW_IMPLEMENTATION: {middleware} does not stay on this machine; set it to "
             f"{MIDDLEWARES[0]}, or {SETTING}=1 for the network"
         )
-    if SUPERVISOR not in os.environ:  # the process that started this one has told it
+    if SUPERVISOR not in os.environ:  # else the process that started this one has printed it
         tell()
     if not _log_folder_is_writable():
         how["args"] = [*(sys.argv if how.get("args") is None else how["args"]), *_WITHOUT_LOG]

@@ -10,13 +10,13 @@ from flexslew_plant.bench.operation.presence import BEAT_EVERY, Presence
 
 
 class Statuses:
-    """Passes on what the oldest of a name says that is alive; what others say waits until they are.
+    """Passes on the status of the oldest live node of each name; keeps the others until then.
 
-    One that was started again may be heard while its predecessor still counts as alive, and a plant
-    that comes late hears of both before their signs of life.
+    A restarted node may be received while the previous one still counts as alive, and a plant
+    that comes late receives both before their heartbeats.
 
     Args:
-        presence: signs of life.
+        presence: heartbeats of all nodes.
         take: takes a status that counts.
 
     Attributes:
@@ -30,13 +30,13 @@ class Statuses:
         self._next = 0.0  # [wall s]
 
     def hear(self, status: msg.ControllerStatus) -> None:
-        """Take a status, of whomever."""
+        """Take a status of any node."""
         self._heard.setdefault(status.controller, {})[status.instance] = status
         if self._presence.counts(status.controller, status.instance, monotonic()):
             self._count(status)
 
     def poll(self, now: float) -> None:
-        """Let count, of names that several have used, what the one says whose it is by now."""
+        """Count, for names that several nodes have used, the status of the one that has it now."""
         if now < self._next:
             return
         self._next = now + BEAT_EVERY / 2

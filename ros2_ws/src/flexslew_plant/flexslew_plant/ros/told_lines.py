@@ -1,17 +1,17 @@
-"""What a node tells the one who started it, on its standard output and error."""
+"""Lines for the process that started this node, on its standard output and error."""
 
 import os
 import sys
 
 
 def tell(line: str, wrong: bool = False) -> None:
-    """Write a line at once; where nobody reads any more it and all that follow go nowhere.
+    """Write a line at once; once the reader is gone, it and all later ones are discarded.
 
     A supervisor that was killed takes the pipe with it: its nodes end as they do at any other end.
 
     Args:
-        line: of text.
-        wrong: it is an error.
+        line: one line of text.
+        wrong: True for an error.
     """
     stream = sys.stderr if wrong else sys.stdout
     try:

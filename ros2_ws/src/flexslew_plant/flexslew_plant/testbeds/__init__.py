@@ -84,7 +84,7 @@ _NEEDED = ("effort_limit", "model", "modes", "scene")  # of contract.Testbed
 
 
 def _demand_testbed(found: type[Any]) -> None:
-    """Check that a class has what the rest of the bench asks of a testbed.
+    """Check that a class has what the bench requires of a testbed.
 
     Raises:
         BadInput: it lacks something.
@@ -106,11 +106,11 @@ def _own(values: Any, info: ValidationInfo) -> Any:
         _demand_testbed(found)
         return validated(found, _for_all(found, values), name, trust)
     except BadInput as error:
-        raise ValueError(str(error)) from error  # from which `validated` tells an Untrusted
+        raise ValueError(str(error)) from error  # in which `validated` finds an Untrusted
 
 
 def _known_joints(testbed: Any) -> Any:
-    """Return a testbed whose `initial`, where it is a mapping, names its joints alone."""
+    """Return a testbed after checking that `initial`, if it is a mapping, has only its joints."""
     initial = getattr(testbed, "initial", None)
     if isinstance(initial, dict) and initial:
         joints = testbed.model().joint_names
@@ -123,7 +123,7 @@ def _known_joints(testbed: Any) -> Any:
 if TYPE_CHECKING:
     TestbedSettings: TypeAlias = Testbed
 else:
-    # a `testbed` section of any kind, told apart by `kind`
+    # a `testbed` section of any kind, selected by `kind`
     TestbedSettings = Annotated[
         union(
             [

@@ -1,8 +1,8 @@
-"""The error of an attitude: the rotation from what is measured to what is asked for.
+"""The error of an attitude: the rotation from the measured to the demanded attitude.
 
 Joints that turn a platform read its rotation vector along their axes. Two of these vectors cannot
 be subtracted: the difference is the rotation between them only where both are about one axis, and
-fed back beside body rates it is a circulatory stiffness, which can be unstable. Wie, Weiss and
+fed back with body rates it is a circulatory stiffness, which can be unstable. Wie, Weiss and
 Arapostathis 1989 feed the quaternion of the rotation between them back.
 """
 
@@ -181,10 +181,10 @@ def _rows(vectors: Vector) -> Matrix:
 
 @dataclass(frozen=True)
 class AttitudeJoints:
-    """The joints that read a platform's rotation vector, which they tell in all three axes.
+    """The joints that read a platform's rotation vector, and determine it in all three axes.
 
     Args:
-        axes: of each joint in body axes, shape (joints, 3); zeros: it reads something else.
+        axes: axis of each joint in body axes, shape (joints, 3); zeros: it reads something else.
     """
 
     axes: Matrix
@@ -207,15 +207,15 @@ class AttitudeJoints:
         return inverse
 
     def together(self, position: Vector, named: NDArray[np.bool_], first: Vector) -> Vector:
-        """Return positions that one attitude has, with the named joints where they are asked to be.
+        """Return positions that one attitude has, with the named joints where they are demanded.
 
-        More joints than axes do not stand wherever one likes. Those that nobody named then follow,
+        More joints than axes cannot have arbitrary positions. Those that are not named then follow,
         by the least turn from `first`.
 
         Args:
-            position: asked for, shape (joints,) [rad or m].
-            named: which of them somebody named, shape (joints,).
-            first: where the joints are, shape (joints,).
+            position: demanded positions, shape (joints,) [rad or m].
+            named: whether each of them is named, shape (joints,).
+            first: present positions of the joints, shape (joints,) [rad or m].
 
         Raises:
             BadInput: no attitude has the named ones.
@@ -297,14 +297,14 @@ class AttitudeJoints:
         return off[way > 0.0] / way[way > 0.0]
 
     def about(self, reference: Vector, measured: Vector) -> Vector:
-        """Return positions whose difference from the reference is the error, shape (joints,).
+        """Return positions that differ from the reference by the error, shape (joints,).
 
-        What takes reference - position for its error then feeds the rotation back.
+        A law that takes reference - position for its error then feeds the rotation back.
         """
         plain, error = reference - measured, self.error(measured, reference)
         return np.where(error == plain, measured, reference - error)
 
 
 def attitude_joints(axes: Matrix) -> AttitudeJoints | None:
-    """Return the joints that tell an attitude; None: they do not read a turn in all three axes."""
+    """Return the joints that determine an attitude; None: they do not read a turn in all axes."""
     return AttitudeJoints(axes) if np.linalg.matrix_rank(axes, tol=1e-6) == 3 else None

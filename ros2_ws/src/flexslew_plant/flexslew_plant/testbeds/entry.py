@@ -1,4 +1,4 @@
-"""What a testbed's file says of it: its entry in the table of testbeds."""
+"""The entry of a testbed in the table of testbeds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from flexslew_plant.entries import default_of
 
 @dataclass(frozen=True)
 class TestbedEntry:
-    """A testbed, as the rest of the bench knows it; what it can do, its section says itself.
+    """A testbed for the rest of the bench; the protocols of its section define its abilities.
 
     Args:
         settings: its section, which keeps the contract of a Testbed; the default of `kind` is its
@@ -22,5 +22,5 @@ class TestbedEntry:
 
     @property
     def name(self) -> str:
-        """What `testbed.kind` calls it."""
+        """The testbed's name in `testbed.kind`."""
         return default_of(self.settings, "kind")

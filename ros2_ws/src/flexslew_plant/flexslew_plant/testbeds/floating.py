@@ -1,4 +1,4 @@
-"""How a platform that floats freely moves, for those who know nothing of its generalised state."""
+"""The motion of a platform that floats freely, without its generalised state."""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -39,7 +39,7 @@ class Floating(NamedTuple):
 
 @runtime_checkable
 class CanFloat(Protocol):
-    """A testbed whose platform may float freely."""
+    """A testbed with a platform that may float freely."""
 
     def floating(self) -> Floating | None:
         """Return how it floats; None: it is held, or turns about a pivot."""

@@ -87,7 +87,7 @@ class FloatingOscillatorTestbed:
         """Return it with another stiffness, as a factor [-].
 
         Raises:
-            BadInput: another payload is asked for.
+            BadInput: if another payload is requested.
         """
         refuse_payload(self.kind, payload)
         p = self.parameters

@@ -177,7 +177,7 @@ class IdentifiedTestbed:
         """Return it with another stiffness of all modes, as a factor [-].
 
         Raises:
-            BadInput: another payload is asked for: an experiment knows of none.
+            BadInput: if another payload is requested: an experiment gives none.
         """
         refuse_payload(self.kind, payload)
         root = float(np.sqrt(stiffness))

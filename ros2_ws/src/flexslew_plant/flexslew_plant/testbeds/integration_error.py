@@ -55,12 +55,12 @@ def run_error(poles: NDArray[np.complex128], step: float, duration: float) -> fl
 
 
 def steps_per_tick(poles: NDArray[np.complex128], period: float, duration: float = DESIGNED) -> int:
-    """Return the fewest equal steps in a tick whose error over a run is below BOUND.
+    """Return the fewest equal steps in a tick that keep the error over a run below BOUND.
 
     Args:
-        poles: of the small motions, shape (k,) [1/s].
+        poles: poles of the small motions, shape (k,) [1/s].
         period: one tick [s].
-        duration: of the run [s]; 0: without an end.
+        duration: duration of the run [s]; 0: without an end.
 
     Raises:
         BadInput: it takes more than MOST_STEPS.

@@ -1,6 +1,6 @@
 """A testbed's equations of motion as functions that Numba compiles into the shared kernels.
 
-A `Kernels` object is an argument of every kernel of `dynamics`; Numba compiles each of them anew
+A `Kernels` object is an argument of every kernel of `dynamics`; Numba compiles each of them again
 for each object, with its functions built in, and keeps the machine code on disk.
 """
 
@@ -40,8 +40,8 @@ class Kernels:
     Plain functions of the subset of Python that Numba compiles. x = [q, v] is the state with the
     joints before the modes, p the numbers that `Model.packed` holds, t the time [s]:
 
-    terms(p, t, x, joints, coupling, modal, bias): writes the blocks of a mass matrix whose modal
-        block is diagonal, shapes (m, m), (m, k), (k,), and h, shape (n,);
+    terms(p, t, x, joints, coupling, modal, bias): writes the blocks of a mass matrix with a modal
+        block that is diagonal, shapes (m, m), (m, k), (k,), and h, shape (n,);
         or, for any mass matrix (full_mass), terms(p, t, x, mass, bias), shape (n, n) and (n,).
     residual_jacobian(p, t, x, a, dq, dv): writes the partial derivatives of M a + h - B u (its
         efforts only where B depends on q) at fixed a, shapes (n, positions) and (n, n).
@@ -62,7 +62,7 @@ class Kernels:
         full_mass: whether terms writes the whole mass matrix.
         extra_positions: how many entries q has more than v (a quaternion: 1); needs kinematics.
         any_size: whether they are compiled once for all sizes of a state rather than for each: for
-            equations that take long to compile and whose own loops outweigh the others; needs
+            equations that take long to compile and have loops that outweigh the others; needs
             actuation and kinematics, and functions that their author has compiled.
         token: names the functions in the compiler's files; made from their sources.
     """
@@ -146,7 +146,7 @@ def _sources(function: Callable[..., Any]) -> set[Path]:
 
 
 class KernelsType(types.Type):
-    """What Numba knows of a Kernels object: all of it, at compile time."""
+    """The Numba type of a Kernels object: all of it is known at compile time."""
 
     def __init__(self, token: str) -> None:
         super().__init__(name=f"Kernels({token})")

@@ -27,5 +27,5 @@ def _model_or_error(testbed: Testbed) -> Model | FlexslewError:
 
 @lru_cache
 def implements(kind: Any, protocol: Any) -> bool:
-    """Return whether testbeds of a kind implement a protocol; asked once, for it takes long."""
+    """Return whether testbeds of a kind implement a protocol; cached, for it takes long."""
     return issubclass(kind, protocol)

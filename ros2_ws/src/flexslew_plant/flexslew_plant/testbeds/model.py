@@ -57,28 +57,28 @@ class Model:
     Args:
         kernels: the equations.
         packed: the numbers that they read.
-        joint_names: in the order of the coordinates.
+        joint_names: names in the order of the coordinates.
         joint_units: rad or m, per joint.
-        modes: how many modal coordinates.
-        appendages: what their sensors read.
-        actuators: how many efforts; None: one per joint.
-        scale_stiffness: from packed and a factor to packed with all stiffness times the factor,
+        modes: number of modal coordinates.
+        appendages: the readings of their sensors.
+        actuators: number of efforts; None: one per joint.
+        scale_stiffness: maps packed and a factor to packed with all stiffness times the factor,
             as `scaled` of the testbed; None: it cannot be scaled.
         time_varying: whether M, h or B depend on time.
-        from_time: from packed and a time to packed whose time zero that is; None: there is none.
-        leading: how many entries of v stand before the modes; None: the joints.
+        from_time: maps packed and a time to packed with its time zero then; None: there is none.
+        leading: number of entries of v before the modes; None: the joints.
         known_as: the entries of q and of v before the modes, where they are not the joints.
-        reading: from a state to where each joint is and how fast; None: the first entries.
-        placed: from joint positions by name to q at rest; None: the first entries.
-        motors: those of the actuators; None: all, one in each joint, unless the kernels say
+        reading: maps a state to where each joint is and how fast; None: the first entries.
+        placed: maps joint positions by name to q at rest; None: the first entries.
+        motors: motors of the actuators; None: all, one in each joint, unless the kernels define
             what the efforts act on.
         spins: the wheels among them.
         attitude: the joints that read a platform's attitude; None: all errors are differences.
         outside: the forces that bench and lanes alone apply; None: there are none.
-        one_way: which actuators push in their positive direction alone.
-        gimbals: which entries of v are angles of gimbals, on which B depends.
-        gyros: which actuators turn them.
-        highest_frequency: from packed of many such testbeds, (P, k), to a bound of the frequencies
+        one_way: the actuators that push in their positive direction alone.
+        gimbals: the entries of v that are angles of gimbals, on which B depends.
+        gyros: the actuators that turn them.
+        highest_frequency: maps packed of many such testbeds, (P, k), to a bound of the frequencies
             of their modes with the joints free, (k,) [rad/s], found cheaply: lanes then take
             steps of a lower order; None: there is none.
     """
@@ -402,14 +402,14 @@ class Model:
         """Return the model with every stiffness times factor [-], as `scaled` of its testbed.
 
         Raises:
-            BadInput: its testbed does not say how.
+            BadInput: if its testbed does not define how.
         """
         if self.scale_stiffness is None:
             raise BadInput("the stiffness of this testbed cannot be scaled")
         return self.with_packed(self.scale_stiffness(self.packed, factor))
 
     def begun_at(self, time: float) -> "Model":
-        """Return the model whose time zero is a time of this one [s]."""
+        """Return the model with its time zero at a time of this one [s]."""
         if not self.time_varying or self.from_time is None or time == 0.0:
             return self
         return self.with_packed(self.from_time(self.packed, time))

@@ -20,11 +20,11 @@ def with_model_file(
 ) -> dict[str, Any]:
     """Return a `model` section with what its `file` holds under `model` in place of its name.
 
-    Keys that stand beside the file's name win.
+    Keys next to the file's name win.
 
     Args:
         changes: the section, with or without a `file`.
-        source: of the section, for an error.
+        source: place of the section, for an error.
         trust: whether files may be read.
 
     Raises:

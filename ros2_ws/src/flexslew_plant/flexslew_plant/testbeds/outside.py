@@ -13,7 +13,7 @@ class Outside(NamedTuple):
 
     `add(numbers, x, t, span, force)` adds the forces at the state x at t [s] to `force`, shape
     (n,): their mean from t to t + span, as far as they change fast. The span [s] may be negative.
-    Testbeds whose `add` is one function may stand beside each other where they have equally many
+    Testbeds with one function as `add` may be next to each other where they have equally many
     numbers.
     """
 

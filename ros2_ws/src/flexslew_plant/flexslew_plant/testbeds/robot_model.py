@@ -13,7 +13,7 @@ Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # x, y, z, w
 STILL: Quaternion = (0.0, 0.0, 0.0, 1.0)
 GREY, GOLD, FAINT = "0.35 0.37 0.42 1", "0.85 0.65 0.2 1", "0.6 0.6 0.7 0.25"
-_FAR, _STRONG, _FAST = "1e3", "1e6", "1e3"  # URDF asks for bounds; the bench has its own
+_FAR, _STRONG, _FAST = "1e3", "1e6", "1e3"  # URDF requires bounds; the bench has its own
 
 
 class Frame(NamedTuple):
@@ -75,7 +75,7 @@ def inertial(mass: float, first: Matrix, about_origin: Matrix) -> Inertial | Non
 
 
 def principal(mass: float, inertia: Triple, center: Triple = (0.0, 0.0, 0.0)) -> Inertial:
-    """Return the inertial of a body whose principal axes are those of its link."""
+    """Return the inertial of a body with the principal axes of its link."""
     xx, yy, zz = inertia
     return Inertial(mass, center, (xx, 0.0, 0.0, yy, 0.0, zz))
 

@@ -1,4 +1,4 @@
-"""How a testbed looks: robot description, frames and bent appendages, as plain numbers."""
+"""The drawing of a testbed: robot description, frames and bent appendages, as plain numbers."""
 
 from collections.abc import Callable
 from math import cos, sin

@@ -12,7 +12,7 @@ from flexslew_plant.testbeds.contract import StartsMoving, Testbed
 from flexslew_plant.testbeds.many import implements
 from flexslew_plant.testbeds.model import Model
 
-_SAME = 1e-9  # what a joint may read beside where it is put [rad or m]
+_SAME = 1e-9  # largest difference of a joint's reading from its position [rad or m]
 
 
 def initial_positions(testbed: Testbed) -> dict[str, float]:
@@ -57,11 +57,11 @@ def joints_together(
     """Return positions by joint that one attitude has; see AttitudeJoints.together.
 
     Args:
-        model: whose joints they are.
+        model: model with these joints.
         asked: position of each joint [rad or m].
-        named: those that somebody named.
-        key: that asks for them, for an error.
-        first: where each joint is [rad or m]; None: at zero.
+        named: names of the joints that are given.
+        key: key that gives them, for an error.
+        first: present position of each joint [rad or m]; None: at zero.
 
     Raises:
         BadInput: no attitude has the named ones.
@@ -79,7 +79,7 @@ def joints_together(
 
 
 def initial_state(testbed: Testbed) -> Vector:
-    """Return [q, v] at the start, appendages straight, at rest unless the testbed says more."""
+    """Return [q, v] at the start, appendages straight, at rest unless the testbed moves."""
     return _initial_state(testbed, testbed.model())
 
 

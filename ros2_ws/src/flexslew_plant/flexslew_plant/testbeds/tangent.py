@@ -1,4 +1,4 @@
-"""The Jacobian of a model whose q' is not v: by small motions along v, in the tangent space."""
+"""The Jacobian of a model with q' other than v: by small motions along v, in the tangent space."""
 
 from collections.abc import Callable
 from typing import Protocol

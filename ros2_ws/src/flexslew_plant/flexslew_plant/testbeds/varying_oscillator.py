@@ -1,4 +1,4 @@
-"""A loaded oscillator whose stiffness varies with time: the plainest plant that does.
+"""A loaded oscillator with a stiffness that varies with time: the plainest plant that does.
 
 Example 3 of Kwak's dissertation on retargeting antennas (chapter 3):
     m u'' + d u' + (k + k_a sin(2 pi f t)) u = force + load.
@@ -80,7 +80,7 @@ class VaryingOscillatorTestbed:
         """Return it with another stiffness, its swing included, as a factor [-].
 
         Raises:
-            BadInput: another payload is asked for.
+            BadInput: if another payload is requested.
         """
         refuse_payload(self.kind, payload)
         p = self.parameters
@@ -112,7 +112,7 @@ def stiffened(p: Vector, factor: float) -> Vector:
 
 
 def begun_at(p: Vector, time: float) -> Vector:
-    """Return the packed parameters whose time zero is this one [s]."""
+    """Return the packed parameters with their time zero at this time [s]."""
     moved = p.copy()
     moved[_PHASE] += p[_RATE] * time
     return moved

@@ -61,7 +61,7 @@ class JointDeviation:
     kd: Vector
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Action:
-        """Return what the deviation of the joints asks for."""
+        """Return the action on the deviation of the joints."""
         m = self.kp.size
         e = reference.position - estimate.position[:m]
         rate = reference.velocity - estimate.velocity[:m]

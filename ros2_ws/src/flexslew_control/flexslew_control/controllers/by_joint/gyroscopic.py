@@ -15,11 +15,11 @@ from flexslew_plant.testbeds.contract import ThreeAxes
 class Gyroscopic:
     """w x J w of the rigid craft, shared out over its joints.
 
-    With it a PD on the rotation error whose gains are multiples of J turns a rigid craft about its
+    With it a PD on the rotation error, with multiples of J as gains, turns a rigid craft about its
     eigenaxis, from any attitude to any other (Wie, Weiss and Arapostathis 1989).
 
     Args:
-        attitude: the joints that tell the rates.
+        attitude: the joints that measure the rates.
         quadratic: efforts w^T Q_j w, shape (joints, 3, 3) [N m s^2].
     """
 
@@ -52,11 +52,11 @@ def gyroscopic(testbed: Testbed, key: str) -> Gyroscopic:
     """Return the gyroscopic efforts of a testbed; wheels alone, which leave no momentum, need none.
 
     Args:
-        testbed: that stands on the bench.
-        key: that asks for it, for the error.
+        testbed: testbed on the bench.
+        key: key that requires the efforts, for the error.
 
     Raises:
-        BadInput: its joints do not turn it in three axes.
+        BadInput: if its joints do not turn it in three axes.
     """
     attitude = testbed.model().attitude
     if attitude is None or not isinstance(testbed, ThreeAxes):

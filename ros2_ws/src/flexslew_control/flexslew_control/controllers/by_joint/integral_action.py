@@ -14,7 +14,7 @@ from flexslew_plant.measurement import Measurement
 
 
 class Action(NamedTuple):
-    """What a deviation asks for, each of shape (joints,)."""
+    """The action on a deviation, each part of shape (joints,)."""
 
     integrand: Vector  # rate of the integral [N m/s or N/s]
     proportional: Vector  # [N m or N]

@@ -23,17 +23,17 @@ from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 _AXES = ("x", "y", "z")
-OF_TESTBED = ("gyroscopic", "allocation", "attitude")  # keys with which a law knows its testbed
+OF_TESTBED = ("gyroscopic", "allocation", "attitude")  # keys that make a law depend on its testbed
 
 
 @dataclass(frozen=True)
 class TurnedByTorque:
-    """The small motions of a craft whose joints are its body axes, and efforts torques.
+    """The small motions of a craft with its body axes as joints, and torques as efforts.
 
     Args:
-        motions: with the joints as they are.
+        motions: small motions with the joints as they are.
         allocator: shares the torques out.
-        attitude: the joints that tell the turn.
+        attitude: the joints that measure the turn.
     """
 
     motions: SmallMotions
@@ -58,15 +58,15 @@ class TurnedByTorque:
 
 @dataclass(frozen=True)
 class Controlled:
-    """What a collocated law has gains for.
+    """The joints or axes that a collocated law has gains for.
 
     Args:
-        names: of these, for errors.
+        names: names of these, for errors.
         limit: largest effort along each [N m or N].
-        turning: their w x J w; None: it is not asked for.
+        turning: their w x J w; None: not used.
         allocator: shares torques about the body axes out; None: the efforts are those of joints.
-        plant: what the law is for, as it believes it to be.
-        attitude: the joints that tell the turn, as they stand on the bench; None: none do.
+        plant: the design model of the law and its bench.
+        attitude: the joints that measure the turn, as they stand on the bench; None: none do.
     """
 
     names: tuple[str, ...]
@@ -80,7 +80,7 @@ class Controlled:
         """Check the sampled loop of these gains; see require_sampled_pd.
 
         Raises:
-            BadInput: it is not stable at this period.
+            BadInput: if it is not stable at this period.
         """
         model = self.plant.testbed.model()
         require_sampled_pd(model, model.rest({}), kp, kd, self.plant.period, what, ki, self._seen())
@@ -104,16 +104,16 @@ def controlled(
     with_gyroscopic: bool,
     belief: dict[str, Any] | None = None,
 ) -> Controlled:
-    """Return what a law has gains for: the joints, or with an allocation the body axes.
+    """Return the axes of a law's gains: the joints, or with an allocation the body axes.
 
     Args:
         plant: what the law is for.
-        allocation: of its torque; None: its efforts are those of the joints.
-        with_gyroscopic: whether w x J w is asked for.
-        belief: its `model` section; None: it believes what there is.
+        allocation: allocation of its torque; None: its efforts are those of the joints.
+        with_gyroscopic: whether w x J w is used.
+        belief: its `model` section; None: its design model is the testbed.
 
     Raises:
-        BadInput: the torque cannot be shared out so, or w x J w is asked for where nothing turns
+        BadInput: if the torque cannot be shared out so, or w x J w is used where nothing turns
             in three axes.
     """
     attitude = plant.testbed.model().attitude

@@ -18,7 +18,7 @@ _KEYS = {"A": "a", "B": "b", "C": "c", "D": "d", "Ts": "period"}
 _NAMES = ("inputs", "outputs")
 _READ = (*_KEYS, *_NAMES)
 _KNOWN = {*_READ, *_KEYS.values(), "states"}  # the names of states are not used
-# by what readers say that a file is none of theirs, or damaged
+# errors by which readers report that a file is in another format, or damaged
 _DAMAGED = (ValueError, TypeError)
 _ENDINGS = (".mat", ".npz", ".yaml", ".yml", ".json")
 

@@ -123,11 +123,11 @@ class LinearLaw:
 
 
 def build(settings: LinearSettings, plant: PlantDescription) -> tuple[Estimator, Law]:
-    """Return the estimator, which knows the joints, and the law.
+    """Return the estimator, which gives the measured joints, and the law.
 
     Raises:
-        BadInput: shapes, signals or period do not fit the bench, the loop is not stable on the
-            model that it believes, or its anti-windup runs away.
+        BadInput: if shapes, signals or period do not fit the bench, the loop is not stable on its
+            design model, or its anti-windup runs away.
     """
     model = plant.testbed.model()
     system = _folded(settings, model, plant.period)
@@ -199,7 +199,7 @@ def _folded(settings: LinearSettings, model: Model, period: float) -> Lti:
 
 
 def raw_signals(joints: tuple[str, ...], appendages: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of what a tick knows, in its order."""
+    """Return the names of the inputs at a tick, in their order."""
     of = {"position": joints, "rate": joints, "tip": appendages, "curvature": appendages,
           "applied": joints, "reference": joints, "reference_rate": joints}  # fmt: skip
     return tuple(f"{kind}.{name}" for kind, names in of.items() for name in names)

@@ -34,15 +34,15 @@ class AboutPlan:
     the inertial frame but the limits of what joints read. A plan that the craft can fly within the
     limits is left alone: all e are zero under its own efforts.
 
-    The program is made anew once a step, as F and G change along the plan. What the last answer
+    The program is built again once a step, as F and G change along the plan. What the last answer
     leads to is followed at every tick with F, G and readings as they then are, so what is predicted
     of an answer is exact where the answers settle.
 
     Args:
         craft: A(w) and B.
         attitude: what its joints read of a turn.
-        costs: of a step.
-        limits: that hold at its end; their rows are joints'.
+        costs: costs of a step.
+        limits: limits at the end of a step; their rows are joints'.
         steps: the horizon.
     """
 

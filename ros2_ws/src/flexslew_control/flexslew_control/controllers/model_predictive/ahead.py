@@ -1,4 +1,4 @@
-"""What model predictive control knows at a tick of the horizon, about a rest or about the plan."""
+"""The data of model predictive control at a tick of the horizon, about a rest or about the plan."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -44,7 +44,7 @@ class Steps:
 
 
 class HorizonQuestion(NamedTuple):
-    """What the horizon is asked with."""
+    """The input of a horizon's prediction."""
 
     tick: int
     time: float  # [s]
@@ -63,11 +63,11 @@ class Ahead(NamedTuple):
 
 
 class HorizonPrediction(Protocol):
-    """Says what efforts do over the horizon."""
+    """Predicts the effect of efforts over the horizon."""
 
     @property
     def limits(self) -> HorizonLimits:
-        """That hold at the end of each step."""
+        """The limits at the end of each step."""
 
     @property
     def steps(self) -> Steps:
@@ -77,7 +77,7 @@ class HorizonPrediction(Protocol):
         """Forget what was prepared for the steps that came next."""
 
     def ahead(self, question: HorizonQuestion) -> Ahead:
-        """Return what efforts do from this tick on."""
+        """Return the effect of efforts from this tick on."""
 
 
 def program(

@@ -1,4 +1,4 @@
-"""Model predictive control: the efforts of a horizon are found anew at every tick.
+"""Model predictive control: the efforts of a horizon are optimised at every tick.
 
 The prediction is that of the believed model's small motions about the operating point, of a craft
 that turns in three axes about its plan (about_plan); its state and the disturbance of each effort
@@ -76,14 +76,14 @@ class ModelPredictiveLaw:
     """u = v(0) - d_hat, V the efforts that cost least over the horizon.
 
     While the reference moves its steps may be weighed less (`on_the_way`): with a small share
-    the plan says only where the motion ends, and when; the way there is the law's own. It is then
-    found anew once a step, at ticks from which whole steps lead to that end: were the steps counted
+    the plan gives only where the motion ends, and when; the way there is the law's own. It is then
+    optimised once a step, at ticks from which whole steps lead to that end: were the steps counted
     from every tick, the end would slip by up to one of them, and come back at once near it. Between
-    these ticks the estimated disturbance alone is answered. A law whose rates are limited is found
-    anew at every tick.
+    these ticks only the estimated disturbance is compensated. A law with limited rates is optimised
+    at every tick.
 
     Args:
-        prediction: of the model.
+        prediction: prediction by the design model.
     """
 
     def __init__(self, prediction: HorizonPrediction) -> None:
@@ -98,7 +98,7 @@ class ModelPredictiveLaw:
         between = np.full(rates, (limits.rate or 0.0) * steps.ticks * steps.period)
         self._widest = np.concatenate((np.tile(limits.effort, n), between))
         self._soft = np.tile(limits.lower, n), np.tile(limits.upper, n)
-        # an effort whose rate is limited must be free to go on at every tick
+        # an effort with a limited rate must be free to go on at every tick
         self._by_steps = steps.on_the_way != 1.0 and limits.rate is None
         self._ahead: list[Reference] = []  # of the coming answer; none: the reference stays
         self._whole = True  # whole steps lead from this tick to the end, or it is far
@@ -143,7 +143,7 @@ class ModelPredictiveLaw:
     def _solve(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, by_steps: bool
     ) -> None:
-        """Find the efforts of the horizon anew, from those before; see update."""
+        """Optimise the efforts of the horizon, starting from the last ones; see update."""
         d, n = estimate.disturbance, self._steps.count
         ahead, self._ahead = self._ahead or [reference] * n, []
         moving = _moving(ahead)
@@ -179,7 +179,7 @@ class ModelPredictiveLaw:
         for bound in (lower, upper):
             bound[: steps.count * m].reshape(-1, m)[:] += d
         if limits.rate is not None:
-            # the next effort is one tick away, whatever the step
+            # the next effort is one tick away, for any length of a step
             near = limits.rate * steps.period
             now = np.clip(applied, -limits.effort, limits.effort) + d
             lower[:m] = np.maximum(lower[:m], now - near)

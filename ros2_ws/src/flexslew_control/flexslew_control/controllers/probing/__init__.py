@@ -1,1 +1,1 @@
-"""A controller at rest, asked what it answers to what it may read."""
+"""Identification of a controller at rest, by its answers to possible readings."""

@@ -1,4 +1,4 @@
-"""What a law that only holds a rest says of a plan."""
+"""The objection of a law that only holds a rest to a plan that moves."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A controller that is asked at a rest: what it remembers, and how it answers small changes."""
+"""A controller that is evaluated at a rest: its memory, and its answers to small changes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,14 +34,14 @@ _STILL = 20  # ticks at rest after them
 
 @runtime_checkable
 class SettlesSlowly(Protocol):
-    """An estimator whose covariance may take longer than ticks can be flown."""
+    """An estimator with a covariance that may settle more slowly than ticks can be flown."""
 
     def settle(self, doublings: int) -> Matrix:
         """Let the covariance become that of 2^doublings ticks later at rest, and return it."""
 
 
 class ProbedController:
-    """A controller that is asked the questions of a rest."""
+    """A controller that answers the questions of a rest."""
 
     def __init__(
         self, controller: Controller, rest: Rest, limit: Vector, gains: Vector | None
@@ -226,15 +226,15 @@ class ProbedController:
     def mismatch(self, form: Lti, smaller: float = 1.0) -> tuple[float, float]:
         """Return how far form and code are from each other, of the largest effort [-].
 
-        Efforts are those beside a copy that rests on: a memory of hours may still move there.
+        Efforts are differences from a copy that rests on: a memory of hours may still move there.
 
         Args:
-            form: of the code.
+            form: linear form of the code.
             smaller: motions, of the usual ones.
 
         Returns:
             in small motions to one side, and at rest after them: an integral that the form lacks
-            is small beside the efforts in motion, but stays.
+            is small compared with the efforts in motion, but stays.
         """
         rng, none = np.random.default_rng(3), np.zeros(self.inputs)
         one, resting = copied(self.controller), copied(self.controller)

@@ -55,7 +55,7 @@ class RunningLaw:
     memory: tuple[Place, ...]
 
     def moved(self, s: Vector) -> Controller:
-        """Return a copy of the rested controller whose memory is away from its rest by s."""
+        """Return a copy of the rested controller with its memory away from its rest by s."""
         one: Controller = copied(self.rested)
         parts = memory_parts(one)
         held = numbers(parts)

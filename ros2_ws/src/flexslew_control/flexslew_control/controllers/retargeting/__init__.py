@@ -1,1 +1,1 @@
-"""Laws on the small motions of a platform whose appendages turn (Kwak 1989)."""
+"""Laws on the small motions of a platform with appendages that turn (Kwak 1989)."""

@@ -1,7 +1,7 @@
 """Disturbance minimisation with a linear quadratic regulator (Kwak 1989, (3-1) to (3-10)).
 
 f = -(B*)^+ d(t) - R^-1 B^T P x: the first part is the plan's (method retargeting, feedforward
-disturbance_minimisation), which knows d(t); the gains are those of the start configuration.
+disturbance_minimisation), which includes d(t); the gains are those of the start configuration.
 """
 
 import numpy as np

@@ -175,11 +175,11 @@ def _on_motion(
     """Return a law on the estimate (x, x') and on an observer that reads it.
 
     Args:
-        estimator: of (x, x').
-        of_motion: from (x, x') to the efforts, (m, 2 n), or tick by tick.
-        of_state: from the observer's state.
+        estimator: estimator of (x, x').
+        of_motion: gains from (x, x') to the efforts, (m, 2 n), or tick by tick.
+        of_state: gains from the observer's state to the efforts.
         demand: shape (ticks, m).
-        observer: whose y is (x, x').
+        observer: observer with y = (x, x').
     """
     if isinstance(estimator, InvertedReadings):
         read = block_diag(estimator.inverse, estimator.inverse)

@@ -39,12 +39,12 @@ class SampledObserver:
     """z_hat' = f(z_hat, u) + K_f (y - C z_hat) (5), with y and the applied u held over each tick.
 
     The estimate at tick k rests on the measurements before k; the law adds K_f y(k) itself. Its
-    covariance at rest is not P of (7), which knows no ticks: an error e becomes F e - H v + w, with
+    covariance at rest is not P of (7), which has no ticks: an error e becomes F e - H v + w, with
     the noise v of the sensors held over the tick, so P = F P F^T + H R H^T + Q.
 
     Args:
-        observed: what is observed.
-        found: K_f.
+        observed: the observed model.
+        found: design with K_f.
         period: one tick [s].
     """
 
@@ -70,7 +70,7 @@ class SampledObserver:
         self._covariance.flags.writeable = False
 
     def expect(self, reference: Reference) -> None:
-        """Take the reference of the measurement that comes next: it says what is known of D(t)."""
+        """Take the reference of the next measurement, which determines the known part of D(t)."""
         self._coming = reference
 
     def reset(self, measurement: Measurement) -> None:
@@ -184,8 +184,8 @@ def sliding_form(
 ) -> LinearForm | None:
     """Return output feedback (51) as a linear form.
 
-    Of one appendage, and of a craft about its plan, and with D = 0, tracking (b), the plan alone
-    tells what else there is; of all else z has the efforts by the equations of motion.
+    Of one appendage, and of a craft about its plan, and with D = 0, tracking (b), all other terms
+    come from the plan alone; of all else z has the efforts by the equations of motion.
     """
     observed = law.observed
     if isinstance(estimator, TurningFilter) and isinstance(observed, PlanDeviation):
@@ -233,7 +233,7 @@ def sliding_form(
 def _on_model(
     estimator: Estimator, law: SlidingLaw, observed: JointsAndModes, references: list[Reference]
 ) -> LinearForm | None:
-    """Return the law whose drift and effectiveness are those of the equations of motion."""
+    """Return the law with drift and effectiveness by the equations of motion."""
     found: KalmanForm | SteadyForm | GainedFilter
     if isinstance(estimator, KalmanFilter):
         found = kalman_form(estimator, len(references))
@@ -252,7 +252,7 @@ def _on_model(
 
 
 def _sampled(observed: JointsAndModes) -> LinearObserver:
-    """Return the linear observer whose measurement is held over the tick."""
+    """Return the linear observer with the measurement held over the tick."""
     c, origin = observed.system.c, observed.origin
     step = held_step(observed.system, observed.gain, observed.period)
     k, m, n = len(origin), observed.model.joints, observed.model.coordinates

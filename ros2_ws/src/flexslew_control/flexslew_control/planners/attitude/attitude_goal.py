@@ -65,10 +65,10 @@ class AttitudeGoal:
                 raise ValueError(f"{name} must not be zero")
 
     def attitude(self, start: Vector) -> Vector:
-        """Return the quaternion x y z w that is asked for, shape (4,).
+        """Return the requested quaternion x y z w, shape (4,).
 
         Args:
-            start: quaternion of the craft at the start, shape (4,).
+            start: quaternion of the spacecraft at the start, shape (4,).
         """
         if self.to is not None:
             return product(start, self._least(start, np.array(self.to)))
@@ -124,17 +124,17 @@ GoalKey = Annotated[
 def joint_goal(
     goal: AttitudeGoal, plant: PlantDescription, initial: dict[str, float] | None
 ) -> dict[str, float]:
-    """Return where the joints read that the craft has the attitude, by name [rad].
+    """Return the joint positions at which the craft has the attitude, by name [rad].
 
-    Of the rotation vectors of one attitude, a whole turn apart, the one next to the start's.
+    The rotation vectors of one attitude differ by whole turns; the one next to the start's is used.
 
     Args:
-        goal: what is asked for.
-        plant: what stands on the bench.
-        initial: where joints start, instead of where the testbed says.
+        goal: the requested attitude.
+        plant: the bench.
+        initial: joint positions at the start that replace those of the testbed.
 
     Raises:
-        BadInput: the joints do not read an attitude in three axes.
+        BadInput: if the joints do not read an attitude in three axes.
     """
     model = plant.testbed.model()
     if model.attitude is None:

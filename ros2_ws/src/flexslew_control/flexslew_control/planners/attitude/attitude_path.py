@@ -1,8 +1,8 @@
 """A smooth rotation through attitudes: continuous body rates and accelerations.
 
-Between two knots the attitude is R_0 exp(phi(t)), phi the polynomial of fifth degree whose ends
-have the knots' attitudes, rates and accelerations. With c = (1 - cos |phi|) / |phi|^2 and
-d = (|phi| - sin |phi|) / |phi|^3 body rates are
+Between two knots the attitude is R_0 exp(phi(t)); phi is the polynomial of fifth degree that has
+the attitudes, rates and accelerations of the knots at its ends. With
+c = (1 - cos |phi|) / |phi|^2 and d = (|phi| - sin |phi|) / |phi|^3 body rates are
 
     w = phi' - c phi x phi' + d phi x (phi x phi')                        (Bortz 1971, inverted)
 """
@@ -111,7 +111,7 @@ def _turn(one: Knot, other: Knot) -> Vector:
 
 
 def _weighed(before: Vector, after: Vector, times: Vector) -> Vector:
-    """Return the slope in the middle of a parabola with these mean slopes beside it."""
+    """Return the slope in the middle of a parabola with these mean slopes before and after it."""
     first, then = np.diff(times)
     slope: Vector = (then * before + first * after) / (first + then)
     return slope

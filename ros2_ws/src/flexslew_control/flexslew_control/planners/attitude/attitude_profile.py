@@ -1,4 +1,4 @@
-"""A craft in three axes follows attitudes over time, as a target on the ground asks for, or spins.
+"""A craft in three axes follows attitudes over time, as for a target on the ground, or spins.
 
 Between the points body rates and accelerations are continuous; the efforts are those with which
 the whole model follows, w x J w, modes and moving wheels included.
@@ -188,10 +188,11 @@ def _knots(settings: AttitudeProfile, start: Vector) -> tuple[Knot, ...]:
 
 
 def _duration(settings: AttitudeProfile, last: float) -> float:
-    """Return how long the plan lasts [s].
+    """Return the duration of the plan [s].
 
     Raises:
-        BadInput: it ends before the last point or the spin, or while it turns nobody knows when.
+        BadInput: if the plan ends before the last point or the spin, or if it turns on after the
+            last point and the section gives no end.
     """
     spun = last + (settings.spin.duration if settings.spin is not None else 0.0)
     asked = settings.duration

@@ -11,14 +11,14 @@ _TOUCHES = 1e-9  # rounding [rad]
 
 
 def require_clear(plan: Plan, testbed: Testbed) -> None:
-    """Refuse a plan whose reference looks into a cone.
+    """Refuse a plan with a reference that turns a boresight into a cone.
 
     Args:
-        plan: of the joints of the testbed.
-        testbed: that flies it; only a free platform has cones.
+        plan: the plan for the joints of the testbed.
+        testbed: the testbed that flies it; only a free platform has cones.
 
     Raises:
-        PlanFailed: it does, and when, and by how much.
+        PlanFailed: if a boresight enters a cone; the message gives the time and the angle.
     """
     sky = testbed.sky() if isinstance(testbed, HasSky) else None
     joints = testbed.model().attitude

@@ -26,7 +26,7 @@ from flexslew_plant.testbeds.contract import (
 from flexslew_plant.testbeds.model import Model
 
 RELEVANT = "relevant"  # as `model: modes`: those that matter
-_ASIDE = 1e-9  # of an axis: what rounding turns beside it [-], [rad]
+_ASIDE = 1e-9  # of an axis: rotation across it by rounding [-], [rad]
 
 
 class OneAxis(NamedTuple):
@@ -44,13 +44,13 @@ class OneAxis(NamedTuple):
     hinge_turns: tuple[HingeTurn, ...]  # of its appendages
 
     def embedded(self, plan: Plan) -> Plan:
-        """Return the plan for all joints: what stays at rest, and the efforts that hold it there.
+        """Return the plan for all joints: the others at rest, and the efforts that hold them there.
 
-        Joints that read the place of a point beside the axis go with the platform, as do those that
+        Joints that read the place of a point off the axis go with the platform, as do those that
         read the turn along an axis askew to it.
 
-        The efforts are those of (44) to (46) in Sung and Joo; the joint that moves has what the
-        plan gives it besides. While an appendage turns they are those of the whole model, which
+        The efforts are those of (44) to (46) in Sung and Joo, to which the plan's effort of the
+        moving joint is added. While an appendage turns they are those of the whole model, which
         balance that turn, too.
         """
         k, count = self.joint, len(self.names)
@@ -231,7 +231,7 @@ def _about_joint(
 
 
 def _require_turning(testbed: Any, names: tuple[str, ...]) -> None:
-    """Refuse a believed model of another kind that cannot say what all joints do in a turn."""
+    """Refuse a design model of another kind without the motion of all joints in a turn."""
     there = testbed.model().joint_names
     if not isinstance(testbed, Turning):
         raise BadInput(

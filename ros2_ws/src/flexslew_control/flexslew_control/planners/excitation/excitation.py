@@ -1,4 +1,4 @@
-"""A plan that shakes the bench, so that its log tells what it is made of."""
+"""A plan that shakes the bench, so that a model can be identified from the log."""
 
 from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
@@ -69,17 +69,18 @@ def plan_excitation(
     """Return the plan that shakes the joints in turn of phase, with the reference at rest.
 
     A multisine is orthogonal over the joints: as many experiments as joints, of whole periods each,
-    so that frequency responses can be told apart line by line.
+    so that the frequency responses of the joints can be separated line by line.
 
     Args:
         settings: the section.
-        plant: what stands on the bench.
-        feedback: gains of the controller in charge; None: it has no such gains.
+        plant: the bench.
+        feedback: gains of the active controller; None: it has no such gains.
         progress: not called: nothing is iterated for long.
         law: unused: a shaken bench is predicted by its joint gains.
 
     Raises:
-        BadInput: no such joint, an empty band, or a duration of less than two periods.
+        BadInput: if there is no such joint, the band is empty, or the duration is less than two
+            periods.
     """
     whole = settings.model if settings.model is not None else plain(plant.testbed)
     slew = slew_of(replace(settings, model=whole), plant, feedback)

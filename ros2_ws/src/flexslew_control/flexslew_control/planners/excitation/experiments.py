@@ -19,7 +19,7 @@ from flexslew_plant.errors import BadInput
 
 
 class Asked(Protocol):
-    """What the `plan` section says about the signal."""
+    """The keys of the `plan` section for the signal."""
 
     @property
     def signal(self) -> Literal["multisine", "chirp", "random_binary", "impulse"]:

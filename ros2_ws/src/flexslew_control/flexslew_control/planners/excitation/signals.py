@@ -68,7 +68,7 @@ def multisine(
 
 
 def chirp(band: tuple[float, float], ticks: int, h: float) -> Vector:
-    """Return a sine whose frequency rises from one end of the band to the other, (ticks,)."""
+    """Return a sine with a frequency that rises from one end of the band to the other, (ticks,)."""
     t = h * np.arange(ticks)
     rise = (band[1] - band[0]) / (ticks * h)
     return np.sin(band[0] * t + 0.5 * rise * t**2)
@@ -102,8 +102,8 @@ def impulse(band: tuple[float, float], ticks: int, h: float) -> Vector:
 def orthogonal(joints: int) -> NDArray[np.complex128]:
     """Return the phase factor of each joint in each experiment, (experiments, joints).
 
-    The columns of the discrete Fourier transform are orthogonal: as many experiments as joints tell
-    the joints apart at every line (Dobrowiecki, Schoukens and Guillaume 2006). For two joints the
-    factors are +1 and -1.
+    The columns of the discrete Fourier transform are orthogonal: as many experiments as joints
+    separate the joints at every line (Dobrowiecki, Schoukens and Guillaume 2006). For two joints
+    the factors are +1 and -1.
     """
     return np.asarray(dft(joints), dtype=np.complex128)

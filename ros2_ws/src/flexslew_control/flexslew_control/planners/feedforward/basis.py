@@ -17,7 +17,7 @@ _DEGREES = {"constant": 0, "hat": 1, "cubic": 3}
 class Basis:
     """n functions B_j(t) on [0, T], zero outside.
 
-    hat, cubic: uniform B-splines of degree 1 and 3 whose supports fill [0, T] exactly, so that
+    hat, cubic: uniform B-splines of degree 1 and 3; their supports fill [0, T] exactly, so that
         they are zero at both ends. hat: B_j = 1 at t = j T / (n + 1) (Gorinevsky and Vukovich
         1998, section 3.1).
     constant: n pieces of length T / n.

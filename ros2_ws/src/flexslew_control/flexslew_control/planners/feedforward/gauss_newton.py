@@ -14,7 +14,7 @@ from flexslew_plant.errors import PlanFailed
 Reading: TypeAlias = Literal["levenberg", "regularised"]
 Sensitivities: TypeAlias = Literal["exact", "finite_difference"]
 
-# G is taken anew while the last relative change of U was above this. A stale G still leads to
+# G is computed again while the last relative change of U was above this. An old G still leads to
 # Y = 0, but moves the fixed point of (25) as printed.
 _FRESH: dict[Reading, float] = {"levenberg": 0.1, "regularised": 1e-3}
 _DAMPING_DROP, _DAMPING_FLOOR = 1e-2, 1e-6  # of rho per update, and in all

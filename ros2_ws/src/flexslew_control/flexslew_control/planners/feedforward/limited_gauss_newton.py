@@ -1,4 +1,4 @@
-"""Weights of one feedforward for an ensemble, whose efforts and joints stay within bounds.
+"""Weights of one feedforward that keeps efforts and joints of an ensemble within bounds.
 
 They minimise
     sum_i |W_i^(1/2) Y_i(U)|^2 / members + rho |U|^2 + price^2 sum (distance beyond the bounds)^2,

@@ -100,7 +100,7 @@ def manoeuvre_of(slew: Slew, duration: float, reference: Profile) -> Manoeuvre:
     """Return a slew as the motion of the loop closed by its feedback.
 
     Args:
-        slew: what is asked for.
+        slew: the requested slew.
         duration: T_c [s].
         reference: the profile of the reference.
     """

@@ -128,9 +128,9 @@ def on_ticks(
 
     Args:
         settings: the `plan` section; its method and start are read.
-        slew: what is asked for.
+        slew: the requested slew.
         manoeuvre: the slew under its feedback.
-        basis: of the feedforward.
+        basis: functions of the feedforward.
         weights: shape (n_u, joints) [N m].
 
     Raises:
@@ -139,7 +139,7 @@ def on_ticks(
     ticks = tick_times(settings.start, manoeuvre.duration, slew.period)
     edges = np.union1d(ticks, basis.nodes)
     kept = np.append(True, np.diff(edges) > 1e-9 * manoeuvre.duration)
-    edges = edges[kept]  # a node beside a tick by rounding is the tick
+    edges = edges[kept]  # a node off a tick by rounding is the tick
     path = manoeuvre.fly(edges, basis.values(stage_times(edges)) @ weights)
     reference = rest_to_rest(
         manoeuvre.reference, manoeuvre.start, manoeuvre.goal, manoeuvre.duration, ticks
@@ -165,11 +165,11 @@ def on_ticks(
 def about_its_own_trajectory(
     plan: Plan, slew: Slew, manoeuvre: Manoeuvre, basis: Basis, weights: Matrix
 ) -> Plan:
-    """Return the plan with the planned trajectory for its reference: the same efforts in all.
+    """Return the plan with the planned trajectory as its reference and the same total efforts.
 
-    The effort of a tick takes over the mean of what the feedback does nominally, and the nominal
-    states are those of the model under the efforts held over each tick. So the feedback has
-    nothing to do at any tick, whatever its period, and any law can follow the plan.
+    The mean of the nominal feedback over a tick is added to the effort of the tick, and the nominal
+    states are those of the model under the efforts held over each tick. So the feedback is zero
+    nominally at every tick for every period, and any law can follow the plan.
 
     Args:
         plan: from on_ticks.

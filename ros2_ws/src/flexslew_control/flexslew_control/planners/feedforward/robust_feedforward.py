@@ -1,19 +1,19 @@
-"""The planner whose feedforward suits an ensemble of models: little vibration whatever the error.
+"""The planner of one feedforward for an ensemble of models: little vibration for every error.
 
 One feedforward flies every member of the ensemble, each under its own feedback. Its weights U
 minimise
     sum_i Y_i^T W_i Y_i / members + rho |U|^2
-with no member's effort beyond the limits, nor a joint beyond its range where one is asked for; Y_i
+with no member's effort beyond the limits, nor a joint beyond its range where one is requested; Y_i
 is the terminal error (20) of Gorinevsky and Vukovich 1998 on member i. W_i is the mean over one
 more duration of tip^2 + (lever angle errors)^2 that Y_i leads to in the closed loop, linearised at
-the goal: an error counts by the vibration that it leaves, not by its unit. What is best for all
-leaves the nominal joints beside the goal, by 4 mrad in M1; the reference ends there all the same,
-see held_efforts.joints_at_rest.
+the goal: an error counts by the vibration that it leaves, not by its unit. The optimum of the
+ensemble leaves the nominal joints off the goal, by 4 mrad in M1; the reference ends at the goal
+all the same, see held_efforts.joints_at_rest.
 
 Trial m1 in 25 s, largest residual with EI off by up to 20 %: 0.18 m with 143 N m, on one mode and
 on three. The plan that is exact for one model leaves 0.64 m with 78 N m. The hub's pitch swings to
 1.03 rad on its way to 0.5; kept below 0.8 the residual is 0.22 m, below 0.52 it is 0.28. More
-time helps like torque. What it costs besides is 0.06 m of nominal residual. More functions than the
+time helps like torque. The other cost is 0.06 m of nominal residual. More functions than the
 paper's nine gain little and excite modes that its model lacks.
 """
 
@@ -55,7 +55,7 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive, section
 
-_DEAR = 10.0  # of effort beyond its limit by all of it [m]: dear beside any vibration
+_DEAR = 10.0  # of effort beyond its limit by all of it [m]: high against any vibration
 _LITTLE_OVER, _TIGHTER = 0.2, 1.2  # share beyond the bound that is taken off it, and times this
 _FALLS = 0.5  # share of its excess before that a dearer effort has where the bound can be kept
 _BENDINGS = 4  # searches with a bound reduced by what bending the reference takes
@@ -181,7 +181,7 @@ def _arrives(nominal: Manoeuvre, basis: Basis, weights: Matrix) -> bool:
 def _prices(allowed: Vector) -> Vector:
     """Return prices of effort beyond its limit, to be tried in turn where it is not kept [m/(N m)].
 
-    PRICE suits drives of some 100 N m, and is little beside the vibration where a limit is small.
+    PRICE suits drives of some 100 N m; where a limit is small, it is low against the vibration.
     """
     tens = np.ceil(np.log10(_DEAR / (PRICE * allowed.min())))
     return np.asarray(PRICE * 10.0 ** np.arange(1.0, np.clip(tens, 3.0, 20.0) + 1.0))
@@ -230,7 +230,7 @@ def _within_limits(
 
 
 def _ringing(found: _Found, members: tuple[FeedforwardMember, ...]) -> dict[str, str]:
-    """Return a warning of a member whose tips swing on."""
+    """Return a warning of a member with tips that vibrate after the end; empty: there is none."""
     k = int(np.argmax(found.residuals))
     left = found.residuals[k]
     if left <= RINGING * found.deflection:
@@ -258,7 +258,7 @@ def _require_range(requested: Matrix, swing: Matrix, names: tuple[str, ...]) -> 
 def _led(
     settings: RobustFeedforward, slew: Slew, nominal: Manoeuvre, basis: Basis, found: _Found
 ) -> Plan:
-    """Return the plan with some weights, whose reference ends at rest at the goal."""
+    """Return the plan with the weights found and a reference that ends at rest at the goal."""
     plan = on_ticks(settings, slew, nominal, basis, found.weights)
     plan = about_its_own_trajectory(plan, slew, nominal, basis, found.weights)
     return joints_at_rest(plan, slew, (1.0 - settings.reserve) * slew.effort_limit)
@@ -324,13 +324,13 @@ def _best_plan(
 
 
 def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: Progress) -> Plan:
-    """Return the plan whose feedforward suits the whole ensemble; see make_plan.
+    """Return the plan of one feedforward for the whole ensemble; see make_plan.
 
     Raises:
-        PlanFailed: the iteration does not settle.
-        TooMuchTorque: a member needs more than the drives have.
-        BadInput: a range names no joint, start or goal are not inside it, or nothing rests at the
-            goal without an effort.
+        PlanFailed: if the iteration does not settle.
+        TooMuchTorque: if a member needs more than the drives have.
+        BadInput: if a range names no joint, start or goal are not inside it, or the testbed does
+            not rest at the goal without an effort.
     """
     require_rest(slew, settings.duration)
     members = ensemble(settings, slew)

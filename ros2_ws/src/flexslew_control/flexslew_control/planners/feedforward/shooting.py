@@ -99,7 +99,7 @@ def final_sensitivity(
 
     Backwards through every stage, with g = A^T k and k = h b_i L + h sum_l a_li g_l, where L is
     the adjoint of the step's end and A = [[0, I], [P, Q]], M [P Q] = -[dr/dq + Kp, dr/dv + Kd].
-    One pass serves all 2 n components of x(T), whatever the number of inputs.
+    One pass serves all 2 n components of x(T), for any number of inputs.
 
     With room in `transitions` every step is taken for the last one: then `out` holds the
     derivatives of the state at the step's own end.

@@ -1,4 +1,4 @@
-"""The nominal motion of a testbed whose joints follow a shaped command, and its efforts."""
+"""The nominal motion of a testbed with joints that follow a shaped command, and its efforts."""
 
 import numpy as np
 
@@ -27,13 +27,13 @@ def nominal_motion(
     """Return positions and rates of joints and modes on the grid, each of shape (times, n).
 
     Args:
-        slew: what is asked for.
+        slew: the requested slew.
         path, rate: the shaped command from 0 to 1 and its derivative, shape (times,).
         h: interval of the grid [s].
         equal: whether every mode swings at the first one's frequency and damping.
 
     Raises:
-        BadInput: the joints cannot move so.
+        BadInput: if the joints cannot move so.
     """
     model, m = slew.model, slew.model.joints
     motion = shaped_motion(slew.testbed, path, rate, slew.start, slew.goal, h)

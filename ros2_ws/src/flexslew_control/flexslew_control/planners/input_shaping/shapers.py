@@ -88,15 +88,15 @@ def make_shaper(
     EI has one or two humps of height `tolerance` in its sensitivity curve.
 
     Args:
-        name: which.
-        frequency: of the mode, undamped [rad/s].
-        damping: its ratio [-].
+        name: name of the shaper.
+        frequency: undamped frequency of the mode [rad/s].
+        damping: damping ratio of the mode [-].
         tolerance: V that an EI shaper admits at the nominal frequency [-].
         negative: whether negative impulses are requested; um_zv needs them.
 
     Raises:
-        BadInput: frequency, damping or tolerance is out of range, or negative impulses without
-            being asked for.
+        BadInput: if frequency, damping or tolerance is out of range, or a shaper needs negative
+            impulses that are not requested.
     """
     if not (np.isfinite(frequency) and frequency > 0.0):
         raise BadInput("above 0 rad/s", "shaper", "frequency", frequency)

@@ -176,7 +176,7 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
     if slew.still:
         raise BadInput("plan: goal: the joints are there already; give another goal")
     model, joints = slew.model, slew.model.joints
-    leader = int(np.flatnonzero(slew.goal - slew.start)[0])  # whose torque the pulses are
+    leader = int(np.flatnonzero(slew.goal - slew.start)[0])  # the pulses are its torque
     rest = model.rest(slew.named(slew.start))
     shape, delay = _shaped(model, rest, settings)
     way, frequency = float((slew.goal - slew.start)[leader]), settings.pulse_frequency

@@ -11,7 +11,7 @@ import numpy as np
 from flexslew_control.planners.minimax.successive import EnsembleProblem
 from flexslew_plant.arrays import Vector
 
-_PARTS = 4  # of a tick, at whose ends states are looked at
+_PARTS = 4  # of a tick; states are checked at their ends
 
 
 def passed(ensemble: EnsembleProblem, weights: Vector) -> float:

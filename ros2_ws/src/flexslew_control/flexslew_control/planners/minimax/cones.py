@@ -84,7 +84,7 @@ class Cones:
             self._add_soft(side * rows, side * values)
 
     def _add_soft(self, rows: Matrix, bounds: Vector, keys: Sequence[ProgramKey] = ()) -> None:
-        """Add rows whose bounds may be passed where there is a Trust."""
+        """Add rows with bounds that may be passed where there is a Trust."""
         wide = np.zeros((len(rows), self.size))
         wide[:, : self.g] = rows
         wide[:, self.slack :] = -1.0

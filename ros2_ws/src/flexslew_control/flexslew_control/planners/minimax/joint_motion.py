@@ -1,4 +1,4 @@
-"""Members whose joints are the first coordinates, q' = v: everything but a free platform."""
+"""Members with the joints as first coordinates, q' = v: everything but a free platform."""
 
 from dataclasses import dataclass
 
@@ -102,7 +102,7 @@ class JointMotion:
 
 @feedback
 def _by_joint(x: Vector, _: Vector, gains: Matrix, places: Indices, effort: Vector) -> None:
-    """Subtract [Kp Kd] y, where places tell the joints' positions and rates in a state."""
+    """Subtract [Kp Kd] y, where places are the indices of joint positions and rates in a state."""
     m = effort.size
     for j in range(m):
         for i in range(m):

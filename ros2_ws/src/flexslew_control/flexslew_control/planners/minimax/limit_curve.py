@@ -34,7 +34,7 @@ def limit_curve(slew: Slew, spread: tuple[float, float], longest: float) -> Limi
     """Return the convex optimum over the duration; None: the plant is not linear.
 
     Args:
-        slew: what is asked for, with the feedback that flies it.
+        slew: the requested slew, with the feedback that flies it.
         spread: lowest and highest relative error of the stiffness [-].
         longest: duration at which the curve ends [s].
     """

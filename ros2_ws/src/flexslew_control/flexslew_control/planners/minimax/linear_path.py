@@ -108,11 +108,11 @@ def linear_path(
     """Return the answer of a linear member under the feedback about the nominal member's path.
 
     Args:
-        model: of the member.
-        nominal: whose path under the plan's efforts the feedback follows.
+        model: model of the member.
+        nominal: nominal model; the feedback follows its path under the plan's efforts.
         ends: joint positions at the start and at the goal, shape (joints,) each.
         gains: [Kp Kd], shape (joints, 2 joints).
-        motors: from commands to efforts, tick by tick.
+        motors: motors from commands to efforts, tick by tick.
         grid: the ticks and pieces.
     """
     n, m = model.coordinates, model.joints

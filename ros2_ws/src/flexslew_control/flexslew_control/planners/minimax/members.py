@@ -46,15 +46,15 @@ class Member(NamedTuple):
 
 
 def members_of(asked: Ensemble, slew: Slew) -> tuple[Member, ...]:
-    """Return the members of an ensemble, the one that the planner believes in first.
+    """Return the members of an ensemble, the planner's own model first.
 
     Args:
         asked: the `ensemble` section.
-        slew: what the planner believes.
+        slew: the slew on the planner's own model.
 
     Raises:
-        BadInput: a key that the testbed lacks or that is no number, a range that holds no zero,
-            or too many members.
+        BadInput: if the testbed lacks a key or it is no number, a range contains no zero, or there
+            are too many members.
     """
     keys = tuple(asked.vary)
     for key, (low, high) in asked.vary.items():
@@ -75,8 +75,8 @@ def members_between(asked: Ensemble, slew: Slew, parts: int) -> tuple[Member, ..
 
     Args:
         asked: the `ensemble` section.
-        slew: what the planner believes.
-        parts: into which they cut the way from one level to the next.
+        slew: the slew on the planner's own model.
+        parts: number of parts from one level to the next.
     """
     levels = parts * (asked.count - 1) + 1
     if asked.draw != "grid" or asked.count < 2 or levels ** len(asked.vary) > MOST:

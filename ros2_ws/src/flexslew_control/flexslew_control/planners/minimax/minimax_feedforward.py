@@ -115,13 +115,13 @@ def _optimum_of(settings: MinimaxFeedforward, question: Question, progress: Prog
 
 
 def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
-    """Return what a section asks for.
+    """Return the problem of a section.
 
     Raises:
-        BadInput: a range or a limit is of no joint, or does not hold start and goal; nothing
-            rests at the goal without an effort; or the craft is there already, or a drive does not
-            turn it.
-        PlanFailed: start or goal looks into a cone of `keep_out`.
+        BadInput: if a range or a limit is of no joint, or does not contain start and goal; if the
+            testbed does not rest at the goal without an effort; if the craft is there already; or
+            if a drive does not turn it.
+        PlanFailed: if a boresight is inside a cone of `keep_out` at the start or the goal.
     """
     require_rest(slew, settings.duration)
     names, demand = slew.model.joint_names, (1.0 - settings.reserve) * slew.effort_limit

@@ -4,8 +4,8 @@ The flight of a member is taken tick by tick as on the bench. Its derivatives by
 from those of the integrator's step, x(k + 1) = f(x(k), u(k)), and of the feedback c(x, x_0):
     dx_i(k + 1) = F_i dx_i(k) + G_i de_i(k),  dc_i(k) = dw + H_i dx_i(k) + H_0i dx_0(k),
     dx_0(k + 1) = F_0 dx_0(k) + G_0 de_0(k),  dc_0(k) = dw,
-with 0 the nominal member, whose path is the reference, c what is commanded and e what the motors
-give: e = c, or z(k + 1) = A z + B c, e = C z + D c where they have a lag or a delay.
+with 0 the nominal member, its path the reference, c the commands and e the efforts of the motors:
+e = c, or z(k + 1) = A z + B c, e = C z + D c where they have a lag or a delay.
 """
 
 from collections.abc import Mapping, Sequence
@@ -199,14 +199,14 @@ def tabled(
 def _demand(
     j: int, states: Tensor, nominal: Tensor, by_own: Tensor, by_nominal: Tensor, grid: Grid
 ) -> Matrix:
-    """Return the derivatives of what a joint is asked for at every tick, (ticks, weights).
+    """Return the derivatives of the demand on a joint at every tick, (ticks, weights).
 
     Args:
-        j: which joint.
+        j: index of the joint.
         states: derivatives of the member's states.
         nominal: derivatives of the nominal member's states.
-        by_own: of the feedback by the own state, shape (ticks, joints, size).
-        by_nominal: of the feedback by the nominal member's state, of the same shape.
+        by_own: derivatives of the feedback by the own state, shape (ticks, joints, size).
+        by_nominal: those by the nominal member's state, of the same shape.
         grid: the ticks and pieces.
     """
     found = np.zeros((grid.ticks, grid.size))

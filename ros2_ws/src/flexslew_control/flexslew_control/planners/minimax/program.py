@@ -1,4 +1,4 @@
-"""What is asked of an ensemble, as a convex program: the members' answers, the limits, the end."""
+"""The convex program of an ensemble: the responses of the members, the limits, the end."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,16 +17,16 @@ class Infeasible(PlanFailed):
 
 @dataclass(frozen=True)
 class Limits:
-    """What every member keeps to at every tick; infinite where there is no limit.
+    """The limits of every member at every tick; infinite where there is no limit.
 
     Args:
-        demand: of the drives, shape (joints,) [N m or N].
+        demand: largest efforts of the drives, shape (joints,) [N m or N].
         joint: lowest and highest positions, shape (2, joints) [rad or m].
         rate: largest rates of the joints, shape (joints,) [rad/s or m/s].
-        tip: largest |tip|, of the whole flight [m].
-        along: lowest and highest of what else the motion reads, shape (2, readings).
-        spare: share of rates and of `along` that is kept free, for what lies between the ticks and
-            what a search may miss [-].
+        tip: largest |tip| of the whole flight [m].
+        along: lowest and highest other readings of the motion, shape (2, readings).
+        spare: share of rates and of `along` that is kept free, for the motion between the ticks and
+            for the tolerance of a search [-].
     """
 
     demand: Vector
@@ -69,17 +69,17 @@ class TrustRegion(NamedTuple):
 
 @dataclass(frozen=True)
 class ConeProgram:
-    """What is asked for.
+    """The data of the program.
 
     Args:
-        responses: of the members, the nominal one first.
-        grid: the pieces whose efforts are sought.
-        limits: that every member keeps to.
-        exact: whether the nominal member ends at rest, modes included; one whose joints are held by
-            springs always does.
+        responses: responses of the members, the nominal one first.
+        grid: the pieces of constant effort.
+        limits: limits of every member.
+        exact: whether the nominal member ends at rest, modes included; one with springs at its
+            joints always does.
         ringing: whether nothing damps the members, so that amplitudes count.
         span: farthest way of a joint [rad or m].
-        rho: what effort costs [m/N^2 or m/(N m)^2].
+        rho: price of effort [m/N^2 or m/(N m)^2].
         trust: where the responses are good enough; None: everywhere.
     """
 

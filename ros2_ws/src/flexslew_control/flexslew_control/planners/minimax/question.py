@@ -28,19 +28,19 @@ _RIGID = 2.0  # times that a rigid body needs, for which efforts are applied at 
 
 @dataclass(frozen=True)
 class Question:
-    """What is sought.
+    """The problem of the planner.
 
     Args:
-        slew: what the planner is asked for.
-        ensemble: what may differ.
-        duration: of the slew [s].
-        pieces: of each effort, at most; None: as many as suit the plant.
-        limits: that every member keeps to.
+        slew: the requested slew.
+        ensemble: the `ensemble` section.
+        duration: duration of the slew [s].
+        pieces: most pieces of each effort; None: as many as suit the plant.
+        limits: limits of every member.
         exact: whether the nominal member ends at rest, modes included.
-        rho: what effort costs [m/N^2 or m/(N m)^2].
-        steps: of a plant that is not linear, at most.
+        rho: price of effort [m/N^2 or m/(N m)^2].
+        steps: most steps on a plant that is not linear.
         feasible: whether any efforts do that keep to the limits.
-        turn: in three axes; None: joints move one by one.
+        turn: the turn in three axes; None: joints move one by one.
     """
 
     slew: Slew
@@ -114,7 +114,7 @@ class Question:
     def driven(self) -> float:
         """How long efforts are applied; after it a plant that is not linear only settles [s].
 
-        Pieces that are long beside the period of a mode cannot hold it still.
+        Pieces that are long compared with the period of a mode cannot hold it still.
         """
         if self.linear or not self.slew.model.modes:
             return self.duration
@@ -140,7 +140,7 @@ class Question:
 
 
 def convex_program(question: Question, members: Sequence[Member]) -> ConeProgram:
-    """Return the program of an ensemble whose members are all linear."""
+    """Return the program of an ensemble with linear members only."""
     slew, grid = question.slew, question.grid()
     gains, ends = question.gains, (slew.start, slew.goal)
     rests = rests_of(question, members, grid)
@@ -160,7 +160,7 @@ def rests_of(question: Question, members: Sequence[Member], grid: Grid) -> list[
 def program_of(
     question: Question, members: Sequence[Member], grid: Grid, responses: Sequence[Response]
 ) -> ConeProgram:
-    """Return what is asked of the responses of an ensemble."""
+    """Return the program of the responses of an ensemble."""
     slew = question.slew
     ringing = not question.gains.any() and not any(_damped(m.model, slew) for m in members)
     limits, exact = question.limits, question.exact

@@ -30,10 +30,10 @@ from flexslew_plant.errors import PlanFailed
 
 _CLOSE = 1e-3  # relative distance of residual and bound at which the program is solved
 _ROUNDING = 1e-6  # of a limit [-]
-_ACCURACY = 1e-4  # of each round's solution, beside that of the last [-]
+_ACCURACY = 1e-4  # of each round's solution, relative to that of the last [-]
 _HIGH = 0.7  # of the worst residual, at which a peak may come to hold a step up [-]
 _NEAR = 0.4  # of a limit, off which a peak may come to reach it [-]
-NOTHING_SEEN = 1e-8  # of the way, by which residual and bound may differ whatever they are [m/rad]
+NOTHING_SEEN = 1e-8  # of the way, by which residual and bound may always differ [m/rad]
 _LITTLE, _LATE = 1e-6, 10  # what they may differ by from this round on: what rounding leaves
 _ROUNDS = 40
 _A_ROUND = 12  # rows that a member's channel gains in each round
@@ -50,7 +50,7 @@ class Goal(NamedTuple):
 
     close: float = _CLOSE  # relative distance of cost and bound
     enough: float | None = None  # a residual that is good enough, or out of reach [m]
-    rounds: int | None = None  # after which the last solution does, whatever it misses
+    rounds: int | None = None  # after which the last solution does, even beyond the limits
     feasible: bool = False  # whether any efforts do that keep to the limits
 
 
@@ -66,14 +66,14 @@ def solved(
     """Return the efforts with the least worst residual.
 
     Args:
-        program: what is asked for.
+        program: the program.
         listener: called with every round.
         goal: when it counts as solved.
-        known: rows that held up a similar program.
+        known: rows that were active in a similar program.
 
     Raises:
-        Infeasible: no efforts within the limits lead to the goal in this time.
-        PlanFailed: the program was not solved.
+        Infeasible: if no efforts within the limits lead to the goal in this time.
+        PlanFailed: if the program was not solved.
     """
     cones = Cones(program, goal.feasible, _ACCURACY * goal.close)
     if cones.ticks_count:

@@ -30,7 +30,7 @@ from flexslew_plant.errors import PlanFailed
 
 _A_PIECE = 5  # coarse ticks, at least
 _ANGLE = 0.4  # of the fastest pole in a coarse tick [rad]
-_PRICE = 10.0  # of missing the end or the limits by all of them, beside the way [m/rad or -]
+_PRICE = 10.0  # of missing the end or the limits by all of them, per way [m/rad or -]
 MET = 5e-4  # share of the end and the limits at which no member joins
 _MISSED = 2e-3  # share of the end and the limits that may be missed
 _WORSE = 0.02  # than the members that were counted with, for another one to join them [-]
@@ -47,7 +47,7 @@ _TIGHTER, _TIGHTENINGS = 1.5, 4  # times what was passed between the ticks, and 
 
 @dataclass
 class Report:
-    """Tells a listener of programs as they are solved."""
+    """Calls a listener with every program that is solved."""
 
     progress: Progress
     count: int = 0
@@ -86,7 +86,7 @@ class Search:
         return _PRICE * self.question.span
 
     def program(self, responses: Sequence[Response]) -> ConeProgram:
-        """Return what is asked for, about some flights."""
+        """Return the program about some flights."""
         return program_of(self.question, self.members, self.grid, responses)
 
     def run(self, start: Vector, steps: int, radius: float = FIRST_RADIUS) -> Local:
@@ -267,7 +267,7 @@ def _starts(question: Question, grid: Grid) -> list[Vector]:
 
 
 def smooth(question: Question, grid: Grid) -> Vector:
-    """Return the efforts of a rigid turn whose acceleration falls linearly, as 3 s^2 - 2 s^3."""
+    """Return the efforts of a rigid turn with linearly falling acceleration, as 3 s^2 - 2 s^3."""
     slew = question.slew
     edges = grid.period * np.array(grid.edges)
     long, left = np.diff(edges), edges[-1] - 0.5 * (edges[1:] + edges[:-1])

@@ -1,4 +1,4 @@
-"""The shortest slew: the least duration whose optimum is good enough, or that is feasible."""
+"""The shortest slew: the least duration with an optimum within a bound, or a feasible one."""
 
 from dataclasses import replace
 
@@ -15,22 +15,22 @@ from flexslew_plant.errors import PlanFailed
 
 _CLOSE = 5e-4  # of the duration, to which the shortest is found [-]
 _ROUGH = 0.03  # the same of the least that is feasible on a plant that is not linear [-]
-_TIMES = 3  # that a duration is lengthened by half before none is said to meet a bound
+_TIMES = 3  # that a duration is lengthened by half before the bound counts as out of reach
 _STEPS = 12  # at least, of a search for what the limits allow
 _TRIED, _A_LITTLE = 6, 1.05  # durations from the least on, and from one to the next
-_LONGER = 12  # times that a duration is doubled before none is said to do
+_LONGER = 12  # times that a duration is doubled before none counts as enough
 
 
 def shortest(question: Question, bound: float, progress: Progress) -> Found:
-    """Return the shortest slew whose worst residual is within a bound.
+    """Return the shortest slew with a worst residual within a bound.
 
     Args:
-        question: what is sought; its duration is the longest that is allowed.
-        bound: of the worst residual [m].
+        question: the problem; its duration is the longest that is allowed.
+        bound: largest worst residual [m].
         progress: called with every program that is solved.
 
     Raises:
-        PlanFailed: the longest slew that is allowed does not meet the bound.
+        PlanFailed: if the longest slew that is allowed does not meet the bound.
     """
     period = question.slew.period
     high = int(np.ceil(question.duration / period - 1e-9))
@@ -68,7 +68,7 @@ def least_duration(question: Question) -> float | None:
 
 
 def enough_time(question: Question) -> str:
-    """Return in words in what time there is a plan; what is said is what was tried."""
+    """Return in words a duration that leads to a plan, as tried."""
     least = least_duration(question)
     if least is None:
         return f"no duration up to {2**_LONGER * question.duration:.4g} s is enough; widen a limit"

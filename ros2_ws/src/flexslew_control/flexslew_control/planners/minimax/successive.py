@@ -178,14 +178,14 @@ def merit_of(
     flights: Sequence[MemberFlight],
     price: float,
 ) -> Merit:
-    """Return what the flights of all members come to.
+    """Return the merit of the flights of all members.
 
     Args:
-        program: from the members' responses to what is asked for.
+        program: returns the program of the members' responses.
         ensemble: the members.
-        weights: that were flown.
-        flights: of the members.
-        price: of what is missed [m].
+        weights: weights that were flown.
+        flights: flights of the members.
+        price: price of missing the end or the limits [m].
     """
     residuals, misses = np.empty(len(flights)), np.zeros(len(flights))
     responses = ensemble.fixed(weights, flights)
@@ -215,12 +215,12 @@ def improved(
     """Return the local optimum near some efforts.
 
     Args:
-        program: from the members' responses to what is asked for.
+        program: returns the program of the members' responses.
         ensemble: the members.
-        start: weights.
-        price: of what is missed [m].
-        steps: at most.
-        radius: of the first step, of the limits [-].
+        start: first weights.
+        price: price of missing the end or the limits [m].
+        steps: most steps.
+        radius: size of the first step, as a share of the limits [-].
         listener: called with number, weights, merit and the bound of the program [m].
         feasible: whether any efforts do that keep to the limits.
     """

@@ -86,16 +86,16 @@ class AllDrivesTurn:
 
 
 def turn_of(slew: Slew, demand: Vector, rate_limit: float | None) -> AllDrivesTurn | None:
-    """Return the turn that a slew is; None: its joints move one by one.
+    """Return the turn of a slew in three axes; None: its joints move one by one.
 
     Args:
-        slew: what is asked for.
+        slew: the requested slew.
         demand: limits of the drives, shape (joints,) [N m or N].
-        rate_limit: of the length of the body rate [rad/s]; None: any.
+        rate_limit: largest length of the body rate [rad/s]; None: any.
 
     Raises:
-        BadInput: nothing turns, a drive does not turn the craft, or it does not float.
-        PlanFailed: start or goal looks into a cone of `keep_out`.
+        BadInput: if nothing turns, a drive does not turn the craft, or it does not float.
+        PlanFailed: if a boresight is inside a cone of `keep_out` at the start or the goal.
     """
     attitude, testbed = slew.model.attitude, slew.testbed
     if attitude is None:

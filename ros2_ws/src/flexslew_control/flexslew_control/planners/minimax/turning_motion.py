@@ -28,7 +28,7 @@ from flexslew_plant.testbeds.floating import CanFloat
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.quaternions import multiplied, turn_of
 
-_LITTLE = 1e-4  # half angle of a rotation whose slopes are those of its series [rad]
+_LITTLE = 1e-4  # half angle below which a rotation has the slopes of its series [rad]
 _SPRING = 1e-9  # of the largest stiffness: none, but for rounding
 
 
@@ -202,7 +202,7 @@ class TurningMotion:
 def _by_rotation(
     x: Vector, reference: Vector, gains: Matrix, places: Indices, effort: Vector
 ) -> None:
-    """Add A (Kp theta + Kd (w_0 - w)), where places tell attitude and body rates in a state."""
+    """Add A (Kp theta + Kd (w_0 - w)); places are the indices of attitude and rates in a state."""
     r, (a, b, c, d) = reference, places[:4]
     turn = turn_of(multiplied((-x[a], -x[b], -x[c], x[d]), (r[a], r[b], r[c], r[d])))
     for j in range(effort.size):

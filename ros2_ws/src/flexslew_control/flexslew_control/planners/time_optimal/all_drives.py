@@ -3,7 +3,7 @@
 The CSA testbed pitches to turn faster: folding the beams towards the yaw axis lowers its inertia.
 Such slews have no closed form. From several random guesses, CasADi and IPOPT solve
     min T,    x_k+1 = RK4(x_k, u_k, T/N),    |u_k| <= amplitude,
-and the signs of the best one are the structure, whose arcs shortest_durations makes exact.
+and the signs of the best one are the structure; shortest_durations makes its arcs exact.
 CasADi is an optional dependency.
 """
 
@@ -210,7 +210,7 @@ def _transcription(
         with interruptible(interrupt):
             try:
                 found = problem.solve()
-            except RuntimeError:  # how Opti says that IPOPT did not converge
+            except RuntimeError:  # Opti raises it if IPOPT did not converge
                 return None
         return float(found.value(duration)), np.asarray(found.value(shares)).T
 

@@ -8,7 +8,7 @@ Without gains that is open loop.
 Every arc is integrated from its beginning to its end by steps of order 8, so no step ever crosses
 a switch and the durations may be any real numbers.
 
-The loops are compiled once for all testbeds, whose equations are functions that they are given.
+The loops are compiled once for all testbeds and receive the equations of each as functions.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,8 @@
 """Ctrl-C while a solver holds the process.
 
 CasADi takes an interrupt for a point that it cannot evaluate, and goes on from another one. So the
-signal is kept away from it, the solver is asked to stop at its next iteration, and the interrupt is
-raised where Python can see it.
+signal is kept away from it, the solver is made to stop at its next iteration, and the interrupt is
+raised where Python can handle it.
 """
 
 import signal
@@ -51,5 +51,5 @@ def interruptible(interrupt: Interrupt) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
         if interrupt.arrived:
             if callable(before) and before is not signal.default_int_handler:
-                signal.raise_signal(signal.SIGINT)  # who else wants to know of it
+                signal.raise_signal(signal.SIGINT)  # for the handler before
             interrupt.check()

@@ -1,4 +1,4 @@
-"""What a plan says of its slew's optimality."""
+"""The statement of a plan about the optimality of its slew."""
 
 from flexslew_control.planners.time_optimal.all_drives import AllDrives
 from flexslew_control.planners.time_optimal.bang_bang import STENCIL, BangBang
@@ -47,6 +47,6 @@ def statement(
 
 
 def more_may_help(slew: BangBang | AllDrives, check: Extremality, structure: Structure) -> bool:
-    """Return whether structure: optimal asks for something else."""
+    """Return whether structure: optimal may find a faster slew."""
     few = isinstance(slew, BangBang) and closed_form(slew)
     return few and not check.holds and structure != "optimal"

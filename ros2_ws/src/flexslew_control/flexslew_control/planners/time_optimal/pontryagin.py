@@ -49,7 +49,7 @@ class Extremality(NamedTuple):
     """The switching functions sigma = lambda^T df/du along a slew, and their verdict."""
 
     times: Vector  # rising [s]
-    sigma: Matrix  # positive asks for +amplitude; at each time, a column for every driven joint
+    sigma: Matrix  # positive for +amplitude; at each time, a column for every driven joint
     holds: bool  # whether sigma has the sign of the effort everywhere
     violation: float  # largest wrong-signed |sigma| / largest |sigma| of the joint
     at: float  # where that is [s]

@@ -16,7 +16,7 @@ from flexslew_plant.testbeds import Model
 NOTHING = 1e-6  # reach that counts as none: a tenth of what a plan may leave [m]
 _NEVER = 1e-15  # that of a single mode that the effort does not move [m]
 _STEP = 0.25  # of the samples, as an angle of the fastest mode [rad]
-_ALIKE = 1e-2  # smallest over largest deflection of directions that Newton's method tells apart
+_ALIKE = 1e-2  # smallest over largest deflection of directions that Newton's method separates
 
 
 def reachable_combinations(
@@ -27,11 +27,11 @@ def reachable_combinations(
     They are the modes themselves where all are reached and each differently.
 
     Args:
-        model: linearised at q.
-        q: at rest, shape (n,).
-        joint: whose effort it is.
+        model: model, linearised at q.
+        q: coordinates at rest, shape (n,).
+        joint: index of the joint of the effort.
         amplitude: u, largest effort [N m or N].
-        horizon: how long it pushes [s].
+        horizon: duration of the effort [s].
     """
     modes, n = model.modes, model.coordinates
     if not modes:

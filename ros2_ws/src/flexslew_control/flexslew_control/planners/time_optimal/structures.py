@@ -20,7 +20,7 @@ def durations_or_remedy(slew: BangBang, structure: Structure) -> Vector:
     """Return the arcs of the slew; see found_durations.
 
     Raises:
-        PlanFailed: none were found; says what does lead to a slew.
+        PlanFailed: if none were found; the message gives a change that leads to a slew.
     """
     try:
         return found_durations(slew, structure)
@@ -82,14 +82,14 @@ def _modes_alone_lead(slew: BangBang, structure: Structure) -> bool:
     """Return whether there is a slew that leaves the joint free to be sensitive.
 
     Without feedback the joint of a linear plant is as sensitive as the modes are, so conditions on
-    both cannot be told apart.
+    both are dependent.
     """
     also_joint = slew.robust and slew.insensitive == "state"
     return also_joint and _leads(replace(slew, insensitive="modes"), structure)
 
 
 def _remedy(slew: BangBang, structure: Structure) -> str:
-    """Return what does lead to a slew: each is tried before it is said."""
+    """Return a change that leads to a slew, after a try of it."""
     if _modes_alone_lead(slew, structure):
         return _MODES_LEAD
     if slew.robust:

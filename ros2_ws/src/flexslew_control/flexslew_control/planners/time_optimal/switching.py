@@ -34,13 +34,13 @@ def linear_candidates(slew: BangBang, antisymmetric: bool, longer: float = 0.0) 
     """Return the arcs of linear one-mode slews, shortest first, each shape (4,) or, robust, (6,).
 
     Args:
-        slew: its model is linearised at the start.
-        antisymmetric: whether only slews count whose effort is antisymmetric about the middle, as
+        slew: the slew; its model is linearised at the start.
+        antisymmetric: whether only slews with an effort antisymmetric about the middle count, as
             in Liu and Singh 1997; a damped mode has none, so there it changes nothing.
         longer: by how much they may be longer than the shortest [s].
 
     Raises:
-        PlanFailed: no such arcs within the range searched.
+        PlanFailed: if there are no such arcs within the range searched.
     """
     frequency, damping = slew.mode
     a = slew.inertia * abs(slew.distance) / slew.amplitude * frequency**2  # in phase angles
@@ -236,14 +236,14 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
 def fewest_durations(slew: BangBang) -> Vector | None:
     """Return the arcs of the shortest slew with the fewest switches that end at rest; None: none.
 
-    Without robustness five switches are taken where no three lead to the goal: about a goal whose
-    rigid slew hardly excites the mode, the two inner arcs of three switches vanish.
+    Without robustness five switches are taken where no three lead to the goal: near a goal with a
+    rigid slew that hardly excites the mode, the two inner arcs of three switches vanish.
 
     Args:
-        slew: what is turned.
+        slew: the slew.
 
     Raises:
-        PlanFailed: the linear model has none.
+        PlanFailed: if the linear model has none.
     """
     durations = continued_durations(slew)
     if durations is None and not slew.robust:

@@ -72,9 +72,9 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
     The reference is the optimal trajectory itself, so feedback adds nothing nominally.
 
     Raises:
-        BadInput: the goal names no joint or asks for what bang-bang efforts cannot do, or nothing
-            rests at it without an effort.
-        PlanFailed: no such slew, or it takes longer than allowed.
+        BadInput: if the goal names no joint or needs more than bang-bang efforts can do, or the
+            testbed does not rest at it without an effort.
+        PlanFailed: if there is no such slew, or it takes longer than allowed.
     """
     if asked.model.attitude is not None:
         return _in_three_axes(settings, asked, progress)
@@ -148,7 +148,7 @@ def _in_three_axes(settings: TimeOptimal, asked: Slew, progress: Progress) -> Pl
 def found_slew(
     settings: TimeOptimal, asked: Slew, progress: Progress
 ) -> tuple[BangBang | AllDrives, Vector]:
-    """Return the slew that a `plan` section asks for, and the durations of its arcs.
+    """Return the slew of a `plan` section, and the durations of its arcs.
 
     Raises:
         BadInput, PlanFailed: see plan_time_optimal.
@@ -193,7 +193,7 @@ def found_slew(
 
 
 def _moves_alone(model: Model, start: Vector) -> bool:
-    """Return whether the first drive leaves the other joints at rest, whatever it does."""
+    """Return whether the first drive leaves the other joints at rest under any effort."""
     rng, m, n = np.random.default_rng(1), model.joints, model.coordinates
     effort = np.eye(m)[0]
     for _ in range(3):

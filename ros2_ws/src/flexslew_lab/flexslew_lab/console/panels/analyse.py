@@ -29,11 +29,11 @@ class _Found(NamedTuple):
 
 
 class AnalysePanel:
-    """The analysis of one controller, made beside the page.
+    """The analysis of one controller, made in a thread of its own.
 
     Args:
-        desk: of the page.
-        files: that the gate serves, by name.
+        desk: desk of the page.
+        files: files that the gate serves, by name.
     """
 
     def __init__(self, desk: Desk, files: dict[str, Path]) -> None:
@@ -48,7 +48,7 @@ class AnalysePanel:
         self._making: Future[_Found] | None = None
 
     def refresh(self) -> None:
-        """List who is there, and show what has been found."""
+        """List the controllers, and show a finished analysis."""
         self._opened.offer(tuple(sorted(self._view.controllers)), NOBODY, self._view.now.active)
         if self._making is None or not self._making.done():
             return
@@ -87,7 +87,7 @@ def _analysis(trial: Trial, name: str, time: float, plan: Plan | None) -> _Found
     Raises:
         BadInput: it has no linear form there.
     """
-    from flexslew_lab.analysis.analysis import analysed  # a page that nobody asks needs neither
+    from flexslew_lab.analysis.analysis import analysed  # a page without an analysis needs neither
     from flexslew_lab.analysis.page import analysis_page, summary_rows
 
     analysis = analysed(trial, "the bench", name, time, plan=plan)

@@ -69,7 +69,7 @@ class ChartsPanel:
             chart.draw(start, end, np.unique(times)[-100:], self._overlays)
 
     def overlay(self, earlier: dict[str, list[Curve]]) -> None:
-        """Draw the curves of another run, by quantity, beside those that are there."""
+        """Draw the curves of another run, by quantity, over those of this run."""
         self._overlays = earlier
         for chart in self._charts:
             chart.outdate()
@@ -142,5 +142,5 @@ class _Chart:
         self._plot.data = ChartData(axes, news(axis, rows, events))
 
     def outdate(self) -> None:
-        """Draw anew next time, even if the window has not moved."""
+        """Draw again next time, even if the window has not moved."""
         self._drawn = ()

@@ -41,7 +41,7 @@ class ComparePanel:
         self._compared = -1  # ticks
 
     def refresh(self) -> None:
-        """Take what was read, and say the largest difference now and then."""
+        """Take a log that was read, and show the largest difference every 100 ticks."""
         if self._reading is not None and self._reading.done():
             done, self._reading = self._reading, None
             try:

@@ -70,7 +70,7 @@ class ExperimentPanel:
         self._responding: Future[FrequencyResponse] | None = None
         self._identifying: Future[ModalModel] | None = None
         self._record: Record | None = None  # of the whole experiment
-        self._periods = 0  # that the responses were asked for
+        self._periods = 0  # periods of the requested responses
         self._response: FrequencyResponse | None = None
         self._model: ModalModel | None = None
         self._drawn: tuple[object, ...] = ()
@@ -165,7 +165,7 @@ class ExperimentPanel:
         self._identifying = self._worker.submit(identify_modes, record, (low, high))
 
     def _measured_record(self, plan: Plan) -> Record | None:
-        """Return what was measured so far; None: it is told why there is nothing."""
+        """Return the measurements so far; None if there are none, with the reason shown."""
         if self._record is not None:
             return self._record
         try:

@@ -26,7 +26,7 @@ Made = Callable[[dict[str, Any]], dict[str, Any]]  # from what the fields hold t
 
 
 class _Injection:
-    """A form whose keys follow a choice, and the button that sends it."""
+    """A form with keys that follow a choice, and the button that sends it."""
 
     def __init__(self, desk: Desk, label: str, options: tuple[str, ...], button: str) -> None:
         gui = desk.gui
@@ -39,7 +39,7 @@ class _Injection:
         self._reply = DeskReply(desk)
 
     def show(self, keys: Callable[[str], list[FormKey]]) -> None:
-        """Make the form anew where the choice or the bench has changed."""
+        """Make the form again if the choice or the bench has changed."""
         state = (self.choice.value, self._view.joints, tuple(sorted(self._view.controllers)))
         if state == self._shown or self._view.joints is None:
             return
@@ -49,7 +49,7 @@ class _Injection:
         self._form = Form(self._desk, [*keys(self.choice.value), *_WHEN], self._place)
 
     def send(self, who: str, made: Made) -> None:
-        """Check it as the bench will; send it, or tell beside the field what is wrong."""
+        """Check the entry as the bench will; send it, or show its error next to the field."""
         given = self._form.values(as_written=True) if self._form else None
         if given is None:
             return

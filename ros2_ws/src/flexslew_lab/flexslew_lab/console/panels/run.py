@@ -36,7 +36,7 @@ class HeaderPanel:
             desk.click(element, partial(self._act, action))
 
     def refresh(self) -> None:
-        """Say how it stands; offer to release only what is latched."""
+        """Show the run state; offer a release only if the brake is latched."""
         now = self._view.now
         self._release.visible = now.brake_latched
         self._brake.enabled = now.state != FINISHED

@@ -16,10 +16,10 @@ _FIRST = (0.5, -0.8, 0.5)
 
 
 class ScenePanel:
-    """Draws the testbed, and says how much its bend is exaggerated.
+    """Draws the testbed, and shows by which factor its deflection is exaggerated.
 
     Args:
-        desk: of the page.
+        desk: desk of the page.
     """
 
     def __init__(self, desk: Desk) -> None:

@@ -7,10 +7,10 @@ from flexslew_lab.console.view import BenchView
 
 
 class StatePanel:
-    """Run state, time, rate, ticks, misses, who is in charge, who is ready or why not.
+    """Run state, time, rate, ticks, misses, active controller, readiness of each or the reason.
 
     Args:
-        desk: of the page.
+        desk: desk of the page.
     """
 
     def __init__(self, desk: Desk) -> None:

@@ -28,7 +28,7 @@ class SwapPanel:
         self._reply = DeskReply(desk)
 
     def refresh(self) -> None:
-        """List who is on the graph; the law in charge is chosen at first."""
+        """List the controllers on the graph; the active one is chosen at first."""
         known = tuple(sorted(self._view.controllers))
         self._opened.offer(known, NOBODY, self._view.now.active)
 

@@ -38,7 +38,7 @@ class TunePanel:
         self._shown = ("", "")  # name and settings in the form
 
     def refresh(self) -> None:
-        """List who is there, first the law in charge; make the form anew for another one."""
+        """List the controllers, opened on the active one; make the form again for another one."""
         listed = tuple(sorted(self._view.controllers))
         self._opened.offer(listed, NOBODY, self._view.now.active)
         known = self._view.controllers.get(self._which.value)

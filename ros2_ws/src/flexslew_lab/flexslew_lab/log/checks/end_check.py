@@ -1,4 +1,4 @@
-"""Does a log begin where each epoch began, and end where it ended? The plant's events say where."""
+"""Check the start and the end of each epoch in a log against the plant's events."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -40,7 +40,7 @@ def check_ends(
 
 
 def _ends(events: Sequence[Event]) -> dict[int, int]:
-    """Return the last tick of each epoch whose end the plant tells, but of those never started."""
+    """Return the last tick of each started epoch with an end in the plant's events."""
     ends = {}
     told = [event for event in events if event.source == "plant"]
     started = {event.epoch for event in told if isinstance(event.what, Started)}

@@ -22,13 +22,13 @@ Columns = Mapping[str, np.ndarray]
 
 
 class _Sender:
-    """What one sender says about each tick, block after block.
+    """All messages of one sender about each tick, block after block.
 
-    A question is repeated until it is answered, and each repetition is answered with the same
-    words; to say something else about a tick is wrong.
+    A question is repeated until it is answered, and each repetition gets the same answer; a
+    different message about the same tick is an error.
 
     Args:
-        refused: epochs and ticks at which a refused switch gave the question back to another.
+        refused: epochs and ticks at which a refused switch returned the question to another.
     """
 
     def __init__(self, refused: Container[Key]) -> None:
@@ -134,8 +134,8 @@ class _Topic:
         gaps = f"{counted(self._gaps, 'gap')}, {self._first_gap}"
         missing = f"{counted(self._missing, 'tick')} missing in {gaps}"
         answers, truth = self._name in _ANSWERS, self._name == "/truth"
-        facts = (  # whether it is there, whether it is wrong, words
-            (self._gaps, not answers, missing),  # nobody need answer
+        facts = (  # present or not, error or not, text
+            (self._gaps, not answers, missing),  # an answer is optional
             (repeated, truth, f"{counted(repeated, 'repetition')}, the same to the bit"),
             (contradictions, True, f"{counted(contradictions, 'tick')} twice, and not the same"),
             (backwards, True, f"the stamp steps back {counted(backwards, 'time')}"),
@@ -163,7 +163,7 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def check_ticks(bag: BagReader) -> Iterator[Finding]:
-    """Yield what there is to say of log times, of /clock, and of each topic of every tick."""
+    """Yield the findings on log times, on /clock, and on each topic of every tick."""
     refused = {(e.epoch, e.tick) for e in bag.overview.events if isinstance(e.what, SwitchRefused)}
     blind = BlindSensors(bag.overview.events)
     topics = {name: _Topic(name, refused, blind) for name in TICKED}

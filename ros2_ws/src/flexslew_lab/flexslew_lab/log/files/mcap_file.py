@@ -138,7 +138,7 @@ class McapFile:
         """Check that the file that was written is the one that is found by its name.
 
         Raises:
-            OSError: somebody has removed or moved it meanwhile.
+            OSError: if it was removed or moved in the meantime.
         """
         named, written = os.stat(self.path), os.fstat(self._stream.fileno())
         if (named.st_dev, named.st_ino) != (written.st_dev, written.st_ino):
@@ -176,7 +176,7 @@ class McapFile:
             raise
 
     def _group(self, opcode: Opcode, records: Sequence[McapRecord]) -> bytes:
-        """Write records of one kind; return the entry that says where they are."""
+        """Write records of one kind; return the summary entry with their place."""
         at, data = self._at, b"".join(map(record_bytes, records))
         self._write(data)
         return (

@@ -48,10 +48,10 @@ class Cut(NamedTuple):
 
 
 class RecordStream:
-    """The data section of one file. After the iteration `cut` says whether the file is whole.
+    """The data section of one file. After the iteration, `cut` shows whether the file is whole.
 
     A file without its end (killed recorder, full disk) is read up to its last whole record. A
-    file with an end must be right to the last bit of the data section: the CRC over it says so.
+    file with an end must be right to the last bit of the data section, by the CRC over it.
 
     Raises:
         BadInput: while iterating: the file is no MCAP file, or damaged.
@@ -159,7 +159,7 @@ def chunk_content(body: bytes, where: str) -> bytes:
 
 
 def _unpacked(packed: memoryview, size: int) -> bytes:
-    """Return the content of a zstd frame that says, itself too, how long it is: `size`."""
+    """Return the content of a zstd frame; its header must give the same length, `size`."""
     frame = zstandard.get_frame_parameters(packed)
     if frame.content_size not in (size, zstandard.CONTENTSIZE_UNKNOWN):
         raise ValueError(f"it claims {size} bytes and {frame.content_size}")

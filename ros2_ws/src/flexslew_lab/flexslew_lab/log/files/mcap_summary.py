@@ -19,7 +19,7 @@ _PIECE = 1 << 20  # read at once [B]
 
 
 class Summary(NamedTuple):
-    """Where the summary of a file lies."""
+    """The place of the summary in a file."""
 
     path: Path
     start: int
@@ -28,7 +28,7 @@ class Summary(NamedTuple):
 
 
 def find_summary(path: Path) -> Summary | None:
-    """Return where the summary lies, its checksum right; None where the file was not finished.
+    """Return the place of the summary, its checksum right; None if the file was not finished.
 
     Raises:
         BadInput: the footer or the summary is damaged.

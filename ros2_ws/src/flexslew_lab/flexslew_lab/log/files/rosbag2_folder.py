@@ -21,14 +21,14 @@ class TopicCount(NamedTuple):
 def information(
     file: str, start: int, end: int, topics: Iterable[TopicCount], distribution: str
 ) -> dict[str, Any]:
-    """Return what rosbag2 wants to know about a bag.
+    """Return the content of a bag's rosbag2 metadata file.
 
     Args:
         file: name of the .mcap file.
         start: first log time [ns].
         end: last log time [ns].
-        topics: all of them.
-        distribution: of ROS.
+        topics: all topics, with their counts.
+        distribution: ROS distribution.
     """
     topics = list(topics)
     messages = sum(t.messages for t in topics)

@@ -8,11 +8,11 @@ from flexslew_plant.errors import BadInput
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text; a link that lies at this place is replaced, never followed.
+    """Write a text; a link at this path is replaced, never followed.
 
     Raises:
-        BadInput: a folder has this name.
-        OSError: the system takes no more bytes, or none there; with the name of this place.
+        BadInput: if a folder has this name.
+        OSError: if the system takes no more bytes, or none there; with the name of this path.
     """
     if path.is_dir() and not path.is_symlink():
         raise BadInput("is a folder, not a file; move it away", path)
@@ -26,7 +26,7 @@ def write_whole(path: Path, text: str) -> None:
             file.write(text)
         umask = os.umask(0)
         os.umask(umask)
-        os.chmod(draft, 0o666 & ~umask)  # mkstemp lets nobody else read
+        os.chmod(draft, 0o666 & ~umask)  # mkstemp allows no other user to read
         os.replace(draft, path)
     except BaseException:
         os.unlink(draft)

@@ -128,7 +128,7 @@ def time_at(offset: int, data: bytes, last: int) -> int:
 
 @lru_cache
 def stamp_offset(type_name: str) -> int:
-    """Return where the stamp lies in the CDR bytes; 0 where there is none in simulated time."""
+    """Return the offset of the stamp in the CDR bytes; 0 if there is none in simulated time."""
     if type_name in _STAMP_AT:
         return _STAMP_AT[type_name]
     if type_name in _OTHER_TIME:
@@ -181,7 +181,7 @@ def _collect_one(code: str, nested: str, value: Any, values: list[Any], lengths:
 
 @lru_cache(4096)
 def _packer(type_name: str, lengths: tuple[int, ...]) -> struct.Struct:
-    """Return the struct with all alignment of a message whose sequences have these lengths."""
+    """Return the struct, with all alignment, of a message with sequences of these lengths."""
     rest = iter(lengths)
     parts = ["<4s"]
     at = 0

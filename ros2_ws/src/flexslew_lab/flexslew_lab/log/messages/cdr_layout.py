@@ -12,7 +12,7 @@ from flexslew_plant.errors import BadInput
 
 
 class CdrColumn(NamedTuple):
-    """Where one field lies in every message of the same shape."""
+    """The place of one field in every message of the same shape."""
 
     name: str  # nested names joined by dots
     offset: int  # in the CDR bytes

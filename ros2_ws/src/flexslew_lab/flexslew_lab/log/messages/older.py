@@ -1,7 +1,7 @@
 """Messages and events of an older version as those of this one.
 
-Fields of a message that came later are empty. Events said in words alone why a switch was dropped:
-this file, and no other, knows those words.
+Fields that are newer than a message are empty. Older events give the reason of a dropped switch
+as text only: this file, and no other, contains these texts.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.events import EVENTS, SwitchDropped, kind_of
 from flexslew_plant.refusal import Cause
 
-_DROPPED = {  # how a reason began or ended, before its cause stood beside it
+_DROPPED = {  # part of a reason's text, from before events had a cause
     " is not ready": Cause.NOT_READY,
     "the brake is latched": Cause.LATCHED,
     " is already in charge": Cause.ALREADY_IN_CHARGE,
@@ -29,12 +29,12 @@ _DROPPED = {  # how a reason began or ended, before its cause stood beside it
 
 
 def completed(kind: str, tick: int, data: dict[str, Any]) -> dict[str, Any]:
-    """Return the data of an event with what later versions say besides.
+    """Return the data of an event with the fields that later versions add.
 
     Args:
-        kind: of the event.
-        tick: of the event.
-        data: as the log has it.
+        kind: kind of the event.
+        tick: tick of the event.
+        data: data of the event in the log.
     """
     if kind == kind_of(SwitchDropped) and "cause" not in data:
         reason = str(data.get("reason", ""))
@@ -71,7 +71,7 @@ def upgrade(type_name: str, text: str) -> Callable[[bytes], bytes] | None:
 
 
 def _part_of(type_name: str, older: Typestore, ours: Typestore) -> bool:
-    """Return whether all fields of an older definition, and of what lies in it, are fields here."""
+    """Return whether all fields of an older definition, nested ones too, are fields here."""
     known = dict(ours.fielddefs[type_name][1])
     if any(known.get(name) != kind for name, kind in older.fielddefs[type_name][1]):
         return False

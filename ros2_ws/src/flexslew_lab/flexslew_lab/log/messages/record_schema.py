@@ -26,7 +26,7 @@ def _yaml(text: str) -> str:
     try:
         logged_yaml(text, "the text")
     except BadInput as error:
-        raise ValueError(str(error)) from None  # the schema says whose text it is
+        raise ValueError(str(error)) from None  # the schema adds the source of the text
     return text
 
 
@@ -86,7 +86,7 @@ def check_record(topic: str, message: Any, source: str) -> None:
     """Check a decoded message of a latched topic.
 
     Raises:
-        BadInput: a field is not what the bench says there.
+        BadInput: if a field is not as the bench publishes it.
     """
     kind = RECORDS[topic]
     where = f"{source}: {topic}"
@@ -112,7 +112,7 @@ def texts_of(message: Any, before: Any = None) -> list[str]:
 
 
 def check_truth(columns: dict[str, Any], source: str, before: Sizes) -> Sizes:
-    """Check ticks of the truth, which is finite and of one shape whatever the sensors say.
+    """Check ticks of the truth, which is finite and of one shape for all sensor readings.
 
     Args:
         columns: a block of /truth by field.
@@ -147,7 +147,7 @@ def check_truth(columns: dict[str, Any], source: str, before: Sizes) -> Sizes:
 
 
 def check_one_run(columns: dict[str, Any], source: str, before: tuple[int, int]) -> tuple[int, int]:
-    """Check that ticks follow those before: a recorder that outlives its plant hears the next one.
+    """Check that ticks follow those before: a recorder that outlives its plant stores the next.
 
     Args:
         columns: a block of /truth by field.

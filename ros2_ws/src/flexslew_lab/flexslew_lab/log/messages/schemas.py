@@ -1,4 +1,4 @@
-"""Message definitions without ROS: their text, their type hashes, and a store that knows them."""
+"""Message definitions without ROS: their text, their type hashes, and a store of them."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -23,8 +23,8 @@ _PRIMITIVES = frozenset(
 def message_directory(package: str) -> Path | None:
     """Return where the .msg files of a package lie, or None where no place has them.
 
-    An installed workspace is asked through the ament index; where there is none, the source tree
-    beside this package has them, and an installation by pip holds a copy.
+    The ament index gives the place in an installed workspace; where there is none, the source tree
+    next to this package has them, and an installation by pip holds a copy.
     """
     here = Path(__file__).resolve()
     places = [here.parents[4] / package, here.parents[2] / "definitions" / package]

@@ -1,4 +1,4 @@
-"""What a file says about its channels, checked against what this version knows."""
+"""The channels of a file, checked against the topics and types of this version."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -54,7 +54,7 @@ class Lookup:
         return self.checked[number]
 
     def current(self, message: RawMessage) -> bytes:
-        """Return the bytes of a message whose topic is known, as this version defines its type."""
+        """Return the bytes of a message of a known topic, as this version defines its type."""
         turn = self.older.get(message.channel)
         return message.data if turn is None else turn(message.data)
 

@@ -1,4 +1,4 @@
-"""Writes what an in-process run would say on the topics into a bag, as the recorder does."""
+"""Writes the topics of an in-process run into a bag, as the recorder does."""
 
 from typing import Any
 

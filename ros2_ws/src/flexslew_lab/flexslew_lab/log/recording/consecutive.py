@@ -1,15 +1,15 @@
-"""Up to which tick a topic has come: behind a gap it has not, whatever was heard."""
+"""The tick up to which a topic is complete: not beyond a gap, even if later ticks have come."""
 
 
 class Consecutive:
     """Follows the ticks of one topic, which a publisher sends in their order.
 
-    They may overtake each other on their way, as two ways to a recorder are not equally fast. In an
-    epoch the first tick that is heard is the first one there is.
+    Messages may overtake each other, as two ways to a recorder are not equally fast. In an epoch
+    the first tick that is received is the first one there is.
 
     Attributes:
         whole: epoch and simulated time [ns] of the last tick before the first gap.
-        heard: something has come.
+        heard: a tick was received.
     """
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class Consecutive:
 
     @property
     def heard(self) -> bool:
-        """Something has come."""
+        """Whether a tick was received."""
         return self._next >= 0
 
     def hear(self, epoch: int, tick: int, at: int) -> None:

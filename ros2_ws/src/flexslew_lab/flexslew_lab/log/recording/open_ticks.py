@@ -1,4 +1,4 @@
-"""Which ticks a recorder still waits for: a question was heard, and not yet all of its answer."""
+"""The ticks that a recorder still waits for: question received, but not yet all of its answer."""
 
 import struct
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ _TICK_EPOCH_NAME = struct.Struct("<QII")  # the name's length last
 _PLACES = {"/measurement": 20, "/controller_state": 20, "/effort_command": 12}  # of these three
 FOLLOWED = frozenset({*_PLACES, "/events"})  # topics
 _ANSWERS = frozenset({"/effort_command", "/controller_state"})
-_KEPT = 512  # ticks whose end is remembered
+_KEPT = 512  # ticks with a remembered end
 
 Key = tuple[int, int]  # epoch and tick
 
@@ -20,22 +20,22 @@ Key = tuple[int, int]  # epoch and tick
 @dataclass
 class _Question:
     at: int  # simulated time [ns]
-    controller: str  # who must answer
-    since: float  # heard at [wall s]
+    controller: str  # controller that must answer
+    since: float  # received at [wall s]
     missing: set[str] = field(default_factory=lambda: set(_ANSWERS))
 
 
 class OpenTicks:
     """Follows questions, answers and missed ticks.
 
-    So a log cut at any moment lacks answers to its last questions only. A
-    controller that never says its state is not waited for after the first time.
+    So a log cut at any moment lacks answers to its last questions only. A controller that never
+    publishes its state is not waited for after the first time.
     """
 
     def __init__(self) -> None:
         self._open: dict[Key, _Question] = {}
         self._early: dict[tuple[Key, str], set[str]] = {}  # answers that came before their question
-        self._closed: dict[Key, str] = {}  # who has answered
+        self._closed: dict[Key, str] = {}  # controller that has answered
         self._stateless: set[str] = set()
 
     def hear(self, epoch: int, at: int, topic: str, data: bytes, now: float) -> None:

@@ -15,12 +15,12 @@ _OTHER_RUN = "holds the log of a run that was another one; choose another folder
 class Recording:
     """Writes ordered messages and hands them to the system often enough.
 
-    A bag that a killed recorder left goes on with what the same run says next: until a question
-    tells that it is the same one, all waits.
+    A bag left by a killed recorder continues with the next messages of the same run: all messages
+    wait until a question confirms that it is the same run.
 
     Args:
-        begun: the bag.
-        failed: told once, in one line, when the disk takes no more; the run goes on.
+        begun: bag to write.
+        failed: called once, with one line, when the disk takes no more; the run goes on.
     """
 
     def __init__(self, begun: Begun, failed: Callable[[str], None]) -> None:
@@ -87,7 +87,7 @@ class Recording:
         self._writer.close({"messages": str(self._writer.messages)})
 
     def _flush(self) -> None:
-        if not self.stopped:  # else nobody need wait for us
+        if not self.stopped:  # else the plant need not wait for the log
             try:
                 self._writer.flush()
             except RecordingStopped as error:

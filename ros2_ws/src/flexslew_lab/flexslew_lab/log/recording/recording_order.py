@@ -1,4 +1,4 @@
-"""In which order a recorder writes what it hears: by epoch, then by simulated time."""
+"""The order in which a recorder writes its messages: by epoch, then by simulated time."""
 
 import struct
 from bisect import bisect_left, bisect_right
@@ -21,8 +21,8 @@ _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
 _LENGTH, _TRANSFORM = struct.Struct("<I"), struct.Struct("<7d")  # of a sequence or a string
 _HEAD, _STAMP_SIZE = 4, 8  # [B]; from behind the head CDR aligns
 _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
-# For the other of the two, once it was heard, and for a tick between two [wall s]: it comes, as
-# late as a starved machine makes it. A plant may publish no truth at all; for that PATIENCE is
+# Patience for the other of the two, once received, and for a tick between two [wall s]: on a
+# starved machine it comes late. A plant may publish no truth at all; for that PATIENCE is
 # enough.
 _SURE = 15.0
 _STATUS = "/controller_status"
@@ -44,7 +44,7 @@ class Ordered(NamedTuple):
 
 
 class _Early(NamedTuple):
-    """What is displayed of a tick 0 that was not heard of yet, and after it."""
+    """Displayed messages from a tick 0 without a question yet, and after it."""
 
     since: float  # [wall s]
     messages: list[tuple[str, int, bytes]]
@@ -80,7 +80,7 @@ class RecordingOrder:
         self._plant = {topic: Consecutive() for topic in _OF_PLANT}
         self._slowest = _NOTHING  # epoch and time up to which they have come
         self._moved_at = 0.0  # when it moved or was the newest [wall s]
-        self._waits_since = 0.0  # for the other of the two, which was never heard [wall s]
+        self._waits_since = 0.0  # for the other of the two, which never came [wall s]
 
     def take(
         self, messages: Iterable[tuple[str, bytes]], now: float, last: bool = False
@@ -151,10 +151,10 @@ class RecordingOrder:
         return slowest if now - self._moved_at <= _SURE else self.newest
 
     def _is_early(self, topic: str, at: int, data: bytes, now: float) -> bool:
-        """Keep what is displayed of a new epoch until a question tells of it; return whether.
+        """Keep displayed messages of a new epoch until its first question; return whether kept.
 
-        A topic whose time goes back to that of tick 0, which is always shown, may be ahead of the
-        question: from a plant that is heard over DDS, or from a log that is played.
+        A topic with a time back at tick 0, which is always shown, may come before the question:
+        from a plant over DDS, or from a log that is played.
         """
         epoch, before = self._displayed[topic]
         if topic not in self._early:
@@ -198,14 +198,14 @@ def tick_and_epoch(data: bytes) -> tuple[int, int]:
 
 
 def of_namespace(data: bytes, namespace: str) -> bool:
-    """Return whether transforms are of the bench of a namespace, as the names of their frames say.
+    """Return whether transforms are of the bench of a namespace, by the names of their frames.
 
     Args:
-        data: CDR of a tf2_msgs/TFMessage, read by hand: to decode it takes ten times as long.
+        data: CDR of a tf2_msgs/TFMessage, read by hand: decoding it takes ten times as long.
         namespace: absolute; "/" is that of frames without a slash.
 
     Raises:
-        struct.error: they are none.
+        struct.error: if the data are no transforms.
     """
     (count,) = _LENGTH.unpack_from(data, _HEAD)
     at = _HEAD + _LENGTH.size

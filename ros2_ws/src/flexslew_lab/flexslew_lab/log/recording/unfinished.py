@@ -20,7 +20,7 @@ class Begun(NamedTuple):
 
     writer: BagWriter
     last: tuple[int, int] = NOTHING  # epoch and tick of the newest question in it
-    heard: frozenset[tuple[str, bytes]] = frozenset()  # what late listeners hear again: topic, CDR
+    heard: frozenset[tuple[str, bytes]] = frozenset()  # sent again to late subscribers: topic, CDR
 
 
 def begun_bag(folder: Path, metadata: Mapping[str, str]) -> Begun:

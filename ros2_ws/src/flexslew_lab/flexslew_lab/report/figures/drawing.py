@@ -94,7 +94,7 @@ def end_of(run: RunData) -> float:
 
 
 def joints_of(runs: Sequence[RunData]) -> list[tuple[str, str]]:
-    """Return name and unit of the joints of any run that were told to move, worst first."""
+    """Return name and unit of the joints with a commanded move in any run, worst first."""
     units = {name: unit for run in runs for name, unit in run.units.items()}
     moved = dict.fromkeys(name for run in runs for name in told_to_move(run.metrics))
     return [(name, units[name]) for name in moved if name in units] or list(units.items())

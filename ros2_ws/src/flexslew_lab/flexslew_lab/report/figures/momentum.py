@@ -8,7 +8,7 @@ from flexslew_lab.report.run_data import RunData
 from flexslew_plant.testbeds.contract import Pointing
 
 _AXES = ("x", "y", "z")
-# traces, the metric by name of who turns, title and unit
+# traces, the metric by name of the actuator, title and unit
 _TURNING = (
     ("wheel_speed", "peak_wheel_speed", "speed of the wheels", "rad/s"),
     ("gimbal_angle", "peak_gimbal_angle", "angle of the gimbals", "rad"),
@@ -50,7 +50,7 @@ def jitter(run: RunData) -> Group | None:
     edges = np.array([0.5 * ends[0], *ends])  # the first octave goes down to zero
     panel = Panel("attitude error by octave", "rad", log=True, x_title="frequency [Hz]", x_log=True)
     values = np.array(rows)
-    smallest = 1e-6 * float(values.max())  # below it lies rounding
+    smallest = 1e-6 * float(values.max())  # rounding errors are below it
     for k, axis in enumerate(_AXES):
         steps = np.repeat(np.where(values[k] > smallest, values[k], np.nan), 2)
         panel.line(np.repeat(edges, 2)[1:-1], steps, axis, style(k))

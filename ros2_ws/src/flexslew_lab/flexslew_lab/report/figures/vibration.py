@@ -25,7 +25,7 @@ from flexslew_lab.report.run_data import RunData
 
 MODES = 8  # at most, of a report
 _ENVELOPE = 160  # points of the residual
-_DECADES = 1e-6  # of the residual's largest value: below it lies rounding
+_DECADES = 1e-6  # of the residual's largest value: rounding errors are below it
 
 
 def residual(runs: Sequence[RunData]) -> Group | None:

@@ -1,1 +1,1 @@
-"""Who flies the trials of a study: processes here, or the workers of a cluster."""
+"""The executors of the trials of a study: processes here, or the workers of a cluster."""

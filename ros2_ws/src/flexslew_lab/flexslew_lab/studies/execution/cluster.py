@@ -21,16 +21,16 @@ _CONNECT = 30.0  # patience with the scheduler [wall s]
 class Cluster:
     """Implements Executor with the workers of a cluster, one chunk for each of their threads.
 
-    A worker that dies loses its chunk; Dask gives it to another one. A chunk whose workers die
-    again and again, or that takes longer than all its trials may, is flown one by one; a trial
-    that then fails again has failed.
+    A worker that dies loses its chunk; Dask gives it to another one. A chunk that loses its
+    workers again and again, or that takes longer than all its trials may, is flown one by one; a
+    trial that then fails again has failed.
 
     Args:
-        job: what is flown.
-        address: of the scheduler, such as tcp://127.0.0.1:8786.
+        job: the study and its plans.
+        address: address of the scheduler, such as tcp://127.0.0.1:8786.
 
     Raises:
-        BadInput: nobody answers there, or the workers there cannot fly.
+        BadInput: if no scheduler answers there, or the workers there cannot fly.
     """
 
     def __init__(self, job: Job, address: str) -> None:
@@ -47,7 +47,7 @@ class Cluster:
         self._name = f"flexslew-{uuid4()}"
         try:
             self._client.register_plugin(StudyFlights(job, self._name))
-        except Exception as error:  # whatever comes from the other machines
+        except Exception as error:  # any error of the other machines
             self._client.close()
             raise BadInput(f"--dask: {address}: its workers cannot fly: {_line(error)}") from None
         self._running: dict[Any, tuple[list[Case], float]] = {}
@@ -103,7 +103,7 @@ class Cluster:
             future.add_done_callback(self._ended.put)
 
     def _next_finished(self, patience: float) -> Any:
-        """Return a future that has ended, in whatever way; None after so many seconds."""
+        """Return a future that has ended in any way; None after so many seconds."""
         try:
             return self._ended.get(timeout=patience)
         except Empty:
@@ -115,7 +115,7 @@ class Cluster:
             results: list[Flown] = future.result()
         except CancelledError as error:
             raise self._lost_cluster(_line(error)) from None
-        except Exception as error:  # whatever happened to it on other machines
+        except Exception as error:  # any error on the other machines
             return _fail_or_split(chunk, alone, f"given up by the cluster: {_line(error)}")
         self._chunks.learn(len(chunk), monotonic() - started)
         return results

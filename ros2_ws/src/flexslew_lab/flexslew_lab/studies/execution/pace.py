@@ -2,14 +2,14 @@
 
 from bisect import bisect_left
 
-_REPORTS = 6  # after the first, before anything is said
+_REPORTS = 6  # after the first, before an estimate
 _ALIKE = 1.4  # ratio of the paces of two stretches that count as one pace
 _SHORTEST = 5.0  # from the first report on [wall s]
 _STARTS = 0.5  # of the time before it, by which other processes may have started later [-]
 
 
 class Pace:
-    """Estimates the time left; says nothing before there is a pace to count with.
+    """Estimates the time left; returns None before the pace is known.
 
     What comes before the first result (processes that start, machine code that is compiled) does
     not count; as other processes may start later, half of it is waited for. The time since then

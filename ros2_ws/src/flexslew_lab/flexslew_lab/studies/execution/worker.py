@@ -1,4 +1,4 @@
-"""What flies the trials of a chunk, in whatever process it stands: by lanes or one by one."""
+"""Flights of the trials of a chunk in any process: by lanes or one by one."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -55,7 +55,7 @@ class Flyer:
     _lanes: Lanes | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        """Open the lanes, if the study wants them."""
+        """Open the lanes, if the study uses them."""
         if self.job.study.settings.lanes:
             self._lanes = Lanes(self.job.study, self.job.plans)
 
@@ -65,9 +65,9 @@ class Flyer:
         """Fly the cases.
 
         Args:
-            cases: of the study.
-            report: gets the results as they come, in any order.
-            begin: told the number of a trial before it is flown alone.
+            cases: cases of the study.
+            report: called with the results as they come, in any order.
+            begin: called with the number of a trial before it is flown alone.
         """
         if self._lanes is None:
             self._one_by_one([ForBench(case, Way.BENCH) for case in cases], report, begin)

@@ -61,12 +61,12 @@ def worst_of(found: Column, most: int) -> list[int]:
 
 
 def population(study: Study, values: Vector, replicate: NDArray[np.int32]) -> Population:
-    """Return the samples that have a number, with what their sampling says of bounds.
+    """Return the samples that have a number, with the kind of bounds that their sampling allows.
 
     Args:
-        study: says how they were drawn.
+        study: the study, with the method of the sampling.
         values: NaN where a trial has no such number, shape (n,).
-        replicate: of each sample, shape (n,).
+        replicate: replicate of each sample, shape (n,).
     """
     method = METHODS[study.settings.sampling.method]
     there = ~np.isnan(values)

@@ -18,9 +18,9 @@ from flexslew_lab.studies.study_settings import Criterion
 
 
 class Verdict(StrEnum):
-    """What trials say of a criterion."""
+    """The verdict of the trials on a criterion."""
 
-    PASSED = "passed"  # shown at the confidence that was asked for
+    PASSED = "passed"  # shown at the requested confidence
     REFUTED = "refuted"  # the opposite is
     UNDECIDED = "undecided"
 
@@ -33,8 +33,8 @@ def judged(
     Args:
         study: its file.
         store: its folder, with the table.
-        name: of the metric.
-        c: what is asked of it.
+        name: name of the metric.
+        c: the criterion.
         planned: trials of a variant, all of which a criterion without a probability needs.
     """
     lines = []

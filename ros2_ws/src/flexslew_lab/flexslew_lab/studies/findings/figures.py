@@ -20,7 +20,7 @@ _MINIMUM_POINTS = 100  # of the cloud of a variant
 _CELLS = 12  # of a map, along each side
 _FEW = 8  # varied values that are drawn
 _ABREAST = 5  # maps in a row
-_IN_ROWS = 8  # names above a figure; more stand beside it
+_IN_ROWS = 8  # names above a figure; more stand to its right
 _ABOVE = {"orientation": "h", "yanchor": "bottom", "y": 1.0, "xanchor": "left", "x": 0.0}
 _AXIS: dict[str, Any] = {"gridcolor": GRID, "linecolor": GRID, "zeroline": False}
 

@@ -27,7 +27,7 @@ _FIRST = ("residual_tip_deflection", "residual_attitude_error", "settling_time")
 
 
 def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
-    """Return the page of one study: what was asked, what is shown, where it is worst."""
+    """Return the page of one study: its criteria, its results, its worst trials."""
     names = [n for n in study.settings.criteria if n in found["metrics"]]
     names = list(dict.fromkeys([*names, *(n for n in _FIRST if n in found["metrics"])]))[:_SHOWN]
     drawn = []

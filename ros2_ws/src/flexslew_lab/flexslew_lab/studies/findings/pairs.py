@@ -15,7 +15,7 @@ from flexslew_plant.arrays import Vector
 
 
 class PairedDifference(StrEnum):
-    """What a variant's number is beside the first one's, at the joint confidence of all."""
+    """How a variant's number compares with the first one's, at the joint confidence of all."""
 
     SMALLER = "smaller"
     LARGER = "larger"

@@ -90,9 +90,9 @@ class Population:
     def differs(self) -> float | None:
         """Return the p-value of positive and negative numbers being equally likely.
 
-        The exact sign test, whose one assumption is that samples are independent: not that they
-        are symmetric, as Wilcoxon's has it, nor that they are finite. From replicates, Student's
-        t on their mean signs, and never a smaller value than that of independent samples.
+        The exact sign test assumes only that samples are independent: not that they are symmetric,
+        as Wilcoxon's does, nor that they are finite. From replicates, Student's t on their mean
+        signs, and never a smaller value than that of independent samples.
         """
         if not self._bounded or not len(self.values):
             return None

@@ -1,9 +1,9 @@
-"""What independently randomised replicates show: bounds that know how even the samples are.
+"""Bounds from independently randomised replicates, which account for the evenness of the samples.
 
 Sobol points and Latin hypercubes are not independent of each other, but their replicates are. At
 any threshold each replicate has an unbiased share of samples up to it, and the scatter of these
-shares says how well the distribution is known there. A replicate's own quantile is biased where
-it holds few samples beyond, so no quantile of a replicate is used.
+shares shows how well the distribution is known there. A replicate's own quantile is biased where
+it has few samples beyond, so no quantile of a replicate is used.
 """
 
 from functools import lru_cache
@@ -60,7 +60,7 @@ def quantile_bounds(
     The ranks that bound the quantile of independent samples (binomial, as real numbers) move
     towards n q + 1/2 by the ratio of the shares' standard error to sqrt(q (1 - q) / n), times t / z
     because it is estimated (Woodruff, J. Am. Stat. Assoc. 47, 1952, with replicates). The variance
-    of the count of samples up to the quantile is raised by 1: where the quantile lies on the edge
+    of the count of samples up to the quantile is raised by 1: where the quantile is on the edge
     of a stratum, counts differ so rarely that a few replicates may all agree by chance. The place
     of the quantile between two samples adds (1 - alpha) / 2 of a gap to each side. Where fewer than
     FEW samples are expected on a side of the quantile, the ranks never come closer than those of
@@ -69,7 +69,7 @@ def quantile_bounds(
     Args:
         values: inf where larger than any number, -inf where smaller, shape (n,).
         parts: the replicate of each, 0 to R - 1, R at least 2, shape (n,).
-        q: of the quantile.
+        q: share of the quantile.
         confidence: 1 - alpha.
     """
     ordered, n = np.sort(values), len(values)
@@ -114,7 +114,7 @@ def _real_ranks(n: int, q: float, confidence: float) -> tuple[float, float]:
 
 
 def _between(ordered: Vector, rank: float, side: int) -> float:
-    """Return the sample of a rank from 1 to n, interpolated; beside infinities the outer one."""
+    """Return the sample of a rank from 1 to n, interpolated; next to an infinity the outer one."""
     if not 1.0 <= rank <= len(ordered):
         return side * inf
     whole = floor(rank)

@@ -41,12 +41,12 @@ def indices(
         return [], "one row has no scatter; give a larger n"
     if np.ptp(values) <= 1e-12 * np.abs(values).max():
         return [], "the metric does not vary"
-    scaled = values / np.abs(values).max()  # whose squares are numbers whatever the unit
+    scaled = values / np.abs(values).max()  # with finite squares in any unit
     blocks = (scaled - scaled[: 2 * n].mean()).reshape(d + 2, n)
     if replicates > 1:
         return _indices(names, *_of_replicates(blocks, replicates, confidence)), ""
     estimate = _shares(blocks)
-    with warnings.catch_warnings():  # of values without effect, whose resamples are all alike
+    with warnings.catch_warnings():  # of values without effect: equal resamples
         warnings.simplefilter("ignore")
         spread = bootstrap(
             [np.arange(n)],

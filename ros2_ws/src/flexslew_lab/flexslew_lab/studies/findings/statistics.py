@@ -1,4 +1,4 @@
-"""What independent samples show: bounds that rest on counts alone, whatever the distribution."""
+"""Bounds from independent samples that rest on counts alone and hold for any distribution."""
 
 from functools import lru_cache
 from math import ceil, inf, log, log1p, sqrt
@@ -29,15 +29,15 @@ def quantile(values: Vector, q: float) -> float:
 
 @lru_cache(maxsize=256)
 def quantile_ranks(n: int, q: float, confidence: float) -> tuple[int, int]:
-    """Return the ranks l and h of the samples between which the q-quantile lies, counted from 1.
+    """Return the ranks l and h of the samples that bound the q-quantile, counted from 1.
 
     The number of samples not above the quantile is binomial (n, q), so X_(l) exceeds it with
     probability P(K < l): l is the largest and h the smallest rank that leaves at most half of alpha
     outside. Rank 0 or n + 1: no sample bounds that end.
 
     Args:
-        n: independent samples.
-        q: of the quantile.
+        n: number of independent samples.
+        q: share of the quantile.
         confidence: 1 - alpha.
     """
     share = 0.5 * (1.0 - confidence)
@@ -49,11 +49,11 @@ def quantile_ranks(n: int, q: float, confidence: float) -> tuple[int, int]:
 
 
 def quantile_bounds(values: Vector, q: float, confidence: float) -> tuple[float, float]:
-    """Return the samples between which the q-quantile lies; -inf or inf where none bounds it.
+    """Return the samples that bound the q-quantile; -inf or inf where none does.
 
     Args:
         values: independent samples, inf where larger than any number.
-        q: of the quantile.
+        q: share of the quantile.
         confidence: see quantile_ranks.
     """
     low, high = quantile_ranks(len(values), q, confidence)

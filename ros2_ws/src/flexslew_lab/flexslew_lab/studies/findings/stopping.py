@@ -17,10 +17,10 @@ _FIRST = 64  # samples before the first look
 
 
 def interim_sizes(study: Study, samples: pa.Table) -> list[int]:
-    """Return after how many samples the study looks whether to stop; the last is all of them.
+    """Return the numbers of samples after which the study may stop; the last is all of them.
 
     Random samples and Sobol points double in between, where the latter are balanced; Latin
-    hypercubes are looked at after whole replicates.
+    hypercubes are checked after whole replicates.
     """
     last: int = samples.num_rows
     if study.settings.stop is None:
@@ -37,24 +37,24 @@ def interim_sizes(study: Study, samples: pa.Table) -> list[int]:
 
 
 def interim_confidence(study: Study, samples: pa.Table, stop: Stop) -> float:
-    """Return at what confidence each look at each variant bounds the quantile (Bonferroni).
+    """Return at what confidence each check of each variant bounds the quantile (Bonferroni).
 
-    All looks hold at once with the confidence of the stop, so that the bounds of the look at which
-    a study ended hold with it, too.
+    All checks hold at once with the confidence of the stop, so that the bounds of the check at
+    which a study ended hold with it, too.
     """
     return at_every_look(study, samples, 1.0 - (1.0 - stop.confidence) / len(study.variants))
 
 
 def at_every_look(study: Study, samples: pa.Table, confidence: float) -> float:
-    """Return the confidence of bounds at each look, so that those of all looks hold at once.
+    """Return the confidence of bounds at each check, so that those of all checks hold at once.
 
-    How many samples a study that may stop has depends on them: bounds for a given number of
-    samples hold less often there (Bonferroni).
+    The number of samples of a study that may stop depends on the samples: bounds for a given
+    number of samples hold less often there (Bonferroni).
 
     Args:
-        study: whose looks these are; one that cannot stop looks once.
-        samples: of it.
-        confidence: of all looks together.
+        study: the study; one that cannot stop has one check.
+        samples: samples of it.
+        confidence: confidence of all checks together.
     """
     return 1.0 - (1.0 - confidence) / len(interim_sizes(study, samples))
 

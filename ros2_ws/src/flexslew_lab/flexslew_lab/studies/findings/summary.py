@@ -25,12 +25,12 @@ _REASONS = 20
 
 
 def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, Any]:
-    """Return what the results of a study show.
+    """Return the results of a study in summary.
 
     Args:
         study: its file.
         store: its folder.
-        flights: wall_time, trials_per_second, lanes check and what else the run says of itself.
+        flights: wall_time, trials_per_second, lanes check and the other facts of the run.
     """
     columns = store.identity["columns"]
     rows = store.table(["status", "reason", "way"])

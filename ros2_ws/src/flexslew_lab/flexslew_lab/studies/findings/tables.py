@@ -34,7 +34,7 @@ class PairRow(NamedTuple):
 
 
 def metric_tables(found: dict[str, Any]) -> dict[str, list[MetricRow]]:
-    """Return the rows of each variant by its label, without those that tell nothing."""
+    """Return the rows of each variant by its label, without those that have no information."""
     tables = {}
     for label in found["variants"]:
         rows = []
@@ -70,7 +70,7 @@ def pair_rows(found: dict[str, Any]) -> list[PairRow]:
 
 
 def criterion_words(row: dict[str, Any]) -> str:
-    """Return what was asked of a metric and what the trials show."""
+    """Return in words a criterion and the result of the trials."""
     side = f"below {row['below']:g}" if row["below"] is not None else f"above {row['above']:g}"
     who = f" ({row['variant']})" if row["variant"] else ""
     words = f"{row['metric']} {side}{who}: {row['successes']} of {row['trials']}"

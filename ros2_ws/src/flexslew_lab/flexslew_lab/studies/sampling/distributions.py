@@ -95,15 +95,15 @@ FAMILIES: dict[str, _Family] = {
 
 
 def distribution_of(values: Any, place: str, others: tuple[str, ...] = ()) -> Distribution:
-    """Return the distribution that `{family: [numbers]}` asks for.
+    """Return the distribution of `{family: [numbers]}`.
 
     Args:
-        values: what the YAML holds.
+        values: content of the YAML.
         place: file and key, for messages.
         others: keys that are allowed here besides the families.
 
     Raises:
-        BadInput: an unknown family, wrong numbers, or no spread.
+        BadInput: if the family is unknown, the numbers are wrong, or there is no spread.
     """
     known = (*FAMILIES, *others)
     for key in values if isinstance(values, dict) else ():

@@ -18,7 +18,7 @@ from flexslew_plant.given_file import given_text
 from flexslew_plant.settings import section
 
 MOST_FOR_SALTELLI = 64  # varied values
-REPLICATES = 16  # independently randomised, where a file does not say how many
+REPLICATES = 16  # independently randomised, where a file gives no number
 _MINIMUM_POINTS = 4  # points of a replicate, before there are fewer of them
 _STREAM = 0x5A3D  # spawn key of the samples; a trial's is its number alone
 

@@ -1,1 +1,1 @@
-"""A run of the bench against the wall clock: its states, pace, and who takes part."""
+"""A run of the bench against the wall clock: its states, pace, and participants."""

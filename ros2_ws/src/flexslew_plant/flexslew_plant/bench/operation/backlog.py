@@ -15,22 +15,22 @@ class _Heard:
     tick: int  # last measurement it has seen
     epoch: int
     allowed: int  # ticks behind the plant
-    paced: int | None  # the same for a paced plant; None: it waits for nobody
+    paced: int | None  # the same for a paced plant; None: the plant does not wait for it
     held_since: float | None = None  # the plant has been waiting for it [wall s]
     lost: bool = False  # silent for so long that it is waited for no more
 
 
 @dataclass
 class Backlog:
-    """Who has seen which tick, from the statuses of controllers and recorders.
+    """The last tick that each node has seen, from the statuses of controllers and recorders.
 
     Not paced, the plant holds back for the slowest. Paced, a controller that is too far behind is
     not ready; only for a recorder the plant falls behind its schedule, before the log has a gap.
 
     Args:
         allowed: largest distance behind the plant [ticks].
-        patience: who does not move for so long is waited for no more [wall s].
-        paced: by the wall clock.
+        patience: the plant stops waiting for a node without progress after this time [wall s].
+        paced: whether the run is paced by the wall clock.
     """
 
     allowed: int = 1000
@@ -62,11 +62,11 @@ class Backlog:
         self._heard.pop(name, None)
 
     def slow(self, tick: int, epoch: int, now: float) -> list[str]:
-        """Return for whom the plant must hold back now.
+        """Return the nodes for which the plant must hold back now.
 
         Args:
-            tick: of the question that would go out next.
-            epoch: of that question.
+            tick: tick of the next question.
+            epoch: epoch of that question.
             now: wall clock [s].
         """
         slow = []
@@ -82,7 +82,7 @@ class Backlog:
         return slow
 
     def lag(self, name: str, tick: int, epoch: int) -> int | None:
-        """Return by how many ticks it was behind when it last told; None: it never did."""
+        """Return by how many ticks it was behind at its last status; None without a status."""
         heard = self._heard.get(name)
         return None if heard is None else _lag(heard, tick, epoch)
 
@@ -92,9 +92,9 @@ class Backlog:
         """Return why a controller that is too far behind at this tick cannot take charge.
 
         Args:
-            controller: whose.
-            tick: of the bench.
-            epoch: of it.
+            controller: name of the controller.
+            tick: tick of the bench.
+            epoch: epoch of the bench.
             resting: no question comes before the bench goes on, so one that was started meanwhile,
                 and has seen none, is not behind: it begins with the next.
         """

@@ -2,7 +2,7 @@
 
 from math import inf
 
-REPEAT_AFTER = 0.1  # an unanswered question is asked again [wall s]
+REPEAT_AFTER = 0.1  # an unanswered question is repeated [wall s]
 LAST_CHANCE = 0.25  # paced, an answer that decides about the charge is waited for [wall s]
 BEHIND = 0.05  # further behind its schedule a paced run starts a new one [wall s]
 
@@ -11,10 +11,10 @@ class Pacing:
     """The wall clock's side of a run, without a clock of its own.
 
     Paced, a tick is over when its time has come and it is answered; without an answer not before
-    the question had its full period, and the last question before somebody else takes over has a
-    quarter of a second at least: a busy machine is not a dead controller. Time during which the
-    plant itself did not look at the clock (a process held up, a busy machine) counts against
-    nobody. A run that is too far behind begins a new schedule instead of catching up in a burst.
+    the question had its full period, and the last question before another controller takes over has
+    a quarter of a second at least: a busy machine is not a dead controller. Time during which the
+    plant itself did not read the clock (a process held up, a busy machine) does not count.
+    A run that is too far behind starts a new schedule instead of catching up in a burst.
 
     Args:
         period: one tick [simulated s].
@@ -53,7 +53,7 @@ class Pacing:
         self._repeat = now + REPEAT_AFTER
 
     def look(self, now: float) -> float:
-        """Note that the plant looks at the clock; return by how much it is late [s]."""
+        """Note that the plant reads the clock; return by how much it is late [s]."""
         self.late = max(0.0, now - self._look_due)
         self._look_due = inf
         self._asked += self.late
@@ -75,8 +75,8 @@ class Pacing:
         Args:
             now: wall clock [s].
             answered: a valid answer is held.
-            missed_in_a_row: ticks; nobody is waited for twice as long as the timeout.
-            last_chance: without an answer to this question somebody else takes over.
+            missed_in_a_row: ticks; after a miss the plant waits a shorter time than the timeout.
+            last_chance: another controller takes over if this question has no answer.
         """
         self._allowed = max(self._interval, LAST_CHANCE * last_chance)
         if self.paced:

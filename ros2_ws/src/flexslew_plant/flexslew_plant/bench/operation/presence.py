@@ -1,4 +1,4 @@
-"""Who on the graph is alive, by the beats that every node of the bench sends."""
+"""Which nodes on the graph are alive, by the heartbeats that every node of the bench sends."""
 
 from collections.abc import Iterable
 from math import inf
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 BEAT_EVERY = 0.25  # [wall s]
 SILENT_AFTER = 0.8  # without a beat a node counts as gone [wall s]
-_ONE = ("plant", "planner")  # roles that a bench has once, under whatever name
+_ONE = ("plant", "planner")  # roles that a bench has once, under any name
 
 
 class Beat(NamedTuple):
@@ -29,7 +29,7 @@ class Presence:
 
     def __init__(self) -> None:
         self._heard: dict[int, tuple[Beat, float]] = {}  # by instance, with the wall time [s]
-        self._known: dict[str, str] = {}  # role by name, of all that were ever heard
+        self._known: dict[str, str] = {}  # role by name, of all nodes with a beat so far
 
     def hear(self, beat: Beat, now: float) -> None:
         """Take a beat that came at this wall time [s]."""
@@ -37,7 +37,7 @@ class Presence:
         self._known[beat.node] = beat.role
 
     def excuse(self, seconds: float) -> None:
-        """Start all waiting times anew: it was the listener that was late."""
+        """Shift all waiting times: the receiver was late, not the nodes."""
         self._heard = {key: (beat, at + seconds) for key, (beat, at) in self._heard.items()}
 
     def ended(self, beat: Beat) -> None:
@@ -45,7 +45,7 @@ class Presence:
         self._heard[beat.instance] = beat, -inf
 
     def alive(self, now: float) -> dict[str, Beat]:
-        """Return who is alive by name; of several with one name the oldest."""
+        """Return the nodes that are alive, by name; the oldest one of several with one name."""
         found: dict[str, Beat] = {}
         for beat, at in self._heard.values():
             if now - at <= SILENT_AFTER and (
@@ -55,22 +55,22 @@ class Presence:
         return found
 
     def counts(self, name: str, instance: int, now: float) -> bool:
-        """Return whether what an instance says is said by the node of this name.
+        """Return whether a message from an instance counts as one from the node of this name.
 
-        Of two the older one's counts. Where nobody of the name is alive, or the instance is not
-        told (0), there is nothing else to go by.
+        Of two nodes of one name, the older one's messages count. If no node of the name is alive,
+        or the instance is not given (0), every message counts.
         """
         first = self.alive(now).get(name)
         return not instance or first is None or first.instance == instance
 
     def contradicted(self, name: str, instance: int, since: float, now: float) -> bool:
-        """Return whether the one whose name it is has lived on after another one spoke.
+        """Return whether the node of this name has sent a beat after a message of another instance.
 
         Args:
-            name: of both.
-            instance: that spoke.
-            since: when it did [wall s].
-            now: [wall s].
+            name: name of both.
+            instance: the instance that sent the message.
+            since: when it sent the message [wall s].
+            now: wall clock [s].
         """
         first = self.alive(now).get(name)
         beats = {beat.instance: at for beat, at in self._heard.values()}
@@ -81,11 +81,11 @@ class Presence:
         return name in self._known and name not in self.alive(now)
 
     def overdue(self, now: float) -> list[Beat]:
-        """Return the last beats of all whose next one has not come in time."""
+        """Return the last beats of all nodes with an overdue next beat."""
         return [beat for beat, at in self._heard.values() if now - at > 1.2 * BEAT_EVERY]
 
     def lost(self, names: Iterable[str], patience: float, now: float) -> set[str]:
-        """Return those of these names that were heard once, and not for `patience` [wall s]."""
+        """Return those of these names with a beat once, but none for `patience` [wall s]."""
         known = self._known.keys() & set(names)
         return {name for name in known if now - self.last_heard(name) > patience}
 
@@ -94,7 +94,7 @@ class Presence:
         return max((at for beat, at in self._heard.values() if beat.node == name), default=-inf)
 
     def of_role(self, role: str) -> list[str]:
-        """Return all names with this role that were ever heard."""
+        """Return all names with this role that have ever sent a beat."""
         return sorted(name for name, had in self._known.items() if had == role)
 
     def older(self, beat: Beat, now: float) -> Beat | None:

@@ -1,4 +1,4 @@
-"""Whether the bench waits, runs, rests or is done, and what may be asked of it then."""
+"""Whether the bench waits, runs, rests or is done, and which requests it accepts then."""
 
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ def _not_now(why: str) -> Reply:
 
 
 class RunState:
-    """The states of a run: waiting for somebody -> running <-> paused -> finished.
+    """The states of a run: waiting for nodes -> running <-> paused -> finished.
 
     Args:
         autostart: begin waiting; else paused.
@@ -50,7 +50,7 @@ class RunState:
 
     @property
     def stepping(self) -> bool:
-        """A paused bench flies some ticks, or waits for somebody before it does."""
+        """Return whether a paused bench simulates some ticks, or waits for nodes before it does."""
         return self._steps_left > 0
 
     def wall_time(self, now: float) -> float:
@@ -58,7 +58,7 @@ class RunState:
         return self._wall + (now - self._since if self._since is not None else 0.0)
 
     def begin(self, now: float) -> None:
-        """Run: all who were waited for are there."""
+        """Run: all required nodes are present."""
         self.state, self._since = RUNNING, now
 
     def start(self) -> Reply:

@@ -1,7 +1,7 @@
-"""A run of the bench against the wall clock: who is there, how fast it goes, what is asked of it.
+"""A run of the bench against the wall clock: participants, pace and requests.
 
-The session has no clock and no graph of its own: its caller tells it the time and what came, asks
-it to `poll`, and sends on what lies in `outbox`.
+The session has no clock and no graph of its own: its caller passes in the time and what came,
+calls `poll`, and sends the messages in `outbox`.
 """
 
 from collections import deque
@@ -39,19 +39,19 @@ Outgoing: TypeAlias = Measurement | Truth | Event
 _SILENT = Refusal("its heartbeat is lost", cause=Cause.NO_HEARTBEAT)
 _ABSENT = Refusal("it is not on the graph", cause=Cause.ABSENT)
 _JUST_COME = Refusal("it has just come", cause=Cause.NOT_READY)
-_POLL_PERIOD = 0.02  # between two polls at who is missing [wall s]
+_POLL_PERIOD = 0.02  # between two checks for missing nodes [wall s]
 
 
 class Session:
     """The state machine behind the plant node.
 
     Args:
-        bench: that is run.
-        controllers: that must be ready before tick 0, besides the one in charge.
+        bench: the bench to run.
+        controllers: controllers that must be ready before tick 0, in addition to the active one.
         rate_factor: simulated seconds per wall second; 0: as fast as possible.
         answer_timeout: silence that counts as missed ticks when not paced [wall s].
         autostart: start as soon as all are there.
-        missing: returns who must still come before a tick can pass, beyond readiness.
+        missing: returns the missing nodes without which no tick can pass, except unready ones.
         arrived: returns the commands that came and were not yet delivered by `take`.
     """
 
@@ -70,21 +70,21 @@ class Session:
         self.pacing = Pacing(bench.settings.period, rate_factor, answer_timeout)
         self.backlog = Backlog(patience=answer_timeout, paced=self.pacing.paced)
         self.presence = Presence()
-        self.reasons: dict[str, Refusal | None] = {}  # why not ready, as the controllers say
-        self._said_by = dict[str, int]()  # the instance of each that said so; 0: not told
-        self._answers = dict[str, int]()  # the instance of each whose answers count, for a moment
+        self.reasons: dict[str, Refusal | None] = {}  # why not ready, from their statuses
+        self._said_by = dict[str, int]()  # the instance of each status; 0: not given
+        self._answers = dict[str, int]()  # the accepted instance of each, until _look_around
         self.waiting_for: list[str] = []
         self.outbox: deque[Outgoing] = deque()
         self.watched: Callable[[], bool] = lambda: True  # whether this tick's truth is of use
         self._requested = controllers
         scheduled = (entry.switch for entry in bench.settings.schedule if entry.switch)
         self._named = {*bench.settings.fallback, *scheduled}  # may have to take over
-        self._who = ""  # asked for the start that is under way
+        self._who = ""  # name of the operator that requested the start under way
         self._missing, self._arrived = missing, arrived
         self._shown = (0, -1)  # epoch and tick of the newest truth that went out
         self._late = (0, 0.0)  # how often behind the schedule, and by how much in all [wall s]
         self._next_look = 0.0
-        self._held_since: float | None = None  # for the one who is due to take over [wall s]
+        self._held_since: float | None = None  # for the next controller [wall s]
         self._gone: set[str] = set()  # recorders that fell silent
 
     def poll(self, now: float) -> float:
@@ -103,7 +103,7 @@ class Session:
             for command in self._arrived():
                 if self._counts(command, now):
                     bench.offer(command)
-            if bench.question is not question:  # a refused switch: its predecessor is asked
+            if bench.question is not question:  # a refused switch: ask the previous controller
                 self.outbox.append(bench.question)
         self._look_around(now)
         drive = bench.drive
@@ -133,7 +133,7 @@ class Session:
             if self._held_back(now):
                 return True
             self._advance(now)
-        elif bench.question is not question:  # a refused switch: its predecessor is asked
+        elif bench.question is not question:  # a refused switch: ask the previous controller
             self.outbox.append(bench.question)
         self._flush()
         return bool(bench.handover.results) or bench.answered
@@ -141,7 +141,7 @@ class Session:
     def _take_at_rest(self, command: EffortCommand, now: float) -> None:
         """Keep an answer to the question that was out when the bench came to rest.
 
-        Else it would be asked again, and might be answered by another process of that name.
+        Else its question would be repeated, and another process of that name might answer.
         """
         asked = self.bench.question
         about = command.tick, command.epoch, command.controller
@@ -150,7 +150,7 @@ class Session:
             self._flush()
 
     def _counts(self, command: EffortCommand, now: float) -> bool:
-        """Return whether an answer is that of the process whose name it has; else reject it."""
+        """Return whether an answer comes from the node that counts for its name; else reject it."""
         name, instance = command.controller, command.instance
         if not instance or self._answers.get(name) == instance:
             return True
@@ -161,13 +161,13 @@ class Session:
         return counts
 
     def hear(self, controller: str, ready: bool, reason: str, instance: int = 0) -> None:
-        """Take what a controller says of itself: whether it could take charge, and why not.
+        """Take the status of a controller: whether it could take charge, and why not.
 
         Args:
-            controller: its name.
-            ready: it could.
+            controller: name of the controller.
+            ready: whether it could take charge.
             reason: why not.
-            instance: of the one that says so; 0: it does not tell.
+            instance: instance that sent the status; 0: not given.
         """
         self._said_by[controller] = instance
         self.reasons[controller] = None if ready else Refusal(reason, cause=Cause.NOT_READY)
@@ -238,8 +238,8 @@ class Session:
     def switch(self, request: SwitchRequest, now: float) -> Refusal | None:
         """Queue a switch; return why it is refused, or None. See Bench.request_switch.
 
-        Not paced, one who has just fallen silent may be starved of processor time: he is waited for
-        when the switch is due, see _held_back.
+        Not paced, a controller that has just fallen silent may be starved of processor time: the
+        bench waits for it when the switch is due, see _held_back.
         """
         if request.controller not in self.reasons:
             known = ", ".join(sorted(self.reasons)) or "none"
@@ -259,13 +259,13 @@ class Session:
         return refused
 
     def interrupted(self) -> None:
-        """Say that the run ends before its time, if it does."""
+        """Record that the run ends before its time, if it does."""
         if self.run.state in ("running", PAUSED) and self.bench.tick:
             self.bench.tell(Interrupted(self.bench.tick))
         self._flush()
 
     def _try_begin(self, now: float) -> None:
-        """Begin as soon as all are there who must be."""
+        """Begin as soon as all required nodes are present."""
         bench = self.bench
         reasons = {name: self.reason(name, now) for name in self.needed(now)}
         unready = {f"{name} ({why})" for name, why in reasons.items() if why}
@@ -281,9 +281,9 @@ class Session:
     def needed(self, now: float) -> set[str]:
         """Return which controllers the bench waits for before a tick passes.
 
-        At the first start all of the trial; later nobody but the one in charge is needed, and after
-        a reset those who are still alive. Nor is the one in charge if it cannot go on and an
-        operator has asked for the brake or somebody else from the next tick on.
+        At the first start all controllers of the trial; later only the active one is needed, and
+        after a reset those that are still alive. The active one is not needed if it cannot go on
+        and an operator has requested the brake or another controller from the next tick on.
         """
         bench, active = self.bench, self.bench.drive.active
         first, others = not (bench.tick or bench.epoch), set[str]()
@@ -294,7 +294,7 @@ class Session:
         return {*others, active} - {""}
 
     def _is_lost(self, controller: str, now: float) -> bool:
-        """Return whether a controller is gone for good, as it seems, or says it is not ready."""
+        """Return whether a controller seems gone for good, or has reported that it is not ready."""
         gone = bool(self.presence.lost([controller], self.backlog.patience, now))
         return gone or self.reasons.get(controller) is not None
 
@@ -311,12 +311,12 @@ class Session:
         self.run.ticked(now)
 
     def _tell_tick(self) -> None:
-        """Ask first: the answer is under way while the rest goes out.
+        """Send the question first: the answer is under way while the rest goes out.
 
-        Where the bench rested with an answer, nobody is asked again: who has come since begins
-        with the next question, as the answer to this one is not his.
+        Where the bench rested with an answer, the question is not repeated: a controller that has
+        come since starts with the next question, as the answer to this one is not its own.
         """
-        if not (self.bench.drive.active and self.bench.answered):  # under the brake all are asked
+        if not (self.bench.drive.active and self.bench.answered):  # under the brake: to all
             self.outbox.append(self.bench.question)
         self._tell_truth()
         self._flush()
@@ -340,12 +340,13 @@ class Session:
         self._flush()
 
     def _held_back(self, now: float) -> bool:
-        """Return whether another question must wait for somebody who is behind or held up.
+        """Return whether the next question must wait for a node that is behind or held up.
 
-        A recorder is waited for, with or without a heartbeat: one that is starved of processor time
-        gives none either, and what it does not have is lost if it dies. Paced nobody else is. Not
-        paced, a busy machine must not decide who takes over: whose turn it is by a switch, or as
-        a fallback after the answer that is missing now, and who sends no heartbeat is waited for.
+        The bench waits for a recorder, with or without a heartbeat: one starved of processor time
+        sends none either, and what it has not received is lost if it dies. Paced, the bench waits
+        for no other node. Not paced, a busy machine must not decide which controller takes over:
+        the bench waits for one without a heartbeat that is next by a switch, or as a fallback after
+        a miss now.
         """
         tick, epoch = self.bench.tick + 1, self.bench.epoch
         slow = self.backlog.slow(tick, epoch, now)
@@ -354,7 +355,7 @@ class Session:
             if any(name in recorders or not self.presence.silent(name, now) for name in slow):
                 return True
         bench = self.bench
-        if bench.answered and not bench.handover.waiting:  # the usual tick: nobody takes over
+        if bench.answered and not bench.handover.waiting:  # the usual tick: no takeover
             self._held_since = None
             return False
         due = [*bench.handover.due(tick), *self._heirs(now)]
@@ -366,7 +367,7 @@ class Session:
         return now - self._held_since <= self.backlog.patience
 
     def _heirs(self, now: float) -> list[str]:
-        """Return who takes over if this tick passes now, but those who fell silent long before."""
+        """Return the next controllers if this tick passes now, without those silent long before."""
         drive = self.bench.drive
         if self.bench.answered or not drive.active or not drive.one_miss_left:
             return []
@@ -375,12 +376,12 @@ class Session:
         return sorted({*heirs} - self.presence.lost(heirs, self.backlog.patience, since))
 
     def _refresh(self, controllers: Iterable[str], now: float) -> None:
-        """Note who of these can take charge at this moment."""
+        """Note which of these controllers can take charge at this moment."""
         for name in controllers:
             self.bench.handover.note_readiness(name, self.reason(name, now))
 
     def _look_around(self, now: float) -> None:
-        """Note who fell silent and who can take charge."""
+        """Note which nodes fell silent and which controllers can take charge."""
         if now < self._next_look and self.run.running:
             return
         self._next_look = now + BEAT_EVERY / 2

@@ -12,11 +12,11 @@ _PERIOD = 1.0  # [wall s]
 
 
 class Diagnostics:
-    """Says tick rate and misses of the bench, and how far everybody lags behind it.
+    """Publishes tick rate, missed ticks, and the lag of controllers and recorders.
 
     Args:
         node: the plant.
-        session: that it runs.
+        session: session of the plant.
     """
 
     def __init__(self, node: Node, session: Session) -> None:

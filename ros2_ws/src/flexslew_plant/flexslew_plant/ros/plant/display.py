@@ -44,8 +44,8 @@ class Display:
 
     Args:
         node: the plant.
-        outlets: of the node.
-        bench: whose truth is shown.
+        outlets: outlets of the node.
+        bench: bench with the state that is shown.
         rate: samples per simulated second; 0: nothing is shown.
     """
 
@@ -107,7 +107,7 @@ class Display:
         self._platform.show(at, x, truth.applied_effort, truth.time)
 
     def sense(self, measurement: Measurement) -> None:
-        """Publish what instruments read, at whatever rate the rest is shown."""
+        """Publish the readings of instruments, regardless of the display rate."""
         self._instruments.show(measurement)
 
     def _numbers(self, truth: Truth, x: Vector) -> Vector:

@@ -24,35 +24,35 @@ from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.outlets import Outlets
 
 _AT_ONCE = 0.005  # ticks flown by calls before the graph is served again [wall s]
-_LOOK_EVERY = 0.02  # for those who call [wall s]
-_DECIDING = 1.0  # for a controller to call, before it is said to be asked over DDS [wall s]
-_LOOK_AT_GRAPH = 0.1  # for those who answer over DDS [wall s]
+_LOOK_EVERY = 0.02  # between two checks for calls [wall s]
+_DECIDING = 1.0  # for a controller to call, before DDS is reported as its transport [wall s]
+_LOOK_AT_GRAPH = 0.1  # between two checks for controllers that answer over DDS [wall s]
 
 
 class Neighbour(Protocol):
-    """A controller in the plant's process, which is asked by a call."""
+    """A controller in the plant's process, which answers by a function call."""
 
     @property
     def name(self) -> str:
-        """What the bench knows it by."""
+        """Name of the controller on the bench."""
 
     def answer(self, question: Measurement) -> EffortCommand | None:
         """Observe a question; return the answer, published already, if it names this controller."""
 
 
 class Exchange:
-    """Asks a neighbour by calls, controllers of this machine by lines, and all others by messages.
+    """Queries a neighbour by calls, controllers of this machine by lines, and others by messages.
 
-    Whoever is not asked by messages is listened to elsewhere: the plant hears `effort_command` only
-    while somebody else may answer there. Everybody on the graph hears copies.
+    The plant subscribes to `effort_command` only while a controller that is neither the neighbour
+    nor on a line may answer there. All listeners on the graph receive copies.
 
     Args:
         node: the plant.
-        outlets: of the node.
-        loop: that serves it.
-        session: that asks.
+        outlets: outlets of the node.
+        loop: loop that serves the node.
+        session: session that poses the questions.
         take: passes an answer on; returns whether the loop should poll at once.
-        neighbour: a controller in this process. Nobody else is listened to until there is
+        neighbour: a controller in this process. The plant listens to no other until there is
             another controller; from then on all answers come as messages, in one order.
     """
 
@@ -69,10 +69,10 @@ class Exchange:
         self._session = session
         self._unseen: deque[Measurement] = deque()  # what the neighbour has still to observe
         self._commands: Subscription[Any] | None = None
-        self._told: dict[str, str] = {}  # how each controller is asked, as told
+        self._told: dict[str, str] = {}  # the transport of each controller, as reported
         self._since: dict[str, float] = {}  # when each was on a line, or seen at first [wall s]
         self._next_look = self._next_graph = 0.0  # [wall s]
-        self._asked, self._stray = "", False  # a strange message was told of
+        self._asked, self._stray = "", False  # a stray message was reported
         self._outlets, self.questions = outlets, outlets.publisher(topics.MEASUREMENT)
         self._topic = node.resolve_topic_name(topics.EFFORT_COMMAND)
         self._lines: Lines | None = None
@@ -100,10 +100,10 @@ class Exchange:
             self._loop.hurry()
 
     def call(self, wait: float) -> float:
-        """Fly without messages for a moment; return when to poll again at the latest [wall s].
+        """Fly without messages for a moment; return the longest time until the next poll [wall s].
 
         Args:
-            wait: that nothing is due [wall s].
+            wait: time for which nothing is due [wall s].
         """
         until = monotonic() + _AT_ONCE
         while self._neighbour is not None and self._unseen:
@@ -125,16 +125,16 @@ class Exchange:
         return SLICE if lines.greeting else _LOOK_EVERY
 
     def look(self, now: float) -> None:
-        """Take calls; listen to `effort_command` while somebody may answer there."""
+        """Take calls; listen to `effort_command` while a controller may answer there."""
         if self._lines is None:
             return
         if now >= self._next_look or self._lines.greeting or not self._session.run.running:
             self._next_look = now + _LOOK_EVERY
             self._lines.look()
             before = len(self._direct)
-            for command in self._lines.arrived():  # also the words that an answer is to come
+            for command in self._lines.arrived():  # also those that announce an answer
                 self._take(command)
-            if len(self._direct) > before:  # whose copies nobody else needs
+            if len(self._direct) > before:  # the subscription may be obsolete
                 self._next_graph = now
             self._tell(now)
         if now >= self._next_graph:
@@ -159,7 +159,7 @@ class Exchange:
 
     def unheard(self, controllers: Collection[str]) -> list[str]:
         """Return which of these controllers a question would not reach now."""
-        self._outlets.turn()  # who is found to hear it is counted when it goes out
+        self._outlets.turn()  # the listeners are counted when the question goes out
         others = {*controllers} - {self._name} - self._direct
         return unmatched(self._node, [self.questions.publisher], sorted(others))
 
@@ -169,12 +169,12 @@ class Exchange:
 
     @property
     def _direct(self) -> set[str]:
-        """Who answers on a line."""
+        """The controllers that answer on a line."""
         return set() if self._lines is None else self._lines.answering
 
     @property
     def _waits(self) -> bool:
-        """An answer is missing."""
+        """Whether an answer is missing."""
         return self._session.run.running and not self._session.bench.answered
 
     def _newest(self) -> tuple[int, int]:
@@ -192,10 +192,10 @@ class Exchange:
             self._commands = None
 
     def _tell(self, now: float) -> None:
-        """Say once how each controller is asked, which it needs a moment to decide."""
+        """Report once the transport of each controller, which needs a moment to choose it."""
         session = self._session
         for name in session.reasons:
-            reason = session.reason(name, now)  # who is silent is not asked otherwise
+            reason = session.reason(name, now)  # a silent controller has no transport
             how = SOCKET if name in self._direct else DDS
             if how == SOCKET:
                 self._since[name] = now
@@ -213,7 +213,7 @@ class Exchange:
             self._take(command)
 
     def _understood(self, data: bytes) -> Iterator[EffortCommand]:
-        """Yield what was answered over DDS, unless it is the copy of what came on a line."""
+        """Yield an answer that came over DDS, unless it is the copy of one that came on a line."""
         if self._lines is not None and self._lines.copied(data):
             return
         try:

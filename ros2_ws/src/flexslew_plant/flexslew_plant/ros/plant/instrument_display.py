@@ -18,23 +18,23 @@ from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds.instruments import Gyro, Instrument, StarTracker
 from flexslew_plant.testbeds.instruments.instrument import channels
 
-_NOT_GIVEN = [-1.0, *[0.0] * 8]  # a covariance that says: not measured (sensor_msgs/Imu)
+_NOT_GIVEN = [-1.0, *[0.0] * 8]  # covariance for "not measured" (sensor_msgs/Imu)
 
 
 class InstrumentDisplay:
     """Publishes each gyro on `sensors/imu` and each star tracker on `sensors/attitude`.
 
     They are the readings of the measurement, faults included, at each of its ticks; of a star
-    tracker those that there are. The frame is named as the sensor and lies in the platform's: all
-    numbers are along body axes. Stamps are those of the measurement.
+    tracker those that there are. The frame is named as the sensor and coincides with the
+    platform's: all numbers are along body axes. Stamps are those of the measurement.
 
     Args:
         node: the plant.
-        instruments: of what stands on the bench.
-        prefix: of the names of frames.
+        instruments: instruments of the testbed on the bench.
+        prefix: prefix of the names of frames.
 
     Attributes:
-        names: of the sensors that are published, without the prefix.
+        names: names of the published sensors, without the prefix.
     """
 
     def __init__(self, node: Node, instruments: tuple[Instrument, ...], prefix: str) -> None:

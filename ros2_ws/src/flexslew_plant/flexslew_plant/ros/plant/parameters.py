@@ -17,13 +17,13 @@ CHANGEABLE = ("rate_factor", "display_rate")
 
 
 class PlantParameters:
-    """Passes changes on.
+    """Applies changes of the plant's parameters.
 
     Args:
-        node: whose parameters they are.
-        session: whose pace may change.
-        display: whose rate may change.
-        loop: that serves the node.
+        node: node with the parameters.
+        session: session with the changeable pace.
+        display: display with the changeable rate.
+        loop: loop that serves the node.
     """
 
     def __init__(self, node: Node, session: Session, display: Display, loop: Loop) -> None:
@@ -32,7 +32,7 @@ class PlantParameters:
         serve_changes(node, self._change)
 
     def _change(self, changes: dict[str, Any]) -> str:
-        """Take parameters in flight; return why not, or an empty text."""
+        """Apply parameters in flight; return why that is not possible, or an empty text."""
         try:
             validated(PlantSettings, changes, f"node {self._name}")
         except BadInput as error:

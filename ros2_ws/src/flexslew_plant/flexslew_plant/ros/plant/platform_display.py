@@ -16,7 +16,7 @@ from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.floating import CanFloat, Floating
 
-_NOT_GIVEN = [-1.0, *[0.0] * 8]  # a covariance that says: not measured (sensor_msgs/Imu)
+_NOT_GIVEN = [-1.0, *[0.0] * 8]  # covariance for "not measured" (sensor_msgs/Imu)
 
 
 class PlatformDisplay:

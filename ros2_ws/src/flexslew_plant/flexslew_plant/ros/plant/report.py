@@ -13,18 +13,18 @@ from flexslew_plant.ros.graph import UNNAMED, incompatible
 from flexslew_plant.ros.outlet import Outlet
 from flexslew_plant.ros.told_lines import tell
 
-_LOOK_EVERY = 1.0  # for those who ask for another QoS [wall s]
+_LOOK_EVERY = 1.0  # between two checks for incompatible QoS requests [wall s]
 
 
 class PlantReport:
-    """Looks around now and then.
+    """Prints the progress and logs problems of the graph.
 
     Args:
         node: the plant.
-        session: that it runs.
+        session: session of the plant.
         alive: signs of life.
         progress: print the tick twice per second of wall time, and the last one.
-        heard: what must be heard.
+        heard: outlets that must reach their listeners.
     """
 
     def __init__(
@@ -39,13 +39,13 @@ class PlantReport:
         self._progress, self._heard = progress, [outlet.publisher for outlet in heard]
         self._dead = DeadNodes(node, alive.presence)
         self._next, self._printed = 0.0, -1  # when to print again [wall s]; the last tick printed
-        self._told: list[str] = []  # whom it waits for, as logged
+        self._told: list[str] = []  # nodes that the bench waits for, as logged
         self._rivals: set[str] = set()  # younger plants
-        self._next_qos = 0.0  # when to look who asks for another QoS [wall s]
-        self._warned: set[tuple[str, str]] = set()  # of whom: node and topic
+        self._next_qos = 0.0  # of the next check for incompatible QoS requests [wall s]
+        self._warned: set[tuple[str, str]] = set()  # node and topic
 
     def poll(self, now: float) -> None:
-        """Print the progress, log who is missing or one too many; let go of the dead."""
+        """Print the progress, log missing nodes and second plants; let go of dead nodes."""
         session = self._session
         for name in self._dead.poll(now):
             session.backlog.forget(name)
@@ -70,7 +70,7 @@ class PlantReport:
             self._next, self._printed = now + 0.5, bench.tick
 
     def _warn_of_qos(self, now: float) -> None:
-        """Warn once of everybody who asks for a QoS that is not offered, whenever it comes."""
+        """Warn once of each node that requests a QoS that is not offered, whenever it comes."""
         found = incompatible(self._node, self._heard)
         named = {(node, topic) for node, topic in found if node != UNNAMED}
         for node, topic in sorted(named - self._warned):

@@ -12,16 +12,16 @@ from flexslew_plant.ros.offers import service
 
 
 def offer(node: Node, loop: Loop, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
-    """Offer a service that refuses what comes when the plant leaves.
+    """Offer a service that refuses requests when the plant leaves.
 
-    It still listens then, until all have heard it; but what it granted would neither happen nor
-    stand in the log.
+    The plant still serves until its messages are acknowledged; but a request granted then would
+    neither happen nor stand in the log.
 
     Args:
-        node: of the plant.
-        loop: that serves it.
-        kind: of the service.
-        name: of the service.
+        node: node of the plant.
+        loop: loop that serves the node.
+        kind: type of the service.
+        name: name of the service.
         answer: takes request and reply, returns the reply, at once or as a coroutine.
     """
 
@@ -35,7 +35,7 @@ def offer(node: Node, loop: Loop, kind: Any, name: str, answer: Callable[[Any, A
 
 
 def _refused(reply: Any) -> Any:
-    """Say why nothing comes of a request; what replies say of success is false unless set."""
+    """Fill in why a request is refused; the success fields of replies are false by default."""
     if hasattr(reply, "result"):  # of simulation_interfaces
         reply.result.result = reply.result.RESULT_OPERATION_FAILED
         reply.result.error_message = str(RUN_OVER)

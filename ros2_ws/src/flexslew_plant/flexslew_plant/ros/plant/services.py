@@ -1,4 +1,4 @@
-"""The services of the plant: what an operator may ask of the bench while it runs."""
+"""The services of the plant: what an operator may request of the bench while it runs."""
 
 from collections.abc import Callable
 from time import monotonic
@@ -25,7 +25,7 @@ from flexslew_plant.ros.plant.simulation_services import simulation_services
 from flexslew_plant.ros.plant.switch_service import SwitchService
 from flexslew_plant.ros.statuses import Statuses
 
-_START = 2.0  # until somebody who starts the bench hears whom it waits for [wall s]
+_START = 2.0  # until a client that starts the bench is answered with the missing nodes [wall s]
 _RENEW = 0.5  # between two states of the bench, if nothing changes [wall s]
 
 
@@ -63,7 +63,7 @@ class Services:
             topics.RELEASE_BRAKE: lambda who: session.brake(False, who),
         }
         self._simulation = simulation_services(node, session, loop, self._started)
-        self._starts: list[tuple[float, Future]] = []  # until when somebody waits for one [wall s]
+        self._starts: list[tuple[float, Future]] = []  # deadlines [wall s] of waiting clients
         for name, act in self._actions.items():
             answer = self._on_start if name == topics.START else self._trigger(act)
             self._offer(Trigger, name, answer)
@@ -84,7 +84,7 @@ class Services:
             offer(self._node, self._loop, kind, at, answer)
 
     def poll(self, now: float) -> float:
-        """Answer those who wait for a switch, show the state; return when to do so again [s]."""
+        """Answer waiting clients, show the state; return the time until the next call [wall s]."""
         self._statuses.poll(now)
         self._show(now)
         if self._session.run.state == PAUSED:
@@ -137,7 +137,7 @@ class Services:
         return reply
 
     async def _started(self, who: str) -> Reply:
-        """Start or resume; return as soon as ticks pass, or with those who are waited for."""
+        """Start or resume; return as soon as ticks pass, or with the names of missing nodes."""
         outcome = self._session.start(who)
         self._loop.hurry()
         if not outcome.ok:
@@ -151,14 +151,14 @@ class Services:
         return Reply(f"{outcome.done} as soon as they are there: waiting for {waiting}")
 
     def _look_at_starts(self, now: float) -> None:
-        """Answer those who wait for a start that has happened, or for long enough."""
+        """Answer clients of a start that has happened, or that have waited long enough."""
         waits = self._session.run.state == WAITING
         for start in [s for s in self._starts if not waits or now >= s[0]]:
             self._starts.remove(start)
             start[1].set_result(None)
 
     def _done(self, reply: Any, outcome: Reply) -> Any:
-        """Fill in what most services answer."""
+        """Fill in the fields that most replies have."""
         reply.ok, reply.message = outcome.ok, outcome.message
         reply.tick = self._bench.tick
         self._loop.hurry()
@@ -181,7 +181,7 @@ class Services:
 
     def _on_rate(self, request: Any, reply: Any) -> Any:
         outcome = self._session.set_rate(request.rate_factor, monotonic(), request.who)
-        if outcome.ok:  # the parameter tells the truth
+        if outcome.ok:  # the parameter follows
             rate = Parameter("rate_factor", value=request.rate_factor)
             self._node.set_parameters([rate])
         return self._done(reply, outcome)
@@ -204,7 +204,7 @@ class Services:
         except BadInput as error:
             reply.message, reply.tick, reply.number = str(error), self._bench.tick, -1
             return reply
-        here = sorted(self._statuses.counted)  # who has ever said how it stands
+        here = sorted(self._statuses.counted)  # controllers that have ever sent a status
         result = self._bench.inject(text, tick, request.who, here)
         self._loop.hurry()
         reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick

@@ -29,12 +29,12 @@ _FEEDBACK = 0.1  # between two of them [wall s]
 
 
 class _Steps(NamedTuple):
-    """Ticks that somebody waits for."""
+    """Ticks that a client waits for."""
 
     first: int  # tick before them
     ticks: int
     epoch: int
-    goal: ServerGoalHandle | None  # that is told how many are left; None: a service
+    goal: ServerGoalHandle | None  # that receives how many are left; None: a service
     done: Future
 
 
@@ -78,7 +78,7 @@ class SimulationServices:
         )
 
     def poll(self, now: float) -> None:
-        """Tell those who wait for ticks, and answer them when these have passed."""
+        """Send feedback to clients that wait for ticks, and answer them when these have passed."""
         if not self._steps:
             return
         if any(s.goal is not None and s.goal.is_cancel_requested for s in self._steps):
@@ -107,7 +107,7 @@ class SimulationServices:
         return self._msg.Result(result=code, error_message=words)
 
     def _of(self, reply: Reply, otherwise: int) -> Any:
-        """Return what became of a request; the code otherwise says what kind of refusal it is."""
+        """Return the result of a request; `otherwise` is the code of a refusal."""
         ok = self._msg.Result.RESULT_OK
         return self._result(ok) if reply.ok else self._result(otherwise, reply.message)
 

@@ -18,7 +18,7 @@ from flexslew_plant.ros.plant.requests import offer
 
 
 class _Pending(NamedTuple):
-    """A switch that somebody waits for."""
+    """A switch that a client waits for."""
 
     request: SwitchRequest
     deadline: float  # [wall s]
@@ -26,12 +26,12 @@ class _Pending(NamedTuple):
 
 
 class SwitchService:
-    """Queues switches and answers with what became of them.
+    """Queues switches and answers with their results.
 
     Args:
-        node: that offers the service.
-        session: whose bench it is.
-        loop: that serves the node.
+        node: node that offers the service.
+        session: session that operates the bench.
+        loop: loop that serves the node.
     """
 
     def __init__(self, node: Node, session: Session, loop: Loop) -> None:
@@ -40,7 +40,7 @@ class SwitchService:
         offer(node, loop, srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
 
     def poll(self, now: float) -> float:
-        """Answer those who need wait no longer; return when to look again [wall s]."""
+        """Answer clients that need not wait longer; return the time to the next call [wall s]."""
         results = self._session.bench.handover.results
         while results:
             result = results.popleft()

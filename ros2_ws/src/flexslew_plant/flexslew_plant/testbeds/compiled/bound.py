@@ -63,13 +63,13 @@ def bound(kernels: Kernels, n: int, m: int) -> Bound:
 def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
     """Return kernels with their sizes built in.
 
-    The compiler unrolls the short loops of sizes that it knows, and the call from Python costs
+    The compiler unrolls the short loops of constant sizes, and the call from Python costs
     less: half the time of a general function, to the same bits.
 
     Args:
-        kernels: its equations.
-        n: coordinates.
-        m: joints.
+        kernels: the equations.
+        n: number of coordinates.
+        m: number of joints.
     """
 
     @compiled_once("x")
@@ -85,9 +85,9 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
 def _of_joints(kernels: Kernels, m: int) -> Bound:
     """Return kernels with the number of joints built in, the same functions for every size.
 
-    Numba takes two functions of one content for one wherever it copies them: a controller that was
-    warmed as a copy would then meet functions in flight that nobody has warmed. So what does not
-    count with the joints is one function for all numbers of them.
+    Numba takes two functions of one content for one wherever it copies them: a controller warmed
+    as a copy would then meet functions in flight that have not been warmed. So what does not
+    depend on the joints is one function for all numbers of them.
     """
 
     @compiled_once()

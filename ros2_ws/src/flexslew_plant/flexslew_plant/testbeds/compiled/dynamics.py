@@ -1,7 +1,7 @@
 """Forward dynamics of every testbed and the fixed-step integration, as compiled kernels.
 
 A testbed is M(q, t) a + h(q, v, t) = B u, x = [q, v], with the joints first and the modes after
-them. `kernels` says whose equations they are.
+them. The equations are those of `kernels`.
 """
 
 import numpy as np

@@ -17,14 +17,14 @@ def generated(name: str, text: str, names: Mapping[str, Any]) -> Callable[..., A
     """Return the function that a text defines; what runs is the text, never the file.
 
     Args:
-        name: of the function.
+        name: name of the function.
         text: its definition.
-        names: that it uses besides built-in ones.
+        names: names that it uses in addition to built-in ones.
     """
     digest = hashlib.sha256(text.encode()).hexdigest()[:24]
     path = cache_folder("generated", config.CACHE_DIR) / f"{name}_{digest}.py"
     _keep(path, text)
-    given = {**names, "__name__": __name__}  # a module that whoever loads it can import
+    given = {**names, "__name__": __name__}  # a module that any loader can import
     exec(compile(text, str(path), "exec"), given)
     found: Callable[..., Any] = given[name]
     return found

@@ -74,7 +74,7 @@ class Tape:
             return simple
         parts = tuple(v.index if isinstance(v, Number) else ("constant", float(v)) for v in given)
         alone = all(self.parametric[v.index] for v in given if isinstance(v, Number))
-        if name == "/" and given[0] != 1.0:  # who divides by the same divides once
+        if name == "/" and given[0] != 1.0:  # several divisions by one number need one division
             return self.operation("*", given[0], self.operation("/", 1.0, given[1]))
         return self._node((name, *parts), alone)
 
@@ -223,7 +223,7 @@ class Number:
 
 
 class PackedNumber(Number):
-    """A packed number: whoever looks at it makes it one that all lanes have alike."""
+    """A packed number: reading its value makes it a constant, the same in all lanes."""
 
     __slots__ = ("at", "value")
 

@@ -71,7 +71,7 @@ class NotedEquations:
         return out
 
     def joints(self) -> list[Value]:
-        """Return position and rate of the joints where the equations say how they are read."""
+        """Return position and rate of the joints by the `reading` of the equations."""
         position, rate = _zeros(self._joints), _zeros(self._joints)
         self._run(self._kernels.functions["reading"], self._p, self.x, position, rate)
         return [*position, *rate]

@@ -26,7 +26,7 @@ class BlockLayout(NamedTuple):
 
     rows: Mapping[str, int]  # of the inputs "x" and "u", and of the constants
     constants: Sequence[int]  # places on the tape, in the order of their rows
-    width: int  # lanes of a block, which stand beside each other in w
+    width: int  # lanes of a block, next to each other in w
     given: str = "t, h, w"  # its arguments
 
 

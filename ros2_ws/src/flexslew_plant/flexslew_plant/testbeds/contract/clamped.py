@@ -1,4 +1,4 @@
-"""Testbeds whose appendages a law models one by one, each clamped to its platform."""
+"""Testbeds with appendages that a law models one by one, each clamped to its platform."""
 
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -44,7 +44,7 @@ class Clamped(NamedTuple):
 
 @runtime_checkable
 class HasClampedAppendages(Protocol):
-    """A testbed whose appendages a law may take one by one."""
+    """A testbed with appendages that a law may take one by one."""
 
     def clamped(self, name: str) -> Clamped:
         """Return an appendage clamped to the platform.

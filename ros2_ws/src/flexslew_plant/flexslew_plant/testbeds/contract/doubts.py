@@ -1,4 +1,4 @@
-"""Testbeds whose numbers may be wrong without a contradiction."""
+"""Testbeds with numbers that may be wrong without a contradiction."""
 
 from typing import Protocol, runtime_checkable
 

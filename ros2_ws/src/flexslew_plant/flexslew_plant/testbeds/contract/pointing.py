@@ -1,4 +1,4 @@
-"""Testbeds whose platform, appendages and antennas point somewhere."""
+"""Testbeds with a platform, appendages and antennas that point somewhere."""
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -49,7 +49,7 @@ class Spins(NamedTuple):
 
 @runtime_checkable
 class Pointing(Protocol):
-    """A testbed whose platform and appendages point somewhere."""
+    """A testbed with a platform and appendages that point somewhere."""
 
     @property
     def pointing_tolerance(self) -> float:
@@ -81,7 +81,7 @@ class LineOfSight(NamedTuple):
 
     hinge: Vector  # angle from the hinge's rest, (k,) [rad]
     error: Vector  # between the line of sight and its target in inertial space, (k,) [rad]
-    rests: NDArray[np.bool_]  # a turn has ended, and no other one has begun, (k,)
+    rests: NDArray[np.bool_]  # a turn has ended, and no other one has started, (k,)
 
 
 @runtime_checkable

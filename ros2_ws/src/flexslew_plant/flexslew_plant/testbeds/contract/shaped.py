@@ -1,4 +1,4 @@
-"""Testbeds whose joints follow a shaped command by a motion of their own."""
+"""Testbeds with joints that follow a shaped command by a motion of their own."""
 
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -19,12 +19,12 @@ class ShapedMotion(NamedTuple):
 
 @runtime_checkable
 class Shaped(Protocol):
-    """A testbed that says how its joints must move for their drive to be shaped."""
+    """A testbed with its own joint motion for a shaped drive of its modes."""
 
     def shaped_motion(
         self, path: Vector, rate: Vector, first: Vector, last: Vector, h: float
     ) -> ShapedMotion:
-        """Return the motion whose drive of the modes is linear in the derivatives of the path.
+        """Return the motion that drives the modes linearly in the derivatives of the path.
 
         Args:
             path, rate: a shaped command from 0 to 1 and its derivative, shape (times,) [-, 1/s].
@@ -41,7 +41,7 @@ def shaped_motion(
 ) -> ShapedMotion:
     """Return how the joints follow a shaped command; see Shaped.
 
-    Unless the testbed says otherwise every joint follows the command itself, which drives the
+    Unless the testbed is a Shaped one every joint follows the command itself, which drives the
     modes by its second derivative.
     """
     if isinstance(testbed, Shaped):

@@ -1,4 +1,4 @@
-"""Testbeds whose axes look into the sky, and the cones that they keep out of."""
+"""Testbeds with axes that point into the sky, and the cones that they keep out of."""
 
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -29,11 +29,11 @@ class Cone(NamedTuple):
 
 
 class Sky(NamedTuple):
-    """What a platform looks at with which of its axes.
+    """The axes of a platform that point into the sky, and the cones around directions in it.
 
     Args:
         boresights: unit vectors in body axes, by name.
-        cones: that they must keep out of.
+        cones: cones that they must keep out of.
     """
 
     boresights: dict[str, Vector]

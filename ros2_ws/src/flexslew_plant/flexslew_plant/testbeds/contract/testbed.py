@@ -54,7 +54,7 @@ class Testbed(Protocol):
 
 @runtime_checkable
 class ManyModels(Protocol):
-    """A testbed whose models are made many at once, as studies want them: thousands a second."""
+    """A testbed with models that are made many at once for studies, thousands a second."""
 
     @classmethod
     def many_models(cls, testbeds: Sequence[Any]) -> list[Model]:
@@ -79,7 +79,7 @@ class UnitSizes(NamedTuple):
 
 @runtime_checkable
 class OwnUnits(Protocol):
-    """A testbed whose section is not in SI; any other one counts in SI."""
+    """A testbed with a section that is not in SI; any other one is in SI."""
 
     def unit_sizes(self) -> UnitSizes:
         """Return the units of the section in SI."""
@@ -95,7 +95,7 @@ def unit_sizes(testbed: Testbed) -> UnitSizes:
 
 @runtime_checkable
 class ScalableInertia(Protocol):
-    """A testbed whose carrier, on which its appendages hang, can be heavier than it says."""
+    """A testbed with a carrier, on which its appendages hang, that can be heavier than given."""
 
     def heavier(self, factor: float) -> "Testbed":
         """Return it with mass and inertia of the carrier times a factor [-]."""
@@ -115,10 +115,10 @@ class Symbolic(Protocol):
 
 
 def refuse_payload(kind: str, payload: float) -> None:
-    """Check that a testbed that carries no payload is asked for none: a factor of 1 [-].
+    """Check that the requested payload of a testbed that carries none is a factor of 1 [-].
 
     Raises:
-        BadInput: another payload is asked for.
+        BadInput: if another payload is requested.
     """
     if payload != 1.0:
         raise BadInput(f"{kind} carries none", key="payload", value=payload)

@@ -20,11 +20,11 @@ class Turning(Protocol):
     """A testbed with many joints that planners turn about one of them."""
 
     def turning(self, joint: str, modes: int | None = None) -> "Testbed":
-        """Return the testbed with this joint alone, about whose axis it turns.
+        """Return the testbed with this joint alone, turning about the joint's axis.
 
         Args:
             joint: a torque on the platform.
-            modes: how many, those that the turn drives most; None: all.
+            modes: number of modes, those that the turn drives most; None: all.
 
         Raises:
             BadInput: the joint does not turn the platform.
@@ -86,7 +86,7 @@ class Wheeled(Protocol):
 
 @runtime_checkable
 class TurnedByDrives(Protocol):
-    """A testbed whose torque can be shared out among its drives."""
+    """A testbed with a torque that can be shared out among its drives."""
 
     def drive_map(self) -> DriveMap:
         """Return what its drives do to its turn."""

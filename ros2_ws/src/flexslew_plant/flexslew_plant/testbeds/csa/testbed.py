@@ -103,7 +103,7 @@ class CsaTestbed:
     def shaped_motion(
         self, path: Vector, rate: Vector, first: Vector, last: Vector, h: float
     ) -> ShapedMotion:
-        """Return the motion whose drive of the modes is a shaped command; see contract.Shaped.
+        """Return the motion that drives the modes by a shaped command; see contract.Shaped.
 
         The pitch follows the command. The modes are driven by w = d/dt(theta' cos psi), on the
         complete model less theta' psi' sin psi. So with k = 1 there and 0 on the printed one

@@ -38,10 +38,10 @@ class Gyro:
     """y = (1 + S) A w + b + n: the mean rate of the last tick, with bias and noise.
 
     Over a tick T the mean of n has the variance angle_random_walk^2 / T, and b is a random walk,
-    whose mean over the tick counts. At tick 0 it reads the rate of that instant.
+    with its mean over the tick as the bias. At tick 0 it reads the rate of that instant.
 
     Args:
-        name: of its section.
+        name: name of its section.
         first: its first channel.
         settings: its errors.
     """
@@ -88,7 +88,7 @@ def read_gyro(
     memory: Vector,
     out: Vector,
 ) -> None:
-    """Write what a gyro says; it remembers the attitude of the tick before, and its bias.
+    """Write the reading of a gyro; its memory is the last tick's attitude, and its bias.
 
     The bias walks on, but for the first tick; draws are of this walk, its mean, the white noise.
     """

@@ -1,4 +1,4 @@
-"""The contract of a sensor whose readings depend on what it has measured before."""
+"""The contract of a sensor with readings that depend on what it has measured before."""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, TypeAlias
@@ -73,8 +73,8 @@ class Instrument(Protocol):
 
         Args:
             period: one tick [s].
-            rng: of its noises, then asked for those of every tick; None: it has no errors, but its
-                delay and gaps.
+            rng: generator of its noises, which then draws those of every tick; None: it has no
+                errors, but its delay and gaps.
         """
 
 
@@ -82,9 +82,9 @@ class TickReader:
     """Reads an instrument tick by tick from tick 0 on.
 
     Args:
-        instrument: that is read.
+        instrument: the instrument to read.
         period: one tick [s].
-        rng: of its noises; see Instrument.reader.
+        rng: generator of its noises; see Instrument.reader.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ def noisy(noise: float, rng: np.random.Generator | None) -> float:
 def white_reader(
     read: Read, instrument: Instrument, noise: float, rng: np.random.Generator | None
 ) -> CompiledReader:
-    """Return what reads an instrument whose errors are white noise of one size in all channels."""
+    """Return the reader of an instrument with white noise of one size in all channels."""
     size = noisy(noise, rng)
     normal = len(instrument.axes) if size else 0
     return CompiledReader(read, np.array([size]), np.zeros(0), 0, normal)

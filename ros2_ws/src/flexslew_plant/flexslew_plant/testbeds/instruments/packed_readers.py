@@ -32,14 +32,14 @@ def are_packed(instruments: Sequence[Instrument], period: float) -> bool:
 class PackedReaders:
     """What `read_instruments` takes, before tick 0, and what draws the random numbers of a tick.
 
-    Benches whose `layout` is equal may stand beside each other, with rows of constants, draws and
+    Benches of one `layout` may be next to each other, with rows of constants, draws and
     memory of their own.
 
     Args:
-        layout: of each instrument its place in the table of readers, then where its part of tips,
+        layout: for each instrument its place in the table of readers, then where its part of tips,
             constants, draws and memory begins and ends, shape (instruments, 9).
-        constants: of all.
-        memory: of all before tick 0.
+        constants: constants of all instruments.
+        memory: memory of all instruments before tick 0.
         readers: one for each.
         rngs: one for each; None: it has no errors.
     """
@@ -95,15 +95,15 @@ def read_instruments(
     memory: Vector,
     tips: Vector,
 ) -> None:
-    """Write what the instruments say at tick k among the readings of the tips; see PackedReaders.
+    """Write the instruments' readings at tick k among those of the tips; see PackedReaders.
 
     Args:
         k: tick, from 0 on, one after another.
-        layout: of PackedReaders.
-        constants: of PackedReaders.
-        body: in arrays of one layout, else it is compiled once more.
+        layout: the layout of PackedReaders.
+        constants: the constants of PackedReaders.
+        body: motion in arrays of one layout, else it is compiled once more.
         draws: a row of PackedReaders.drawn.
-        memory: what they remember, in and out.
+        memory: memory of the instruments, in and out.
         tips: readings of all tips, of which theirs are written.
     """
     attitude, rate, wheels, gimbals = body

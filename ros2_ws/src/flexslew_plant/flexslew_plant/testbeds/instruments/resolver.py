@@ -60,5 +60,5 @@ def read_resolver(
     memory: Vector,
     out: Vector,
 ) -> None:
-    """Write what resolvers say."""
+    """Write the readings of resolvers."""
     write_white(gimbals, constants, draws, out)

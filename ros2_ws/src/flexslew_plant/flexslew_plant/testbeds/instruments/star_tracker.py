@@ -104,7 +104,7 @@ def read_star_tracker(
     memory: Vector,
     out: Vector,
 ) -> None:
-    """Write what a star tracker says; it remembers what it has exposed and not said yet.
+    """Write the reading of a star tracker; its memory is the exposures still to be delivered.
 
     Random numbers are drawn whether there is a reading or not: a gap changes no later noise.
     """

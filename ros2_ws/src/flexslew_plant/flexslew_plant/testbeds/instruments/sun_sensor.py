@@ -68,7 +68,7 @@ def read_sun_sensor(
     memory: Vector,
     out: Vector,
 ) -> None:
-    """Write what a Sun sensor says."""
+    """Write the reading of a Sun sensor."""
     bx, by, bz, edge, noise = constants[:5]
     now = (attitude[0], attitude[1], attitude[2], attitude[3])
     x, y, z = along_turned(now, constants[5], constants[6], constants[7])

@@ -60,5 +60,5 @@ def read_tachometer(
     memory: Vector,
     out: Vector,
 ) -> None:
-    """Write what tachometers say."""
+    """Write the readings of tachometers."""
     write_white(wheels, constants, draws, out)

@@ -56,7 +56,7 @@ class Accelerometer:
         the angular velocity of the axes that it sits in.
 
         Args:
-            craft: whose state it is.
+            craft: the spacecraft in that state.
             p: packed spacecraft.
             x: state [q, v].
             slope: its derivative.
@@ -101,9 +101,9 @@ def channels(
 
     Args:
         craft: the spacecraft.
-        sensors: by name.
-        units: of their section.
-        sun: direction to the Sun where the section says it; None: it does not.
+        sensors: sensors by name.
+        units: units of their section.
+        sun: direction to the Sun if the section gives it, else None.
 
     Raises:
         BadInput: a sensor sits where it cannot, by its key.
@@ -170,7 +170,7 @@ def channels(
 
 
 def _size(shape: FlexibleShape) -> float:
-    """Return how long an appendage is; infinite where its data do not tell [m]."""
+    """Return how long an appendage is; infinite where its data do not determine it [m]."""
     longest = float(np.linalg.norm(shape.line - shape.line[0], axis=1).max())
     return longest or np.inf
 

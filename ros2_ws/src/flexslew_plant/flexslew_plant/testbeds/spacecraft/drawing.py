@@ -26,7 +26,7 @@ _JOINTS = (at.FORCE, at.TORQUE, at.HINGE, at.WHEEL, at.GYRO)  # what the others 
 
 
 def quaternion(axes: Matrix) -> Quaternion:
-    """Return x, y, z, w of the frame whose direction cosines (from its parent) are given."""
+    """Return x, y, z, w of the frame with the given direction cosines (from its parent)."""
     r = axes.T
     scale = np.array(
         [
@@ -67,8 +67,8 @@ def scene_of(craft: Spacecraft) -> Scene:
     """Return how a spacecraft is drawn.
 
     Frames: world, platform, one per appendage; and between the first two the pivot, where the
-    platform turns about one beside its origin. A free platform floats; so does an appendage whose
-    hinge turns by itself, as nobody measures its angle.
+    platform turns about one that is not its origin. A free platform floats; so does an appendage
+    with a hinge that turns by itself, as its angle is not measured.
     """
     own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
     hinges, wheels = len(craft.hinged), len(craft.wheels) + len(craft.gyros)

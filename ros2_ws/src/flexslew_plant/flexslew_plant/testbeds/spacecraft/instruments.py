@@ -41,15 +41,15 @@ def instrument_of(
     """Return an instrument on the platform.
 
     Args:
-        craft: that carries it.
-        name: of its section.
-        settings: of it.
+        craft: the spacecraft that carries it.
+        name: name of its section.
+        settings: its section.
         first: its first channel.
-        sun: direction to the Sun where the orbit says it; None: it does not.
+        sun: direction to the Sun if the orbit gives it, else None.
 
-    Raises:
+        es:
         BadInput: the platform is not free, a direction is none, a span ends before it begins, or
-            nobody says where the Sun is.
+            the direction to the Sun is missing.
     """
     key = f"testbed.sensors.{name}"
     if craft.motion != at.FREE:

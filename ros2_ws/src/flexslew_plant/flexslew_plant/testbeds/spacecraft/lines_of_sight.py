@@ -77,7 +77,7 @@ def lines_of_sight(
 def target_directions(a: Appendage, time: Vector) -> Matrix:
     """Return where an antenna should point, with the platform at its goal, shape (k, 3).
 
-    Before its first turn that is where it looks at rest; from the begin of a turn on, its target.
+    Before its first turn that is its direction at rest; from the begin of a turn on, its target.
     """
     aims, start = np.tile(a.axes[2], (len(time), 1)), a.axes
     for m in a.manoeuvres:

@@ -51,8 +51,9 @@ def _placed_and_turned(
 ) -> tuple[Vector, Vector]:
     """Return place and rotation vector, shape (3,) [m] and (3,) [rad].
 
-    What reads the turn says it; forces that are somewhere say the rest, by least squares where
-    their readings are not orthonormal. A force at zero, or left out, asks for nothing.
+    The actuators that read the turn determine it; forces that are somewhere determine the rest, by
+    least squares where their readings are not orthonormal. A force at zero, or left out, does not
+    count.
     """
     turn = _turn(craft, axes, positions)
     asking = [d for d in craft.drives if d.what == at.FORCE and positions.get(d.name)]
@@ -79,7 +80,7 @@ def _read_by_force(craft: Spacecraft, drive: CraftDrive) -> Vector:
 
 
 def _turn(craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]) -> Vector:
-    """Return the rotation vector whose parts along the named actuators are these, shape (3,) [rad].
+    """Return the rotation vector with these parts along the named actuators, shape (3,) [rad].
 
     Along axes that are no orthonormal ones it is found by least squares.
     """

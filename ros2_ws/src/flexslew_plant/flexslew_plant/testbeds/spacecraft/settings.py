@@ -225,7 +225,7 @@ class WheelSettings:
 
 @section
 class MomentGyroSettings:
-    """A control moment gyro with one gimbal, whose servo is as fast as the actuators' lag says.
+    """A control moment gyro with one gimbal; its servo has the lag of the actuators.
 
     An effort is the torque on the platform that its gimbal gives at the angle where it stands.
     """

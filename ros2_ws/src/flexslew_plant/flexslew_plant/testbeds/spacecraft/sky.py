@@ -26,12 +26,12 @@ def sky_of(
 
     Args:
         craft: the spacecraft.
-        sensors: of its section.
-        keep_out: of its section.
-        sun: direction to the Sun where the orbit says it; None: it does not.
+        sensors: sensors of its section.
+        keep_out: cones of its section.
+        sun: direction to the Sun if the orbit gives it, else None.
 
-    Raises:
-        BadInput: by key, a direction is none, nobody says where the Sun is, or the platform is not
+        es:
+        BadInput: by key, a direction is none, that to the Sun is missing, or the platform is not
             free.
     """
     if craft.motion != at.FREE:

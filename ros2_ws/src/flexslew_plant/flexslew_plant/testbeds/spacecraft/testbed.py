@@ -1,6 +1,6 @@
-"""The `testbed` section of kind spacecraft: what the bench, laws and planners ask of it.
+"""The `testbed` section of kind spacecraft, with the interface of the bench, laws and planners.
 
-Joints of the bench are its actuators: the reading beside an effort is the place and the rate that
+Joints of the bench are its actuators: the reading of an effort is the place and the rate that
 the effort works on (readings.read), so any collocated law flies it. State: see layout.
 """
 
@@ -209,7 +209,7 @@ class SpacecraftTestbed:
         """Return it with other stiffness and tip bodies, as factors [-].
 
         Raises:
-            BadInput: another payload is asked for, and no appendage carries a tip body.
+            BadInput: if another payload is requested, and no appendage carries a tip body.
         """
         changed = {
             name: replace(a, stiffness=a.stiffness * stiffness, shape=_loaded(a.shape, payload))
@@ -310,7 +310,7 @@ class SpacecraftTestbed:
     def wheeled(self) -> "SpacecraftTestbed":
         """Return it with wheels that turn it as its gyros would without limits of their gimbals.
 
-        Planners count with them: what a torque does does not depend on who gives it, and a law
+        Planners use them: the effect of a torque does not depend on its drive, and a law
         with an `allocation` steers the gimbals. They are light, so that they spin for themselves.
         """
         if not self.control_moment_gyros:
@@ -449,7 +449,7 @@ def _still(
 
 
 def _loaded(shape: Any, payload: float) -> Any:
-    """Return a shape whose tip body weighs `payload` times as much."""
+    """Return a shape with a tip body that weighs `payload` times as much."""
     if payload == 1.0 or not isinstance(shape, Beam) or shape.tip_body is None:
         return shape
     body = shape.tip_body

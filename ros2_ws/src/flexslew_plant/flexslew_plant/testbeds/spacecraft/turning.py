@@ -11,7 +11,7 @@ from flexslew_plant.testbeds.spacecraft.clamped import platform_inputs
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import AppendageSettings
 
-_SAME = 1e-6  # relative difference of what rounding alone tells apart
+_SAME = 1e-6  # relative difference by rounding alone
 
 
 def turning_point(craft: Spacecraft) -> Vector:

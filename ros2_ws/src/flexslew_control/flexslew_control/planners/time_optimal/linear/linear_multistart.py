@@ -7,9 +7,9 @@ at tau before the end and its jumps c there, the joint rests at the goal for
 the mode does for sum c x(tau) = sum c y(tau) = 0, where x and y are its free motions from a
 deflection and from a rate of one, and neither is sensitive to the frequency for
     sum c tau x(tau) = sum c tau y(tau) = 0.
-Starts are the rigid body's slew with a reversed pulse, or two, anywhere (what an optimum looks like
-if it takes some periods) and arcs of any lengths (if it does not). They fill their cube evenly, so
-the same slew is found every time.
+Starts are the rigid body's slew with a reversed pulse, or two, anywhere (the form of an optimum
+that takes some periods) and arcs of any lengths (for a shorter one). They fill their cube evenly,
+so the same slew is found every time.
 """
 
 import numpy as np

@@ -142,7 +142,7 @@ def _programmed(
     reached = np.diff(grid.integrated(np.linspace(0.0, duration, cells + 1)), axis=0)
     scale = np.abs(reached).max(axis=0)
     first, others = (reached / scale)[:, 0], (reached / scale)[:, 1:]
-    # conditions that are nearly alike, made unlike; those that say nothing new are left out
+    # conditions that are nearly alike, made unlike; dependent ones are left out
     unlike, size, back = np.linalg.svd(others, full_matrices=False)
     new = size > _NOTHING_NEW * size[0]
     rows = np.sqrt(cells) * unlike[:, new].T
@@ -237,7 +237,7 @@ def _least(
     return value, mu
 
 
-@np.errstate(over="raise", invalid="raise")  # of a goal that is nothing: the planner says so
+@np.errstate(over="raise", invalid="raise")  # for a way of zero: the planner reports it
 def _smoothed(grid: ImpulseResponses, mu: Vector, duration: float, scale: Vector) -> Vector:
     """Return mu at the least integral of sqrt((mu . c)^2 + e^2) for an e that falls to little.
 

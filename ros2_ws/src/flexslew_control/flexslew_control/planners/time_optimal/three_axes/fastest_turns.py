@@ -31,7 +31,7 @@ STEPS = 40  # of the programs
 _ASIDE = 0.7  # how far starts are from the eigenaxis, of the amplitude
 _LEVELS = 6  # of their efforts
 _SAME = 1e-4  # relative difference of durations of one slew
-_SETTLED_AT_MOST, _MOST_ARCS = 2, 14  # slews whose arcs are made exact, and of how many
+_SETTLED_AT_MOST, _MOST_ARCS = 2, 14  # slews with arcs made exact, and the most arcs of one
 _MET = 1e-6  # share of the end conditions that may be missed
 _RESTS, _HELD_RESTS = 1e3 * _MET, 1e-4  # the same with modes, which ticks then bring to rest
 _FIRST_SLOWER, _WIDER, _SLOWEST = 1.02, 2.5, 1.5  # durations that are tried, of the rigid craft's
@@ -77,15 +77,15 @@ class Start(NamedTuple):
 def from_starts(
     slew: Reorientation, progress: Progress, more: Sequence[Start] = ()
 ) -> list[LocalArcs]:
-    """Return the slews that starts beside the eigenaxis lead to, the fastest first.
+    """Return the slews that starts off the eigenaxis lead to, the fastest first.
 
     Args:
-        slew: what is turned.
+        slew: the slew.
         progress: called after every start.
         more: starts that come first.
 
     Raises:
-        PlanFailed: none leads to one.
+        PlanFailed: if none leads to one.
     """
     rng, found, starts = np.random.default_rng(_SEED), list[LocalArcs](), [*more]
     # where drives far stronger than others make it tumble, as far aside as each has a share
@@ -106,12 +106,12 @@ def from_starts(
 
 
 def _start_aside(slew: Reorientation, rng: np.random.Generator, size: Vector) -> Start:
-    """Return efforts beside those of the eigenaxis.
+    """Return random efforts near those of the eigenaxis.
 
     Args:
-        slew: what is turned.
-        rng: draws them.
-        size: of what each drive may give aside, shape (joints,), in parts of _ASIDE.
+        slew: the slew.
+        rng: generator of the random part.
+        size: largest random part of each drive, shape (joints,), in parts of _ASIDE.
     """
     half = np.where(np.arange(PIECES) < PIECES // 2, 1.0, -1.0)
     levels = rng.uniform(-1.0, 1.0, (_LEVELS, slew.amplitude.size))
@@ -217,8 +217,9 @@ def transcribed(slew: Reorientation, local: LocalArcs, found: int) -> Fastest:
 def _violation(slew: Reorientation, efforts: Matrix, durations: Vector) -> float:
     """Return the largest wrong-signed part of the switching functions, of their largest value.
 
-    With (dr/dd)^T mu = 1 for all arcs, a change of the effort of a piece by du lets the duration
-    change by -mu^T (dr/du) du: Pontryagin's condition asks mu^T dr/du for the sign of the effort.
+    With (dr/dd)^T mu = 1 for all arcs, a change of the effort of a piece by du changes the
+    duration by -mu^T (dr/du) du: Pontryagin's condition requires mu^T dr/du with the sign of the
+    effort.
     """
     each = np.maximum(1, np.round(_CHECKED * durations / durations.sum()).astype(int))
     fine = slew.ended(np.repeat(efforts, each, axis=0), np.repeat(durations / each, each))

@@ -1,4 +1,4 @@
-"""A flight whose efforts are held over pieces: the states between them, and their slopes."""
+"""A flight with efforts held over pieces: the states between them, and their slopes."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ class Pieces(NamedTuple):
     """A flight over k pieces."""
 
     states: Matrix  # at their ends, (k + 1, size)
-    by_state: Tensor  # of each end by its begin, (k, size, size); zero but in the columns asked for
+    by_state: Tensor  # of each end by its begin, (k, size, size); zero but in requested columns
     by_effort: Tensor  # of each end by its effort, (k, size, efforts)
 
 

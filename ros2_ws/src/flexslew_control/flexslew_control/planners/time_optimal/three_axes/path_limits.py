@@ -10,18 +10,18 @@ from flexslew_plant.testbeds.contract import Cone
 from flexslew_plant.testbeds.model import Model
 
 _CHANGE = 1e-6  # of a state
-_CENTRE = 1e-9  # sine of the angle below which a boresight looks along the axis of a cone
+_CENTRE = 1e-9  # sine of the angle below which a boresight counts as on the axis of a cone
 
 
 @dataclass(frozen=True)
 class PathLimits:
-    """Inequalities of the states of a craft whose joints tell its attitude; see `excess`.
+    """Inequalities of the states of a craft with joints that read its attitude; see `excess`.
 
     Args:
-        cones: that its boresights keep out of.
-        rate_limit: largest body rate, of its length [rad/s]; None: any.
-        spare: by how much more, for what lies between the states that are looked at: half angles
-            that are wider [rad], and the share of the rate that is left [-].
+        cones: cones that its boresights keep out of.
+        rate_limit: largest length of the body rate [rad/s]; None: any.
+        spare: margin for the motion between the states that are checked: added to half angles
+            [rad], and the share of the rate limit that is kept free [-].
     """
 
     cones: tuple[Cone, ...] = ()
@@ -38,7 +38,7 @@ class PathLimits:
         """Return by how much states are beyond the limits, shape (..., limits) [rad, rad/s].
 
         Args:
-            model: whose joints tell an attitude.
+            model: a model with joints that read an attitude.
             states: shape (..., size).
         """
         assert model.attitude is not None
@@ -96,7 +96,7 @@ class PathLimits:
 
         The angle between a boresight b, in body axes, and the axis a of a cone, R^T a there, has
             d angle = -(b x R^T a) . d phi / |b x R^T a|.
-        Where b looks along a any direction leads away: one across b is taken.
+        Where b is along R^T a, any direction leads away: one across b is taken.
 
         Args:
             attitude: quaternions x y z w, shape (k, 4).

@@ -41,14 +41,14 @@ class End(NamedTuple):
 
 @dataclass(frozen=True)
 class Reorientation:
-    """What is turned, from where to where.
+    """A reorientation of a model from one attitude to another.
 
     Args:
-        model: whose joints tell an attitude; every effort turns it.
-        first: where the joints rest, shape (joints,) [rad].
-        last: where they go, shape (joints,) [rad].
-        amplitude: of the efforts, shape (joints,) [N m].
-        limits: that hold all along it.
+        model: a model with joints that read an attitude; every effort turns it.
+        first: joint positions at the start, at rest, shape (joints,) [rad].
+        last: joint positions at the goal, shape (joints,) [rad].
+        amplitude: largest efforts, shape (joints,) [N m].
+        limits: limits of the whole path.
     """
 
     model: Model
@@ -59,7 +59,7 @@ class Reorientation:
 
     @property
     def attitude(self) -> AttitudeJoints:
-        """The joints that tell the attitude."""
+        """The joints that read the attitude."""
         assert self.model.attitude is not None
         return self.model.attitude
 

@@ -45,7 +45,7 @@ def require_free_ends(limits: PathLimits, slew: Reorientation) -> None:
     """Check that start and goal are within the limits.
 
     Raises:
-        PlanFailed: one of them looks into a cone, and by how much.
+        PlanFailed: if one of them is beyond a limit; the message gives by how much.
     """
     ends = limits.excess(slew.model, np.array([slew.start, slew.rest]))
     for name, (first, last) in zip(limits.names, ends.T, strict=True):
@@ -83,18 +83,18 @@ def fastest_within(
 ) -> tuple[Fastest, Matrix, Matrix]:
     """Return the fastest slew that keeps to the limits at all ticks, and its states and efforts.
 
-    The programs look at the ends of the pieces; what lies beyond between them is spared there.
+    The programs check the ends of the pieces, with a spare for the excess between them.
 
     Args:
-        limits: of the path.
-        slew: what is turned.
+        limits: limits of the path.
+        slew: the slew.
         stiff: the same without modes.
-        free: its fastest slew that keeps to no limits.
-        on_ticks: from a slew to its states at the ticks and efforts.
+        free: its fastest slew without limits.
+        on_ticks: returns the states at the ticks and the efforts of a slew.
         progress: called after every start.
 
     Raises:
-        PlanFailed: no slew does.
+        PlanFailed: if no slew does.
     """
     spare, local = _WIDER, None
     for _ in range(_WIDENINGS):
@@ -141,12 +141,12 @@ def _past(slew: Reorientation, cone: Cone, side: float) -> Start:
     """Return the efforts of a smooth turn past a cone, without gyroscopic torques.
 
     It goes through the attitude of the eigenaxis that is nearest to the cone, turned the least way
-    so that the boresight looks beside it.
+    so that the boresight is outside the cone.
 
     Args:
-        slew: what is turned.
-        cone: that it goes past.
-        side: 1 or -1.
+        slew: the slew.
+        cone: the cone that it goes past.
+        side: side of the cone, 1 or -1.
     """
     first = slew.attitude.orientation(slew.first)
     shares = np.linspace(_EARLIEST, 1.0 - _EARLIEST, _POINTS)

@@ -25,7 +25,7 @@ _GOOD, _POOR = 0.7, 0.2  # shares of the predicted gain
 _FIRST_ARCS, _ARC_STEPS = 0.1, 20  # radius of the arcs' programs [-], and how many at most
 _GONE = 1e-5  # arcs that are no longer, of the duration
 _TRIED = 2  # programs for each step that is taken, at most
-_NEARLY = 1e-5  # end conditions of a slew whose duration is held, scaled
+_NEARLY = 1e-5  # end conditions of a slew at a fixed duration, scaled
 _SETTLED = 1e-7  # predicted gain, of the duration
 _PROGRAM: Any = {"presolve": False}  # it takes longer than it saves: all rows are full
 
@@ -198,7 +198,7 @@ def _step(
     low, high = np.append(low, -longer), np.append(high, longer)
     limited = np.column_stack((here.excess_by_share, here.excess_by_duration))
     most = here.excess_by_share @ now - excess
-    # what nothing inside of these bounds reaches need not be asked for
+    # a limit that nothing inside these bounds reaches is left out
     near = np.maximum(limited * low, limited * high).sum(axis=1) > most
     limited, most, g = limited[near], most[near], int(near.sum())
     cost = np.concatenate((np.zeros(count), [1.0], np.full(2 * r + g, price)))

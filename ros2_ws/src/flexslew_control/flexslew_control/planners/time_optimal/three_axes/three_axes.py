@@ -2,8 +2,8 @@
 
 About the eigenaxis only the drives that push along it work, and those across it hold. Where all
 push at their limits, a sphere that turns by 180 deg takes 3.2431 instead of 3.5449 (Bilimoria and
-Wie 1993), see fastest_turns. Where that slew looks into a cone of `keep_out` or is faster than the
-rate limit, the programs go round it, see round_cones.
+Wie 1993), see fastest_turns. Where that slew turns a boresight into a cone of `keep_out` or is
+faster than the rate limit, the programs go round it, see round_cones.
 """
 
 from functools import partial
@@ -45,15 +45,15 @@ def plan_three_axes(
 
     Args:
         settings: the `plan` section.
-        asked: the slew, of a model whose joints tell an attitude.
-        amplitude: of the efforts, shape (joints,) [N m].
+        asked: the slew of a model with joints that read an attitude.
+        amplitude: largest efforts, shape (joints,) [N m].
         rigid: the testbed without modes.
         progress: called after every start, with the least duration so far for its objective.
 
     Raises:
-        BadInput: nothing turns, or a joint does not turn the craft.
-        PlanFailed: no start leads to a slew, it takes longer than allowed, or none keeps out of the
-            cones.
+        BadInput: if nothing turns, or a joint does not turn the craft.
+        PlanFailed: if no start leads to a slew, it takes longer than allowed, or none keeps out of
+            the cones.
     """
     slew = Reorientation(asked.model, asked.start, asked.goal, amplitude)
     for name, axis in zip(asked.model.joint_names, slew.attitude.axes, strict=True):

@@ -104,7 +104,7 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
 
 
 def _require_known(a: AppendageSettings, integrals: Integrals, key: str) -> None:
-    """Check that the geometric stiffness that is asked for can be had."""
+    """Check that a requested geometric stiffness is available."""
     if a.geometric_stiffness and not a.second_order:
         raise BadInput(f"{key}.geometric_stiffness: true is not allowed without second_order")
     if a.geometric_stiffness and integrals.shortening is None:

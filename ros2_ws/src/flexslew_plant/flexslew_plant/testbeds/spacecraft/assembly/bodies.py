@@ -31,7 +31,7 @@ def require_physical(mass: float, first: Vector, inertia: Matrix, key: str) -> N
     centre = first / mass
     own = inertia - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     a, b, c = np.linalg.eigvalsh(own)
-    rounding = 1e-12 * abs(inertia).max()  # of a point mass, whose own inertia is none
+    rounding = 1e-12 * abs(inertia).max()  # of a point mass, which has no inertia of its own
     if a < -1e-9 * abs(c) - rounding or a + b < c * (1.0 - 1e-5) - rounding:
         raise BadInput(
             f"{key}: principal inertias {a:.6g}, {b:.6g}, {c:.6g} kg m^2 about the centre of mass "

@@ -78,7 +78,7 @@ class Appendage:
 
 
 class Wheel(NamedTuple):
-    """A reaction wheel, whose mass and inertia at rest belong to the platform's."""
+    """A reaction wheel; its mass and inertia at rest belong to the platform's."""
 
     name: str
     axis: Vector  # unit vector in body axes, (3,)

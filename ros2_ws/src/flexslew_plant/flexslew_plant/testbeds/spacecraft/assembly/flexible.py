@@ -50,7 +50,7 @@ def flexible_shape(shape: object, units: Units, key: str) -> FlexibleShape:
     return found if kept is None else chosen_modes(found, list(range(kept)))
 
 
-@lru_cache(maxsize=64)  # every trial of a study asks for the same
+@lru_cache(maxsize=64)  # the same in every trial of a study
 def _beam(b: BeamSettings, units: Units, key: str) -> FlexibleShape:
     z, x = unit_direction(b.along, f"{key}.along"), unit_direction(b.across, f"{key}.across")
     if abs(float(z @ x)) > 1e-6:

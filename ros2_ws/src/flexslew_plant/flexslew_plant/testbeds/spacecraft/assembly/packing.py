@@ -11,7 +11,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
 
 
 def packed(craft: Spacecraft) -> Vector:
-    """Return the numbers as layout says.
+    """Return the numbers of a spacecraft in the order of layout.
 
     Raises:
         BadInput: an appendage is heavier in motion than it is as a whole: its modal masses and
@@ -100,7 +100,7 @@ def _manoeuvres(a: Appendage) -> list[Vector]:
 
 
 def _place_manoeuvres(block: Vector, a: Appendage, position: int) -> None:
-    """Write where the manoeuvres and their tables lie once the block lies at `position`."""
+    """Write where the manoeuvres and their tables are once the block is at `position`."""
     tables = sum(m.table.size for m in a.manoeuvres)
     begin = len(block) - tables - at.MANOEUVRE_SIZE * len(a.manoeuvres)
     block[at.MOTION_AT], block[at.MANOEUVRES] = position + begin, len(a.manoeuvres)
@@ -169,7 +169,7 @@ def stiffened(craft: Spacecraft, p: Vector, factor: float) -> Vector:
 
 
 def begun_at(craft: Spacecraft, p: Vector, time: float) -> Vector:
-    """Return packed numbers whose time zero is this one [s]: hinges turn so much earlier."""
+    """Return packed numbers with their time zero at this time [s]: hinges turn so much earlier."""
     out = p.copy()
     table = int(p[at.APPENDAGE_TABLE])
     for k in range(len(craft.appendages)):

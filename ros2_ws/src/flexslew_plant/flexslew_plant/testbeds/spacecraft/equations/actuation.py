@@ -23,8 +23,8 @@ def _platform_force(
 
     Args:
         p, t, x: packed spacecraft, time, state.
-        d: where the actuator's block lies.
-        u: its effort.
+        d: start of the actuator's block.
+        u: effort of the actuator.
         own_q, own_v, nq: see frames.offsets.
     """
     direction, place = scaled(u, triple(p, d + at.DIRECTION)), triple(p, d + at.AT)

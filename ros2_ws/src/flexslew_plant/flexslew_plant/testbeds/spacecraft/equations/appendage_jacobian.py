@@ -49,7 +49,7 @@ def add_appendage(
     Args:
         p, t, x: packed spacecraft, time, state.
         a: accelerations of (V, w, hinges, wheels, modes), shape (6 + others,).
-        b: where the appendage's block lies.
+        b: start of the appendage's block.
         dx: in and out, columns of (R, attitude as six, hinges, wheels, modes).
         dv: in and out, columns of (V, w, hinges, wheels, modes).
     """

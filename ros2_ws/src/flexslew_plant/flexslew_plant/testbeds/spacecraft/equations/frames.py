@@ -66,10 +66,10 @@ def hinge_frame(
 
     Args:
         p: packed spacecraft.
-        b: where the appendage's block lies.
+        b: start of the appendage's block.
         t: time [s].
-        angle: of a driven hinge [rad].
-        rate: of a driven hinge [rad/s].
+        angle: angle of a driven hinge [rad].
+        rate: rate of a driven hinge [rad/s].
     """
     if p[b + at.KIND] == at.DRIVEN:
         axis = triple(p, b + at.AXIS)
@@ -87,9 +87,9 @@ def deflected(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
 
     Args:
         p: packed spacecraft.
-        b: where the appendage's block lies.
+        b: start of the appendage's block.
         x: state.
-        q: where its modal coordinates begin in x.
+        q: index of its first modal coordinate in x.
         w: out, at least 12 n long.
     """
     n = int(p[b + at.COUNT])

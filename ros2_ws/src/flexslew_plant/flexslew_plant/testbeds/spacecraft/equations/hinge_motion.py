@@ -18,13 +18,13 @@ from flexslew_plant.testbeds.spacecraft.equations.geometry import (
 def share(p: Vector, m: int, s: float) -> tuple[float, float, float]:
     """Return how much of a manoeuvre's turn is done, and its first two derivatives in s.
 
-    smooth: s - sin(2 pi s) / (2 pi), whose acceleration is one sine; bang_bang: full acceleration
-    for one half, full deceleration for the other; table: quintic pieces through given shares,
-    rates and accelerations, rows (s, share, d/ds, d2/ds2).
+    smooth: s - sin(2 pi s) / (2 pi), with one sine as its acceleration; bang_bang: full
+    acceleration for one half, full deceleration for the other; table: quintic pieces through given
+    shares, rates and accelerations, rows (s, share, d/ds, d2/ds2).
 
     Args:
         p: packed spacecraft.
-        m: where the manoeuvre lies in it.
+        m: start of the manoeuvre in it.
         s: time since its begin, over its length, in 0..1.
     """
     if p[m + at.PROFILE] == at.SMOOTH:
@@ -87,7 +87,7 @@ def prescribed(p: Vector, b: int, t: float) -> tuple[Nine, Triple, Triple]:
 
     Args:
         p: packed spacecraft.
-        b: where the appendage's block lies.
+        b: start of the appendage's block.
         t: time [s].
     """
     count, m = int(p[b + at.MANOEUVRES]), int(p[b + at.MOTION_AT])

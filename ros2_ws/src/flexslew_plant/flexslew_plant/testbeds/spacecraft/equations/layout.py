@@ -1,11 +1,11 @@
-"""Where the numbers of a packed spacecraft lie: one float64 vector that the kernels read.
+"""The layout of a packed spacecraft: one float64 vector that the kernels read.
 
 State x = [q, v]:
     q = (R (3), quaternion x y z w (4), driven hinges, wheels, gimbals, modes),
     v = (V (3), w (3), rates of driven hinges, of wheels, angles of gimbals, rates of modes).
 R and the attitude are in inertial space, V and w along body axes. A held platform has none of
 them; a pivoted one has its angle and rate instead. A gimbal of a control moment gyro turns at
-once as fast as it is told, so its angle is a state of first order: it stands in v, and its
+once as fast as demanded, so its angle is a state of first order: it stands in v, and its
 integral, which nothing reads, in q. Below, a wheel is one of both.
 """
 

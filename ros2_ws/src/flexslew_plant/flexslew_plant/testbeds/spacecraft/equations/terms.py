@@ -6,7 +6,7 @@ and rate w_e of its frame, s = sum m x, J the inertia and C = sum m x~ Phi at th
     r_w = s x V' + J w' + C q'' + s' x V + J' w + w x p_w + V x p_V, p_w = s x V + J w + C q'
     r_q = P^T V' + C^T w' + M_q q'' + 2 (q'^T G) w - P^T (V x w) - w^T D w / 2 + K q + D_q q',
 then projected on the platform's velocities, the hinges' rates and the modes. Linear and angular
-momentum and the energy are kept by this form exactly, whatever the integrals are.
+momentum and the energy are kept by this form exactly, for any integrals.
 
 An appendage that bends shortens: x = r + Phi q + q^T s q / 2 with s of the shape. Then P and C are
 those of Phi + s q, r_V gains q'^T S q' and r_w gains q'^T R q' with S = sum m s, R = sum m r x s,
@@ -79,7 +79,7 @@ def unprojected(
         axis, inertia = triple(p, table), p[table + at.WHEEL_INERTIA]
         row, rate = 6 + hinges + k, x[hinge_v + hinges + k]
         momentum = p[table + at.ROTOR_MOMENTUM]
-        if momentum > 0.0:  # a gyro: h times the rate of its gimbal is what it is asked for
+        if momentum > 0.0:  # a gyro: its effort is h times the rate of its gimbal
             mass[row, row] = momentum
             angular = plus(angular, scaled(momentum, rotor(p, table, rate)[0]))
         else:

@@ -224,8 +224,8 @@ class ClosedFormModes:
     """Clamped-free modes of both deflections, then of the twist; each of one direction alone.
 
     Args:
-        x, y: beams whose modes are u and v.
-        twists: how many torsional modes sin((2 j - 1) pi z / 2 L).
+        x, y: beams with the modes u and v.
+        twists: number of torsional modes sin((2 j - 1) pi z / 2 L).
     """
 
     x: ClampedFreeBeam

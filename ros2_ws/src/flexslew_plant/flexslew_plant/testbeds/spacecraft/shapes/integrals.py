@@ -1,7 +1,7 @@
 """Inertia integrals of a flexible appendage: all that its equations of motion need.
 
 An appendage is points r_k with masses m_k and displacements u_k = Phi_k q in its own axes. The
-kinetic energy is a polynomial in q, whose coefficients are sums over the points taken once; no
+kinetic energy is a polynomial in q, with sums over the points, taken once, as coefficients; no
 point is visited while the spacecraft flies.
 """
 

@@ -27,19 +27,19 @@ def membrane(
     rings: int,
     poisson_ratio: float = 0.3,
 ) -> FlexibleShape:
-    """Return the modes of a membrane that lies across z at a height, on a massless mast.
+    """Return the modes of a membrane across z at a height, on a massless mast.
 
     Order: for 0 to `waves` nodal diameters, the cosines with 1 to `rings` zeros along the radius,
     then the sines.
 
     Args:
-        radius: a [m].
-        density: per area [kg/m^2].
+        radius: radius a [m].
+        density: mass per area [kg/m^2].
         wave_speed: c, the square root of tension over density [m/s].
-        height: of the membrane above the hinge [m].
+        height: height of the membrane above the hinge [m].
         waves: largest number of nodal diameters.
         rings: zeros along the radius, the rim included.
-        poisson_ratio: of its material [-].
+        poisson_ratio: Poisson's ratio of its material [-].
     """
     modes = [
         (k, float(zero), part)

@@ -25,7 +25,7 @@ def require_known(given: Iterable[str], known: Sequence[str], path: Path, key: s
 
 
 def array_of(data: dict[str, Any], key: str, shape: tuple[int | None, ...], path: Path) -> Vector:
-    """Return a key as numbers of the shape asked for; None: any length."""
+    """Return a key as numbers of the required shape; None: any length."""
     if key not in data:
         raise BadInput(f"{key}: missing", path)
     try:
@@ -61,7 +61,7 @@ def modal_masses(data: dict[str, Any], n: int, path: Path) -> Vector | None:
 
 
 def require_orthogonal(matrix: Matrix, key: str, path: Path) -> None:
-    """Refuse a matrix of modal masses, shape (n, n), whose modes share mass."""
+    """Refuse a matrix of modal masses, shape (n, n), if its modes share mass."""
     size = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     off = abs(matrix / size - np.eye(len(matrix)))
     np.fill_diagonal(off, 0.0)
@@ -76,7 +76,7 @@ def require_orthogonal(matrix: Matrix, key: str, path: Path) -> None:
 
 
 def compare_rigid(integrals: Integrals, rigid: tuple[float, Vector, Matrix], path: Path) -> None:
-    """Refuse points whose sums are not the rigid ones of the same file."""
+    """Refuse points with sums that are not the rigid ones of the same file."""
     mass, first, inertia = rigid
     if abs(integrals.mass / mass - 1.0) > MASS_TOLERANCE:
         raise BadInput(

@@ -105,7 +105,7 @@ def allowed_file(path: Path, trust: Trust) -> Path:
 
 @lru_cache(maxsize=16)
 def _shape_of(path: Path, content: bytes) -> FlexibleShape:
-    """Return what a file with this content describes: every trial of a study asks for the same."""
+    """Return the shape of a file with this content: it is the same in every trial of a study."""
     data = _read(path, content)
     require_known(data, _KEYS, path)
     system = str(data.get("units", "si"))
@@ -298,7 +298,7 @@ def _from_participation(
 
 
 def _geometric(data: dict[str, Any], n: int, path: Path) -> Shortening | None:
-    """Return what the file says of the geometric stiffness; none where it does not."""
+    """Return the geometric stiffness of the file; None where it has none."""
     given = data.get("geometric_stiffness")
     if given is None:
         return None

@@ -19,7 +19,7 @@ class Spot(NamedTuple):
 
 
 class PlacedShape(Protocol):
-    """Knows what its modes do along it."""
+    """The deflection of the modes of an appendage along it."""
 
     def spot(self, s: float) -> Spot:
         """Return what the modes do at the distance s from the root [m]."""
@@ -33,9 +33,9 @@ class FlexibleShape:
         integrals: sums over its mass points.
         mass: diagonal of the modal mass matrix, shape (n,) [kg].
         stiffness: diagonal of the modal stiffness matrix, shape (n,) [N/m].
-        tip: the place whose deflection and turn are reported.
+        tip: the place with the reported deflection and turn.
         line: places to draw it through, shape (k, 3) [m].
-        line_shape: what the modes do there, shape (k, 3, n) [-].
+        line_shape: displacements by the modes there, shape (k, 3, n) [-].
         along: finds other places on it; none for modal data.
         damping: modal damping matrix that came with the data, shape (n, n), or none [N s/m].
         tip_scaled: whether a mode is one at the tip; else its modal mass is one.
