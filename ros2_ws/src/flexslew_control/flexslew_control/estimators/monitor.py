@@ -21,11 +21,11 @@ _HOUR = 3600.0  # [s]
 
 @section
 class MonitorSettings:
-    """The `monitor` section of a law whose estimator has innovations."""
+    """The `monitor` section of a law with an estimator that has innovations."""
 
-    # expected per simulated hour, over all channels, of a filter whose model and noises are right
+    # expected per simulated hour, over all channels, of a filter with the right model and noises
     false_alarms: Positive = 0.01
-    # ticks of the slower test; the faster one looks at single ticks
+    # ticks of the slower test; the faster one tests single ticks
     window: Annotated[int, Field(ge=1)] = 20
 
 

@@ -27,10 +27,10 @@ def _estimate_began_message(event: Any) -> str:
 
 @fact("began", Level.INFO, _estimate_began_message)
 class EstimateBegan:
-    """An estimator begins in flight: its controller came late, came back, or heard a gap."""
+    """An estimator starts in flight, as its controller was late, came back or missed ticks."""
 
     controller: Text = ""
-    fresh: bool = False  # the first question that this process has heard
+    fresh: bool = False  # the first measurement that this process has received
 
 
 @fact(
@@ -61,7 +61,7 @@ class EstimateDoubted:
 class LimitSoftened:
     """No efforts keep a limit of a law that predicts; it is passed by as little as can be."""
 
-    limit: Text  # whose
+    limit: Text  # its name
     excess: Finite  # the largest of the prediction [rad or m]
 
 
@@ -71,17 +71,17 @@ class LimitSoftened:
     "no answer in {iterations} iterations: the one before is applied again",
 )
 class AnswerRepeated:
-    """A law that solves a problem at every tick found no answer in time; said once in a row."""
+    """A law that solves a problem at every tick found no answer in time; reported once in a row."""
 
     iterations: Count  # that did not suffice
 
 
 @fact("stray", Level.WARNING, "{node} ignores a message on {topic}: {what}")
 class StrayMessage:
-    """Somebody who is not the plant of this bench speaks on one of its topics; said once."""
+    """A node that is not the plant of this bench publishes on one of its topics; reported once."""
 
     topic: Text
-    node: Text  # that has heard it
+    node: Text  # that received it
     what: Text  # is wrong with it
 
 
@@ -105,7 +105,7 @@ class PlanPublished:
     ),
 )
 class PlanDrafted:
-    """A plan waits for somebody's decision."""
+    """A plan waits for a decision."""
 
     hash: Text = ""
     method: Text = ""

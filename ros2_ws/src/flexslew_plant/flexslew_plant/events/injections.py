@@ -12,9 +12,9 @@ Shape = Finite | dict[str, dict[str, Any] | None]
 
 @fact("injected", Level.INFO, "{what} requested at tick {start}")
 class InjectionRequested:
-    """An operator wants something to break or to push."""
+    """An operator requests a fault or a disturbance."""
 
-    text: Text  # what was asked for, YAML
+    text: Text  # the request, YAML
     start: Count  # tick
     number: Count | None = None  # by which it can be ended
     who: Text = ""
@@ -27,16 +27,16 @@ class InjectionRequested:
     lambda event: f"a new target from tick {event.start} on: {event.text.strip()}",
 )
 class TargetRequested:
-    """An operator wants an appendage to turn."""
+    """An operator requests a turn of an appendage."""
 
-    text: Text  # what was asked for, YAML
+    text: Text  # the request, YAML
     start: Count  # tick
     who: Text = ""
 
 
 @fact("fault_ended", Level.INFO, "fault or disturbance {number} ends at tick {tick}")
 class FaultEndRequested:
-    """An operator wants a fault or a disturbance to end."""
+    """An operator requests the end of a fault or a disturbance."""
 
     number: Count
     tick: Count = 0  # with which it ends

@@ -13,7 +13,7 @@ class Started:
     """Ticks pass from tick 0 on."""
 
     tick: Count = 0
-    who: Text | None = None  # None: nobody asked, the trial begins by itself
+    who: Text | None = None  # None: the trial started by itself
 
 
 @fact("resumed", Level.INFO, "resumed at tick {tick}")
@@ -45,7 +45,7 @@ class Stepped:
 class WasReset:
     """The bench is back at tick 0, in another epoch."""
 
-    from_tick: Count | None = None  # None: the log does not say it
+    from_tick: Count | None = None  # None: it is not in the log
     epoch: Count | None = None  # that begins
     who: Text = UNNAMED
 
@@ -89,7 +89,7 @@ class RunFinished:
     wall_time: Seconds | None = None  # during which ticks have passed [s]
     ticks: Count | None = None
     missed_ticks: Count | None = None
-    saturated_time: Seconds | None = None  # in which more was asked for than a limit, simulated [s]
+    saturated_time: Seconds | None = None  # in which a demand was beyond a limit, simulated [s]
     rejected: dict[str, Count] | None = None  # commands, by the drive's objection
 
 
@@ -159,7 +159,7 @@ class FellBehind:
 
 @fact("transport", Level.INFO, "{controller} is asked over {transport}")
 class TransportChosen:
-    """How a controller is asked, and answers: what it computes is the same either way."""
+    """How a controller receives measurements and answers: its efforts are the same either way."""
 
     controller: Text = ""
     transport: Text = ""  # socket (a process of this machine and user) or dds

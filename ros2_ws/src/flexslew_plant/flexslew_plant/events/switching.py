@@ -19,7 +19,7 @@ _ROUNDING = 1e-9  # effort steps below this come from it [N m or N]
 
 @fact("switch_requested", Level.INFO, "{controller} requested from tick {tick} on")
 class SwitchRequested:
-    """Somebody asked for another controller, and will get it unless something comes between."""
+    """An operator requested another controller, which becomes active unless it is refused."""
 
     controller: Text
     tick: Count  # from which on
@@ -122,7 +122,7 @@ def _failing(cause: Cause | None) -> str:
     ),
 )
 class BrakeRequested:
-    """An operator wants the brake, or no longer."""
+    """An operator latches or releases the brake."""
 
     on: Flag
     tick: Count = 0  # from which on

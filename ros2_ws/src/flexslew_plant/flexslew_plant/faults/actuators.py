@@ -60,10 +60,10 @@ def delayed_demand(numbers: Vector, memory: Vector, since: int, value: float) ->
 
 @section
 class ActuatorStuck:
-    """A motor holds one effort whatever it is asked for, within its limit."""
+    """A motor holds one effort whatever the demand is, within its limit."""
 
     kind: Literal["actuator_stuck"] = "actuator_stuck"
-    joint: str  # whose motor
+    joint: str  # of the motor
     effort: float | None = None  # [N m or N]; null: the last one before the fault
 
     def subject(self, names: Names) -> Subject:
@@ -78,10 +78,10 @@ class ActuatorStuck:
 
 @section
 class ActuatorGain:
-    """A motor gives a multiple of what it is asked for, within its limit."""
+    """A motor gives a multiple of the demand, within its limit."""
 
     kind: Literal["actuator_gain"] = "actuator_gain"
-    joint: str  # whose motor
+    joint: str  # of the motor
     gain: float  # [-]; 1 is healthy, 0 is dead, -1 is wired the wrong way round
 
     def subject(self, names: Names) -> Subject:
@@ -102,7 +102,7 @@ class CommandDelay:
 
     kind: Literal["command_delay"] = "command_delay"
     ticks: Annotated[float, Field(gt=0.0, le=MOST_TICKS)]  # whole ones and parts
-    joint: str | None = None  # whose; null: every one
+    joint: str | None = None  # of the motor; null: every one
 
     def subject(self, names: Names) -> Subject | None:
         """Return the joint, where it is about one."""

@@ -23,7 +23,7 @@ class CommandLost(OnAnyTestbed):
 
     kind: Literal["command_lost"] = "command_lost"
     probability: Probability = 1.0  # of each tick
-    seed: Seed = 0  # beside the trial's
+    seed: Seed = 0  # in addition to the trial's
 
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
@@ -39,7 +39,7 @@ class CommandLate(OnAnyTestbed):
     kind: Literal["command_late"] = "command_late"
     probability: Probability = 1.0  # of each tick
     ticks: Ticks = 1  # how late
-    seed: Seed = 0  # beside the trial's
+    seed: Seed = 0  # in addition to the trial's
 
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
@@ -59,7 +59,7 @@ class CommandDuplicated(OnAnyTestbed):
 
     kind: Literal["command_duplicated"] = "command_duplicated"
     probability: Probability = 1.0  # of each tick
-    seed: Seed = 0  # beside the trial's
+    seed: Seed = 0  # in addition to the trial's
 
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
@@ -78,7 +78,7 @@ class CommandReordered(OnAnyTestbed):
 
     kind: Literal["command_reordered"] = "command_reordered"
     probability: Probability = 1.0  # of each tick
-    seed: Seed = 0  # beside the trial's
+    seed: Seed = 0  # in addition to the trial's
 
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
@@ -97,10 +97,10 @@ class ControllerSilent:
     """No answer of a controller reaches the drive."""
 
     kind: Literal["controller_silent"] = "controller_silent"
-    controller: str  # whose answers are dropped
+    controller: str  # of the answers that are dropped
 
     def subject(self, names: Names) -> Subject | None:
-        """Return the controller, where it is known who there is."""
+        """Return the controller, if the names of all are known."""
         if not names.controllers:
             return None
         return Subject("controller", self.controller, names.controllers, where="there is")

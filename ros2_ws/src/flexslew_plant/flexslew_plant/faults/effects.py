@@ -40,7 +40,7 @@ class Names(NamedTuple):
     controllers: tuple[str, ...] = ()  # that there are; none: not known
 
     def of(self, channel: str) -> tuple[str, ...]:
-        """Return who has a sensor of this channel."""
+        """Return the joints or appendages that have a sensor of this channel."""
         return self.joints if channel.startswith("joint") else self.appendages
 
 
@@ -70,7 +70,7 @@ class FaultContext:
         happens: draws whether an event of this probability occurs now.
         deliver_later: hands an answer to the drive some ticks later, before or after that tick's
             own answer.
-        demand, effort: what was last asked of the motors, and what they last gave, (joints,).
+        demand, effort: last demand on the motors, and the effort that they gave, (joints,).
         since: returns the ticks since the fault began.
     """
 
@@ -85,7 +85,7 @@ class FaultContext:
 class Effect(NamedTuple):
     """What a fault does while it acts: only what is given."""
 
-    read: Callable[[Readings], Readings] | None = None  # what the question says of the readings
+    read: Callable[[Readings], Readings] | None = None  # readings of the measurement
     fate: Callable[[EffortCommand], Fate] | None = None  # what becomes of an answer
     late: Callable[[Vector], Vector] | None = None  # what arrives of what the drive lets go
     demand: Callable[[Vector], Vector] | None = None  # what the motors take a demand for
@@ -102,7 +102,7 @@ class Fault(Protocol):
 
 
 class FaultWithStep(Fault, Protocol):
-    """A fault whose entry has a step."""
+    """A fault with a step in its entry."""
 
     def action(self, names: Names) -> FaultAction:
         """Return where the step acts on a testbed, and its numbers."""
@@ -117,7 +117,7 @@ class FaultWithEffect(Fault, Protocol):
 
 @dataclass(frozen=True)
 class FaultEntry:
-    """A fault, as the rest of the bench knows it.
+    """A fault, as the rest of the bench uses it.
 
     Args:
         settings: its section, a FaultWithStep or FaultWithEffect; the default of `kind` is its

@@ -40,7 +40,7 @@ class Faults:
         timed: the faults of the schedule.
 
     Attributes:
-        waiting: those that have not begun.
+        waiting: those that have not started.
         at_work: some act: then, and only then, `fate`, `demand`, `effort` and `read` change what
             passes through them.
         late: the answers that are still to reach the drive, see old_answers.
@@ -69,7 +69,7 @@ class Faults:
 
         Args:
             tick: of the bench.
-            demand: last effort asked of the motors, shape (joints,) [N m or N].
+            demand: last demand on the motors, shape (joints,) [N m or N].
             effort: that they gave during the last tick, shape (joints,) [N m or N].
         """
         self._tick = tick
@@ -86,7 +86,7 @@ class Faults:
         return [SwitchedEffect(t, False) for t in ended] + [SwitchedEffect(t, True) for t in begun]
 
     def read(self, readings: Readings) -> Readings:
-        """Return what the question says instead of what the sensors read."""
+        """Return the readings of the measurement for those of the sensors."""
         for _, effect in self._acting:
             if effect.read is not None:
                 readings = effect.read(readings)
@@ -111,7 +111,7 @@ class Faults:
         return [old.command for old in due]
 
     def demand(self, demand: Vector) -> Vector:
-        """Return what reaches the motors instead of what the drive asks for.
+        """Return the demand that reaches the motors for the demand of the drive.
 
         What is late arrives before a motor makes less of it. Of two delays the later one to set in
         comes first: what it begins with is what the drive let go last.

@@ -84,7 +84,7 @@ class SensorDropout:
     channel: ChannelName  # which sensors
     of: str | None = None  # joint or appendage; null: every one of the channel
     probability: Probability = 1.0  # of each tick
-    seed: Seed = 0  # beside the trial's
+    seed: Seed = 0  # in addition to the trial's
 
     def subject(self, names: Names) -> Subject | None:
         """Return the joint or appendage."""

@@ -1,4 +1,4 @@
-"""Whether the joint sensors agree: an encoder must move as its rate sensor says."""
+"""Whether the joint sensors agree: an encoder must move at the rate of its rate sensor."""
 
 from typing import Annotated, NamedTuple
 
@@ -19,7 +19,7 @@ class PlausibilitySettings:
 
 
 class Implausible(NamedTuple):
-    """A joint whose sensors disagree."""
+    """A joint of which the sensors disagree."""
 
     joint: int
     difference: float  # mean rate from the positions, minus that of the rate sensor [rad/s or m/s]

@@ -83,7 +83,7 @@ class _Prepared(NamedTuple):
     schedule: Schedule
     aim: Vector  # rows `tip` and `goal`, then the displacement
     goal: FlownManoeuvre
-    kind: Hashable  # laws for which it is equal may fly beside each other
+    kind: Hashable  # laws for which it is equal may fly side by side
 
 
 class _Ready(NamedTuple):
@@ -121,7 +121,7 @@ class Lanes:
     """Flies trials of a study many at once; gives back those that only the bench can fly.
 
     Args:
-        study: whose trials they are.
+        study: that the trials are of.
         plans: made already.
     """
 
@@ -356,7 +356,7 @@ def form_of(trial: Trial, controller: Controller, references: list[Reference]) -
 def _way_of_leg(
     controller: Controller, form: LinearForm, watch: Watch | None, charge: Charge
 ) -> Way:
-    """Return LANES, or why lanes cannot tell what a controller of a trial knows of its bench."""
+    """Return LANES, or why lanes do not have the measurements of a trial's controller."""
     if controller.name in charge.blinded and not _begins_anew(form):
         return Way.NAN
     alone = not (charge.legs[1:] or charge.failure)
@@ -366,7 +366,7 @@ def _way_of_leg(
 
 
 def _begins_anew(form: LinearForm) -> bool:
-    """Return whether lanes know how what it knows of the bench begins again in flight."""
+    """Return whether lanes can start its estimator again in flight."""
     found = form.observer.observer if isinstance(form.observer, OnModelForm) else form.observer
     known = not isinstance(found, SmallMotionForm)
     if isinstance(found, LinearObserver):
@@ -380,7 +380,7 @@ def _nothing(lane: int) -> dict[str, float | None]:
 
 
 def _filter_of(form: LinearForm) -> Hashable:
-    """Return what is equal for laws whose filters of the attitude believe the same."""
+    """Return what is equal for laws that have the same filters of the attitude."""
     craft = form.flexible.numbers if form.flexible is not None else ()
     return form.attitude and tuple(part.tobytes() for part in (*form.attitude, *craft))
 

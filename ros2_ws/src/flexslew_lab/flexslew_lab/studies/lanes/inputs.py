@@ -53,7 +53,7 @@ def course_of(plan: Plan, ticks: int) -> LaneCourse:
 
 
 def resting_course(hold: Vector, period: float, ticks: int) -> LaneCourse:
-    """Return the course of who has no plan and holds what it has first measured.
+    """Return the course of a controller that has no plan and holds its first measured position.
 
     Args:
         hold: positions of the joints, shape (joints,) [rad or m].
@@ -180,7 +180,7 @@ def spun_by(lanes: Sequence[LaneTrial]) -> tuple[int, ...]:
 def gains_of(controller: Controller) -> Vector:
     """Return kp, ki and kd of a law with gains that lanes have for themselves."""
     built: Any = controller.law
-    built = getattr(built, "law", built)  # whose torque is shared out
+    built = getattr(built, "law", built)  # of which the torque is allocated
     gains = getattr(built, "deviation", built)
     return np.concatenate((gains.kp, getattr(gains, "ki", np.zeros(gains.kp.size)), gains.kd))
 

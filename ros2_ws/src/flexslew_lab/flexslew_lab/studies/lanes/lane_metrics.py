@@ -64,7 +64,7 @@ COUNTED = frozenset(
 
 
 class LaneMetrics:
-    """The metrics of trials that flew beside each other; all are measured alike.
+    """The metrics of trials that flew side by side; all are measured alike.
 
     Args:
         lanes: the trials.

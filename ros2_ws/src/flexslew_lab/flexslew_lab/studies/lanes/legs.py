@@ -83,7 +83,7 @@ class LaneFlight:
         first, model = lanes[0], lanes[0].model
         laws = [beside([of[k].form for of in legs]) for k in range(len(legs[0]))]
         names = [leg.controller for leg in self._legs]
-        found = {  # by name: whoever is in charge first, the loops are the same
+        found = {  # by name: the loops do not depend on which is active first
             name: beginning(leg.form.observer, law.observers)
             for name, leg, law in sorted(
                 zip(names, self._legs, laws, strict=True), key=itemgetter(0)
@@ -161,7 +161,7 @@ class LaneFlight:
         self._begin(np.array([law.gains for law in each]))
 
     def _begin(self, gains: Matrix) -> None:
-        """Begin the next leg, whose array is there."""
+        """Begin the next leg, which has its array."""
         leg, law, w, rows = self._legs[self._next], self._laws[self._next], self.w, self.rows
         first, sizes, observer = self._lanes[0], self._sizes[self._next], self._observer
         w[rows.kp : rows.tip] = gains.T.ravel()

@@ -1,7 +1,7 @@
 """The compiled loop that flies LANES trials at once: readings, law, drive, testbed, metrics.
 
-It says in compiled form what Sensors, Controller, Drive, Actuator, Bench and the metrics
-say for one run. What differs from lane to lane stands in one flat array, see rows.
+It is the compiled form of Sensors, Controller, Drive, Actuator, Bench and the metrics
+for one run. What differs from lane to lane stands in one flat array, see rows.
 """
 
 from collections.abc import Callable
@@ -57,8 +57,8 @@ def lane_loop(
     It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, LaneJudge, Watch, turned, Senses,
     LanePushes, LaneFriction, observer, z, memory, filled, first, last, record, draws): w of
     lanes.Advance with the rows of `rows` behind; `error` of the readings, (ticks + 1 or 1, outputs
-    LANES); TurnedJoints, if `turns`; w, z and memory in and out; `observer` as `observe` wants it,
-    which is asked for the first `filled` lanes at least; ticks from `first` to before `last`. If
+    LANES); TurnedJoints, if `turns`; w, z and memory in and out; `observer` as `observe` takes it,
+    which serves the first `filled` lanes at least; ticks from `first` to before `last`. If
     `recorded`, the truth goes into `record`, (LANES, ticks, states + joints), and is measured
     afterwards; else the loop counts what the metrics need. `draws` are the instruments', (ticks,
     lanes, draws).
@@ -73,7 +73,7 @@ def lane_loop(
         recorded: whether the truth is.
         turns: whether the joints read an attitude.
         heard: whether there are instruments.
-        filtered: the filters that tell the joints; None: there are none.
+        filtered: the filters that estimate the joints; None: there are none.
     """
     m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
     rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
@@ -92,7 +92,7 @@ def lane_loop(
 
     @vectorised
     def read(k: int, error: Matrix, w: Vector) -> None:
-        """Write what the sensors say: joints, rates, the first of the tips."""
+        """Write the readings: joints, rates, the first of the tips."""
         row, rates = k if error.shape[0] > 1 else 0, m * LANES
         for i in range(kept):
             w[earlier + i] = w[reading + i]

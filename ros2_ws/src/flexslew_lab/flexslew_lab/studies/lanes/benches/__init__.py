@@ -1,1 +1,1 @@
-"""What benches do beside the law: sensors, drives, faults, pushes from outside."""
+"""What benches do in addition to the law: sensors, drives, faults, disturbances."""

@@ -41,7 +41,7 @@ def judge_of(lanes: Sequence[LaneTrial]) -> LaneJudge | None:
 
 
 def judging(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what marks lanes whose readings of a tick contradict each other."""
+    """Return what marks lanes in which the readings of a tick contradict each other."""
     reading, doubt, count, judged = rows.reading, rows.doubt, sizes.joints * LANES, sizes.judged
 
     @vectorised

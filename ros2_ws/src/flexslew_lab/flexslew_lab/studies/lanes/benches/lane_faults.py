@@ -169,7 +169,7 @@ def spoiling() -> Callable[..., None]:
 def setting_in(rows: Rows, sizes: Sizes, heard: bool) -> Callable[..., None]:
     """Return what lets faults set in at a tick, and sensors read what is wrong.
 
-    It takes (k, LaneFaults, w, first lanes to be asked for).
+    It takes (k, LaneFaults, w, number of lanes in use).
 
     Args:
         rows: of the group.
@@ -199,7 +199,7 @@ def setting_in(rows: Rows, sizes: Sizes, heard: bool) -> Callable[..., None]:
 
 
 def _remembering(rows: Rows) -> Callable[..., None]:
-    """Return what stores for a fault that sets in what was asked of the drives, or applied."""
+    """Return what stores, for a fault that sets in, the demand on the drives or the effort."""
     asked, applied = rows.asked, rows.applied
 
     @compiled
@@ -221,7 +221,7 @@ def _remembering(rows: Rows) -> Callable[..., None]:
 def broken_demand(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what holds the last demand on a drive where an answer is lost, and changes it.
 
-    It takes (k, joint, LaneFaults, w, first lanes to be asked for).
+    It takes (k, joint, LaneFaults, w, number of lanes in use).
 
     Args:
         rows: of the group.
@@ -252,7 +252,7 @@ def broken_demand(rows: Rows, sizes: Sizes) -> Callable[..., None]:
 def broken_motors(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what changes the efforts that motors give.
 
-    It takes (k, joint, LaneFaults, w, first lanes to be asked for).
+    It takes (k, joint, LaneFaults, w, number of lanes in use).
 
     Args:
         rows: of the group.

@@ -58,7 +58,7 @@ def moving(advance: Advance) -> Callable[..., None]:
 def sliding(advance: Advance, kernels: Kernels, n: int, before: int, m: int) -> Callable[..., None]:
     """Return what takes lanes one tick on, with the friction of their motors.
 
-    It takes (t, dt, steps, LaneFriction, first lanes to be asked for, w).
+    It takes (t, dt, steps, LaneFriction, number of lanes in use, w).
 
     Args:
         advance: of the lanes without friction.
@@ -113,7 +113,7 @@ def _agreed(
         mobility: of all actuators, B^T M^-1 B.
         start: states before the tick, flat.
         w: states after it, flat.
-        lane: that is asked for.
+        lane: index of the lane.
         dt: one tick [s].
         r: friction, (motors,), in and out [N m or N].
     """

@@ -40,7 +40,7 @@ def _nothing(t: float, span: float, pushes: LanePushes, filled: int, w: Vector) 
 def _pushing(push: Push, states: int, coordinates: int, before: int) -> Callable[..., None]:
     """Return what gives lanes the impulse between t and t + span; see Model.pushed.
 
-    It takes (t, span, LanePushes, first lanes to be asked for, w).
+    It takes (t, span, LanePushes, number of lanes in use, w).
 
     Args:
         push: of the testbed.

@@ -1,8 +1,8 @@
 """Quantised readings and efforts, and which lanes are too near to an edge.
 
 Lanes differ from the bench in the last digits. Where a value is nearer to the edge between two
-quanta than a guard well above that, a lane does not say on which side the bench is: it is in doubt,
-and its trial is flown again by the bench.
+quanta than a guard well above that, a lane does not decide on which side the bench is: it is in
+doubt, and its trial is flown again by the bench.
 """
 
 from collections.abc import Callable

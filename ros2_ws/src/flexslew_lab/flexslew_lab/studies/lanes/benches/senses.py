@@ -22,8 +22,8 @@ from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel, flat_zeros
 from flexslew_plant.testbeds.instruments import MovingBody
 from flexslew_plant.testbeds.instruments.packed_readers import PackedReaders, read_instruments
 
-# (k, Senses, told, joints, reference, filled): replaces what the joints say, (lanes, 2 joints), by
-# what is believed; told: readings of all tips, then the efforts before, (lanes, tips + joints)
+# (k, Senses, told, joints, reference, filled): replaces the joint readings, (lanes, 2 joints), by
+# their estimates; told: readings of all tips, then the efforts before, (lanes, tips + joints)
 Filter: TypeAlias = Callable[..., None]
 
 
@@ -42,7 +42,7 @@ class Senses(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """The instruments of a group, and what they tell."""
+    """The instruments of a group, and their readings."""
 
     readers: list[PackedReaders]  # of the first lanes
     senses: Senses
@@ -53,7 +53,7 @@ class Heard(NamedTuple):
 
 
 def heard_by(lanes: Sequence[LaneTrial], laws: Beside, tips: int) -> Heard | None:
-    """Return the instruments of a group; None: there are none, or nobody hears them.
+    """Return the instruments of a group; None: there are none, or no law reads them.
 
     Args:
         lanes: the group.
@@ -109,7 +109,7 @@ def filter_of(laws: Beside) -> Filter | None:
 def rigid_filter(
     k: int, senses: Senses, told: Matrix, joints: Matrix, reference: Vector, filled: int
 ) -> None:
-    """Tell the joints of all lanes by filters of attitude and bias."""
+    """Estimate the joints of all lanes by filters of attitude and bias."""
     m = reference.size
     believed, tips = np.empty(2 * m), told.shape[1] - m
     for lane in range(filled):
@@ -121,7 +121,7 @@ def rigid_filter(
 
 @lru_cache
 def _flexible_filter(kernel: LaneKernel, steps: int) -> Filter:
-    """Return what tells the joints of all lanes by filters with modes."""
+    """Return what estimates the joints of all lanes by filters with modes."""
     tick = flexible_tick(kernel, steps)
 
     @compiled
@@ -143,7 +143,7 @@ def _flexible_filter(kernel: LaneKernel, steps: int) -> Filter:
 def sensing(rows: Rows, sizes: Sizes, heard: bool, filtered: Filter | None) -> Callable[..., None]:
     """Return what writes readings of instruments, and joints as a filter believes in them.
 
-    It takes (k, Senses, draws of this tick, reference, LaneFaults, w, first lanes to be asked for).
+    It takes (k, Senses, draws of this tick, reference, LaneFaults, w, number of lanes in use).
 
     Args:
         rows: of the group.

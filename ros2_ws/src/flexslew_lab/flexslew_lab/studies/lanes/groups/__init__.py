@@ -1,1 +1,1 @@
-"""Which trials fly beside each other, who is in charge of each, and where their numbers stand."""
+"""Which trials fly side by side, which controller is active, and where the numbers are."""

@@ -1,7 +1,8 @@
 """Which controllers have no finite estimate at which ticks of a trial: known before the flight.
 
-A sensor that reads NaN takes the estimate from whoever listens to it; with the first reading that
-is a number again the estimator begins anew. Who listens is found by asking the controllers.
+A sensor that reads NaN takes the estimate from each controller that reads it; with the first
+reading that is a number again the estimator starts again. Each controller gives the channels that
+it reads.
 """
 
 from collections.abc import Mapping, Sequence
@@ -59,7 +60,7 @@ def unread(names: Names, faults: Sequence[Timed], seed: int, ticks: int) -> NDAr
 def blindness(
     controllers: Sequence[Controller], model: Model, x: Vector, unread: NDArray[np.bool_]
 ) -> Blindness | Way:
-    """Return who is blind when; a way where only the bench can tell.
+    """Return which controller is blind at which ticks; a way if only the bench can find it.
 
     Args:
         controllers: that take part in the trial, fresh.

@@ -1,4 +1,4 @@
-"""Who is in charge of a trial, and which answers are lost: it is known before the flight."""
+"""Which controller of a trial is active, and which answers are lost: both before the flight."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -47,14 +47,14 @@ class Charge(NamedTuple):
     events: tuple[Event, ...]  # that metrics count
     blinded: frozenset[str] = frozenset()  # controllers that are without an estimate at times
     restarts: tuple[tuple[int, str], ...] = ()  # tick from which on one of them has one again
-    last: int | None = None  # tick from which on nobody answers until the brake; None: to the end
+    last: int | None = None  # first tick without an answer until the brake; None: to the end
     failure: str = ""  # why the trial fails
 
 
 def charge_of(
     trial: Trial, faults: Sequence[Timed] = (), blind: Blindness = MappingProxyType({})
 ) -> Charge | Way:
-    """Return who is in charge of a trial when; a way where only the bench can tell.
+    """Return which controller is active at which ticks; a way if only the bench can find it.
 
     Args:
         trial: with switches and fallbacks.
@@ -101,7 +101,7 @@ def charge_of(
             turns.pop()
         led = turns[-1][1] if turns else newcomer
         if newcomer in (name, led) or _silenced(lost, losing, newcomer)[until]:
-            return Way.SCHEDULE  # who goes on does so with a step
+            return Way.SCHEDULE  # the one that goes on does so with a step
         if any(blind.get(one, never)[until - 1 : until + 1].any() for one in newcomers):
             return Way.SCHEDULE  # it is not ready, or gives no answer
         facts.append(Switched(name, newcomer, 0.0))
@@ -124,7 +124,7 @@ def charge_of(
 def _legs(
     turns: Sequence[tuple[int, str]], blind: Blindness, end: int
 ) -> tuple[tuple[int, str], ...]:
-    """Return who computes efforts from which tick on: anew after each time without an estimate."""
+    """Return which controller computes efforts from which tick, also after a missing estimate."""
     legs = list[tuple[int, str]]()
     for (first, name), (until, _) in pairwise([*turns, (end, "")]):
         sees = np.ones(max(0, min(until, end) - first), np.bool_)
@@ -136,7 +136,7 @@ def _legs(
 
 
 def _restarts(blind: Blindness, end: int) -> tuple[tuple[int, str], ...]:
-    """Return at which ticks who has an estimate again."""
+    """Return at which ticks a controller has an estimate again."""
     found = [
         (int(tick) + 1, name)
         for name, when in blind.items()
@@ -146,7 +146,7 @@ def _restarts(blind: Blindness, end: int) -> tuple[tuple[int, str], ...]:
 
 
 def _lost(faults: Sequence[Timed], seed: int, ticks: int) -> NDArray[np.bool_]:
-    """Return at which ticks an answer is lost, whoever gives it."""
+    """Return at which ticks an answer is lost, of any controller."""
     found = np.zeros(ticks, np.bool_)
     for timed in faults:
         found |= struck(timed, seed, ticks)

@@ -1,4 +1,4 @@
-"""Laws beside each other: the same in every lane, or one for each."""
+"""Laws side by side: the same in every lane, or one for each."""
 
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
@@ -37,7 +37,7 @@ class Beside(NamedTuple):
 
 
 def kind_of(form: LinearForm) -> Hashable:
-    """Return what is equal for laws that may fly beside each other."""
+    """Return what is equal for laws that may fly side by side."""
     known = _kind_of_observer(form.observer)
     if known is None or is_large(form):
         return id(form)
@@ -51,7 +51,7 @@ def kind_of(form: LinearForm) -> Hashable:
 
 
 def _kind_of_observer(found: Observer) -> Hashable:
-    """Return what is equal for observers beside each other; None: there is one for all lanes.
+    """Return what is equal for observers side by side; None: there is one for all lanes.
 
     What a GainedFilter computes by tick is that of all lanes.
     """
@@ -77,7 +77,7 @@ def craft_kernel(form: FlexibleForm) -> LaneKernel:
 
 
 def _kind_of_filters(form: LinearForm) -> Hashable:
-    """Return what is equal for filters of the attitude that may go beside each other."""
+    """Return what is equal for filters of the attitude that may go side by side."""
     numbers, craft = form.attitude, form.flexible
     if numbers is None or craft is None:
         return tuple(part.shape for part in numbers or ())

@@ -1,4 +1,4 @@
-"""Which trials may fly beside each other in lanes."""
+"""Which trials may fly side by side in lanes."""
 
 import json
 from collections.abc import Hashable, Sequence
@@ -152,7 +152,7 @@ class LaneIntake:
         charge = blind if isinstance(blind, Way) else charge_of(trial, injected.faults, blind)
         found = charge if isinstance(charge, Way) else Happening(charge, *injected)
         chance = any(getattr(timed.fault, "probability", 1.0) < 1.0 for timed in injected.faults)
-        if not (chance or blind):  # chance is the seed's, who listens a matter of all keys
+        if not (chance or blind):  # chance is the seed's, the readers depend on all keys
             self._happens[variant] = source, found
         return found
 
@@ -180,7 +180,7 @@ class LaneIntake:
             own = legs
         else:
             own = {key: value for key, value in own.items() if key not in gains}
-            # joints and instruments are of the craft that flies, whatever the law believes
+            # joints and instruments are of the craft that flies, not of the law's model
             knows = any(own.get(key) not in (None, False) for key in CONTROLLERS[law].of_testbed)
             believes = knows or not (gains or sets_every_key(own.get("model"), testbed))
         belief = plain(testbed) if believes else None
@@ -304,7 +304,7 @@ def _is_quantised(trial: Trial) -> bool:
 
 
 def way_of_settings(trial: Trial, charge: Charge) -> Way:
-    """Return LANES, or what of a trial's settings only the bench knows."""
+    """Return LANES, or what of a trial's settings only the bench flies."""
     own = [trial.controllers[name] or {} for _, name in charge.legs]
     laws = [law_of(leg[1], values)[0] for leg, values in zip(charge.legs, own, strict=True)]
     known = all(law in CONTROLLERS and CONTROLLERS[law].linear for law in laws)
@@ -317,7 +317,7 @@ def way_of_settings(trial: Trial, charge: Charge) -> Way:
 
 
 def way_of_testbed(model: Model, period: float) -> Way:
-    """Return LANES, or what of a testbed only the bench knows."""
+    """Return LANES, or what of a testbed only the bench flies."""
     obstacles = (
         (model.reading is not None and model.kernels.reading is None, Way.JOINTS),
         (model.efforts != model.joints, Way.EFFORTS),

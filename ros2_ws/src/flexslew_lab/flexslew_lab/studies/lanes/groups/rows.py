@@ -27,7 +27,7 @@ class Sizes(NamedTuple):
     quantised: bool  # readings are
     remembered: bool  # observers ask for the readings of the tick before, and for demands
     judged: bool  # joint readings are compared
-    watched: int  # innovations that a monitor looks at
+    watched: int  # innovations that a monitor tests
     taken: bool  # the law took over from another one
     broken: bool  # there are faults
     apart: bool  # each lane has disturbances of its own
@@ -48,7 +48,7 @@ class Rows(NamedTuple):
     reading: int  # of this tick
     earlier: int  # reading of the one before
     seen: int  # what a law on body axes takes for its joints, then rates
-    demand: int  # torque that it asks for
+    demand: int  # torque that it demands
     products: int  # of rates
     held: int  # efforts that were applied when it took over
     offset: int  # of them from its own, which is blended out

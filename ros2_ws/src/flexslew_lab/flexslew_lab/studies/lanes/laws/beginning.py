@@ -38,7 +38,7 @@ class Beginning(NamedTuple):
     constants: tuple[Any, ...]
     z: Vector  # flat
     memory: Vector  # what it keeps besides, flat
-    begun: Indices | None = None  # tick at which it began, (1,); None: it cannot begin anew
+    begun: Indices | None = None  # tick at which it began, (1,); None: it cannot start again
 
 
 def beginning(found: Observer, observers: Sequence[Any]) -> Beginning:

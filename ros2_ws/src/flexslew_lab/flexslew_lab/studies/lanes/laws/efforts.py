@@ -66,7 +66,7 @@ class LawTerms(NamedTuple):
 def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
     """Return what writes the efforts of a tick and takes the integral to the next one.
 
-    It takes (k, t, dt, Troubles, LawNumbers, TurnedJoints, z, w, first lanes to be asked for).
+    It takes (k, t, dt, Troubles, LawNumbers, TurnedJoints, z, w, number of lanes in use).
 
     Args:
         total: where the efforts stand that the kernel holds.
@@ -209,7 +209,7 @@ def _integrate(
 
 
 def _see(rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what writes the turn and the body rates that the joints tell; see AllocatedLaw."""
+    """Return what writes the turn and the body rates of the joints; see AllocatedLaw."""
     m, shared, seen, reading = sizes.joints, sizes.shared, rows.seen, rows.reading
 
     @vectorised

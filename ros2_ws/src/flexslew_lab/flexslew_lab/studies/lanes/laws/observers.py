@@ -18,12 +18,12 @@ from flexslew_plant.testbeds.kernels import Kernels
 
 # (k, t, dt, constants, Signals, z, memory, filled): takes z to tick k at t [s], at least in the
 # first `filled` lanes; where z has an innovation, its variances stand at the end of the memory.
-# Of those that may begin anew in flight the constants are (the tick at which they did, (1,); ...)
+# Of those that may start again in flight the constants are (the tick at which they did, (1,); ...)
 Observe: TypeAlias = Callable[..., None]
 
 
 class LaneSignals(NamedTuple):
-    """What an observer is told, flat."""
+    """What an observer receives, flat."""
 
     y: Vector  # readings of this tick
     earlier: Vector  # of the one before
@@ -73,7 +73,7 @@ def _add_all(weights: Tensor, k: int, given: Vector, out: Vector) -> None:
 
 @lru_cache
 def linear(states: int) -> Observe:
-    """Return the observer whose matrices linear_form.LinearObserver holds."""
+    """Return the observer with the matrices of linear_form.LinearObserver."""
 
     @vectorised
     def observe(
@@ -114,7 +114,7 @@ def one_after_another(first: Observe, rows: int, kept: int, then: Observe) -> Ob
     """Return two observers as one: their states and memories stand one behind the other's.
 
     Args:
-        first: the first one, whose constants are the first of two.
+        first: the first one; its constants are the first of two.
         rows: size of its flat state.
         kept: size of its flat memory.
         then: the other one.
@@ -139,7 +139,7 @@ def one_after_another(first: Observe, rows: int, kept: int, then: Observe) -> Ob
 
 @lru_cache
 def gained(states: int) -> Observe:
-    """Return the filter whose matrices gained_filter.GainedFilter holds."""
+    """Return the filter with the matrices of gained_filter.GainedFilter."""
 
     @vectorised
     def observe(
@@ -214,7 +214,7 @@ def kalman(kernels: Kernels, before: int, n: int) -> Observe:
                 read[i] = signals.y[i * LANES + lane]
             for i in range(m):
                 held[i] = signals.effort[i * LANES + lane]
-            # after a reading that was no number it begins anew, with one that is
+            # after a reading that was no number it starts again, with one that is
             if k == 0 or (not np.isfinite(x).all() and np.isfinite(read).all()):
                 x[:] = 0.0
                 innovation[:] = 0.0

@@ -14,7 +14,7 @@ from flexslew_plant.testbeds.kernels import Kernels
 
 
 class LaneSteady(NamedTuple):
-    """linear_form.SteadyForm of the lanes beside each other; one entry: the same in all."""
+    """linear_form.SteadyForm of the lanes side by side; one entry: the same in all."""
 
     packed: Matrix  # the model's numbers, (lanes, size)
     gain: Tensor  # K, (lanes, 2 n, l)
@@ -23,7 +23,7 @@ class LaneSteady(NamedTuple):
 
 
 class LaneEfforts(NamedTuple):
-    """linear_form.OnModelForm without its observer, of the lanes beside each other."""
+    """linear_form.OnModelForm without its observer, of the lanes side by side."""
 
     packed: Matrix  # (lanes, size)
     surface: Tensor  # G, (lanes, m, 2 n)
@@ -70,7 +70,7 @@ def steady(kernels: Kernels, before: int, n: int) -> Observe:
                 step(lanes.packed[one], gain, output, y, held, dt, x)
             for i in range(outputs):
                 y[i] = signals.y[i * LANES + lane]
-            # after a reading that was no number it begins anew, with one that is
+            # after a reading that was no number it starts again, with one that is
             if k == 0 or (not np.isfinite(x).all() and np.isfinite(y).all()):
                 x[:] = 0.0
                 for i in range(m):
@@ -116,7 +116,7 @@ def _step(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
 
 @lru_cache
 def on_model(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
-    """Return what writes the efforts of linear_form.OnModelForm behind what its observer knows.
+    """Return what writes the efforts of linear_form.OnModelForm after its observer.
 
     Args:
         kernels: the equations of the law.
@@ -156,10 +156,10 @@ def on_model(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
 
 @lru_cache
 def observed_and_acted(first: Observe, known: int, act: Callable[..., None]) -> Observe:
-    """Return an observer and what acts on what it knows as one.
+    """Return an observer and what acts on its estimate as one.
 
     Args:
-        first: the observer, whose constants are the first of two.
+        first: the observer; its constants are the first of two.
         known: size of its flat state.
         act: see on_model.
     """

@@ -16,7 +16,7 @@ from flexslew_plant.testbeds.kernels import Kernels
 
 
 class LaneMotions(NamedTuple):
-    """What linear_form.SmallMotionForm holds, of the lanes beside each other."""
+    """What linear_form.SmallMotionForm holds, of the lanes side by side."""
 
     beliefs: MotionBelief  # an axis for lanes in front; one entry: the same in all
     behind: LinearObserver  # by lane_laws.by_lane

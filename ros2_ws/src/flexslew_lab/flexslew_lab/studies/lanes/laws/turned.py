@@ -1,6 +1,6 @@
 """Where joints read an attitude: their positions as a law sees them, errors being rotations.
 
-In compiled form what Controller and AttitudeJoints.about say for one run; lane after lane, by the
+The compiled form of Controller and AttitudeJoints.about for one run; lane after lane, by the
 same functions.
 """
 
@@ -35,9 +35,9 @@ def turned_joints(attitude: AttitudeJoints | None, joints: int) -> TurnedJoints:
 
 @lru_cache
 def about_reference(joints: int, reading: int, turns: bool) -> Callable[..., None]:
-    """Return what replaces positions by some whose differences from the reference are the errors.
+    """Return what replaces positions such that their differences from the reference are errors.
 
-    It takes (w, TurnedJoints, reference, first lanes to be asked for).
+    It takes (w, TurnedJoints, reference, number of lanes in use).
 
     Args:
         joints: how many.
