@@ -147,14 +147,11 @@ LAWS: dict[str, Any] = {
         [
             ("lqr", "wheels", [], 2e-5),  # [rad], nothing disturbs: what the plan leaves
             ("lqr", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
-            ("lqr", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
             ("proportional_integral", "wheels", [], 2e-5),
             ("linear", "wheels", [], 2e-5),
             ("output_feedback", "wheels", [], 2e-5),
-            ("output_feedback", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
             ("output_feedback", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
             ("model_predictive", "wheels", [], 2e-5),
-            ("model_predictive", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
             ("model_predictive", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
         ],
         ("proportional_integral", "wheels", [], 2e-5),
