@@ -68,9 +68,7 @@ WHEELS = {"kind": "wheels", "null_motion": 0.1, "bias_speed": [30.0, -30.0, 30.0
 PD, PID = "pd_feedforward", "collocated_pid"
 THRUSTERS, GYROS = {"kind": "thrusters"}, {"kind": "control_moment_gyros", "null_motion": 0.05}
 FLOWN: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
-    "thrusters": (PD, {"allocation": THRUSTERS}, {}),
     "pulses": (PID, {"allocation": THRUSTERS}, {"shortest_pulse": PULSES}),
-    "wheels": (PID, {"allocation": WHEELS}, {}),
     "unloaded wheels": (PD, {"allocation": WHEELS | {"unloading": 0.05}}, {}),
     "gyros": (PD, {"allocation": GYROS}, {}),
     "thrusters, filter": (PD, {"allocation": THRUSTERS, "attitude": {}}, {}),

@@ -33,7 +33,8 @@ MOTORS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize(
     ("law", "motor"),
     representatives(
-        product(["pd_feedforward", "proportional_integral"], MOTORS), ("pd_feedforward", "both")
+        [*product(["pd_feedforward"], MOTORS), ("proportional_integral", "both")],
+        ("pd_feedforward", "both"),
     ),
 )
 def test_motors_with_a_lag_or_a_slew_rate_fly_in_lanes_as_on_the_bench(
@@ -106,7 +107,9 @@ BETWEEN: dict[str, dict[str, Any]] = {  # what stands between a demand and what 
 
 @pytest.mark.parametrize(
     ("law", "between"),
-    representatives(product(OWN_WINDING, BETWEEN), ("linear", "lost")),
+    representatives(
+        [("linear", "lost"), ("linear", "gain"), ("planned_gains", "lag")], ("linear", "lost")
+    ),
 )
 def test_an_integral_does_not_wind_back_by_what_motors_make_of_its_demand(
     study_of: Callable[..., Study], law: str, between: str
