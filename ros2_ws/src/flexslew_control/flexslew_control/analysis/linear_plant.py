@@ -10,7 +10,7 @@ from flexslew_control.analysis.rest import Rest, slopes, small_motions
 from flexslew_control.analysis.signals import APPLIED, inputs_of, outputs_of, states_of
 from flexslew_control.free_platform import rate_readings
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.hardware.actuator import IDEAL, Actuator, ActuatorSettings
+from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings, motor_numbers
 from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.testbeds.compiled.dynamics import (
     STAGE_TIMES,
@@ -115,7 +115,7 @@ def motors(path: PlantPath, efforts: tuple[str, ...]) -> Lti:
     queue = Lti(
         shift, entry, block_diag(*out), np.diag(through), efforts, efforts, names, path.period
     )
-    own = Actuator(path.actuator, np.ones(m), path.period).numbers
+    own = motor_numbers(path.actuator, np.ones(m), path.period)
     rise, mean = own.rise, own.mean_rise
     if rise == mean == 1.0:
         return queue

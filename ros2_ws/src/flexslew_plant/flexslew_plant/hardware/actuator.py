@@ -44,8 +44,14 @@ class ActuatorSettings:
 IDEAL = ActuatorSettings()
 
 
-class Actuator:
-    """One motor per joint, with the demand held over a tick; see motor_step.drive_motors.
+def motor_numbers(
+    settings: ActuatorSettings,
+    limit: Vector,
+    period: float,
+    impulse: Vector | None = None,
+    one_way: Sequence[int] = (),
+) -> MotorNumbers:
+    """Return the constants of all motors.
 
     Args:
         settings: the `actuator` section.
@@ -54,6 +60,21 @@ class Actuator:
         impulse: of the shortest pulse of each thruster that is on or off, 0 of the others, shape
             (joints,) [N m s or N s]; None: all push continuously.
         one_way: which ones give nothing but a positive effort.
+    """
+    least = -limit
+    least[list(one_way)] = 0.0
+    s, ratio = settings, period / settings.lag if settings.lag else 0.0
+    rise = -expm1(-ratio) if ratio else 1.0
+    mean_rise = 1.0 - rise / ratio if ratio else 1.0
+    shortest = np.zeros(limit.size) if impulse is None else impulse
+    motors = s.quantisation, s.slew_rate, s.lag, rise, mean_rise, period
+    return MotorNumbers(np.array(limit, dtype=float), least, shortest, *motors)
+
+
+class Actuator:
+    """One motor per joint, with the demand held over a tick; see motor_step.drive_motors.
+
+    Its arguments are those of motor_numbers.
     """
 
     def __init__(
@@ -64,18 +85,11 @@ class Actuator:
         impulse: Vector | None = None,
         one_way: Sequence[int] = (),
     ) -> None:
-        least = -limit
-        least[list(one_way)] = 0.0
+        self._numbers = n = motor_numbers(settings, limit, period, impulse, one_way)
         self._bounds: list[tuple[float, float]] = list(
-            zip(least.tolist(), limit.tolist(), strict=True)
+            zip(n.least.tolist(), n.limit.tolist(), strict=True)
         )
-        s, ratio = settings, period / settings.lag if settings.lag else 0.0
-        rise = -expm1(-ratio) if ratio else 1.0
-        mean_rise = 1.0 - rise / ratio if ratio else 1.0
-        shortest = np.zeros(limit.size) if impulse is None else impulse
-        motors = s.quantisation, s.slew_rate, s.lag, rise, mean_rise, period
-        self.numbers = MotorNumbers(np.array(limit, dtype=float), least, shortest, *motors)
-        self._ideal = not (s.quantisation or s.slew_rate or s.lag or shortest.any())
+        self._ideal = not (n.quantum or n.slew_rate or n.lag or n.impulse.any())
         self.reset()
         if not self._ideal:
             self.apply(np.zeros(limit.size))  # compiled before tick 0
@@ -98,14 +112,14 @@ class Actuator:
         """Return the mean effort over the coming tick, shape (joints,) [N m or N]."""
         if not self._ideal:
             self.effort = np.empty(demand.size)
-            self.saturated = drive_motors(self.numbers, demand, self._memory, self.effort)
+            self.saturated = drive_motors(self._numbers, demand, self._memory, self.effort)
             return self.effort
         self.saturated, self.effort = False, demand
         # a Python loop over one or two joints takes a third of the time of NumPy's calls
         for value, (least, largest) in zip(demand.tolist(), self._bounds, strict=True):
             if not least <= value <= largest:
                 self.saturated = True
-                self.effort = np.clip(demand, self.numbers.least, self.numbers.limit)
+                self.effort = np.clip(demand, self._numbers.least, self._numbers.limit)
                 break
         return self.effort
 

@@ -21,7 +21,7 @@ from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector, kept
 from flexslew_plant.bench.wire import stamp_of
-from flexslew_plant.hardware.actuator import Actuator, shortest_impulses
+from flexslew_plant.hardware.actuator import motor_numbers, shortest_impulses
 from flexslew_plant.hardware.disturbances import disturbance_effort
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
@@ -159,7 +159,7 @@ def _have_same_drives(one: LaneTrial, other: LaneTrial) -> bool:
 def _drives(trial: Trial, model: Model) -> Vector:
     limit = np.array(trial.testbed.effort_limit)
     impulse = shortest_impulses(trial.actuator, model.joint_names, limit, trial.period)
-    motors = Actuator(trial.actuator, limit, trial.period, impulse, model.one_way).numbers
+    motors = motor_numbers(trial.actuator, limit, trial.period, impulse, model.one_way)
     own, spins = model.spins, np.zeros((2, limit.size))
     spins[:, own.efforts] = own.inertia / trial.period, own.fastest
     return np.concatenate((*motors[:3], motors[3:-1], *spins))
