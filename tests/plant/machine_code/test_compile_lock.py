@@ -2,6 +2,7 @@
 
 import fcntl
 import importlib
+import multiprocessing
 import os
 import signal
 from pathlib import Path
@@ -30,6 +31,12 @@ def outer(x):
 
 
 def is_free(path: Path) -> bool:
+    """Return True if no process holds a lock or a part of it."""
+    parts = path.parent.glob(f"{path.name}-*") if path.parent.is_dir() else ()
+    return all(map(_is_free, (path, *parts)))
+
+
+def _is_free(path: Path) -> bool:
     handle = os.open(path, os.O_RDWR | os.O_CREAT)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -80,7 +87,7 @@ def test_what_is_in_the_cache_is_loaded_while_another_process_compiles(
     assert one_at_a_time(numba.njit(function, cache=True), lock)(1.0) == 2.0
     handle = os.open(lock.path, os.O_RDWR | os.O_CREAT)
     fcntl.flock(handle, fcntl.LOCK_EX)  # as that process has it
-    monkeypatch.setattr(CompileLock, "take", lambda self: pytest.fail("it waits"))
+    monkeypatch.setattr(CompileLock, "take", lambda self, part: pytest.fail("it waits"))
     try:
         again = one_at_a_time(numba.njit(function, cache=True), lock)
         assert again(1.0) == 2.0
@@ -108,6 +115,41 @@ def test_an_index_names_only_files_that_are_whole_and_stay_as_they_are(
     changed = FilesForGood(str(tmp_path), "name", (2.0, 2))  # of a changed source
     changed.save("first", 4)
     assert (files._load_data(old), changed.load("first"), changed.load("second")) == (1, 4, None)
+
+
+def test_no_entry_of_an_index_is_lost_when_processes_save_at_the_same_time(tmp_path: Path) -> None:
+    def save(process: int) -> None:
+        files = FilesForGood(str(tmp_path), "name", (1.0, 2))
+        for k in range(25):
+            files.save((process, k), k)
+
+    context = multiprocessing.get_context("fork")
+    processes = [context.Process(target=save, args=(process,)) for process in range(4)]
+    for each in processes:
+        each.start()
+    for each in processes:
+        each.join()
+    index = FilesForGood(str(tmp_path), "name", (1.0, 2))._load_index()
+    assert set(index) == {(process, k) for process in range(4) for k in range(25)}
+
+
+def test_two_specialisations_of_a_function_are_compiled_at_the_same_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "kinds.py").write_text(NESTED.split("\n\n")[0])
+    monkeypatch.syspath_prepend(tmp_path)
+    function = importlib.import_module("kinds").inner
+    lock = CompileLock(tmp_path / "lock")
+    one_at_a_time(numba.njit(function, cache=True), lock)(1.0)
+    (part,) = tmp_path.glob("lock-*")
+    handle = os.open(part, os.O_RDWR)
+    fcntl.flock(handle, fcntl.LOCK_EX)  # as a process that compiles it for floats has it
+    try:
+        assert one_at_a_time(numba.njit(function, cache=True), lock)(1) == 2
+        assert len(list(tmp_path.glob("lock-*"))) == 2
+    finally:
+        os.close(handle)
 
 
 def test_what_is_compiled_for_later_runs_is_compiled_under_the_lock() -> None:

@@ -1,10 +1,10 @@
-"""One compiler of a function at a time for all processes that share a cache of machine code.
+"""One compilation at a time of a function for given types, in all processes that share a cache.
 
-Two processes that compile one function at once would each write an index of its cache without the
-other's entry. The lock also spares a start of many nodes from compiling everything several times:
-a process that waits finds it in the cache. Every function has a lock of its own, so that two
-processes compile two functions side by side; a function that is compiled within another takes its
-lock within the other's, in the order of the calls.
+The lock spares a start of many nodes from compiling everything several times: a process that waits
+finds the result in the cache. Every specialisation of a function (its types, and what it closes
+over) has a lock of its own, so that two processes compile two of them at the same time; a function
+that is compiled within another takes its lock within the other's, in the order of the calls. The
+index of a function's cache is read, extended and written under another lock, held for that alone.
 
 What is in the cache is loaded without the lock: no process waits for a compiler with a result that
 is not needed. So a file must be whole before an index names it, and keep its content for good.
@@ -15,6 +15,7 @@ numbers, or a crash.
 
 import hashlib
 import os
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -35,60 +36,72 @@ from flexslew_plant.processes.private_folder import (
     require_safe,
 )
 
+_ADDRESS = re.compile("0x[0-9a-f]+")  # of a function that is an argument, in the name of its type
+
 
 class FilesForGood(IndexDataCacheFile):  # type: ignore[misc]
     """The files of a function's cache, each written once, before the index names it."""
 
     def save(self, key: object, data: object) -> None:
         """Keep the machine code of a specialisation."""
-        overloads = self._load_index()
-        overloads[key] = name = self._data_name(uuid4().int)
+        name = self._data_name(uuid4().int)
         self._save_data(name, data)
-        self._save_index(overloads)
+        handle = _locked(Path(f"{self._index_path}.lock"))
+        try:
+            overloads = self._load_index()
+            overloads[key] = name
+            self._save_index(overloads)
+        finally:
+            if handle >= 0:
+                os.close(handle)
 
 
 class CompileLock:
-    """A lock between processes; within one, the compiler's own lock holds and may nest.
+    """Locks between processes; within one, the compiler's own lock holds and may nest.
 
     Args:
-        path: of the file that is locked.
+        path: of the file that is locked; a part of the lock has a file of this name with a suffix.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._depth, self._handle = 0, -1
+        self._depth = 0
+        self._handles: dict[str, int] = {}
 
     def __enter__(self) -> None:
         """Keep what `take` takes until the end."""
         global_compiler_lock.acquire()
         self._depth += 1
 
-    def take(self) -> None:
-        """Wait until no other process compiles."""
-        if self._handle < 0:
-            self._handle = self._taken()
+    def take(self, part: str = "") -> None:
+        """Wait until no other process compiles this part, a specialisation."""
+        if part not in self._handles:
+            self._handles[part] = _locked(self.path.with_name(self.path.name + part))
 
     def __exit__(self, *_: object) -> None:
-        """Let the next one compile."""
+        """Release the parts that are held, at the end of the outermost block."""
         self._depth -= 1
-        if not self._depth and self._handle >= 0:
-            os.close(self._handle)
-            self._handle = -1
+        if not self._depth:
+            for handle in self._handles.values():
+                if handle >= 0:
+                    os.close(handle)
+            self._handles.clear()
         global_compiler_lock.release()
 
-    def _taken(self) -> int:
-        """Return the open and locked file; -1 where none can be made: nor can a cache."""
-        try:
-            handle = os.open(self.path, os.O_CREAT | os.O_RDWR, 0o600)
-        except OSError:
-            return -1
-        try:
-            with suppress(OSError):  # a file system without locks
-                hold(handle, wait=True)
-        except BaseException:  # a signal
-            os.close(handle)
-            raise
-        return handle
+
+def _locked(path: Path) -> int:
+    """Return the open and locked file; -1 if it cannot be made, as no cache can be then."""
+    try:
+        handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o600)
+    except OSError:
+        return -1
+    try:
+        with suppress(OSError):  # a file system without locks
+            hold(handle, wait=True)
+    except BaseException:  # a signal
+        os.close(handle)
+        raise
+    return handle
 
 
 @cache  # one in a process: it may be taken again within itself
@@ -145,11 +158,18 @@ class _LockedCache:
         found = self._cache.load_overload(signature, context)
         if found is not None:
             return found
-        self._lock.take()
+        self._lock.take(self._part(signature, context))
         found = self._cache.load_overload(signature, context)
         if found is None:
             compiling(self._name)
         return found
+
+    def _part(self, signature: Any, context: Any) -> str:
+        """Return the part of the lock for a specialisation, the same one in every process."""
+        if not isinstance(self._cache, FunctionCache):
+            return ""
+        key = _ADDRESS.sub("", repr(self._cache._index_key(signature, context.codegen())))
+        return f"-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
 
     def __getattr__(self, name: str) -> Any:
         """Return any other attribute that Numba uses."""
