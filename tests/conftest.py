@@ -3,6 +3,7 @@
 import os
 import pickle
 import signal
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import cache
 from typing import TYPE_CHECKING
@@ -57,6 +58,18 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     seeds = range(option.seed + 1, option.seed + count)
     cases = [option.seed, *(pytest.param(seed, marks=beyond) for seed in seeds)]
     metafunc.parametrize("case", cases, indirect=True)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as `matrix` what a test marked `first(count)` has beyond that many parameters."""
+    seen: Counter[str] = Counter()
+    for item in items:
+        if mark := item.get_closest_marker("first"):
+            test = item.nodeid.split("[")[0]
+            if seen[test] >= mark.args[0]:
+                item.add_marker(pytest.mark.matrix)
+            seen[test] += 1
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -170,6 +170,7 @@ def received_study(honest: Path, out: Path, text: str) -> Path:
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", representatives(PLACES, *list(PLACES)[:2]))
 def test_no_reader_of_a_log_runs_what_it_names(flown: Path, evil: Path, place: str) -> None:
     for k, (reader, read) in enumerate(BAG.items()):
@@ -179,6 +180,7 @@ def test_no_reader_of_a_log_runs_what_it_names(flown: Path, evil: Path, place: s
         assert not evil.exists(), reader
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", representatives(PLACES, *list(PLACES)[:2]))
 def test_no_command_runs_what_a_received_study_names(flown: Path, evil: Path, place: str) -> None:
     for k, (reader, read) in enumerate(STUDIES.items()):

@@ -91,6 +91,7 @@ def changes(draw: Callable[..., Any], topic: str) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 def test_an_event_is_read_or_refused_in_one_line(case: np.random.Generator) -> None:
     topic = TOPICS["/events"].type
 

@@ -23,6 +23,7 @@ COMMANDS = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", representatives(COMMANDS, COMMANDS[2]), ids=lambda words: " ".join(words[:2])
 )
@@ -48,6 +49,7 @@ def test_a_random_choice_of_modules_runs_none_either(
     assert not marker.exists(), marker.read_text()
 
 
+@pytest.mark.slow
 def test_every_process_that_the_bench_starts_is_started_so() -> None:
     wrong = []
     for path in SOURCE.rglob("*.py"):

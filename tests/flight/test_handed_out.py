@@ -63,6 +63,7 @@ def answers(law: str) -> Iterator[tuple[Measurement, Truth, Answer | None]]:
         bench.advance()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", CONTROLLERS)
 def test_measurement_truth_estimate_reference_and_answer_may_only_be_read(law: str) -> None:
     watch = Watch()

@@ -82,6 +82,7 @@ def flown(trial: Trial) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "modes"),
     representatives(
@@ -104,6 +105,7 @@ def test_no_law_compiles_or_loads_in_flight(kind: str, modes: int) -> None:
     assert flown(replace(trial, controllers=laws)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", representatives(SPACECRAFT, "own_spacecraft"))
 def test_no_law_of_a_spacecraft_compiles_or_loads_in_flight(name: str) -> None:
     trial, _ = read_trial(name, None)

@@ -43,6 +43,7 @@ def adopted(bench: WireBench, course: PlannedCourse, plan: Any) -> None:
     course.add(plan, bench.bench.time)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("law", [law for law in CONTROLLERS if law not in NEEDS_GAINS])
 def test_random_plans_at_random_moments_never_saturate_a_motor(law: str) -> None:
     rng = np.random.default_rng([27, *law.encode()])

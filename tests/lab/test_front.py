@@ -599,6 +599,7 @@ print(flight.metrics["ticks"])
 """
 
 
+@pytest.mark.slow
 def test_it_imports_and_flies_where_no_module_is_there_that_linux_alone_has() -> None:
     child = subprocess.run(
         [sys.executable, "-c", ELSEWHERE], capture_output=True, text=True, check=False

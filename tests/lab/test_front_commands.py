@@ -87,6 +87,7 @@ def test_gains_that_were_found_are_flown() -> None:
         fs.gains(SLEW, trials=0)
 
 
+@pytest.mark.slow
 def test_planners_and_laws_are_compared_as_by_the_command() -> None:
     by_law = fs.compare(SLEW, laws=True)
     assert repr(by_law).startswith("<Comparison by law: pd_feedforward, ")

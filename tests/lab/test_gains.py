@@ -34,6 +34,7 @@ def bench() -> tuple[Trial, Gains, GainEnsemble]:
     return what, gains, GainEnsemble(what, "here", gains)
 
 
+@pytest.mark.slow
 def test_figures_are_those_of_flights_and_of_the_analysis(
     bench: tuple[Trial, Gains, GainEnsemble],
 ) -> None:

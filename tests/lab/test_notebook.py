@@ -212,6 +212,7 @@ def test_without_pandas_the_arrays_are_there_and_the_frame_says_what_is_missing(
         flight.frame()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["own_spacecraft", "scole_s_open", "three_axes"])
 def test_joints_of_a_spacecraft_are_read_from_its_state(name: str) -> None:
     turn = {"method": "none", "goal": {"axis": [0.6, 0.0, 0.8], "angle": 0.5}}

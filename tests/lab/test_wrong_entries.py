@@ -193,6 +193,7 @@ def test_a_shipped_study_with_any_fault_is_refused(name: str, tmp_path: Path) ->
     assert faults == {}
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("ending", [".npz", ".mat"])
 @pytest.mark.parametrize(
     ("changes", "words"),
@@ -273,6 +274,7 @@ def set_on_the_command_line(key: str) -> Read:
 SETS = ("duration", "testbed", "plan", "controllers.pd_feedforward", "sensors", "actuator")
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("key", SETS)
 def test_a_section_with_one_fault_on_the_command_line_is_refused(key: str) -> None:
     values = plain(read_trial("m1")[0])

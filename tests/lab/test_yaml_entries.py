@@ -160,6 +160,7 @@ def at_most(most: int, name: str) -> Iterator[None]:
     assert count <= most, f"{name}: {count} calls"
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("entry", ENTRIES)
 def test_an_entry_refuses_every_bomb_at_once(entry: str, tmp_path: Path) -> None:
     for name, text in BOMBS.items():

@@ -53,6 +53,7 @@ def by_shell(environment: dict[str, str]) -> dict[str, str]:
     return {name: value for name, value in pairs if name in READ}
 
 
+@pytest.mark.first(6)
 @pytest.mark.parametrize("setting", [None, "0", "1"])
 @pytest.mark.parametrize("outer", OUTER)
 def test_a_shell_and_python_read_the_setting_alike(

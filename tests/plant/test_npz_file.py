@@ -62,6 +62,7 @@ def test_a_header_that_claims_more_than_there_is_is_refused_in_one_line(
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_a_small_file_that_unpacks_to_much_is_refused_before_it_is_unpacked(
     tmp_path: Path,
 ) -> None:
@@ -103,6 +104,7 @@ def test_what_numpy_wrote_is_read(tmp_path: Path) -> None:
             np.testing.assert_array_equal(found[name], array)
 
 
+@pytest.mark.slow
 def test_a_small_mat_file_that_unpacks_to_much_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     savemat(path, {"A": np.zeros((6500, 6500))}, do_compression=True)  # 322 MiB

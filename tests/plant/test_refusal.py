@@ -56,6 +56,7 @@ def test_a_sentence_alone_is_a_refusal_too() -> None:
     assert BadInput("a.yaml: is no file").refusal == Refusal("a.yaml: is no file")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["x" * 10_000_000, "x " * 5_000_000, "\n" * 10_000_000])
 def test_a_long_value_makes_no_long_message(text: str) -> None:
     for error in (

@@ -94,6 +94,7 @@ def test_aliases_and_nesting_within_the_limits_are_read() -> None:
     assert load_yaml("[" * 32 + "]" * 32, "t")
 
 
+@pytest.mark.slow
 def test_a_plan_or_table_of_more_than_a_million_honest_values_is_no_bomb() -> None:
     values = [[0.0, 0.0]] * 600_000
     assert bounded(values, "t", 10_000_000) is values

@@ -47,6 +47,7 @@ def trial_with(**changes: Any) -> Any:
     return trial_of_values(values, "t")
 
 
+@pytest.mark.slow
 def test_sensors_estimator_fault_and_swap_are_the_same_bits(tmp_path: Path) -> None:
     trial = trial_with()
     flight = Flight(patient(trial), tmp_path / "ros")

@@ -96,6 +96,7 @@ def test_our_own_nodes_keep_every_rule(examine: Examine, law: str) -> None:
     assert (code, len(wrong)) == (0, 12)
 
 
+@pytest.mark.slow
 def test_the_example_of_the_docs_keeps_every_rule(examine: Examine, tmp_path: Path) -> None:
     code, wrong = examine(*of_example(tmp_path))
     assert wrong == dict.fromkeys(wrong, "")

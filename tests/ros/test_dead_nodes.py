@@ -63,6 +63,7 @@ def test_who_is_stopped_at_the_end_leaves_as_the_others(
     assert "does not leave" not in flight.log
 
 
+@pytest.mark.slow
 def test_a_recorder_does_not_wait_for_those_that_have_ended_with_the_plant(tmp_path: Path) -> None:
     passed: list[float] = []  # until it has left [wall s]
 

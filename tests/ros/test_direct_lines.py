@@ -47,6 +47,7 @@ schedule:
 """
 
 
+@pytest.mark.first(1)
 def test_five_laws_and_four_swaps_give_the_same_bits_and_a_whole_log(
     transport: str, tmp_path: Path
 ) -> None:
@@ -130,6 +131,7 @@ def test_processes_that_are_stopped_for_a_moment_go_on(transport: str, tmp_path:
     assert transport == "auto" or "socket" not in asked(flight.bag).get("pd_feedforward", set())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "transport", ["auto", pytest.param("dds", marks=pytest.mark.ros)], indirect=True
 )

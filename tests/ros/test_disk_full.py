@@ -67,6 +67,7 @@ def wrong(bag: Path) -> dict[str, str]:
     return {f.what: f.detail for f in check_log(bag) if not f.ok}
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk: Any, tmp_path: Path) -> None:
     def listen(pids: Any, domain: int) -> None:
         with beside(domain) as bench:

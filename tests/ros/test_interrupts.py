@@ -78,6 +78,7 @@ run_node(Hearing)
 """
 
 
+@pytest.mark.slow
 def test_an_interrupt_while_a_message_is_made_is_one() -> None:
     with own_domain() as domain:
         done = subprocess.run(

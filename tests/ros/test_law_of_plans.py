@@ -37,6 +37,7 @@ def by_hand(process: NodeProcess) -> NodeProcess:
     return process._replace(parameters=own if process.name == "planner" else process.parameters)
 
 
+@pytest.mark.slow
 def test_a_slew_after_a_tune_is_made_for_the_tuned_gains(tmp_path: Path) -> None:
     """Planned for the gains of the planner's start it left 1.957 m, with 0.0038 m promised."""
     seen: dict[str, Any] = {}

@@ -226,6 +226,7 @@ def test_a_client_calls_the_services_of_the_bench_and_plans(bench: tuple[Client,
     assert not called(client, "/decide_plan", {"action": "adopt"})["ok"]
 
 
+@pytest.mark.slow
 def test_a_client_reads_and_sets_parameters(bench: tuple[Client, Path]) -> None:
     client, _ = bench
 

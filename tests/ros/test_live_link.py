@@ -97,6 +97,7 @@ def assert_flown(seen: tuple[Vector, Matrix], truth: tuple[Vector, Matrix]) -> N
     assert np.array_equal(seen[1], truth[1][at])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.0, pytest.param(8.0, marks=pytest.mark.ros)])
 def test_through_the_recorder_no_tick_is_missing(
     tmp_path: Path, rate: float, monkeypatch: pytest.MonkeyPatch

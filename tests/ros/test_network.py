@@ -52,6 +52,7 @@ def fly(folder: Path) -> list[str]:
     return [*PYTHON, "flexslew_lab.cli.main", "trial", "short.yaml", "--out", "run", "--no-report"]
 
 
+@pytest.mark.slow
 def test_a_stranger_sees_no_node_reads_no_topic_and_commands_nothing(tmp_path: Path) -> None:
     told = beside_a_stranger(tmp_path, fly(tmp_path), "end")
     assert told["addresses"] == ["udp 0100007F"]

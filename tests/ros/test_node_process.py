@@ -11,7 +11,7 @@ from ament_index_python.packages import get_package_prefix
 
 from flexslew_plant.ros.node_process import within
 
-DOCS = sorted((Path(__file__).parents[2] / "docs").glob("*.md"))
+DOCS = sorted((Path(__file__).parents[2] / "docs").rglob("*.md"))
 STARTS = [line for page in DOCS for line in page.read_text().splitlines() if "--ros-args" in line]
 
 
@@ -29,6 +29,7 @@ def test_every_node_that_a_page_starts_is_there_and_ros_reads_its_arguments(line
     context.shutdown()
 
 
+@pytest.mark.slow
 def test_arguments_that_ros_cannot_read_are_refused_in_one_line() -> None:
     node = [sys.executable, "-P", "-m", "flexslew_control.ros.planner_node", "--ros-args"]
     done = subprocess.run(

@@ -173,6 +173,7 @@ def operator() -> Iterator[Operator]:
             del os.environ["ROS_DOMAIN_ID"]
 
 
+@pytest.mark.slow
 def test_controllers_are_listed_with_who_is_in_charge(operator: Operator) -> None:
     operator.until(lambda: operator.ticked(5))
 
@@ -225,6 +226,7 @@ def test_pause_step_start_and_reset(operator: Operator) -> None:
     operator.until(lambda: operator.ticked(3, epoch=1))
 
 
+@pytest.mark.slow
 def test_the_planner_reports_every_iteration_and_publishes_the_plan(operator: Operator) -> None:
     request = "{method: optimized_feedforward, model: {modes: 1}, goal: {base_yaw: 0.2}"
     refused, _ = operator.plan(request + "}")  # from 0 s on
@@ -241,6 +243,7 @@ def test_the_planner_reports_every_iteration_and_publishes_the_plan(operator: Op
     assert operator.node.count_publishers("plan") == 1
 
 
+@pytest.mark.slow
 def test_the_planner_takes_an_identified_model_while_the_bench_is_paused(
     operator: Operator,
 ) -> None:
@@ -405,6 +408,7 @@ def test_a_switch_in_a_pause_is_answered_by_the_timeout_and_dropped_by_a_reset(
     assert "already in charge" in now.message
 
 
+@pytest.mark.slow
 def test_planning_is_cancelled_in_any_method_and_bad_goals_have_words(operator: Operator) -> None:
     client = ActionClient(operator.node, action.PlanSlew, "plan_slew")
     assert client.wait_for_server(timeout_sec=WAIT)
@@ -504,6 +508,7 @@ def seen_of(node: Node, name: str) -> Seen:
     )
 
 
+@pytest.mark.slow
 def test_the_policies_name_what_is_on_the_graph_and_no_more(
     operator: Operator, late_bag: LateBag
 ) -> None:
@@ -522,6 +527,7 @@ def test_the_policies_name_what_is_on_the_graph_and_no_more(
         assert {action for action, _ in servers} == absolute(ROLES[name].execute, name)
 
 
+@pytest.mark.slow
 def test_a_late_recorder_that_is_interrupted_says_how_many_ticks_are_missing(
     operator: Operator, late_bag: LateBag
 ) -> None:
@@ -552,6 +558,7 @@ def test_diagnostics_say_how_the_bench_fares(operator: Operator) -> None:
     assert int(lag["ticks behind"]) < 1000
 
 
+@pytest.mark.slow
 def test_a_second_plant_leaves_with_words_and_a_second_controller_steps_back(
     operator: Operator,
 ) -> None:
@@ -636,6 +643,7 @@ def test_the_command_line_operates_the_bench(
         rclpy.init()
 
 
+@pytest.mark.slow
 def test_a_command_of_its_own_process_says_everything_and_leaves_its_exit_code(
     operator: Operator,
 ) -> None:

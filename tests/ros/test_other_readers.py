@@ -29,6 +29,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return Flight(slew(duration=3.0), tmp_path_factory.mktemp("flight")).bag
 
 
+@pytest.mark.slow
 def test_nothing_is_lost_in_the_log(bag: Any) -> None:
     assert [finding for finding in check_log(bag) if not finding.ok] == []
 

@@ -156,6 +156,7 @@ def test_at_ten_times_real_time_one_that_was_behind_catches_up(tmp_path: Path) -
     assert sum(tick in wrong for tick in rest) < 0.3 * len(rest) or not ours
 
 
+@pytest.mark.slow
 def test_a_controller_that_is_held_up_for_a_moment_keeps_the_bench(tmp_path: Path) -> None:
     def hold_up(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bench:
@@ -173,6 +174,7 @@ def test_a_controller_that_is_held_up_for_a_moment_keeps_the_bench(tmp_path: Pat
     assert not taken_over(flight) or not ours
 
 
+@pytest.mark.slow
 def test_at_real_time_neither_the_start_nor_a_pause_costs_a_tick(tmp_path: Path) -> None:
     def rests(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bench:

@@ -44,6 +44,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         yield one
 
 
+@pytest.mark.slow
 def test_controllers_stand_before_the_testbed_of_a_plant_that_came_back(bench: Bench) -> None:
     bench.start("lqr", CONTROLLER, law="lqr")
     bench.start("pd", CONTROLLER, kp="[460.0, 460.0]")

@@ -4,6 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
@@ -21,6 +23,7 @@ TURN = {"appendage": "beam", "to": 1.2, "duration": 0.5}
 SIGHT = {"appendage": "beam", "line_of_sight": [0.0, 0.6, 0.8], "duration": 0.4}
 
 
+@pytest.mark.slow
 def test_targets_by_service_are_those_of_a_schedule_and_fly_again(tmp_path: Path) -> None:
     def by_hand(pids: Any, domain: int) -> None:
         with connected(domain, patience=PATIENCE) as bench:

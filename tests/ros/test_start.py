@@ -15,7 +15,7 @@ from flexslew_plant.ros.start import start_ros
 DOCS = Path(__file__).parents[2] / "docs"
 COMMANDS = [
     line
-    for page in ("ros2.md", "installation.md", "own_controller.md")
+    for page in ("ros2/start_nodes.md", "installation.md", "own_controller.md")
     for line in (DOCS / page).read_text().splitlines()
     if "--ros-args" in line and line.startswith(("ros2 run", "python -m"))
 ]
@@ -34,6 +34,7 @@ rclpy.try_shutdown()
 """
 
 
+@pytest.mark.slow
 def test_no_process_looks_up_types_over_the_graph() -> None:
     command = [sys.executable, "-P", "-c", THREADS]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

@@ -27,6 +27,7 @@ from .flight import Flight, again, slew
 from .one_by_one import CONTROLLER, PLANNER
 
 
+@pytest.mark.slow
 def test_it_flies_what_the_others_fly_before_a_reset_and_after_it(tmp_path: Path) -> None:
     def act(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bystander:

@@ -56,6 +56,7 @@ def watched(tmp_path: Path) -> Iterator[Watched]:
         yield one
 
 
+@pytest.mark.slow
 def test_the_older_one_flies_until_it_is_gone(watched: Watched) -> None:
     watched.fly()
     watched.until(lambda: watched.truth.tick > 300)

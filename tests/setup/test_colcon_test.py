@@ -21,6 +21,7 @@ def test_each_package_names_its_tests_and_the_tool_that_runs_them(package: str) 
     assert 'extras_require={"test": ["pytest"]}' in (folder / "setup.py").read_text()
 
 
+@pytest.mark.slow
 def test_the_tests_of_a_package_run_in_its_folder() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-k", "refusal", "--ignore-glob=*/testbeds/*"],

@@ -141,6 +141,7 @@ LAWS: dict[str, Any] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "kind", "schedule", "left"),
     representatives(
@@ -201,6 +202,7 @@ def no_other_scaling_is_better(sweep: Swept, names: tuple[str, ...]) -> None:
         assert _scaled(m, around).min() > (1.0 - 1.2e-3) * _scaled(m, best)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "settings", "least", "least_at_sensors"),
     representatives(

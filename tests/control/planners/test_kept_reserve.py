@@ -123,6 +123,7 @@ def require_reserve(plan: Plan, name: str, reserve: float) -> None:
     assert 0.0 < used <= (1.0 - reserve) * (1.0 + ROUNDING)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(
     ("method", "name", "goal"),
     representatives(

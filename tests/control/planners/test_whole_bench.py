@@ -121,6 +121,7 @@ def wish(seed: int) -> Asked:
     return Asked(bench, Feedback(kp=(20.0,), kd=(80.0,)), goal)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(("method", "seed"), products(METHODS, [0, 2]))
 def test_a_plan_flies_as_promised_or_warns(method: str, seed: int) -> None:
     asked = wish(seed)
@@ -159,6 +160,7 @@ LAWS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "method"), products(LAWS, ["input_shaping", "time_optimal"]))
 def test_a_plan_that_any_law_flies_leaves_what_it_promises_or_warns(method: str, law: str) -> None:
     asked = wish(2)
@@ -171,6 +173,7 @@ def test_a_plan_that_any_law_flies_leaves_what_it_promises_or_warns(method: str,
         assert f"leaves {left:.2g}"[:9] in summary["warning"]
 
 
+@pytest.mark.slow
 def test_a_testbed_of_joints_is_flown_by_the_law_in_charge_too() -> None:
     asked = Asked(plant(), Feedback(), {"base_yaw": 0.5})
     values = {"method": "reference_only", "goal": asked.goal, "model": {"modes": 3}}
@@ -192,6 +195,7 @@ def test_a_plan_of_a_spacecraft_that_nobody_is_known_to_fly_says_so() -> None:
     assert "not flown on the whole bench" in plan.summary["warning"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["joints", "spacecraft"])
 @pytest.mark.parametrize("method", ["input_shaping", "reference_only"])
 def test_a_plan_without_a_prediction_is_the_same_and_is_not_flown(

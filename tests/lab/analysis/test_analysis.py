@@ -26,6 +26,7 @@ OWN = f"{Path(__file__).parents[3] / 'docs/examples/my_law.py'}:MyLaw"
 M1 = {"plan": None, "controllers": {"pd_feedforward": {}, "mine": {"law": OWN}}}
 
 
+@pytest.mark.slow
 def test_a_user_s_class_has_the_margins_of_the_built_in_law_that_it_is() -> None:
     ours, theirs = (analysed(trial("m1", M1), "m1", name) for name in ("pd_feedforward", "mine"))
     for a, b in zip(ours.efforts, theirs.efforts, strict=True):
@@ -47,6 +48,7 @@ def test_the_law_is_the_one_in_charge_then() -> None:
     assert analysed(what, "m1", "pd_feedforward", 0.3).controller == "pd_feedforward"
 
 
+@pytest.mark.slow
 def test_the_frequencies_are_the_plant_s_and_every_mode_is_moved_and_seen() -> None:
     what = trial("m1", M1)
     found = analysed(what, "m1", joints={"hub_pitch": 0.5})
@@ -68,6 +70,7 @@ def test_a_step_of_the_reference_ends_there_and_a_disturbance_at_its_static_erro
     assert end["disturbance.hub_pitch"][at] == pytest.approx(1.0 / 460.0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_shaped_plan_leaves_nothing_at_its_frequency() -> None:
     what = trial("m1", {"plan": {"method": "input_shaping", "shaper": "zvd", "duration": 30.0,
                                  "goal": {"hub_pitch": 0.5}}})  # fmt: skip

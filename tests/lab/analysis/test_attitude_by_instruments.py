@@ -71,6 +71,7 @@ def growth(tracker: dict[str, Any], gain: float) -> float:
     return float(sizes[-third:].max() / sizes[:third].max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tracker", [{}, {"delay": 0.3, "interval": 0.5, "rate_noise": 1e-3}])
 def test_the_gain_margin_of_a_law_with_instruments_is_that_of_the_flight(
     tracker: dict[str, Any],

@@ -175,6 +175,7 @@ def test_a_sensor_of_a_craft_that_reads_in_steps_refutes_no_margin() -> None:
     assert proved(what, analysed(what, "here")).holds
 
 
+@pytest.mark.slow
 def test_flights_stay_where_dry_friction_has_its_slope_at_rest() -> None:
     what = trial("time_optimal_hub", {"plan": None, "actuator.coulomb_friction": 0.01})
     proof = proved(what, analysed(what, "here"))

@@ -78,6 +78,7 @@ def test_every_mixture_of_axes_without_control_is_named(gains: Any) -> None:
     require_marginal(craft(kp, kd), free, slow)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kp", "kd", "left"), [(0.0, 0.0, 2), (0.0, 920.0, 1), (460.0, 920.0, 0)])
 def test_a_hub_without_control_is_marginal(kp: float, kd: float, left: int) -> None:
     gains = {"kp": [460.0, kp], "kd": [920.0, kd]}

@@ -18,6 +18,7 @@ print(slid(0.7, 0.3, 4.0, 0.0, 1e-4, 0.5))
 """
 
 
+@pytest.mark.slow
 def test_a_first_use_says_that_it_compiles(tmp_path: Path) -> None:
     said = []
     for _ in range(2):

@@ -62,6 +62,7 @@ def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -
     assert said == ["interrupted"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("search", representatives(SEARCHES, SEARCHES[0]))
 def test_interrupted_planning_leaves_no_file(tmp_path: Path, search: list[str]) -> None:
     words = ["plan", "--out", "p.yaml", "--figure", "f.html", *search]

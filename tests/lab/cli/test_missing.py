@@ -49,6 +49,7 @@ def test_without_ros_one_line_says_what_to_do(
     ]
 
 
+@pytest.mark.slow
 def test_a_trial_and_its_nodes_need_no_extra(tmp_path: Path) -> None:
     out = tmp_path / "run"
     program = f"""

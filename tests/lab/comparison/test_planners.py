@@ -40,6 +40,7 @@ def yaw() -> Any:
     return found
 
 
+@pytest.mark.slow
 def test_every_method_flies_the_same_yaw_slew(yaw: Any) -> None:
     flown = {entry.name: entry for entry in yaw.flown}
     slews = {name for name, entry in PLANNERS.items() if entry.slews}

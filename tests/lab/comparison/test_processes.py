@@ -59,6 +59,7 @@ def test_processes_find_what_one_finds(law: str, act: str) -> None:
     assert {"pd_feedforward", "odd"} <= {entry.name for entry in found.flown}
 
 
+@pytest.mark.slow
 def test_a_law_that_ends_its_process_is_alone_in_that(law: str) -> None:
     kept = {r["law"]: r for r in by_law(TRIAL.format(law=law, act="nothing"), 1).rows()}
     found = {r["law"]: r for r in by_law(TRIAL.format(law=law, act="die"), 2).rows()}

@@ -88,6 +88,7 @@ def stops(argument: str) -> Iterator[set[str]]:
         sys.setprofile(None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [[], ["--laws"]])
 def test_few_functions_hand_on_the_file_of_a_comparison(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str]

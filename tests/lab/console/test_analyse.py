@@ -55,6 +55,7 @@ def analyse(hands: Hands) -> str:
     return hands.texts()
 
 
+@pytest.mark.first(1)
 def test_the_page_shows_what_the_command_says_of_the_gains_that_fly(hands: Hands) -> None:
     expected = analysed(replace(FLOWN, controllers={"pd_feedforward": TUNED}), "here", at=0.0)
     texts = analyse(hands)

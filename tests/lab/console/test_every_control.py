@@ -15,6 +15,7 @@ from flexslew_plant.events import Noted
 from flexslew_plant.events.event import event_of
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     ("width", "webgl"),

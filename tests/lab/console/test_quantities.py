@@ -23,6 +23,7 @@ def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     return folder / "bag"
 
 
+@pytest.mark.slow
 def test_charts_of_positions_and_rates_show_what_the_joints_read(bag: Path) -> None:
     log = Replay(bag)
     log.seek(log.last)

@@ -27,6 +27,7 @@ def away(found: ModalModel) -> np.ndarray:
     )
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("loss", "past"),
     [

@@ -125,6 +125,7 @@ def test_a_mode_that_stood_for_a_complex_shape_goes_when_shapes_are_complex() ->
     assert [m.frequency.value for m in found_csa(135).modes] == pytest.approx(w, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_parameters_of_the_equations_are_found_from_a_start_that_is_20_percent_off() -> None:
     true, _ = csa(3)
     stiffness = 1.2 * true.parameters.bending_stiffness
@@ -143,6 +144,7 @@ def test_parameters_of_the_equations_are_found_from_a_start_that_is_20_percent_o
     assert fit.changes["parameters"]["bending_stiffness"] == found_stiffness.value
 
 
+@pytest.mark.slow
 def test_parameters_that_act_alike_are_named_and_no_interval_pretends_to_know_them() -> None:
     """At rest the base feels the sum of both inertias alone, whose interval is narrow."""
     true, _ = csa(3)

@@ -233,6 +233,7 @@ def test_the_shipped_experiment_on_scole_tells_the_mode_that_it_drives(tmp_path:
     assert found.inertia[0][0].value == pytest.approx(roll, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("friction", "doubted"), [(0.0, False), (0.05, True)])
 def test_friction_of_the_motors_which_rigid_motion_has_none_of_is_said(
     friction: float, doubted: bool, tmp_path: Path, call: Any

@@ -61,6 +61,7 @@ def files(
     }
 
 
+@pytest.mark.slow
 @needs_pymcap
 @pytest.mark.parametrize("name", ["closed", "recovered", "empty"])
 def test_pymcap_finds_no_fault_in_our_bags(files: dict[str, Path], name: str) -> None:

@@ -1,8 +1,11 @@
 """Every row of `reproduce optimum` is reproduced."""
 
+import pytest
+
 from flexslew_lab.reproduce import REPRODUCTIONS
 
 
+@pytest.mark.slow
 def test_every_optimum_is_reproduced() -> None:
     rows = REPRODUCTIONS["optimum"].rows()
     assert len(rows) == 14

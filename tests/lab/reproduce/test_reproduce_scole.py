@@ -17,6 +17,7 @@ from flexslew_plant.errors import BadInput
 RESIDUAL, EFFORT = 0.1, 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     representatives(

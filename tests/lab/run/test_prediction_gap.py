@@ -9,6 +9,7 @@ from flexslew_lab.trial.trial import plan_of_trial
 OSCILLATOR, CRAFT = "time_optimal_oscillator", "own_spacecraft"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "changes", "told"),
     [

@@ -95,6 +95,7 @@ def dense(points: int) -> Trial:
     return trial_of_values({**values, "plan": plan}, "dense")
 
 
+@pytest.mark.slow
 def test_a_log_holds_a_trajectory_of_many_points(tmp_path: Path) -> None:
     trial = dense(1800)
     assert len(trial_text(trial)) > 1 << 18

@@ -57,6 +57,7 @@ def told(command: list[str]) -> tuple[int, dict[str, Any] | None, str]:
     return result.exit_code, json.loads(result.stdout or "null"), result.stderr
 
 
+@pytest.mark.slow
 def test_no_bit_that_flips_changes_a_result_silently(
     flown: tuple[Preparation, Store], monkeypatch: pytest.MonkeyPatch
 ) -> None:

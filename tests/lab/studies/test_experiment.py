@@ -43,12 +43,14 @@ def left_by(study: Study) -> dict[str, float]:
     return {label: float(np.median(tips)) for label, tips in left.items()}
 
 
+@pytest.mark.slow
 def test_a_plan_on_the_identified_bench_is_as_good_as_one_on_the_truth(shipped: Study) -> None:
     left = left_by(shipped)
     assert left["identified"] <= 1.5 * left["truth"]
     assert left["nominal"] > 5.0 * left["identified"]
 
 
+@pytest.mark.slow
 def test_a_changed_payload_is_told_by_the_last_manoeuvre() -> None:
     """Of a slew that believes the old payload; the next is as quiet as one that knows the truth."""
     study = load_study(SHIPPED / "identify_from_manoeuvre.yaml")
@@ -92,6 +94,7 @@ def test_planner_and_laws_believe_what_was_found_and_the_bench_stays_the_sampled
     assert again == believed
 
 
+@pytest.mark.slow
 def test_an_experiment_that_fits_gives_the_bench_its_own_equations_with_the_numbers_found() -> None:
     """Half of M1 on a drawn two-motor testbed: 20 times quieter, and as quiet as with the truth."""
     study = load_study(SHIPPED / "identify_and_replan_csa.yaml")

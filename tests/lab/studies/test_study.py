@@ -23,6 +23,7 @@ def csa(trial: Trial) -> CsaTestbed:
     return trial.testbed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_names())
 def test_every_shipped_study_can_be_flown(name: str) -> None:
     """Its sampling, its criteria and what it varies are those of its trial."""

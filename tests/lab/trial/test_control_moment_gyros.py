@@ -21,6 +21,7 @@ def flown(folder: Path, **changes: Any) -> Any:
     return run_trial(trial, "here", folder, in_process=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(2))
 def test_slews_about_any_axis_end_at_their_goal(seed: int, tmp_path: Path) -> None:
     """Within a milliradian: what the law has regained since gimbals passed a singularity."""

@@ -232,6 +232,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_each_is_one_file_and_one_line_and_flies(flown: Any) -> None:
     metrics = flown["metrics"]
     assert list(metrics["final_error"]) == ["mass"]  # the testbed

@@ -108,6 +108,7 @@ def test_the_command_ends_with_1_and_the_final_error_comes_before_the_tip(
     assert page.index("final error") < page.index("residual tip deflection")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "law"),
     products(

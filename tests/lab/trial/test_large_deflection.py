@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.run.run_trial import run_trial
@@ -18,6 +20,7 @@ def told(tmp_path: Path, torque: float) -> tuple[list[BentFar], str]:
     return [e.what for e in events if isinstance(e.what, BentFar)], page
 
 
+@pytest.mark.slow
 def test_a_panel_that_bends_by_more_than_a_tenth_of_its_length_is_told_of(tmp_path: Path) -> None:
     facts, page = told(tmp_path, 400.0)
     assert sorted(fact.channel for fact in facts) == ["left_z", "right_z"]  # once each

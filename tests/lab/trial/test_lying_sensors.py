@@ -13,6 +13,7 @@ def seen(law: str, lie: str, guarded: bool = True) -> Outcome:
     return flown(replace(trial_of(law, lie, guarded), duration=DURATION))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("law", "lie", "within"),
     [

@@ -111,6 +111,7 @@ def test_a_study_flies_it_and_a_received_one_does_not(method: str, tmp_path: Pat
         prepare(parse_study(text, source, tmp_path, NO_CODE))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trusted", [True, False])
 def test_the_planner_process_runs_it_only_where_it_is_trusted(method: str, trusted: bool) -> None:
     asked = {"method": method, "goal": {"mass": 1.0}, "duration": 4.0}

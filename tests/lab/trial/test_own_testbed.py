@@ -74,6 +74,7 @@ def test_the_laws_of_this_file_are_those_of_the_table() -> None:
     assert set(LAWS) | RETARGETING == set(CONTROLLERS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(LAWS, "pd_feedforward", "output_feedback"))
 def test_every_law_flies_it_to_its_goal(law: Any, tmp_path: Path) -> None:
     damped = f"{{kind: {KIND}, modes: 1, damping_ratio: 0.02}}"

@@ -65,6 +65,7 @@ def step(plan: Any) -> float:
     return float((gap - 0.25 * h * most).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method",
     representatives(["robust_feedforward", "optimized_feedforward"], "optimized_feedforward"),

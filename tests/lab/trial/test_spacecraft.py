@@ -88,6 +88,7 @@ def test_the_matrix_holds_every_fault() -> None:
     assert set(FAULT) == set(FAULTS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
     representatives(FAULT, "actuator_stuck"),
@@ -134,6 +135,7 @@ def test_the_full_scale_spacecraft_flies_to_its_end(tmp_path: Path) -> None:
     assert metrics["saturated_time"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_wheel_keeps_to_its_momentum(tmp_path: Path) -> None:
     values = shipped_values("own_spacecraft") | {"duration": 45.0}
     free = flown(values, tmp_path / "free")["peak_wheel_momentum"]["roll"]

@@ -147,6 +147,7 @@ def free_arm(at: float, duration: float, profile: str = "bang_bang") -> Trial:
     return trial_of_values(values, "arm")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("turn", "near"),
     [

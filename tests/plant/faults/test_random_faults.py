@@ -64,7 +64,7 @@ def a_schedule(rng: np.random.Generator, period: float) -> list[dict[str, Any]]:
 
 
 class Page:
-    """What docs/faults.md says that the faults of a schedule do in one epoch."""
+    """The effects of the faults of a schedule in one epoch, as in docs/faults/kinds.md."""
 
     def __init__(self, entries: list[dict[str, Any]], period: float, seed: tuple[int, int]) -> None:
         self.period, self.seed = period, seed
@@ -127,6 +127,7 @@ class Page:
         return given
 
 
+@pytest.mark.first(15)
 @pytest.mark.parametrize("seed", range(40))
 def test_a_random_schedule_of_faults_does_what_the_page_says(seed: int) -> None:
     rng = np.random.default_rng(seed)

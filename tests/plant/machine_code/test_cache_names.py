@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 MODULE = """
 import json
 import sys
@@ -45,6 +47,7 @@ def _lines(folder: Path, *factors: str) -> list[str]:
     ).stdout.splitlines()
 
 
+@pytest.mark.slow
 def test_a_function_that_closes_over_others_is_compiled_once_for_all_processes(
     tmp_path: Path,
 ) -> None:
@@ -53,6 +56,7 @@ def test_a_function_that_closes_over_others_is_compiled_once_for_all_processes(
     assert _lines(tmp_path, "2", "3") == [str([3.0, 4.0] * 4), str([1] * 8)]
 
 
+@pytest.mark.slow
 def test_what_two_processes_compiled_runs_side_by_side_in_a_third(tmp_path: Path) -> None:
     # the results are of different kinds: an array needs what a number has not
     assert _lines(tmp_path, "2") == [str([3.0] * 4), str([0] * 4)]

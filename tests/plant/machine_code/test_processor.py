@@ -28,6 +28,7 @@ print(w.tobytes().hex())
 """
 
 
+@pytest.mark.slow
 def test_lanes_have_the_same_bits_by_vectors_of_every_width(tmp_path: Path) -> None:
     (tmp_path / "lanes.py").write_text(_LANES)
     own: dict[str, str] = {}

@@ -162,6 +162,7 @@ def streams(sensors: list[Any], exact: bool) -> list[Draws]:
     return [None if exact else np.random.default_rng([7, 0, k]) for k in range(len(sensors))]
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("seed", range(24))
 def test_instruments_read_what_their_equations_say_of_the_same_random_numbers(seed: int) -> None:
     rng = np.random.default_rng([seed, 5])

@@ -30,6 +30,7 @@ CRAFT = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [*sorted(TESTBEDS), "craft"])
 def test_the_slopes_of_pieces_are_those_of_advance(kind: str) -> None:
     values: Any = CRAFT if kind == "craft" else {"kind": kind}

@@ -86,6 +86,7 @@ def test_a_push_dies_out_far_from_the_identity_where_the_error_is_a_rotation(
         assert off[-1000:].max() > 10.0 * off[:50].max()
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize(
     ("name", "gains"),
     [

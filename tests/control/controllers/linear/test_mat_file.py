@@ -21,6 +21,7 @@ def read(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [csc_matrix, csc_array, lambda value: value + 0j])
 def test_sparse_and_purely_real_matrices_are_read_as_dense(kind: Any, tmp_path: Path) -> None:
     other = {key: kind(value) if key in "ABCD" else value for key, value in DENSE.items()}

@@ -112,6 +112,7 @@ def softened(flight: Any) -> list[Any]:
     return [event for event in flight.events if event.kind == "softened"]
 
 
+@pytest.mark.slow
 def test_limits_are_kept_where_they_can_be() -> None:
     free = oscillator()
     assert abs(free["tip"]).max() > 0.08
@@ -124,6 +125,7 @@ def test_limits_are_kept_where_they_can_be() -> None:
         assert abs(flight["position.mass"][-1] - 1.0) < 0.01
 
 
+@pytest.mark.slow
 def test_a_limit_that_no_effort_keeps_is_passed_with_an_event_and_the_goal_is_reached() -> None:
     flight = oscillator(joint_range={"mass": [0.2, 2.0]})  # the start is outside
     assert softened(flight)[0].data["limit"] == "mass"

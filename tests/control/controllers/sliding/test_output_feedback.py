@@ -102,6 +102,7 @@ def test_surface_times_input_is_the_square_of_the_input() -> None:
     np.testing.assert_allclose(found.surface @ system.b, square, atol=1e-12 * abs(square).max())
 
 
+@pytest.mark.slow
 def test_the_public_table_is_reproduced() -> None:
     wrong = [row for row in ofc_rows() if not row["ok"]]
     assert not wrong

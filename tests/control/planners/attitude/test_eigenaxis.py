@@ -191,6 +191,7 @@ class _Left:
     answer = event = question
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(20))
 def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int) -> None:
     wheels = {
@@ -273,6 +274,7 @@ REFUSED: dict[tuple[str, str], str] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "axes"),
     representatives(

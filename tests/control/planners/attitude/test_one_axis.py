@@ -25,6 +25,7 @@ def planned(name: str, **changes: Any) -> Any:
     return present(plan_of_trial(trial))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", representatives([2, 8], 2))
 def test_after_a_plan_the_modes_are_at_rest_however_many_it_has(modes: int) -> None:
     plan = planned("scole_s_a", model={"appendages": {"mast": {"shape": {"modes": modes}}}})
@@ -60,6 +61,7 @@ def test_equal_panels_swing_together_in_the_planners_model() -> None:
     assert found.max() == pytest.approx(6.7419, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_functions_too_long_for_a_mode_are_told_with_a_number_that_is_enough() -> None:
     with pytest.raises(PlanFailed, match=r"functions: 72 \(now 9\) is enough") as e:
         planned("own_spacecraft", functions=9)

@@ -235,6 +235,7 @@ def test_a_weak_drive_keeps_to_its_limit_whatever_the_duration(duration: float) 
     assert x[0] == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_slew_that_does_not_arrive_within_the_limits_is_refused() -> None:
     settings = plan_settings({"method": "robust_feedforward", "duration": 5.0}, "trial.yaml")
     hub = plant(0.005, (2.7116,), HubTestbed())
@@ -250,6 +251,7 @@ RANGES: list[dict[str, list[float]]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("requested", RANGES)
 def test_no_joint_leaves_its_range_on_any_member(requested: dict[str, list[float]]) -> None:
     bound, free = plan(joint_range=requested), plan()
@@ -270,6 +272,7 @@ def test_no_joint_leaves_its_range_on_any_member(requested: dict[str, list[float
     assert free.summary["worst_residual"] < worst < before / 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("requested", "words"),
     [
@@ -284,6 +287,7 @@ def test_a_range_that_cannot_be_kept_is_refused(requested: Any, words: str) -> N
         plan(joint_range=requested)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "tips",
     [

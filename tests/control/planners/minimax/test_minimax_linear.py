@@ -86,6 +86,7 @@ def test_random_ensembles_keep_their_promise_between_their_levels(seed: int) -> 
     assert worst < 1.1 * flown.summary["worst_residual"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("feedback", representatives([OPEN, PD], OPEN))
 def test_more_time_is_never_worse(feedback: Any) -> None:
     """The solver's tolerance is 0.1 %, and what rounding leaves 1e-8 m."""
@@ -223,6 +224,7 @@ def test_too_short_a_slew_names_the_shortest_that_is_feasible() -> None:
     assert plan(duration=enough).duration == enough
 
 
+@pytest.mark.slow
 def test_too_low_a_bound_names_the_shortest_slew_that_meets_it_or_what_can_be_met() -> None:
     with pytest.raises(PlanFailed, match=r"no slew of 5 s leaves 0\.001 m") as caught:
         plan(duration=5.0, residual_bound=0.001)

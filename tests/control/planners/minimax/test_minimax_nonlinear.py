@@ -140,6 +140,7 @@ def test_the_step_is_the_best_one_near_it() -> None:
             assert search.merit(other).cost > 0.99 * best.cost
 
 
+@pytest.mark.slow
 def test_more_time_is_never_worse() -> None:
     """From 27.4 s on, twice what a rigid body takes, the same efforts are held at the goal."""
     model = {"modes": 3}
@@ -186,6 +187,7 @@ def test_too_short_a_slew_says_how_long_one_takes() -> None:
         planned(duration=10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(4))
 def test_a_mass_on_a_spring_that_varies_is_led_to_its_goal(seed: int) -> None:
     """It has no tip, and no motion that is free: the nominal one ends at rest, in 5 s and after."""

@@ -102,6 +102,7 @@ def flown(plan: Plan, plant: PlantDescription, error: float) -> Flight:
     return Flight(position, rate, tips)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "cones", "duration", "keys"),
     representatives(

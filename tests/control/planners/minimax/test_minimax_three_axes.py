@@ -73,6 +73,7 @@ def turn(rng: np.random.Generator) -> tuple[dict[str, float], dict[str, Any], fl
     return by_joint, {"axis": axis.tolist(), "angle": angle}, 1.2 * rigid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(2))
 def test_random_turns_keep_their_promise_on_members_and_between(seed: int) -> None:
     """Flown by the law's own controller on the bench; 1e-5 m is what counts as none."""
@@ -222,6 +223,7 @@ def test_what_a_law_does_beyond_the_gains_that_a_plan_counts_with_is_named(
     assert not_counted(ActiveLaw(law, settings)) == words
 
 
+@pytest.mark.slow
 def test_an_attitude_is_turned_to_about_the_eigenaxis_by_default() -> None:
     plan = planned(
         {"euler": [0.3, 0.2, 0.1], "order": "zyx"}, 12.0, drives="moving", ensemble={"vary": {}}

@@ -34,6 +34,7 @@ def planned(goal: Any, variant: CsaVariant = "complete", heard: Any = None, **mo
     return make_plan(settings, bench, progress=None if heard is None else heard.append)
 
 
+@pytest.mark.slow
 def test_pitching_on_the_way_turns_faster_than_yaw_alone() -> None:
     heard: list[Any] = []
     plan = planned({"base_yaw": 1.0}, "printed", heard, drives="all")

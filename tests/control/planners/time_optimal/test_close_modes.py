@@ -42,6 +42,7 @@ def test_a_slew_that_two_close_modes_leave_insensitive_is_found(apart: float) ->
             assert abs(left(told["switch_times"], told["duration"], near)) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_search_whose_steps_make_things_worse_does_not_run_away() -> None:
     # Newton's method stepped on where no share of a step helped, until numbers overflowed
     frequencies = 0.5578467243498518, 0.6434073337766815, 1.4442534981735462

@@ -31,6 +31,7 @@ def section(**values: Any) -> TimeOptimal:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "goal", representatives([0.05, 0.1, 0.2, 0.3, 0.6, 1.0, 1.5, -0.4], 0.05, -0.4)
 )

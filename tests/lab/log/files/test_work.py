@@ -85,6 +85,7 @@ READERS: tuple[Callable[[Path, Path], object], ...] = (
 )
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("bomb", BOMBS)
 def test_a_small_file_takes_no_minute(tmp_path: Path, bomb: str) -> None:
     bag = file_of(tmp_path / "bomb.mcap", BOMBS[bomb]())

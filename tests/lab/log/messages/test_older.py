@@ -45,6 +45,7 @@ OURS = sorted({topic.type for topic in TOPICS.values() if topic.type.startswith(
 CASES = [(kind, field.name) for kind in OURS for field in cdr.fields(kind)]
 
 
+@pytest.mark.first(20)
 @pytest.mark.parametrize(("kind", "missing"), CASES, ids=[f"{k[18:]}.{f}" for k, f in CASES])
 def test_a_field_that_came_later_is_empty_and_all_others_keep_their_values(
     kind: str, missing: str

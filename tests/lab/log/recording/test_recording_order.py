@@ -68,6 +68,7 @@ def written(seed: int) -> Iterator[tuple[list[Ordered], set[int]]]:
     yield log + order.take((), len(arriving) * 0.01, last=True), lost
 
 
+@pytest.mark.first(30)
 @pytest.mark.parametrize("seed", range(100))
 def test_no_answer_is_missing_before_the_end_of_a_log_that_is_cut_anywhere(seed: int) -> None:
     asked: set[int] = set()

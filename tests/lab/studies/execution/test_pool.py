@@ -97,6 +97,7 @@ def test_processes_fly_what_one_flies_even_if_some_are_killed_from_outside(
     assert found == flown(ready, InThisProcess(ready.job))
 
 
+@pytest.mark.slow
 def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is(
     odd: Callable[..., Preparation],
 ) -> None:

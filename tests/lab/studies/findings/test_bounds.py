@@ -26,11 +26,12 @@ A_CASE = 50  # studies of all metrics for each of --cases; two cases without it
 _CHANCE = 1e-5
 LEAST = float(stats.binom.ppf(_CHANCE, STUDIES, CONFIDENCE)) / STUDIES
 MOST = 0.97  # of a stated 90 %, so that bounds are not wide for nothing
-MEAN_AT_LEAST = {"edge": 0.78, "resonance": 0.86}  # what docs/studies.md states
+MEAN_AT_LEAST = {"edge": 0.78, "resonance": 0.86}  # what docs/verification.md states
 ON_EDGES = ("one value", "edge")  # shares that hardly scatter: bounds are one sample wide, and safe
 HALF = 0.5  # of the studies that bound both ends: below, they are a choice of their own
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("method", SAMPLED)
 @pytest.mark.parametrize("n", [64, 1024])
 @pytest.mark.parametrize("name", ["bent", "resonance", "edge"])
@@ -72,6 +73,7 @@ def _check(found: Cell, studies: int, n: int, name: str) -> None:
             assert found.covered_if_bounded[j] <= most
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["plane", "corner", "noisy"])
 @pytest.mark.parametrize(("method", "n"), [("sobol", 4096), ("lhs", 1000)])
 def test_bounds_hold_for_other_sizes_too(method: str, n: int, name: str) -> None:

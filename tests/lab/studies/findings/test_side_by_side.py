@@ -17,6 +17,7 @@ from flexslew_lab.studies.study import Study
 CRITERIA = {"peak_tip_deflection": {"below": 1.0, "probability": 0.5}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("folders", "called"),
     [(("before", "after"), ("small (before)", "small (after)")), (("a/s", "b/s"), None)],

@@ -164,6 +164,7 @@ def test_counts_add_up_and_bounds_are_claimed_only_where_they_hold(
     assert bool(found["sensitivity"]) == (method == "saltelli")
 
 
+@pytest.mark.first(20)
 @pytest.mark.parametrize("loss", LOSSES)
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("method", SAMPLING)

@@ -76,6 +76,7 @@ FLOWN: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drives", representatives(FLOWN, "gyros"))
 def test_a_torque_that_is_shared_out_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], drives: str

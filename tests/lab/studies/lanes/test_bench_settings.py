@@ -132,6 +132,7 @@ def test_a_sensor_with_noise_flies_beside_one_without(study_of: Callable[..., St
     require_equal(ready, [still, noise.index(1e-4, still)])
 
 
+@pytest.mark.slow
 def test_joints_that_stick_fly_in_lanes_as_on_the_bench(study_of: Callable[..., Study]) -> None:
     trial = {
         "duration": 5.0,
@@ -150,6 +151,7 @@ def test_joints_that_stick_fly_in_lanes_as_on_the_bench(study_of: Callable[..., 
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2, 3])
 
 
+@pytest.mark.slow
 def test_wheels_with_friction_fly_in_lanes_as_on_the_bench(study_of: Callable[..., Study]) -> None:
     trial = {
         "duration": 3.0,
@@ -165,6 +167,7 @@ def test_wheels_with_friction_fly_in_lanes_as_on_the_bench(study_of: Callable[..
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=vary)), [0, 1, 2])
 
 
+@pytest.mark.slow
 def test_benches_with_limits_of_their_own_fly_beside_each_other(
     study_of: Callable[..., Study],
 ) -> None:
@@ -179,6 +182,7 @@ def test_benches_with_limits_of_their_own_fly_beside_each_other(
     require_equal(ready, [0, 1, 2, 3])
 
 
+@pytest.mark.slow
 def test_sensors_at_tips_with_errors_of_their_own_fly_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study],
 ) -> None:
@@ -231,6 +235,7 @@ def travelling(study_of: Callable[..., Study], folder: Path, most: float) -> Stu
     return study_of(flown=trial, lanes=True, vary=kd)
 
 
+@pytest.mark.slow
 def test_metrics_of_a_trial_s_own_are_those_of_the_bench(
     study_of: Callable[..., Study], tmp_path: Path
 ) -> None:

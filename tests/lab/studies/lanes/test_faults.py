@@ -92,6 +92,7 @@ def test_every_fault_but_those_that_silence_a_law_is_flown_alone_below() -> None
     assert {fault["kind"] for fault in KINDS} | left == FAULTS.keys()
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize(
     ("law", "fault"),
     # on joints, and on an estimate with tips, whose design takes longer
@@ -119,6 +120,7 @@ def test_delays_and_gains_that_overlap_act_as_on_the_bench(study_of: Callable[..
     require_equal(prepare(faulty(study_of, faults, max_missed=100)), [0, 1, 2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(4, default=2))  # each kind of motors
 def test_random_faults_fly_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], seed: int
@@ -137,6 +139,7 @@ def test_random_faults_fly_in_lanes_as_on_the_bench(
 SILENT = {"at": 0.9, "fault": {"kind": "controller_silent", "controller": "pd"}}
 
 
+@pytest.mark.slow
 def test_who_falls_silent_is_followed_by_a_fallback_as_on_the_bench(
     study_of: Callable[..., Study],
 ) -> None:
@@ -156,6 +159,7 @@ def blind(at: float, until: float, **keys: Any) -> dict[str, Any]:
     return {"at": at, "until": until, "fault": {**NAN, **keys}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(LAWS, "lqr"))
 def test_who_reads_no_numbers_for_a_while_begins_anew_as_on_the_bench(
     study_of: Callable[..., Study], law: str
@@ -165,6 +169,7 @@ def test_who_reads_no_numbers_for_a_while_begins_anew_as_on_the_bench(
     require_equal(prepare(faulty(study_of, [], active=law, switches=switches)), [0, 3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "switches",
     [
@@ -183,6 +188,7 @@ def test_who_listens_to_what_reads_no_numbers_is_known_before_the_flight(
     require_equal(prepare(study), [0, 3])
 
 
+@pytest.mark.slow
 def test_a_filter_that_hears_tips_is_silent_while_they_read_no_numbers(
     study_of: Callable[..., Study],
 ) -> None:
@@ -192,6 +198,7 @@ def test_a_filter_that_hears_tips_is_silent_while_they_read_no_numbers(
     require_equal(prepare(study), [0, 3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "switches",
     [
@@ -247,6 +254,7 @@ def test_what_only_the_bench_knows_is_left_to_it(
     assert ways_of(prepare(faulty(study_of, [], **keys)), 1) == [way]
 
 
+@pytest.mark.slow
 def test_a_fault_that_the_bench_refuses_is_refused(study_of: Callable[..., Study]) -> None:
     trial = {
         "testbed": {"modes": 1, "effort_limit": [60.0, 40.0]},
@@ -263,6 +271,7 @@ def test_a_fault_that_the_bench_refuses_is_refused(study_of: Callable[..., Study
     assert ways_of(ready, len(ways)) == ways
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "attitude", representatives([{}, {"modes": {}}], {}), ids=["rigid", "modes"]
 )

@@ -64,6 +64,7 @@ def prepared(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
     return make
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "law",
     representatives(LAWS, "proportional_integral", "output_feedback, on the equations of motion"),
@@ -94,6 +95,7 @@ def test_what_a_law_believes_of_each_bench_is_its_own(
     require_equal(ready, [0, 5])
 
 
+@pytest.mark.slow
 def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Preparation]) -> None:
     ready = prepared(
         testbed={"modes": 1, "variant": "printed", "effort_limit": [20.0, 10.0]},
@@ -153,6 +155,7 @@ def test_a_step_to_the_goal_is_one_plan_for_all_benches(
     assert len({trial.law for trial in trials if isinstance(trial, LaneTrial)}) == 1
 
 
+@pytest.mark.slow
 def test_steps_from_places_of_their_own_are_measured_as_on_the_bench(
     prepared: Callable[..., Preparation],
 ) -> None:
@@ -317,6 +320,7 @@ def test_a_design_that_the_bench_refuses_is_left_to_it(
     assert {one.way for _, lost in parts for one in lost} == {Way.NOT_ALLOWED}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", representatives(["lqr", "proportional_integral"], "proportional_integral")
 )
@@ -337,6 +341,7 @@ def test_a_kalman_filter_on_a_spacecraft_flies_in_lanes_as_on_the_bench(
     require_equal(ready, [0, 3])
 
 
+@pytest.mark.slow
 def test_a_filter_by_matrices_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study],
 ) -> None:

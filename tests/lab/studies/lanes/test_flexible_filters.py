@@ -73,6 +73,7 @@ def test_a_law_by_such_a_filter_flies_in_lanes_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial, lanes=True, vary=MASS | gains)), [0, 1, 3])
 
 
+@pytest.mark.slow
 def test_a_torque_by_such_a_filter_is_shared_out_as_on_the_bench(
     study_of: Callable[..., Study],
 ) -> None:
@@ -104,6 +105,7 @@ def test_laws_whose_filters_differ_are_left_to_the_bench(
     assert left == [Way.SWITCH]
 
 
+@pytest.mark.slow
 def test_crafts_fly_beside_each_other_where_their_trackers_are_equally_late(
     study_of: Callable[..., Study],
 ) -> None:

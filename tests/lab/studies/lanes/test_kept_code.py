@@ -34,6 +34,7 @@ TURN = {"method": "reference_only", "goal": {"roll": 0.01}, "duration": 0.5}
 STAGES = {"testbed": CRAFT, "plan": TURN, "controllers": CONTROL}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "flown",
     representatives([{}, STAGES], STAGES),

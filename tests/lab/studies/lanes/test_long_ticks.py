@@ -10,6 +10,7 @@ from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(["lqr", "proportional_integral"], "lqr"))
 def test_a_filter_acts_in_lanes_as_on_the_bench(study_of: Callable[..., Study], law: str) -> None:
     trial = {

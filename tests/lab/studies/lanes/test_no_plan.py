@@ -36,6 +36,7 @@ def held(law: str, **keys: Any) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(LAWS, "output_feedback"))
 def test_every_law_holds_what_it_has_measured_as_on_the_bench(
     study_of: Callable[..., Study], law: str
@@ -47,6 +48,7 @@ def test_every_law_holds_what_it_has_measured_as_on_the_bench(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", representatives(["pd_feedforward", "collocated_pid"], "pd_feedforward")
 )
@@ -61,6 +63,7 @@ def test_lanes_that_hold_positions_of_their_own_fly_beside_each_other(
     require_equal(ready, [0, 1, 2, 3])
 
 
+@pytest.mark.slow
 def test_what_a_fault_says_first_is_held(study_of: Callable[..., Study]) -> None:
     fault = {"kind": "sensor_bias", "channel": "joint_position", "of": "base_yaw", "bias": 1e-2}
     schedule = [{"at": 0.0, "until": 0.4, "fault": fault}, *PUSHED]
@@ -70,6 +73,7 @@ def test_what_a_fault_says_first_is_held(study_of: Callable[..., Study]) -> None
     require_equal(ready, [0, 1])
 
 
+@pytest.mark.slow
 def test_a_craft_holds_its_attitude(study_of: Callable[..., Study]) -> None:
     axes = {"roll": [1.0, 0.0, 0.0], "pitch": [0.0, 1.0, 0.0], "yaw": [0.0, 0.0, 1.0]}
     testbed = deepcopy(CRAFT)

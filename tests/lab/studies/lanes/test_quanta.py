@@ -42,6 +42,7 @@ def in_quanta(
     return prepare(study_of(flown=trial, lanes=True, vary=vary))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("law", ["pd_feedforward", "lqr"])
 @pytest.mark.parametrize("seed", seeds(5))
 def test_random_quanta_fly_in_lanes_as_on_the_bench(
@@ -55,6 +56,7 @@ def test_random_quanta_fly_in_lanes_as_on_the_bench(
     require_equal(ready, certain[:3])
 
 
+@pytest.mark.slow
 def test_quantised_motors_may_lag_and_thrusters_pulse(study_of: Callable[..., Study]) -> None:
     motors = {"lag": 0.05, "slew_rate": 200.0, "shortest_pulse": 0.002, "quantisation": 0.5}
     ready = in_quanta(study_of, "pd_feedforward", {"motors": 0.5}, actuator=motors)
@@ -62,6 +64,7 @@ def test_quantised_motors_may_lag_and_thrusters_pulse(study_of: Callable[..., St
     require_equal(ready, certain[:3])
 
 
+@pytest.mark.slow
 def test_a_reading_at_the_edge_of_a_quantum_leaves_its_trial_to_the_bench(
     study_of: Callable[..., Study],
 ) -> None:
@@ -81,6 +84,7 @@ def test_a_reading_at_the_edge_of_a_quantum_leaves_its_trial_to_the_bench(
     assert ways_of(ready, len(drawn)) == expected
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_not_stable_between_two_quanta_is_the_bench_s(
     study_of: Callable[..., Study],
 ) -> None:

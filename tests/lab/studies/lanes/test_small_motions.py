@@ -93,6 +93,7 @@ def turning(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensors", representatives([{}, NOISE], NOISE), ids=["exact", "noisy"])
 @pytest.mark.parametrize("law", LAWS)
 def test_a_law_on_fewer_readings_than_motions_flies_as_on_the_bench(

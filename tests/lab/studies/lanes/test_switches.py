@@ -57,6 +57,7 @@ def tour(names: list[str]) -> list[str]:
     return back[::-1]
 
 
+@pytest.mark.slow
 def test_every_law_takes_over_from_every_other_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study],
 ) -> None:
@@ -91,6 +92,7 @@ def test_of_switches_at_one_tick_the_last_one_takes_effect(study_of: Callable[..
     require_equal(prepare(study_of(flown=trial_of(legs), lanes=True, vary=limit)), [0, 1, 2])
 
 
+@pytest.mark.slow
 def test_each_lane_has_gains_and_a_craft_of_its_own_on_every_leg(
     study_of: Callable[..., Study],
 ) -> None:

@@ -39,6 +39,7 @@ def trial_of(controllers: dict[str, Any], active: str, *events: dict[str, Any]) 
 BIAS = {"sensors.joint_position.bias": {"uniform": [-1e-4, 1e-4]}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(LAWS, "output_feedback"))
 def test_a_law_about_its_plan_flies_in_lanes_as_on_the_bench(
     study_of: Callable[..., Study], law: str

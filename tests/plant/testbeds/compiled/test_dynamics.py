@@ -68,6 +68,7 @@ def test_the_same_call_gives_the_same_bits_and_leaves_its_arguments_alone() -> N
     assert not np.shares_memory(first, second)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("kind", SAME_LENGTHS)
 def test_acceleration_solves_the_equations_of_motion(kind: Any) -> None:
     bed = validated(TestbedSettings, {"kind": kind}, "here").model()
@@ -87,6 +88,7 @@ def test_a_model_can_be_sent_to_another_process() -> None:
     assert sent.advance(STATE, EFFORT, 0.01).tobytes() == expected.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SAME_LENGTHS)
 def test_energy_is_kinetic_plus_potential(kind: Any) -> None:
     bed = validated(TestbedSettings, {"kind": kind}, "here").model()

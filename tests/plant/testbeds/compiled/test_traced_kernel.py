@@ -69,6 +69,7 @@ def test_a_step_of_all_lanes_is_that_of_the_model(name: str) -> None:
     require_steps_of_the_model(model, kernel)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "trial", representatives(["own_spacecraft", "control_moment_gyros"], "own_spacecraft")
 )
@@ -171,6 +172,7 @@ def pendulum(t: float, q: float, v: float) -> float:
     return float(found.y[0, -1])
 
 
+@pytest.mark.slow
 def test_equations_that_branch_on_time_step_lane_by_lane() -> None:
     model = read_trial("antenna_1")[0].testbed.model()
     assert traced_kernel(model, False) is None
@@ -182,6 +184,7 @@ def halfway(p: Vector, t: float) -> float:
     return 0.005 if t < 0.005 else np.inf
 
 
+@pytest.mark.slow
 def test_steps_that_do_not_go_across_jumps_go_lane_by_lane() -> None:
     smooth = read_testbed(SECTIONS["varying oscillator"], "test").model()
     assert traced_kernel(smooth, False) is not None

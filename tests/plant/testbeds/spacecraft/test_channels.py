@@ -89,6 +89,7 @@ def place_of(model: Any, testbed: Any, x: Any, name: str, t: float) -> Any:
     return place + turned @ (a.place + axes.T @ moved), turned @ axes.T
 
 
+@pytest.mark.first(6)
 @pytest.mark.parametrize("motion", ["free", "held", "pivot"])
 @pytest.mark.parametrize("turning", HINGES)
 @pytest.mark.parametrize("name", ["hub", "tip"])
@@ -131,6 +132,7 @@ def test_displacement_rate_and_strain_are_those_of_the_bent_beam() -> None:
     assert found["root"] == pytest.approx(-(0.01 * curvature[0] + 0.02 * curvature[2]), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_every_sensor_has_its_own_errors_and_a_name_in_the_measurement() -> None:
     wrong = {"bias": 0.5, "quantisation": 0.25}
     testbed = craft(near={**SENSORS["middle"], **wrong}, far={**SENSORS["middle"], "noise": 0.1})

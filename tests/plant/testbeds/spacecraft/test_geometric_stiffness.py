@@ -65,6 +65,7 @@ def frequencies(matrix: Any) -> Vector:
     return np.sort(found.imag[found.imag > 0.05])
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 1.0])
 @pytest.mark.parametrize(
     ("method", "tip"), [("finite_elements", 0.0), ("finite_elements", 2.0), ("closed_form", 0.0)]

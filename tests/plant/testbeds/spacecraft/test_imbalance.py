@@ -40,6 +40,7 @@ def coasted(testbed: Testbed, period: float, lasting: float) -> tuple[Matrix, Ma
     return np.array(q), np.array(v)
 
 
+@pytest.mark.slow
 def test_dynamic_imbalance_turns_a_craft_as_the_closed_form_says_over_1000_s() -> None:
     """J w' - i H w = U W^2 exp(i W t) of w = w_x + i w_y; of second order are 2e-9 rad of these."""
     size, period, lasting = 1e-5, 0.05, 1000.0

@@ -98,6 +98,7 @@ def test_small_swings_have_the_frequency_of_the_closed_form_over_1000_s() -> Non
     assert abs(share * swing) > 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("start", "damper"), [(0.4, 0.0), (1.2, 0.05)])
 def test_large_swings_turn_the_platform_as_the_equations_of_two_bodies_say(
     start: float, damper: float

@@ -87,8 +87,8 @@ def parts(selection: Selection, everything: bool) -> Iterator[tuple[str, ...]]:
     marked = ("-m", expression) if expression else ()
     shared = ("-n", f"{workers}", "--dist", "worksteal", *options, *marked)
     apart: tuple[str, ...] = OVER_ROS
-    if selection.paths:
-        groups = [[path for path in selection.paths if not _within(path, OVER_ROS)]]
+    if selection.paths or not everything:
+        groups = [[path for path in selection.paths or ("tests",) if not _within(path, OVER_ROS)]]
     else:
         apart += GROUPS
         groups = [["tests"], *([group] for group in GROUPS)]

@@ -44,6 +44,7 @@ def closest(plan: Plan, direction: Vector) -> float:
     return float(np.arccos(look @ direction).min())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("aside", "half"), representatives([(0.0, 0.45), (-0.1, 0.35)], (-0.1, 0.35))
 )
@@ -74,6 +75,7 @@ FURTHER = [  # inertia, limits, turn, boresight, direction and half angle of the
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", representatives(FURTHER, FURTHER[0], single=True))
 def test_on_neither_side_of_a_cone_is_a_transcription_much_faster(case: Any) -> None:
     """The transcription starts from smooth slews past either side."""
