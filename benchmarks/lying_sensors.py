@@ -1,6 +1,7 @@
 """A campaign: every kind of lying sensor against every law, and what the bench makes of it.
 
-Run it to print the table of docs/faults.md, and how many false alarms came without a fault.
+Run it to print the table that docs/verification.md summarises, and the number of false alarms
+without a fault.
 """
 
 import argparse

@@ -2,13 +2,14 @@
 
 A line `<!-- keys: MODULE.CLASS -->` stands above each, `<!-- kinds: MODULE.TABLE -->` above one of
 entries with their keys, `<!-- events: MODULE.TABLE -->` above one of events. After a change of a
-section `. setup/environment.sh; python docs/key_tables.py` writes them anew;
-tests/lab/trial/test_trial_reference.py holds that they are current.
+section `. setup/environment.sh; python docs/key_tables.py` writes them again;
+tests/lab/trial/test_trial_reference.py checks that they are current.
 """
 
 import importlib
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from functools import partial
@@ -25,15 +26,20 @@ from flexslew_plant.keys.settings_fields import FieldMeaning, own_meanings
 from flexslew_plant.yaml_data import yaml_text
 
 DOCS = Path(__file__).parent
-NAMES = ("trial", "spacecraft", "studies", "faults", "ros2")
+NAMES = ("trial", "spacecraft", "studies/keys", "faults/kinds", "ros2/events")
 PAGES = (
     *(DOCS / f"{name}.md" for name in NAMES),
     *sorted((DOCS / "controllers").glob("*.md")),
     *sorted((DOCS / "planners").glob("*.md")),
 )
 MARK = re.compile(r"^<!-- keys: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
-KINDS = re.compile(r"^<!-- kinds: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
+KINDS = re.compile(
+    r"^<!-- kinds: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*(?:\n\| shared [^\n]*\n(?:\|[^\n]*\n)*)?",
+    re.MULTILINE,
+)
 KINDS_HEAD = "| kind | what happens | keys |\n|---|---|---|\n"
+SHARED_HEAD = "\n| shared key | meaning |\n|---|---|\n"
+SHARED = 3  # kinds with the same text of a key, which then stands once
 EVENTS = re.compile(r"^<!-- events: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
 EVENTS_HEAD = "| kind | level | what happened | data |\n|---|---|---|---|\n"
 HEAD = "| key | default | meaning |\n|---|---|---|\n"
@@ -56,15 +62,24 @@ def table(kind: type[Any]) -> str:
 
 
 def kinds_table(entries: Mapping[str, Any]) -> str:
-    """Return the table of the kinds of a table of entries: what each is, and its keys."""
+    """Return the table of the kinds of entries with their keys, then that of the shared keys."""
+    keys = {name: keys_of_kind(entry.settings) for name, entry in entries.items()}
+    counts = Counter(pair for own in keys.values() for pair in own.items())
+    shared = [pair for pair, count in counts.items() if count >= SHARED]
     rows = []
     for name, entry in entries.items():
-        meanings = own_meanings(entry.settings)
-        own = [f for f in fields(entry.settings) if f.repr and f.name != "kind"]
-        keys = "; ".join(f"`{f.name}`: {told(f, meanings[f.name])}" for f in own)
+        texts = (f"`{k}`" + (f": {v}" * ((k, v) not in shared)) for k, v in keys[name].items())
         words = " ".join((entry.settings.__doc__ or "").split())
-        rows.append(f"| {name} | {words} | {keys} |\n")
-    return KINDS_HEAD + "".join(rows)
+        rows.append(f"| {name} | {words} | {'; '.join(texts)} |\n")
+    meanings = [f"| `{key}` | {text} |\n" for key, text in shared]
+    return "".join((KINDS_HEAD, *rows, *([SHARED_HEAD] if shared else []), *meanings))
+
+
+def keys_of_kind(settings: type[Any]) -> dict[str, str]:
+    """Return the keys of a kind with their meanings, except the key that selects it."""
+    meanings = own_meanings(settings)
+    own = [f for f in fields(settings) if f.repr and f.name != "kind"]
+    return {f.name: told(f, meanings[f.name]) for f in own}
 
 
 def events_table(kinds: Mapping[str, type[Any]]) -> str:

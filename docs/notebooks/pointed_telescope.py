@@ -157,5 +157,5 @@ flight.plot("tip", "effort")
 
 # %% [markdown]
 # Next: `./flexslew analyse` on a trial file with these keys states the margins,
-# [studies](../studies.md) run hundreds of such spacecraft against requirements, and the trial
+# [studies](../studies/run.md) run hundreds of such spacecraft against requirements, and the trial
 # `observatory` adds thrusters, a wheel pyramid, an orbit and fine pointing.

@@ -9,7 +9,7 @@ from flexslew_plant.errors import BadInput
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        (text, "does not say what stands on the bench")
+        (text, "does not name its testbed")
         for text in ("", "1", "[]", "soon", "{}", "{bench: 3}", "{bench: {period: 0.01}}")
     ]
     + [

@@ -1,4 +1,4 @@
-"""A controller that is asked over DDS alone, as one of another machine or user."""
+"""A controller that is queried over DDS alone, as one of another machine or user."""
 
 import os
 from functools import partial

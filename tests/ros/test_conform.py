@@ -117,7 +117,7 @@ def test_the_example_in_c_is_built_as_the_page_shows_and_keeps_every_rule(
 @needs_gcc
 @pytest.mark.parametrize(("old", "new", "rule", "words"), [
     ("command.tick = m->tick", "command.tick = m->tick + 1", "first tick",
-     "answer to tick 0 of epoch 0: it says tick 1 of epoch 0"),
+     "answer to tick 0 of epoch 0: it has tick 1 of epoch 0"),
     ("signal(SIGTERM, on_signal)", "signal(SIGTERM, SIG_IGN)", "start",
      "SIGTERM has not ended its process within 30 s; it was killed"),
 ])  # fmt: skip
@@ -156,8 +156,8 @@ def test_each_broken_rule_is_told(examine: Examine, tmp_path: Path) -> None:
     }  # fmt: skip
     assert wrong["repeat"].endswith("asked again: another effort than the first time")
     assert "no heartbeat of any_language" in wrong["heartbeat"]
-    assert "name somebody else" in wrong["swap"]
-    assert "it says tick 0 of epoch 0" in wrong["reset"]
+    assert "name another controller" in wrong["swap"]
+    assert "it has tick 0 of epoch 0" in wrong["reset"]
 
 
 SEEN = "self.status.last_tick, self.status.epoch = m.tick, m.epoch"
@@ -175,7 +175,7 @@ def test_who_would_hold_up_a_bench_or_answers_nobody_s_questions_is_told(
     assert code == 1
     assert "says tick 0 of epoch 0; a bench waits for who is" in wrong["lock-step"]
     assert "says tick 0 of epoch 0; a bench waits for who is" in wrong["reset"]
-    assert wrong["swap"] == "5 answers to questions that name nobody"
+    assert wrong["swap"] == "5 answers to questions that name no controller"
     assert wrong["heartbeat"].startswith("silent for 1.")
 
 
@@ -205,7 +205,7 @@ def test_who_loses_questions_or_draws_no_number_is_told(examine: Examine, tmp_pa
     code, wrong = examine(*of_example(tmp_path, shallow, undrawn, INTEGRAL, *once, begin, busy))
     assert code == 1
     assert {rule for rule, words in wrong.items() if words} == {"backlog", "start"}
-    assert wrong["backlog"].endswith("measurement is heard with a depth of 4000")
+    assert wrong["backlog"].endswith("measurement is subscribed with a depth of 4000")
     assert wrong["start"].startswith("its instance on alive is 7 after a new start")
 
 
@@ -225,7 +225,7 @@ def test_a_depth_of_one_is_found_without_an_estimator_too(examine: Examine, tmp_
         "heartbeat", "pause", "backlog", "start",
     }  # fmt: skip
     assert wrong["heartbeat"].startswith("its since on alive is 0, -")
-    assert "measurement is heard with a depth of 4000" in wrong["backlog"]
+    assert "measurement is subscribed with a depth of 4000" in wrong["backlog"]
     assert wrong["start"].startswith("SIGTERM has not ended its process within 30 s")
 
 
@@ -250,7 +250,9 @@ def test_who_is_ready_only_in_charge_or_shares_a_number_with_others_is_told(
         "heartbeat", "swap", "pause", "start",
     }  # fmt: skip
     assert wrong["heartbeat"].startswith("its instance on alive is 0")
-    assert wrong["swap"].startswith("not ready to take over from questions that name somebody else")
+    assert wrong["swap"].startswith(
+        "not ready to take over from questions that name another controller"
+    )
 
 
 READY = 'self.status.ready, self.status.reason = True, ""'

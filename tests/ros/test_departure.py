@@ -44,7 +44,7 @@ def test_a_listener_without_a_heartbeat_is_waited_for_a_few_seconds(
     departure.wait_until_acknowledged(node, alive, serve, departure.DEPARTURE_TIMEOUT)
     who = ", ".join(listeners)
     assert told == [
-        f"awaiting acknowledgement: {TOPIC}; heard by {who}",
+        f"awaiting acknowledgement: {TOPIC}; received by {who}",
         f"exiting, unacknowledged: {TOPIC}",
     ]
     assert longest < next(times) < longest + 10.0

@@ -46,7 +46,7 @@ def test_a_bench_is_shaken_identified_and_planned_for_from_the_page(tmp_path: Pa
         page.tab("Run")
         page.click("Start")
         page.tab("Experiment")
-        page.says("5 of 5 periods told")
+        page.says("5 of 5 periods received")
         page.says("|position.mass| [m per N], frequency [rad/s], 4 periods")
         page.tab("Run")
         page.click("Pause")

@@ -69,7 +69,7 @@ def test_with_one_setting_the_network_watches_and_commands(
     assert told["truths"]
     assert told["braked"]
     assert "udp 00000000" in told["addresses"]
-    words = "FLEXSLEW_NETWORK=1: whoever is on this network can watch and command this bench"
+    words = "FLEXSLEW_NETWORK=1: everyone on this network can watch and command this bench"
     assert capfd.readouterr().err.count(words) == 1
 
 

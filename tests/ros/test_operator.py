@@ -38,7 +38,7 @@ from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 from tests.present import present
 
-# not heard by those who talk past DDS, or without a goal of follow_joint_trajectory or plan_slew
+# not received by those who talk past DDS, or without a goal of follow_joint_trajectory or plan_slew
 NOT_ALWAYS = {"/measurement", "/effort_command", "/joint_states", "/appendage_states"}
 WAIT = 200.0  # on a busy machine, which may have to compile first
 PATIENT = f"""

@@ -131,7 +131,7 @@ def test_after_a_reset_who_was_started_in_flight_hears_the_plan_of_tick_0(bench:
     state.publish(BenchState(state="waiting", epoch=1, last_tick=90_000))
     bench.until(lambda: len(heard) == 3 and following(0))
     assert heard[2].hash == heard[0].hash != heard[1].hash
-    bench.until(lambda: bench.statuses["pd"].reason == "not heard by a plant")  # that is all
+    bench.until(lambda: bench.statuses["pd"].reason == "not received by a plant")  # that is all
     assert following(0)
 
 

@@ -151,7 +151,7 @@ def test_parameters_that_act_alike_are_named_and_no_interval_pretends_to_know_th
     keys = ("parameters.base_inertia", "parameters.hub_inertia_1")
     start = varied(true, {"parameters": {"base_inertia": 2300.0}}, "here")
     fit = fit_parameters(found_csa(3), start, keys)
-    assert f"{keys[0]} and {keys[1]} cannot be told apart" in " ".join(fit.warnings)
+    assert f"{keys[0]} and {keys[1]} cannot be distinguished" in " ".join(fit.warnings)
     assert all(f"{key} is not known from this record" in " ".join(fit.warnings) for key in keys)
     together = sum(p.value.value for p in fit.parameters)
     real = true.parameters.base_inertia + true.parameters.hub_inertia_1

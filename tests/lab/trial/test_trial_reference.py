@@ -24,7 +24,7 @@ assert SPEC.loader is not None
 key_tables = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(key_tables)
 IN_FAULTS = "flexslew_plant.faults"  # in the table of their kinds
-FORMS = {"Sine", "Pulse"}  # of one key, which faults.md shows
+FORMS = {"Sine", "Pulse"}  # of one key, which faults/kinds.md shows
 
 
 def sections(kind: Any) -> set[type[Any]]:

@@ -99,7 +99,7 @@ def described(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescri
     values = load_yaml(settings, source)
     bench = values.get("bench", values) if isinstance(values, dict) else {}
     if not isinstance(bench, dict) or "testbed" not in bench:
-        raise BadInput("does not say what stands on the bench (no testbed)", source)
+        raise BadInput("does not name its testbed (no testbed)", source)
     period = bench.get("period")
     if not isinstance(period, int | float) or not 0.0 < period < np.inf:
         raise BadInput("give seconds above 0", source, "period", period)

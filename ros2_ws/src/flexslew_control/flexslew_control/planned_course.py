@@ -17,7 +17,7 @@ from flexslew_plant.testbeds import initial_positions
 
 PATIENCE = 2.0  # for the answers of the controllers to a plan [wall s]
 _OVER = Refusal(
-    "it was asked for in a flight that is over: the bench was reset; ask for it again",
+    "it was requested before the bench was reset; request it again",
     cause=Cause.BENCH_RESET,
 )
 

@@ -78,8 +78,8 @@ def demand_loopback() -> None:
         open_to_all = reachable_sockets(os.getpid())
         if open_to_all:
             raise RunFault(
-                f"DDS listens beyond this machine, on {', '.join(open_to_all)}, whatever "
-                f"{LOOPBACK} says; {SETTING}=1 allows it"
+                f"DDS accepts connections from other machines, on {', '.join(open_to_all)}, "
+                f"despite {LOOPBACK}; {SETTING}=1 allows it"
             )
 
 
@@ -110,7 +110,7 @@ def tell() -> None:
     """Print in one line what the network may do here, if it may do anything."""
     if on_network(os.environ):
         print(
-            f"{SETTING}=1: whoever is on this network can watch and command this bench",
+            f"{SETTING}=1: everyone on this network can watch and command this bench",
             file=sys.stderr,
             flush=True,
         )

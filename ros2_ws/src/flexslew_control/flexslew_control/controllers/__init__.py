@@ -213,12 +213,12 @@ def _require_allocation(law: str, settings: Any, plant: PlantDescription) -> Non
     if model.gyros:
         raise BadInput(
             f"{plant.joint_names[model.gyros[0]]} is a control moment gyro, whose torque turns "
-            f"with its gimbal, and {law} counts on one direction; {remedy}, such as allocation: "
+            f"with its gimbal, and {law} assumes a fixed direction; {remedy}, such as allocation: "
             "{kind: control_moment_gyros}",
         )
     raise BadInput(
         f"{plant.joint_names[model.one_way[0]]} is a thruster, which pushes one way, and {law} "
-        f"asks it for both; {remedy}, such as allocation: {{kind: thrusters}}",
+        f"commands both directions; {remedy}, such as allocation: {{kind: thrusters}}",
     )
 
 

@@ -123,4 +123,4 @@ class Announcer:
         unheard = ", ".join(sorted(set(missing))) or "a plant"
         if self._is_heard:
             return None
-        return Refusal(f"not heard by {unheard}", cause=Cause.NOT_HEARD)
+        return Refusal(f"not received by {unheard}", cause=Cause.NOT_HEARD)

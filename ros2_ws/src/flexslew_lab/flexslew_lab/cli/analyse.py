@@ -25,7 +25,7 @@ def analyse(
         Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
     ] = None,
     prove: Annotated[
-        bool, typer.Option("--prove", help="Fly the bench beside each margin, and compare.")
+        bool, typer.Option("--prove", help="Fly the bench on both sides of each margin.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -51,7 +51,7 @@ def analyse(
         say(f"warning: {words}")
     proof = None
     if prove:
-        with for_people.status("flying beside the margins"):
+        with for_people.status("flying at both sides of the margins"):
             proof = proved(requested, found)
     if as_json:
         proven = {} if proof is None else {"proof": finite(proof.plain())}

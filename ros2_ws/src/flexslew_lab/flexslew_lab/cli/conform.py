@@ -20,7 +20,7 @@ _LEAVING = 30.0
 def conform(
     context: typer.Context,
     trial: Annotated[
-        str, typer.Option(help="Shipped trial or file whose testbed is announced.")
+        str, typer.Option(help="Shipped trial, or file, with the testbed to announce.")
     ] = "m1",
     patience: Annotated[
         float, typer.Option(min=0.1, max=600.0, help="Longest wait for an answer [wall s].")

@@ -26,7 +26,7 @@ def flown_trial(view: BenchView, controller: str) -> Trial:
     """
     known = view.controllers.get(controller)
     if known is None or not view.bench_settings:
-        raise BadInput("the bench has not said yet what stands on it and who flies it")
+        raise BadInput("the bench has not published its testbed and its controllers yet")
     record = load_yaml(view.bench_settings, "the bench")
     bench = record.get("bench", record)
     kept = {item.name for item in fields(BenchSettings)}

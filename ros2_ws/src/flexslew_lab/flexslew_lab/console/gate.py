@@ -107,7 +107,7 @@ class Gate:
         except (LookupError, ValueError):  # given twice, or no address
             return "a header is given twice or cannot be read"
         if host is None or (self._hosts is not None and host not in self._hosts):
-            return "another host is asked for"  # a name that a stranger's DNS led here
+            return "the request names another host"  # a name that a stranger's DNS led here
         acts = scope["type"] == "websocket" or scope.get("method") not in ("GET", "HEAD")
         if asked != host and (acts or origin is not None):
             return "this page comes from another origin"

@@ -105,7 +105,7 @@ class LiveGate:
         except LookupError:
             return _refused("a header is given twice")
         if host not in (*spoken(HOST, self._port), *spoken("localhost", self._port)):
-            return _refused("another host is asked for")  # a name that a stranger's DNS led here
+            return _refused("the request names another host")  # led here by another DNS server
         if origin is not None and origin not in self._origins:
             if origin not in self._foreign and len(self._foreign) < _TOLD:
                 self._foreign.append(origin)

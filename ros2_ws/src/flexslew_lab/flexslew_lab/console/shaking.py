@@ -37,7 +37,9 @@ def progress(plan: Plan, time: float) -> Progress:
     except BadInput as error:
         return Progress(0, f"{words}; {error}")
     if periods >= LEAST:
-        return Progress(periods, f"{words}; {periods} of {plan.summary['periods']} periods told")
+        return Progress(
+            periods, f"{words}; {periods} of {plan.summary['periods']} periods received"
+        )
     parts = plan.summary["experiments"]
     last = plan.summary["taper"]
     last += ((parts - 1) * plan.summary["periods"] + LEAST) * plan.summary["period"]
@@ -64,7 +66,7 @@ def record_so_far(view: BenchView, plan: Plan) -> Record:
     whole = abs(time[0] - plan.start) < 0.5 * joints.period
     if not whole or (np.abs(np.diff(time) - joints.period) > 0.5 * joints.period).any():
         raise BadInput(
-            "this page has not heard every tick of the experiment: "
+            "this page has not received every tick of the experiment: "
             "./flexslew identify reads them from the run's log"
         )
     values = {name: track.column(name)[first:last].copy() for name in FIELDS}

@@ -81,7 +81,7 @@ def _limited(name: str, values: Vector) -> list[str]:
         return []
     return [
         f"{name}: at its largest value, {size.max():.4g}, in {share:.0%} of the samples; if that "
-        "is the drive's limit, the column must hold the effort applied, not the one asked for"
+        "is the drive's limit, the column must hold the effort applied, not the demanded one"
     ]
 
 

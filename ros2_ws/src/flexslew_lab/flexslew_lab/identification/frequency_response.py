@@ -170,7 +170,7 @@ def _layout(plan: Plan, source: str) -> _Layout:
     if summary["periods"] < _LEAST:
         raise BadInput(
             f"{source}: {summary['periods']} periods of an experiment are not enough: the "
-            "first holds the transient, and two tell noise from response; shake for longer"
+            "first holds the transient, and two separate noise from response; shake for longer"
         )
     start = round(plan.start / plan.period) + round(summary["taper"] / plan.period)
     return _Layout(

@@ -44,7 +44,7 @@ def record_of(bag: BagReader, sensors: Appendages | None = None) -> Record:
         raise BadInput(f"{bag.path}: holds no measurements")
     testbed = bag.overview.testbed
     if testbed is None:
-        raise BadInput(f"{bag.path}: does not say what stands on the bench (/testbed)")
+        raise BadInput(f"{bag.path}: does not name its testbed (/testbed)")
     columns = {name: np.concatenate(found) for name, found in parts.items()}
     last = columns["epoch"] == columns["epoch"][-1]
     ticks, first = np.unique(columns["tick"][last].astype(np.int64), return_index=True)

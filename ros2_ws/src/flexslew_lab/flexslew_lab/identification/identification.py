@@ -243,7 +243,7 @@ def band_of(plan: Plan | None, source: str) -> tuple[float, float] | None:
 def _response(experiments: list[Experiment]) -> tuple[FrequencyResponse | None, str]:
     plans = [e.plan for e in experiments if e.plan is not None]
     if len(plans) < len(experiments):
-        return None, "no plan of method excitation in the log says what was added"
+        return None, "no plan of method excitation in the log contains what was added"
     try:
         return frequency_response([e.record for e in experiments], plans), ""
     except BadInput as error:

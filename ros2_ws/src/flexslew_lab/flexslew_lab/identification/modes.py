@@ -258,7 +258,7 @@ def _require(record: Record, band: tuple[float, float]) -> None:
     if record.saturated > 0.01:
         raise BadInput(
             f"{record.source}: a drive was at its limit in {record.saturated:.0%} of the ticks, "
-            "and the fit needs the effort as it was asked: shake less"
+            "and the fit needs the demanded effort without limits: shake less"
         )
     periods = record.duration * band[1] / (2.0 * np.pi)
     if periods < 10.0:

@@ -54,7 +54,7 @@ def next_plan(bag: BagReader, found: ModalModel, flown: Plan) -> NextPlan:
     values = plain(trial)
     plan = values.get("plan")
     if not isinstance(plan, dict) or "model" not in plan:
-        raise BadInput(f"{bag.path}: its trial asks for no plan that believes a model")
+        raise BadInput(f"{bag.path}: its trial has no plan with a design model")
     believes = plain(replace(bench, initial={}))
     on = _on(trial, bench, {"plan": plan | {"model": believes}}, str(bag.path))
     again = plan_of_trial(on, predict=False)

@@ -197,7 +197,7 @@ def _warnings(names: tuple[str, ...], correlation: Matrix, spread: Vector) -> tu
         if not 0.0 < spread[i] < _UNKNOWN:
             words.append(f"{name} is not known from this record (+-{spread[i]:.0%})")
         words += [
-            f"{names[j]} and {name} cannot be told apart (correlation {correlation[i, j]:.4f}); "
+            f"{names[j]} and {name} cannot be distinguished (correlation {correlation[i, j]:.4f}); "
             "fit one of them"
             for j in range(i)
             if abs(correlation[i, j]) > _ALIKE

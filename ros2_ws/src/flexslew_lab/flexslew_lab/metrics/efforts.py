@@ -32,7 +32,7 @@ class Efforts:
             "s",
             False,
             "time with at least one applied effort at its limit; what a lag, a slew rate, a "
-            "quantum or a fault keeps below it does not count, however much was asked for (that is "
+            "quantum or a fault keeps below it does not count, regardless of the demand (that is "
             "`saturated_time` of the event `finished`)",
         ),
     }

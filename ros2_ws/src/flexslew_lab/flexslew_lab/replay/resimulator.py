@@ -33,7 +33,7 @@ REQUESTS = (
     BrakeRequested,
     TargetRequested,
 )
-_UNREADY = Refusal("the log says so", cause=Cause.NOT_READY)
+_UNREADY = Refusal("the log contains it", cause=Cause.NOT_READY)
 
 
 class Resimulator:

@@ -42,7 +42,7 @@ _STAMP, _HEAD = Struct("<iI"), 4  # of an answer, behind the encapsulation of CD
 _MIDDLE, _ROUNDS = 50, 3  # questions to others before and after one to it, while it is stopped
 _EARLY, _LATE = 60.0, 1.0  # by which `since` may be before the examination, and after now [s]
 _DEPTH = (
-    "an estimator takes every question, so measurement is heard with a depth of "
+    "an estimator takes every question, so measurement is subscribed with a depth of "
     f"{topics.LOOP_DEPTH}"
 )
 _ENDED = "its process has ended"
@@ -125,10 +125,10 @@ class Examiner:
             ("first tick: the question is answered", self._first),
             (f"lock-step: {_QUESTIONS} questions, one answer each", self._lock_step),
             ("repeat: at most the same answer again", self._repeat),
-            ("swap: silent while somebody else is named, back at once", self._swap),
-            ("late: questions that nobody waits for", self._burst),
+            ("swap: no answers while another controller is named, and again at once", self._swap),
+            ("late: questions that the bench does not wait for", self._burst),
             ("stray: a question from elsewhere changes nothing", self._stray),
-            ("pause: nothing is said but signs of life", self._pause),
+            ("pause: nothing is published but heartbeats", self._pause),
             ("reset: a new epoch begins at tick 0", self._reset),
             (f"backlog: {_QUESTIONS} questions at once, all of them taken", self._backlog),
             ("start: another process is another one", self._another),
@@ -153,7 +153,7 @@ class Examiner:
     def _becomes_ready(self) -> None:
         self._until(
             lambda: self._status is not None or self._testbed.get_subscription_count() > 0,
-            "nothing was heard on controller_status",
+            "nothing was received on controller_status",
         )
         self._spin(_QUIET)
         early = self._status is not None and self._status.ready
@@ -162,7 +162,7 @@ class Examiner:
             **testbed_fields(self._bench, {"bench": self._bench.settings}),
         }
         self._testbed.publish(message_of(msg.Testbed, fields))
-        self._until(lambda: self._status is not None, "nothing was heard on controller_status")
+        self._until(lambda: self._status is not None, "nothing was received on controller_status")
         self._until(
             lambda: self._status is not None and self._status.ready,
             lambda: f"it is not ready: {self._status.reason if self._status else ''}",
@@ -171,12 +171,16 @@ class Examiner:
         self._who = self._status.controller
         if not self._who:
             raise Wrong("controller is empty in its controller_status; it must be its name")
-        self._until(lambda: self._ask.get_subscription_count() > 0, "nobody listens to measurement")
+        self._until(
+            lambda: self._ask.get_subscription_count() > 0, "measurement has no subscription"
+        )
         if early:
-            raise Wrong("it says that it is ready before there is a testbed; reason says why not")
+            raise Wrong("it reports ready before a testbed is announced; reason must state why not")
         asked = self._node.get_subscriptions_info_by_topic(self._ask.topic_name)
         if any(one.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT for one in asked):
-            raise Wrong("it hears measurement as best effort, so that questions get lost: reliable")
+            raise Wrong(
+                "it subscribes to measurement as best effort, so that questions get lost: reliable"
+            )
 
     def _beats_in_time(self) -> None:
         self._beats_for(3.0 * SILENT_AFTER)
@@ -189,7 +193,7 @@ class Examiner:
         beats = self._beats.get(self._who, [])
         if not beats:
             others = ", ".join(self._beats) or "nobody"
-            raise Wrong(f"no heartbeat of {self._who} on alive; heard: {others}")
+            raise Wrong(f"no heartbeat of {self._who} on alive; received: {others}")
         if roles := {beat.role for beat, _ in beats} - {"controller"}:
             raise Wrong(f"its role on alive is {min(roles)!r}; it must be 'controller'")
         if len(drawn := {beat.instance for beat, _ in beats}) > 1:
@@ -234,13 +238,13 @@ class Examiner:
         for command, at in self._answers:
             self._check(command, at, self._tick)
             if not np.array_equal(command.effort, first.effort):
-                raise Wrong(f"tick {self._tick} asked again: another effort than the first time")
+                raise Wrong(f"tick {self._tick} repeated: another effort than the first time")
         if len(self._answers) > 1:
             raise Wrong(f"tick {self._tick} asked again: {len(self._answers)} answers")
 
     def _swap(self) -> None:
         self._answers.clear()
-        for who, words in ((_SOMEBODY, "name somebody else"), (_NOBODY, "name nobody")):
+        for who, words in ((_SOMEBODY, "name another controller"), (_NOBODY, "name no controller")):
             for _ in range(_BURST):
                 self._say(self._tick + 1, who)
             self._nothing_more(f"to questions that {words}")
@@ -255,7 +259,7 @@ class Examiner:
         last = begin + _BURST - 1
         self._until(
             lambda: any(c.tick == last for c, _ in self._answers),
-            f"no answer to tick {last}, the last of {_BURST} asked one after the other",
+            f"no answer to tick {last}, the last of {_BURST} sent one after the other",
         )
         self._spin(_QUIET)
         ticks = [command.tick for command, _ in self._answers]
@@ -306,7 +310,7 @@ class Examiner:
             self._say(tick)
         self._until(
             lambda: any(c.tick == last for c, _ in self._answers),
-            f"no answer to tick {last}, the last of {_QUESTIONS} asked one after the other",
+            f"no answer to tick {last}, the last of {_QUESTIONS} sent one after the other",
         )
         effort = next(c.effort for c, _ in self._answers if c.tick == last)
         if len(self._before) == _QUESTIONS and not np.array_equal(effort, self._before[last]):
@@ -373,9 +377,9 @@ class Examiner:
         if not told():
             assert self._status is not None
             raise Wrong(
-                f"after tick {self._tick} of epoch {self._epoch} its controller_status says tick "
-                f"{self._status.last_tick} of epoch {self._status.epoch}; a bench waits for who is "
-                "1,000 ticks behind"
+                f"after tick {self._tick} of epoch {self._epoch} its controller_status has tick "
+                f"{self._status.last_tick} of epoch {self._status.epoch}; a bench waits for a "
+                "controller that is 1,000 ticks behind"
             )
 
     def _answered(self, tick: int) -> EffortCommand:
@@ -394,7 +398,7 @@ class Examiner:
         if (command.tick, command.epoch) != (tick, self._epoch):
             if command.epoch == self._epoch and command.tick == self._answered_last:
                 raise Wrong(f"tick {command.tick} of epoch {command.epoch} is answered twice")
-            raise Wrong(f"{where}: it says tick {command.tick} of epoch {command.epoch}")
+            raise Wrong(f"{where}: it has tick {command.tick} of epoch {command.epoch}")
         if command.controller != self._who:
             raise Wrong(f"{where}: controller is {command.controller!r}, not {self._who!r}")
         size = self._bench.model.efforts
@@ -499,10 +503,10 @@ class Examiner:
             for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic)):
                 offered, table = info.qos_profile, topics.TOPICS[topic]
                 if offered.reliability is ReliabilityPolicy.BEST_EFFORT:
-                    found.append(f"it offers {topic} as best effort, a bench asks for reliable")
+                    found.append(f"it offers {topic} as best effort, a bench requests reliable")
                 elif table.latched and offered.durability is DurabilityPolicy.VOLATILE:
-                    found.append(f"it offers {topic} as volatile, a bench asks for transient local")
+                    found.append(f"it offers {topic} as volatile, a bench requests transient local")
         for info in node.get_subscriptions_info_by_topic(self._ask.topic_name):
             if info.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
-                found.append("it asks for measurement as transient local, which is volatile")
+                found.append("it requests measurement as transient local, which is volatile")
         return "".join(f"; {words}" for words in found)

@@ -30,7 +30,7 @@ _TAKE_EVERY = 0.005  # [wall s]
 _BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 
-_STRANGER = "whoever sent it is not the plant of this bench"
+_STRANGER = "its sender is not the plant of this bench"
 
 
 class Recorder:

@@ -40,7 +40,7 @@ def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> 
         return ""
     return (
         f"the flight left {left:.3g} m at the tip, the plan predicts {predicted:.3g} m on "
-        "the same bench: is the controller in charge the one whose gains the plan assumes?"
+        "the same bench: does the active controller have the gains that the plan assumes?"
     )
 
 

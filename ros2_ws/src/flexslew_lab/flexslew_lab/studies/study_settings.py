@@ -44,7 +44,7 @@ class Keep:
 
 @section
 class StudySettings:
-    """The keys of a study file; docs/studies.md documents them one by one."""
+    """The keys of a study file; docs/studies/keys.md documents them one by one."""
 
     # its name, and that of its folder, runs/study-NAME
     study: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")]

@@ -14,7 +14,7 @@ class Way(StrEnum):
     ROUNDING = "bench: a motion that magnifies rounding between quanta"
     SCHEDULE = "bench: a switch at the start, or one that is not answered"
     BRAKE = "bench: a switch out of the brake"
-    NAN = "bench: a filter that begins anew after sensors that read NaN"
+    NAN = "bench: a filter that restarts after sensors that read NaN"
     JUDGED = "bench: sensors or an estimate that are looked at"
     SWITCH = "bench: a switch to a law with a memory of its own"
     NO_PLAN = "bench: no plan for a filter about one"

@@ -21,7 +21,7 @@ class ControllerTuned:
 
 
 def _estimate_began_message(event: Any) -> str:
-    why = "has just come" if event.fresh else "has not heard the questions before"
+    why = "has just come" if event.fresh else "has not received the questions before"
     return f"{event.controller} {why}: its estimator begins here"
 
 

@@ -157,7 +157,7 @@ class FellBehind:
     count: Count = 1  # how often so far
 
 
-@fact("transport", Level.INFO, "{controller} is asked over {transport}")
+@fact("transport", Level.INFO, "{controller} is queried over {transport}")
 class TransportChosen:
     """How a controller receives measurements and answers: its efforts are the same either way."""
 

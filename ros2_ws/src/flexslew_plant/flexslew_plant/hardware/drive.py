@@ -47,7 +47,7 @@ class Drive:
     ) -> tuple[Objection, str] | None:
         """Return why the command is not an answer to the question, also in words, or None."""
         if command.controller != question.controller:
-            asked = question.controller or "nobody, the brake is on"
+            asked = question.controller or "none, the brake is on"
             kind, words = Objection.SENDER, f"{command.controller} answered, expected {asked}"
         elif command.epoch != question.epoch or command.tick != question.tick:
             kind = Objection.STALE

@@ -57,7 +57,7 @@ def wait_until_acknowledged(
         listeners = {name for p in unheard for name in listeners_of(node, p)}
         if not told:
             who = ", ".join(sorted(listeners))
-            node.get_logger().warning(f"awaiting acknowledgement: {names}; heard by {who}")
+            node.get_logger().warning(f"awaiting acknowledgement: {names}; received by {who}")
             told = True
         if alive is None:
             continue

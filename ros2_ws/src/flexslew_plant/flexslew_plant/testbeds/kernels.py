@@ -89,7 +89,7 @@ class Kernels:
         if self.any_size and (self.actuation is None or self.kinematics is None):
             raise ValueError("any_size needs actuation and kinematics")
         if self.extra_positions and self.kinematics is None:
-            raise ValueError("extra_positions needs kinematics, which says how they change")
+            raise ValueError("extra_positions needs kinematics, which gives their rates")
         digest = hashlib.sha256(f"{self.full_mass} {self.extra_positions}".encode())
         for path in sorted(set().union(*map(_sources, self.functions.values()))):
             digest.update(path.read_bytes())

@@ -240,7 +240,7 @@ def _ringing(found: _Found, members: tuple[FeedforwardMember, ...]) -> dict[str,
         off += f", payload {100.0 * members[k].payload_error:+g} %"
     return {
         "warning": f"the tip vibrates by {left:.3g} m after the end on one of the models ({off}); "
-        "minimax_feedforward tells how little can be left in this time"
+        "minimax_feedforward gives the least residual for this duration"
     }
 
 

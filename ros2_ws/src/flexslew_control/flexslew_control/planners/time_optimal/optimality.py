@@ -38,7 +38,7 @@ def statement(
     if not more_may_help(slew, check, structure):
         return f"{verdict}; no extremal was found"
     if faster is None:
-        return f"{verdict}; structure: optimal looks for more switches"
+        return f"{verdict}; structure: optimal searches for more switches"
     less = duration - faster.duration
     if faster.switches is None:
         return f"{verdict}; no slew is more than {less:.3g} s faster"

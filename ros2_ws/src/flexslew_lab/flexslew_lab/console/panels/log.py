@@ -53,7 +53,7 @@ class EventsPanel:
         self._cut.visible = len(groups) == _ROWS or len(self._view.events) == EVENTS
         self._cut.content = line(
             f"The newest {_ROWS} rows at most, of the last {EVENTS:,} events: the filter finds "
-            "older rows, flexslew log info tells all events."
+            "older rows, flexslew log info prints all events."
         )
 
     def _go(self, who: str) -> None:

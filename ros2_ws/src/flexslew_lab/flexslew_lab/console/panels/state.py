@@ -28,7 +28,7 @@ def _table(view: BenchView) -> str:
     end = f" of {now.last_tick}" if now.last_tick else ""
     brake = "LATCHED until released" if now.brake_latched else "not latched"
     if not now.active and not now.brake_latched and now.state != "not found":
-        brake = "on: nobody is in charge"
+        brake = "on: no controller is active"
     period = view.joints.period if view.joints else 0.0
     tick = max(now.tick, round(view.time / period)) if period else now.tick
     rows = [

@@ -36,7 +36,7 @@ def check_ends(
         wrong.append(
             f"the plant's final event is missing: it may have run on from tick {last[newest]}"
         )
-    yield Finding(not wrong, "end of the ticks", "; ".join(wrong) or "as the plant says")
+    yield Finding(not wrong, "end of the ticks", "; ".join(wrong) or "as the plant reports")
 
 
 def _ends(events: Sequence[Event]) -> dict[int, int]:

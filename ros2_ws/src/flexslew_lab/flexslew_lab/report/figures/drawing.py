@@ -115,7 +115,7 @@ def still_joints(runs: Sequence[RunData]) -> str:
     if not gone:
         return ""
     each = ", ".join(f"{name} {way:.3g} {unit}" for (name, unit), way in gone.items())
-    return f" Joints that were not told to move are left out; they went at most: {each}."
+    return f" Joints without a commanded move are left out; they went at most: {each}."
 
 
 def appendages_of(runs: Sequence[RunData]) -> list[str]:

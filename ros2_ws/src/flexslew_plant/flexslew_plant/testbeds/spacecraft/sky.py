@@ -36,7 +36,7 @@ def sky_of(
     """
     if craft.motion != at.FREE:
         if keep_out:
-            words = "only a free platform looks around; use motion: free"
+            words = "only a free platform can point; use motion: free"
             raise BadInput(f"testbed.keep_out: {words}")
         return None
     boresights = {MAIN: np.array([0.0, 0.0, 1.0])}

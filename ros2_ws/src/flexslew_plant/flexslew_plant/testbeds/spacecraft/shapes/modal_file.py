@@ -1,6 +1,6 @@
 """Appendages from the output of a finite element program: YAML, CSV or NPZ.
 
-Keys (docs/spacecraft.md has a worked example), n modes and k mass points:
+Keys (docs/spacecraft/modal_data.md has an example), n modes and k mass points:
     units             si (default) or slug_ft_lb
     frequencies_hz    n, with the hinge clamped [Hz]
     damping_ratios    n [-]; left out: none
