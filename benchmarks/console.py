@@ -29,7 +29,7 @@ from tests.page_client import PageClient
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import stamp_of
 from flexslew_lab.ros.hidden_listener import HiddenListener
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_plant.graph.topics import TOPICS, TRUTH
 
 SECONDS = float(os.environ.get("FLEXSLEW_BENCH_SECONDS", "60"))  # of each run [wall s]
@@ -55,7 +55,7 @@ new MutationObserver(() => {
 
 def flown(rate: float, seconds: float, watched: bool) -> dict[str, float]:
     """Fly for so many seconds of wall time, with a page or without a console."""
-    with tempfile.TemporaryDirectory() as name, own_domain() as domain, chromium() as browser:
+    with tempfile.TemporaryDirectory() as name, locked_domain() as domain, chromium() as browser:
         folder = Path(name)
         (folder / "trial.yaml").write_text(TRIAL)
         with _console(folder, rate, domain) as (child, address), _heard(domain) as arrivals:

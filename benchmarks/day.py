@@ -23,7 +23,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
@@ -124,8 +124,8 @@ def record(folder: Path, hours: float) -> dict[str, float]:
 
     with BagWriter(folder, {"trial": trial_text(trial)}) as writer:
         observer = AllTopics(writer)
-        observer.announce(trial, bench, plan, controllers)
-        fly(bench, controllers, observer, look)
+        observer.notify(trial, bench, plan, controllers)
+        run_bench(bench, controllers, observer, look)
         seen["at_the_end_MB"] = resident()
         writer.close({"messages": str(writer.messages)})
     return seen | {"messages": writer.messages}

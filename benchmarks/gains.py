@@ -6,7 +6,7 @@ from time import process_time
 import numpy as np
 
 from flexslew_lab.gains.ensemble import GainEnsemble, gains_of
-from flexslew_lab.gains.search import searched
+from flexslew_lab.gains.search import search_gains
 from flexslew_lab.notebook import trial
 
 _GRID = 25  # points along each gain, over the same range
@@ -24,7 +24,7 @@ def figures() -> dict[str, float]:
     gains = gains_of(what, "m1", None)
     ensemble = GainEnsemble(what, "m1", gains)
     begin = process_time()
-    found = searched(ensemble, gains)
+    found = search_gains(ensemble, gains)
     middle = process_time()
     axis = 2.0 ** np.linspace(-2.0, 2.0, _GRID)
     points = list(product(axis, axis))

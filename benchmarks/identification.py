@@ -25,8 +25,8 @@ from tests.lab.identification.shaken import bench, shaken, truth
 from flexslew_lab.identification.modes import Interval, ModalModel, identify_modes
 from flexslew_lab.identification.physical_fit import fit_parameters
 from flexslew_lab.identification.record import Record
-from flexslew_lab.studies.experiment import heard_in
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.studies.experiment import record_flight
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import trial_of_values
 from flexslew_plant.settings import plain
@@ -168,8 +168,8 @@ def _flown(
     shipped = read_trial(name, None)[0]
     true = shipped.testbed.scaled(*factors)
     own = {"testbed": plain(true), "seed": seed}
-    values = overridden(plain(shipped) | own, {"plan.model": plain(shipped.testbed)})
-    return shipped.testbed, true, *heard_in(trial_of_values(values, name))
+    values = override_values(plain(shipped) | own, {"plan.model": plain(shipped.testbed)})
+    return shipped.testbed, true, *record_flight(trial_of_values(values, name))
 
 
 def _modes(model: ModalModel, true: Any, high: float) -> tuple[list[Estimate], int, int]:

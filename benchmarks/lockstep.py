@@ -13,7 +13,7 @@ from time import perf_counter
 from typing import Any
 
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import Trial
@@ -94,7 +94,7 @@ def ping_pong(side: str, raw: bool) -> None:
 
 
 def _floor(kind: str) -> float:
-    with own_domain() as domain:
+    with locked_domain() as domain:
         environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
         command = [sys.executable, __file__, kind]
         pong = subprocess.Popen([*command, "pong"], env=environment)
@@ -110,7 +110,7 @@ def _floor(kind: str) -> float:
 
 def _ours(trial: Trial, record: bool, together: bool = False, transport: str = AUTO) -> float:
     os.environ[SETTING] = transport
-    with tempfile.TemporaryDirectory() as scratch, own_domain() as domain:
+    with tempfile.TemporaryDirectory() as scratch, locked_domain() as domain:
         folder = Path(scratch)
         processes = node_processes(trial, folder, record, {})
         parameters = folder / "parameters.yaml"

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.controllers.controller import Answer
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
@@ -105,7 +105,7 @@ def flown(trial: Trial) -> Outcome:
     for controller in controllers.values():
         if plan is not None:
             controller.adopt(plan)
-    fly(bench, controllers, watch)
+    run_bench(bench, controllers, watch)
     start = round(START / trial.period)
     found = [e for e in watch.events if e.kind in ("doubted", "implausible", "not_ready")]
     alarm = found[0] if found else None

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_lab.analysis.analysis import analysed
-from flexslew_lab.analysis.proof import Proof, proved
+from flexslew_lab.analysis.analysis import loop_analysis
+from flexslew_lab.analysis.proof import Proof, verify_margins
 from flexslew_lab.notebook import trial
 from flexslew_plant.errors import BadInput
 
@@ -48,8 +48,8 @@ def figures() -> dict[str, float]:
     out: dict[str, float] = {}
     for bed, law, proof in _flights():
         name = f"{bed}_{law}"
-        out[f"{name}_agree"] = proof.verdicts.count(True)
-        out[f"{name}_disagree"] = proof.verdicts.count(False)
+        out[f"{name}_agree"] = proof.checks.count(True)
+        out[f"{name}_disagree"] = proof.checks.count(False)
         off = [abs(m.flown / m.predicted - 1.0) for m in proof.margins]
         out[f"{name}_margin"] = max(off, default=0.0)
     return out
@@ -65,7 +65,7 @@ def _flights() -> Iterator[tuple[str, str, Proof]]:
             keys = {"plan": None, "controllers": {law: values}, "active": law}
             try:
                 what = trial(shipped, keys)
-                yield bed, law, proved(what, analysed(what, bed, joints=joints))
+                yield bed, law, verify_margins(what, loop_analysis(what, bed, joints=joints))
             except BadInput as error:
                 print(f"{bed}, {law}: {error}", file=sys.stderr, flush=True)
 

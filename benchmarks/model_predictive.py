@@ -7,7 +7,14 @@ import numpy as np
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_lab.notebook import trial
-from flexslew_lab.trial.trial import Trial, bench_settings, follow, law_of, plan_of_trial, plant_of
+from flexslew_lab.trial.trial import (
+    Trial,
+    bench_settings,
+    law_of,
+    plan_of_trial,
+    plant_of,
+    set_plan,
+)
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.measurement import EffortCommand
 
@@ -32,7 +39,7 @@ def _answers(what: Trial) -> list[float]:
     """Return how long the answers of a flight take [s]."""
     law, values = law_of(what.active, what.controllers[what.active] or {})
     built: Controller = build_controller(what.active, law, values, plant_of(what), "benchmark")
-    refused = follow({what.active: built}, what.active, plan_of_trial(what))
+    refused = set_plan({what.active: built}, what.active, plan_of_trial(what))
     assert refused is None
     bench, seconds = Bench(bench_settings(what)), []
     for _ in range(_TICKS):

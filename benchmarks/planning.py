@@ -6,7 +6,7 @@ from time import perf_counter
 import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
-from flexslew_control.planners.feedforward.gauss_newton import Options, optimise
+from flexslew_control.planners.feedforward.gauss_newton import Options, optimize
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, TerminalMap, substeps_for
 from flexslew_control.planners.progress import ignore
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -35,7 +35,7 @@ def figures() -> dict[str, float]:
     for run in range(_RUNS + 1):
         for name, maps in cases.items():
             start = perf_counter()
-            optimum = optimise(maps, Options(), ignore)
+            optimum = optimize(maps, Options(), ignore)
             planned = perf_counter()
             for _ in optimum.history:
                 maps[1].terminal_error(optimum.weights)

@@ -15,7 +15,7 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.law import Estimate
 from flexslew_control.perturbation import HALVINGS
 from flexslew_control.planners import make_plan, plan_settings
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.trial.trial import SavedPlan, bench_settings, plant_of
 from flexslew_plant.bench.bench import Bench
 
@@ -51,7 +51,7 @@ def _updates(law: str) -> tuple[float, float]:
     plan: dict[str, Any] = {"feedforward": "none"}
     plan |= {"gains": "perturbation"} if law == "planned_gains" else {}
     changes = {"testbed": {"appendages": {"beam": two}}, "plan": plan, "period": 0.01}
-    trial = shipped("antenna_1", changes)
+    trial = example_trial("antenna_1", changes)
     plant = plant_of(trial)
     assert plant.testbed.model().coordinates == 10
     own = {"design": "sampled"} if law == "disturbance_minimisation" else {}
@@ -77,7 +77,7 @@ def _updates(law: str) -> tuple[float, float]:
 
 
 def _planning() -> dict[str, float]:
-    trial = shipped("antenna_2")
+    trial = example_trial("antenna_2")
     settings = plan_settings({"method": "retargeting", "gains": "perturbation"}, "benchmark")
     plant = plant_of(trial)
     times, ratios = [], []

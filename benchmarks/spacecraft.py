@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.linalg import cho_factor, cho_solve
 
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Model, read_testbed
@@ -58,7 +58,7 @@ def figures() -> dict[str, float]:
 
 
 def _whole_trial() -> dict[str, float]:
-    trial, seconds = shipped("scole_s_a"), []
+    trial, seconds = example_trial("scole_s_a"), []
     for _ in range(3):
         with TemporaryDirectory() as folder:
             began = perf_counter()
@@ -137,8 +137,8 @@ class _NumpyCraft:
         self.n = mast.modes
         turn = np.zeros((self.n, 9))
         for k, drive in enumerate(craft.drives):
-            if drive.owner == 0 and drive.spot is not None:
-                turn[:, k] = drive.spot.turn.T @ drive.direction
+            if drive.owner == 0 and drive.point is not None:
+                turn[:, k] = drive.point.turn.T @ drive.direction
         self.input = np.vstack((np.eye(6, 9), turn))
         self.input[3:6, 6:9] = np.eye(3)
         self.a, self.b = DOP853.A[:12, :12], DOP853.B[:12]

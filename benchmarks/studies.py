@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 from flexslew_lab.run.pool import Pool
 from flexslew_lab.studies.cases import Cases, case_of, case_trial
 from flexslew_lab.studies.execution.worker import Job
-from flexslew_lab.studies.flight import flown
-from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.flight import simulate_case
+from flexslew_lab.studies.lanes.fleet import BatchRunner
+from flexslew_lab.studies.run import PreparedStudy, prepare
 from flexslew_lab.studies.study import parse_study
 from flexslew_plant.arrays import Vector
 
@@ -131,8 +131,8 @@ def _in_c() -> float | None:
         return float(flown.stdout.split()[0])
 
 
-def _kernel(ready: Preparation) -> float:
-    lanes = Lanes(ready.study, ready.plans)
+def _kernel(ready: PreparedStudy) -> float:
+    lanes = BatchRunner(ready.study, ready.plans)
     cases = list(Cases(ready.study, ready.samples, range(256)))
     best = np.inf
     for _ in range(_ROUNDS + 1):
@@ -142,15 +142,15 @@ def _kernel(ready: Preparation) -> float:
     return count / best
 
 
-def _one_by_one(ready: Preparation) -> float:
+def _one_by_one(ready: PreparedStudy) -> float:
     cases = list(Cases(ready.study, ready.samples, range(_ON_BENCH)))
     start = perf_counter()
     for case in cases:
-        flown(ready.study, case, ready.plans)
+        simulate_case(ready.study, case, ready.plans)
     return len(cases) / (perf_counter() - start)
 
 
-def _processes(ready: Preparation, workers: int, count: int) -> float:
+def _processes(ready: PreparedStudy, workers: int, count: int) -> float:
     """Return the rate of processes that are warm: the first round is not counted."""
     pool = Pool(Job(ready.study, ready.plans), workers)
     best = np.inf
@@ -179,7 +179,7 @@ def _count(numbers: int) -> None:
         pass
 
 
-def _scipy(ready: Preparation) -> float:
+def _scipy(ready: PreparedStudy) -> float:
     """Return the rate of a plain loop over the ticks of one trial's first tenth."""
     trial = case_trial(ready.study, case_of(ready.study, ready.samples, 0))
     plan = ready.plans.of(trial)

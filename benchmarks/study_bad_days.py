@@ -11,7 +11,7 @@ from time import perf_counter
 
 import numpy as np
 
-from flexslew_lab.studies.finish import fly_again
+from flexslew_lab.studies.finish import repeat_trial
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import load_study
 
@@ -143,7 +143,7 @@ def _flown_again(folder: Path) -> float:
     rng = np.random.default_rng(_SEED)
     same = 0
     for number in rng.choice(flown, size=_FLOWN_AGAIN, replace=False).tolist():
-        _, difference = fly_again(study, store, number, folder / "again" / str(number))
+        _, difference = repeat_trial(study, store, number, folder / "again" / str(number))
         same += not difference
     return float(same)
 

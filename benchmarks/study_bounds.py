@@ -22,7 +22,7 @@ from scipy.stats import qmc
 
 from flexslew_lab.studies.findings.population import Bounds, Population
 from flexslew_lab.studies.sampling.distributions import Distribution
-from flexslew_lab.studies.sampling.methods import METHODS, Samples, Sampling, drawn
+from flexslew_lab.studies.sampling.methods import METHODS, Samples, Sampling, draw_samples
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import validated
 
@@ -199,7 +199,7 @@ def line(method: str, n: int, name: str, one: Cell) -> str:
 def _design(method: str, n: int, seed: int) -> tuple[Samples, Matrix]:
     sampling: Sampling = validated(Sampling, {"method": method, "n": n}, "campaign")
     noise = np.random.default_rng((seed, 1)).random((n, _MOST_NOISE))
-    return drawn(sampling, [_UNIT] * _MOST_VARIED, seed), noise
+    return draw_samples(sampling, [_UNIT] * _MOST_VARIED, seed), noise
 
 
 @cache

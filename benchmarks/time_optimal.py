@@ -14,8 +14,8 @@ import numpy as np
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.switching import (
-    fewest_durations,
     linear_candidates,
+    minimum_switch_durations,
     solve_durations,
 )
 from flexslew_plant.arrays import Vector
@@ -73,7 +73,7 @@ def reference(slew: BangBang, rng: np.random.Generator, starts: int) -> float:
     best, arcs = np.inf, 6 if slew.robust else 4
     linear = linear_candidates(slew, True, 4.0)
     antisymmetric = slew.mode[1] == 0.0
-    rough = replace(slew, rough=slew.robust)
+    rough = replace(slew, coarse=slew.robust)
     for k in range(starts):
         if k % 2:
             guess = linear[k % len(linear)] * rng.uniform(0.7, 1.4, arcs)
@@ -98,13 +98,13 @@ def campaign(kind: str, count: int, seed: int) -> tuple[list[Miss], list[float]]
     rng = np.random.default_rng(seed)
     missed: list[Miss] = []
     times: list[float] = []
-    fewest_durations(random_slew(kind, np.random.default_rng(0)))  # loads the compiled code
+    minimum_switch_durations(random_slew(kind, np.random.default_rng(0)))  # loads the compiled code
     for done in range(count):
         if done and not done % 50:
             print(f"{kind}: {done} plans, {len(missed)} beaten", flush=True)
         slew = random_slew(kind, rng)
         began = process_time()
-        durations = fewest_durations(slew)
+        durations = minimum_switch_durations(slew)
         times.append(process_time() - began)
         planned = np.inf if durations is None else float(durations.sum())
         best = reference(slew, rng, _STARTS[kind])
@@ -125,7 +125,7 @@ def figures() -> dict[str, float]:
         for run in range(_RUNS + 1):
             slew = random_slew(kind, rng)
             began = process_time()
-            durations = fewest_durations(slew)
+            durations = minimum_switch_durations(slew)
             planned = process_time() - began
             if durations is None or not run:  # the first one loads the compiled code
                 continue

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import mkdocs_gen_files
 
 from flexslew_plant.graph import topics
-from flexslew_plant.keys.settings_fields import own_meanings
+from flexslew_plant.keys.settings_fields import describe_section
 
 SOURCES = Path("ros2_ws/src")
 MESSAGES = SOURCES / "flexslew_msgs"
@@ -152,7 +152,7 @@ def sections() -> Iterator[tuple[str, str, str, list[Field]]]:
 
 def keys(module: str, node: ast.ClassDef) -> list[Field]:
     """Return the keys of a section with their types and defaults as the code has them."""
-    told = own_meanings(getattr(importlib.import_module(module), node.name))
+    told = describe_section(getattr(importlib.import_module(module), node.name))
     found = []
     for item in node.body:
         name = ast.unparse(item.target) if isinstance(item, ast.AnnAssign) else ""

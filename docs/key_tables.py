@@ -22,7 +22,7 @@ from pydantic_core import PydanticUndefined
 
 from flexslew_plant.events.event import KINDS as EVENT_KINDS
 from flexslew_plant.events.event import Level
-from flexslew_plant.keys.settings_fields import FieldMeaning, own_meanings
+from flexslew_plant.keys.settings_fields import FieldDescription, describe_section
 from flexslew_plant.yaml_data import yaml_text
 
 DOCS = Path(__file__).parent
@@ -56,7 +56,7 @@ def table(kind: type[Any]) -> str:
     """Return the table of a section's keys: its own first, then those that it extends."""
     own = set(vars(kind).get("__annotations__", ()))
     items = sorted((f for f in fields(kind) if f.repr), key=lambda f: f.name not in own)
-    meanings = own_meanings(kind)
+    meanings = describe_section(kind)
     rows = [f"| {f.name} | {default(f)} | {told(f, meanings[f.name])} |\n" for f in items]
     return HEAD + "".join(rows)
 
@@ -77,7 +77,7 @@ def kinds_table(entries: Mapping[str, Any]) -> str:
 
 def keys_of_kind(settings: type[Any]) -> dict[str, str]:
     """Return the keys of a kind with their meanings, except the key that selects it."""
-    meanings = own_meanings(settings)
+    meanings = describe_section(settings)
     own = [f for f in fields(settings) if f.repr and f.name != "kind"]
     return {f.name: told(f, meanings[f.name]) for f in own}
 
@@ -87,7 +87,7 @@ def events_table(kinds: Mapping[str, type[Any]]) -> str:
     rows = []
     for kind, fact in sorted(kinds.items()):
         words = " ".join((fact.__doc__ or "").split())
-        meant = {name: found.words for name, found in own_meanings(fact).items()}
+        meant = {name: found.words for name, found in describe_section(fact).items()}
         keys = [f"`{f.name.rstrip('_')}`{in_brackets(meant[f.name])}" for f in fields(fact)]
         fixed = EVENT_KINDS[fact].level
         level = fixed if isinstance(fixed, Level) else "info or warning"
@@ -100,7 +100,7 @@ def in_brackets(words: str) -> str:
     return f" ({words})".replace("None:", "left out:").replace("|", "\\|") if words else ""
 
 
-def told(item: Field[Any], meaning: FieldMeaning) -> str:
+def told(item: Field[Any], meaning: FieldDescription) -> str:
     """Return what a key means and what is allowed; one that is fixed selects its section."""
     text = meaning.told or f"selects this {item.name}"
     return text.replace("|", "\\|")

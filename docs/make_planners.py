@@ -36,7 +36,7 @@ def asked() -> Iterator[tuple[str, dict[str, Any]]]:
     for name, entry in PLANNERS.items():
         if not entry.slews or not hasattr(entry.settings, "model"):
             continue  # it plans no slew
-        alike = [(v.name, dict(v.keys)) for v in entry.variants if v.longer == 1.0]
+        alike = [(v.name, dict(v.keys)) for v in entry.variants if v.duration_factor == 1.0]
         for variant in (("", {}), *alike):
             label = ", ".join(filter(None, (name, variant[0])))
             for duration in DURATIONS if entry.takes_duration else (None,):

@@ -141,7 +141,7 @@ def sbom(parts: list[Component]) -> dict[str, object]:
 def licences(parts: list[Component]) -> str:
     """Return the table of licences as Markdown."""
     rows = [
-        f"| {p.name} | {p.version} | {p.licence.replace('|', '/')} | {', '.join(p.locks)} |"
+        f"| {p.name} {p.version} | {p.licence.replace('|', '/')} | {', '.join(p.locks)} |"
         for p in parts
     ]
     return "\n".join(
@@ -153,8 +153,8 @@ def licences(parts: list[Component]) -> str:
             "those of `main` and `source`, `./flexslew extras` those of the extras; `develop` has",
             "tools of CI only, some of them under the GPL.",
             "",
-            "| distribution | version | licence | locks |",
-            "|---|---|---|---|",
+            "| distribution | licence | locks |",
+            "|---|---|---|",
             *rows,
             "",
         )

@@ -96,12 +96,12 @@ def shipped_plan(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], "P
     def planned(name: str) -> "Plan | None":
         from flexslew_lab.trial.sources import read_trial
         from flexslew_lab.trial.trial import plan_of_trial
-        from flexslew_plant.processes.file_lock import hold
+        from flexslew_plant.processes.file_lock import lock_handle
 
         kept = folder / f"{name}.plan"
         handle = os.open(folder / f"{name}.lock", os.O_RDWR | os.O_CREAT)
         try:
-            hold(handle, wait=True)
+            lock_handle(handle, wait=True)
             if not kept.exists():
                 kept.write_bytes(pickle.dumps(plan_of_trial(read_trial(name)[0])))
             plan: Plan | None = pickle.loads(kept.read_bytes())

@@ -38,8 +38,8 @@ class CountingLink(FakeLink):
     """Answers each request with its number."""
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
-        self.asked.append((service, dict(values)))
-        then(RequestResult(True, f"answer {len(self.asked)}."))
+        self.request.append((service, dict(values)))
+        then(RequestResult(True, f"answer {len(self.request)}."))
 
 
 @contextmanager

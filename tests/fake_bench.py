@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any
 
-from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
+from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult, Then
 from flexslew_lab.console.view import BenchView, ControllerView, Joints
 
 JOINTS = Joints("two", ("a", "b"), ("rad", "m"), ("tip",), (150.0, 20.0), 0.01)
@@ -24,23 +24,25 @@ class FakeLink:
         self.view, self.folder, self.command = BenchView(), folder, "./flexslew trial"
         self.view.joints = JOINTS
         self.view.controllers["pd"] = ControllerView("pd", "pd_feedforward", True, "", SETTINGS)
-        self.asked: list[tuple[str, dict[str, Any]]] = []
+        self.request: list[tuple[str, dict[str, Any]]] = []
         self.measures = False
 
     def poll(self, now: float) -> None:
         """Nothing comes."""
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
-        self.asked.append((service, dict(values)))
+        self.request.append((service, dict(values)))
         then(RequestResult(True, "done"))
 
-    def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
-        self.asked.append(("draft_plan", {"request": request, "who": who}))
+    def draft(
+        self, request: str, who: str, told: Callable[[Iterate], None], then: PlanCallback
+    ) -> None:
+        self.request.append(("draft_plan", {"request": request, "who": who}))
         told(Iterate(1, 0.5, 1e-3, 2.0))
         then(RequestResult(True, "drafted"), DRAFT)
 
     def cancel(self) -> None:
-        self.asked.append(("cancel", {}))
+        self.request.append(("cancel", {}))
 
     def measure(self, on: bool) -> None:
         self.measures = on

@@ -17,7 +17,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from flexslew_lab.cli.suite import BEYOND_DEFAULT, NOTHING_SELECTED, OVER_ROS, Selection
+from flexslew_lab.cli.suite import NO_TESTS_EXIT_CODE, OPTIONAL_MARKERS, OVER_ROS, Selection
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "ros2_ws" / "src"
@@ -180,7 +180,7 @@ def found(paths: list[str], expression: str, environment: dict[str, str]) -> boo
         )
     except subprocess.TimeoutExpired:
         return True
-    return done.returncode not in (0, NOTHING_SELECTED)
+    return done.returncode not in (0, NO_TESTS_EXIT_CODE)
 
 
 def stage_of(mutant: Mutant, widest: str, expression: str) -> str:
@@ -210,7 +210,7 @@ def main() -> None:
     parser.add_argument("--widest", choices=STAGES, default="all", help="the last stage")
     parser.add_argument("--list", action="store_true", help="print the mutants alone")
     asked = parser.parse_args()
-    default, beyond = Selection().expression(everything=False), " or ".join(BEYOND_DEFAULT)
+    default, beyond = Selection().expression(all_tests=False), " or ".join(OPTIONAL_MARKERS)
     results = []
     for number, mutant in enumerate(drawn(asked.seed, asked.count, asked.only), start=1):
         print(f"{number}: {mutant}", flush=True)

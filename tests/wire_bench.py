@@ -35,7 +35,7 @@ class WireBench:
         self.now = 0.0
         self.session = Session(self.bench, (), 0.0, 2.0, True, lambda: [], lambda: [])
         self.events: list[Any] = []
-        self.truths: list[Truth] = []
+        self.truth_log: list[Truth] = []
         self.hosts: dict[str, ControllerHost] = {}
         self._laws = {name: law_of(name, own or {}) for name, own in trial.controllers.items()}
         for name in self._laws:
@@ -49,7 +49,7 @@ class WireBench:
         """Start a controller, or start it again in place of one that was killed."""
         law, values = self._laws[name]
         self.hosts[name] = host = ControllerHost(name, values)
-        host.announce(
+        host.notify(
             lambda given: build_controller(name, law, given, self.plant, name),
             len(self.bench.appendages.names),
         )
@@ -101,14 +101,14 @@ class WireBench:
 
     def _take(self) -> None:
         """Take what the session and the hosts have said."""
-        while self.session.outbox:
-            record = self.session.outbox.popleft()
+        while self.session.outgoing:
+            record = self.session.outgoing.popleft()
             if isinstance(record, Measurement):
                 self._waiting.append(record)
                 if self.observer is not None:
                     self.observer.question(record)
             elif isinstance(record, Truth):
-                self.truths.append(record)
+                self.truth_log.append(record)
                 if self.observer is not None:
                     self.observer.truth(record)
             else:
@@ -126,4 +126,4 @@ class WireBench:
         """Let the plant hear how the controllers are."""
         for name, host in self.hosts.items():
             self.session.reasons[name] = host.reason
-            self.session.backlog.heard(name, host.last_tick, host.epoch)
+            self.session.node_progress.received(name, host.last_tick, host.epoch)

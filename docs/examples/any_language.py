@@ -32,7 +32,7 @@ class Controller(Node):
             reason="no testbed yet",
             instance=instance,
         )
-        self.beat = Alive(
+        self.heartbeat = Alive(
             node=self.get_name(), role="controller", instance=instance, since=time.time_ns()
         )
         self.effort = self.create_publisher(EffortCommand, "effort_command", LOOP)
@@ -40,7 +40,7 @@ class Controller(Node):
         self.alive = self.create_publisher(Alive, "alive", BEST_EFFORT)
         self.create_subscription(Testbed, "testbed", self.on_testbed, LATCHED)
         self.create_subscription(Measurement, "measurement", self.on_measurement, LOOP)
-        self.create_timer(0.25, lambda: self.alive.publish(self.beat))
+        self.create_timer(0.25, lambda: self.alive.publish(self.heartbeat))
         self.create_timer(0.1, lambda: self.told.publish(self.status))
 
     def on_testbed(self, testbed: Testbed) -> None:
@@ -66,7 +66,7 @@ class Controller(Node):
                 epoch=m.epoch,
                 controller=m.controller,
                 effort=effort,
-                instance=self.beat.instance,
+                instance=self.heartbeat.instance,
             )
         )
 

@@ -19,7 +19,7 @@ import numpy as np
 from IPython.display import HTML
 
 import flexslew as fs
-from flexslew_lab.report.sky_map import drawn_sky
+from flexslew_lab.report.sky_map import testbed_sky_map
 
 # %% [markdown]
 # ## 1. The panel
@@ -141,7 +141,7 @@ flight = fs.fly(fs.trial(KEYS, plan=plan))
 margin = np.degrees(flight.metrics["keep_out_margin"]["sun"])
 print(f"{margin:.2f} deg away from the cone; {flight.verdict}")
 assert margin > 0.0
-HTML(drawn_sky(telescope.testbed, flight["coordinate"], plan.position))
+HTML(testbed_sky_map(telescope.testbed, flight["coordinate"], plan.position))
 
 # %% [markdown]
 # ## 4. The pointing

@@ -20,7 +20,7 @@ from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import RECORDS, check_record
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.check import check
-from flexslew_lab.replay.logged_controllers import adoptions, logged_laws
+from flexslew_lab.replay.logged_controllers import logged_laws, plan_changes
 from flexslew_lab.replay.player import Player, PlaySettings
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.report.run_data import read_run
@@ -134,7 +134,7 @@ ACTIONS: tuple[Callable[[Path], Any], ...] = (
     lambda bag: json.dumps(metrics_of(bag), allow_nan=False),
     read_run,
     lambda bag: logged_laws(BagReader(bag)),
-    lambda bag: adoptions(BagReader(bag)),
+    lambda bag: plan_changes(BagReader(bag)),
     lambda bag: Player(PlaySettings(bag=str(bag))).step(0.02),
     resim,
     lambda bag: check(bag, "pd_feedforward"),

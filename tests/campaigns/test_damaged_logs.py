@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.identification.foreign import foreign_record
+from flexslew_lab.identification.foreign import external_record
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.export import export_log
@@ -88,11 +88,11 @@ def test_damage_of_a_bag_of_another_bench_is_said_or_changes_nothing(
     bag = shutil.copytree(honest, tmp_path / "bag")
     damage(bag, case)
     try:
-        found = foreign_record(bag, *columns).record
+        found = external_record(bag, *columns).record
     except FlexslewError as error:
         assert str(error).isprintable()  # noqa: PT017
         return
-    known = foreign_record(honest, *columns).record
+    known = external_record(honest, *columns).record
     assert np.array_equal(found.effort, known.effort)
     assert np.array_equal(found.measured, known.measured)
 

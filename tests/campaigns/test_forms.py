@@ -34,15 +34,15 @@ def test_whatever_pages_send_the_console_goes_on_and_asks_only_what_there_is(
         if number % 25 == 0:
             page.poll()
     remark, note = stranger.named("Remark"), stranger.named("Note it")
-    link.asked.clear()
+    link.request.clear()
     for uuid, value in ((remark, "the end"), (note, True)):
         stranger.set(uuid, value)
     limit = monotonic() + 60.0
-    while ("note", "the end") not in [(s, v.get("text")) for s, v in link.asked]:
-        assert monotonic() < limit, (link.asked[-5:], said[-5:])
+    while ("note", "the end") not in [(s, v.get("text")) for s, v in link.request]:
+        assert monotonic() < limit, (link.request[-5:], said[-5:])
         page.poll()
         stranger.reach()
-    assert {service for service, _ in link.asked} <= SERVICES
+    assert {service for service, _ in link.request} <= SERVICES
     late = PageClient(page.server.address)  # it is told what the others have left
     while "Start" not in [element["label"] for element in late.inputs.values()]:
         late.reach()

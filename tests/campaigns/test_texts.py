@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexslew_lab.console.server import ConsoleServer
-from flexslew_lab.trial.sources import shipped_trials
+from flexslew_lab.trial.sources import example_trials
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings
@@ -51,7 +51,7 @@ def changed(value: Any, case: np.random.Generator) -> Any:
 
 
 def test_a_trial_is_read_or_refused_in_one_line(case: np.random.Generator) -> None:
-    shipped = shipped_trials()
+    shipped = example_trials()
     values = load_yaml(shipped[case.integers(len(shipped))].path.read_text(), "test")
     for _ in range(case.integers(1, 4)):
         values = changed(values, case)

@@ -10,12 +10,12 @@ from tests.wire_bench import WireBench
 
 from flexslew_control.active_laws import (
     ActiveLaws,
-    DueSwitch,
     LawAt,
+    PendingSwitch,
     active_at,
     canonical,
+    describe_plan_law,
     other_law,
-    planned_for,
     with_law,
 )
 from flexslew_control.controllers import settings_text
@@ -181,7 +181,7 @@ def test_the_law_at_a_tick_to_come_is_the_law_that_answers_it_in_long_sequences(
 
 
 def test_of_switches_to_come_the_last_one_before_the_start_counts() -> None:
-    switches = [DueSwitch(40, "c"), DueSwitch(20, "b"), DueSwitch(40, "d")]
+    switches = [PendingSwitch(40, "c"), PendingSwitch(20, "b"), PendingSwitch(40, "d")]
     at = [active_at("a", switches, tick) for tick in (0, 19, 20, 39, 40, 100)]
     assert at == ["a", "a", "b", "b", "d", "d"]
 
@@ -231,7 +231,7 @@ def test_a_trial_is_planned_for_the_law_at_the_start_of_its_plan() -> None:
             assert gains.kp[0] == CONTROLLERS[name]["kp"][0]
         plan = plan_of_trial(trial)
         assert plan is not None
-        assert planned_for(plan).startswith(f"planned for {name} ")
+        assert describe_plan_law(plan).startswith(f"planned for {name} ")
         later = plan.summary.get("warning", "")
         assert ("takes over at 10 s, before the plan ends" in later) == (start == 9.99)
 
@@ -252,6 +252,6 @@ def test_a_plan_that_is_made_for_another_law_says_so() -> None:
     assert "is made for stiff (pd_feedforward, " in words
     assert "stiff (pd_feedforward, kd [300.0], kp [60.0]) is active at its start" in words
     bench.laws.take_event(SwitchRequested("soft", 700, False, 0.0), 0, 0)
-    assert bench.laws.switches(500, 1000) == (DueSwitch(700, "soft"),)
+    assert bench.laws.switches(500, 1000) == (PendingSwitch(700, "soft"),)
     stated = with_law(plan, made_for, bench.laws.switches(500, 1000))
     assert "soft takes over at 7 s, before the plan ends at 10 s" in stated.summary["warning"]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_control.course import LARGEST_JUMP, Course, jump
+from flexslew_control.course import LARGEST_JUMP, PlanSequence, jump
 from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
 
@@ -19,12 +19,12 @@ def plan(start: float, at: float, to: float) -> Plan:
     )
 
 
-def place(course: Course, tick: int) -> float:
+def place(course: PlanSequence, tick: int) -> float:
     return float(course.reference(tick, HOLD).position[0])
 
 
 def test_without_a_plan_and_until_the_first_one_starts_it_holds() -> None:
-    course = Course()
+    course = PlanSequence()
     assert course.plan is None
     assert place(course, 5) == 7.0
     course.add(plan(0.2, 7.0, 8.0))
@@ -32,13 +32,13 @@ def test_without_a_plan_and_until_the_first_one_starts_it_holds() -> None:
 
 
 def test_the_plan_of_the_start_says_itself_where_the_joints_rest_before_it() -> None:
-    course = Course()
+    course = PlanSequence()
     course.begin_with(plan(0.2, 1.0, 2.0))
     assert [place(course, k) for k in (0, 19, 30)] == [1.0, 1.0, 2.0]
 
 
 def test_each_is_flown_to_the_start_of_the_next() -> None:
-    course = Course()
+    course = PlanSequence()
     course.begin_with(plan(0.0, 0.0, 1.0))
     course.add(plan(0.5, 1.0, 2.0))
     course.add(plan(1.0, 2.0, 3.0))
@@ -48,22 +48,27 @@ def test_each_is_flown_to_the_start_of_the_next() -> None:
 
 
 def test_it_is_known_when_another_plan_is_flown_in_place_of_one() -> None:
-    course, first, second, late = Course(), plan(0.0, 0.0, 1.0), plan(0.5, 1.0, 2.0), plan(1, 2, 3)
+    course, first, second, late = (
+        PlanSequence(),
+        plan(0.0, 0.0, 1.0),
+        plan(0.5, 1.0, 2.0),
+        plan(1, 2, 3),
+    )
     course.begin_with(first)
     course.add(late)
     course.add(second)  # late is dropped
-    assert [course.replaced(first, k) for k in (0, 50, 51, 99)] == [False, False, True, True]
-    assert not course.replaced(second, 200)
-    assert course.replaced(late, 0)
+    assert [course.has_later_plan(first, k) for k in (0, 50, 51, 99)] == [False, False, True, True]
+    assert not course.has_later_plan(second, 200)
+    assert course.has_later_plan(late, 0)
 
 
 def test_a_reset_leaves_the_plan_of_the_start() -> None:
-    course = Course()
+    course = PlanSequence()
     course.begin_with(plan(0.0, 0.0, 1.0))
     course.add(plan(0.5, 1.0, 2.0))
     course.restart()
     assert place(course, 110) == 1.0
-    course = Course()
+    course = PlanSequence()
     course.add(plan(0.5, 7.0, 2.0))
     course.restart()
     assert course.plan is None

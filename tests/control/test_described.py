@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexslew_control.law import described
+from flexslew_control.law import plant_description
 from flexslew_plant.errors import BadInput
 
 
@@ -19,11 +19,11 @@ from flexslew_plant.errors import BadInput
 )
 def test_a_record_that_describes_no_plant_is_refused(settings: str, words: str) -> None:
     with pytest.raises(BadInput, match=words):
-        described(settings, "the log")
+        plant_description(settings, "the log")
 
 
 def test_a_plant_is_described_by_its_bench_or_by_its_node() -> None:
     bench = "testbed: {kind: csa, modes: 3}, period: 0.02"
     for settings in (f"{{{bench}}}", f"{{bench: {{{bench}}}, rate_factor: 1.0}}"):
-        plant = described(settings, "the log")
+        plant = plant_description(settings, "the log")
         assert (plant.period, plant.testbed.model().modes) == (0.02, 3)

@@ -12,7 +12,7 @@ from flexslew_control.free_platform import (
     nominal_states,
 )
 from flexslew_control.law import Reference
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -28,7 +28,7 @@ def response(linear: Any, readings: Any, s: complex) -> Any:
 
 @pytest.mark.parametrize("name", ["scole_s_a", "scole_full", "own_spacecraft"])
 def test_a_law_sees_the_response_of_the_whole_spacecraft(name: str) -> None:
-    model = shipped(name).testbed.model()
+    model = example_trial(name).testbed.model()
     rest = model.rest({})
     found = joints_first(model, rest)
     assert isinstance(found, LinearModel)
@@ -44,7 +44,7 @@ def test_a_law_sees_the_response_of_the_whole_spacecraft(name: str) -> None:
 
 
 def test_a_turned_platform_is_not_pulled_back() -> None:
-    model = shipped("scole_s_a").testbed.model()
+    model = example_trial("scole_s_a").testbed.model()
     found = joints_first(model, model.rest({}))
     away = found.rest({"roll": 0.5, "y": 2.0, "yaw": -0.3})
     force = found.linearise(away).stiffness @ away
@@ -52,7 +52,7 @@ def test_a_turned_platform_is_not_pulled_back() -> None:
 
 
 def test_a_path_is_one_hold_after_the_other() -> None:
-    spacecraft = shipped("scole_s_a").testbed.model()
+    spacecraft = example_trial("scole_s_a").testbed.model()
     model = joints_first(spacecraft, spacecraft.rest({}))
     rng = np.random.default_rng(3)
     x, efforts = rng.normal(size=2 * model.coordinates), rng.normal(size=(4, model.joints))

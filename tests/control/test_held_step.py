@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexslew_control.held_step import held_step
+from flexslew_control.held_step import exponential_step
 from flexslew_control.zero_order_hold import zero_order_hold
 
 
@@ -15,7 +15,7 @@ def test_the_compiled_hold_is_that_of_every_design(k: int, m: int, size: float) 
     a *= size / np.linalg.norm(a, 1)
     period = 0.3
     found = np.hstack((a * period, b * period))
-    held_step(found)
+    exponential_step(found)
     f, g = zero_order_hold(a, b, period)
     # rounding, as often as it is squared; exp of the norm bounds the largest entry
     for part, expected in ((found[:, :k], f), (found[:, k:], g)):
@@ -27,7 +27,7 @@ def test_two_holds_are_one_of_twice_the_time() -> None:
     rng = np.random.default_rng(1)
     both = rng.standard_normal((6, 8)) / 6.0
     one, twice = both.copy(), 2.0 * both
-    held_step(one)
-    held_step(twice)
+    exponential_step(one)
+    exponential_step(twice)
     f, g = one[:, :6], one[:, 6:]
     np.testing.assert_allclose(twice, np.hstack((f @ f, f @ g + g)), rtol=1e-13, atol=1e-14)

@@ -16,7 +16,7 @@ from flexslew_control.perturbation import (
     require_positive_definite,
 )
 from flexslew_control.small_motion import Frozen
-from flexslew_lab.reproduce.antenna_flights import changing
+from flexslew_lab.reproduce.antenna_flights import time_varying
 from flexslew_plant.errors import BadInput
 
 DT = 0.03  # [s]
@@ -25,7 +25,7 @@ DT = 0.03  # [s]
 @lru_cache
 def antenna() -> tuple[Regulator, tuple[Change, ...]]:
     """Return example 4 and what changes over steps of 30 ms, then what stays."""
-    case = changing(4)
+    case = time_varying(4)
     return case.regulator, tuple(
         case.regulator.change(frozen) for frozen in (*case.middle[15::30], case.after)
     )

@@ -7,7 +7,7 @@ import pytest
 
 from flexslew_control.law import ActiveLaw
 from flexslew_control.plan import Plan
-from flexslew_control.planning import Planning, PlanRequest, StartOfPlan, plan_request
+from flexslew_control.planning import PlanProcess, PlanRequest, StartOfPlan, plan_request
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import Cause, Refusal
 
@@ -46,21 +46,21 @@ def test_what_is_no_yaml_is_refused_in_one_line() -> None:
 
 
 def test_planning_that_nobody_has_asked_for_needs_no_process() -> None:
-    planning = Planning(soon=False)
-    assert planning.news() == []
+    planning = PlanProcess(soon=False)
+    assert planning.updates() == []
     planning.close()
     planning.close()  # twice is not once too often
 
 
 @pytest.fixture(scope="module")
-def planning() -> Iterator[Planning]:
+def planning() -> Iterator[PlanProcess]:
     """The process that plans."""
-    process = Planning()
+    process = PlanProcess()
     yield process
     process.close()
 
 
-def outcome(planning: Planning, section: str, **begins: float) -> Plan | Refusal:
+def outcome(planning: PlanProcess, section: str, **begins: float) -> Plan | Refusal:
     """Return what comes of a request, with the reference at these positions."""
     trust = Trust(frozenset({OWN}))
     request = plan_request(
@@ -69,12 +69,14 @@ def outcome(planning: Planning, section: str, **begins: float) -> Plan | Refusal
     assert isinstance(request, PlanRequest)
     planning.ask(request)
     while True:
-        for news in planning.news(wait=60.0):
+        for news in planning.updates(wait=60.0):
             if isinstance(news, Plan | Refusal):
                 return news
 
 
-def test_a_joint_that_turns_is_asked_for_in_no_unit_of_one_that_slides(planning: Planning) -> None:
+def test_a_joint_that_turns_is_asked_for_in_no_unit_of_one_that_slides(
+    planning: PlanProcess,
+) -> None:
     refused = outcome(planning, "{method: none, goal: {hub_pitch: 30 cm}}")
     assert isinstance(refused, Refusal)
     assert str(refused).startswith("plan: goal.hub_pitch: '30 cm' is not allowed")
@@ -84,7 +86,7 @@ def test_a_joint_that_turns_is_asked_for_in_no_unit_of_one_that_slides(planning:
 
 
 @pytest.mark.parametrize("method", ["none", OWN, "reference_only"])
-def test_a_plan_in_flight_begins_where_the_reference_is(planning: Planning, method: str) -> None:
+def test_a_plan_in_flight_begins_where_the_reference_is(planning: PlanProcess, method: str) -> None:
     """Sections of the first two have no `initial`; a joint that the goal leaves out stays."""
     section = f"{{method: '{method}', goal: {{base_yaw: 0.8}}, start: 30.0, duration: 20.0}}"
     plan = outcome(planning, section, base_yaw=0.7, hub_pitch=-0.2)

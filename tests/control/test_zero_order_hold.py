@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flexslew_control.controllers.lqr import regulator
-from flexslew_control.estimators.kalman import continuous_gain, discretised
+from flexslew_control.estimators.kalman import continuous_gain, discrete_model
 from flexslew_control.zero_order_hold import zero_order_hold
 
 
@@ -40,6 +40,6 @@ def test_the_noise_of_a_tick_is_the_sum_of_its_moments(
 ) -> None:
     """Q of a tick is that of its two halves: Q(2 h) = Q(h) + F(h) Q(h) F(h)^T."""
     a, b = system
-    *_, whole = discretised(a, b, np.eye(len(a)), 0.1)
-    f, _, half = discretised(a, b, np.eye(len(a)), 0.05)
+    *_, whole = discrete_model(a, b, np.eye(len(a)), 0.1)
+    f, _, half = discrete_model(a, b, np.eye(len(a)), 0.05)
     np.testing.assert_allclose(whole, half + f @ half @ f.T, atol=1e-12)

@@ -94,7 +94,7 @@ def last_epoch(bench: WireBench) -> list[Any]:
         reset(bench)
     assert bench.session.start().ok
     bench.fly(LAST)
-    return [truth for truth in bench.truths if truth.epoch == bench.bench.epoch]
+    return [truth for truth in bench.truth_log if truth.epoch == bench.bench.epoch]
 
 
 def test_the_last_epoch_is_that_of_a_new_bench(case: np.random.Generator, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from tests.wire_bench import WireBench
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.course import LARGEST_JUMP
 from flexslew_control.plan import Plan
-from flexslew_control.planned_course import PlanAnswers, PlannedCourse
+from flexslew_control.planned_course import PlanHistory, PlanResponses
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.testbeds import default_testbed
@@ -22,7 +22,7 @@ FARTHEST = 0.03  # of a goal from the last one [rad]
 NEEDS_GAINS = {"planned_gains"}  # a plan that has them: it follows no other one
 
 
-def planned(bench: WireBench, course: PlannedCourse, start: float, goal: Any, **more: Any) -> Plan:
+def planned(bench: WireBench, course: PlanHistory, start: float, goal: Any, **more: Any) -> Plan:
     """Return a plan as the planner makes it: from where the reference is at its start."""
     values = {
         "method": "reference_only",
@@ -36,7 +36,7 @@ def planned(bench: WireBench, course: PlannedCourse, start: float, goal: Any, **
     return replace(plan, state=np.zeros((len(plan.position), 0)))
 
 
-def adopted(bench: WireBench, course: PlannedCourse, plan: Any) -> None:
+def adopted(bench: WireBench, course: PlanHistory, plan: Any) -> None:
     assert course.objection(plan, bench.bench.time) is None
     for host in bench.hosts.values():
         assert host.adopt(plan) is None
@@ -51,7 +51,7 @@ def test_random_plans_at_random_moments_never_saturate_a_motor(law: str) -> None
     for _ in range(2):
         bench = WireBench(Trial(controllers={law: {}}, active=law, duration=60.0))
         limit = np.array(bench.plant.effort_limit)
-        course = PlannedCourse(bench.plant)
+        course = PlanHistory(bench.plant)
         goal = dict(zip(names, rng.uniform(-FARTHEST, FARTHEST, len(names)), strict=True))
         adopted(bench, course, planned(bench, course, 0.0, goal))
         starts: list[int] = []
@@ -71,7 +71,7 @@ def test_random_plans_at_random_moments_never_saturate_a_motor(law: str) -> None
         references = [host.controller.reference(k).position for k in range(bench.bench.tick)]
         steps = np.abs(np.diff(references, axis=0)).max()
         assert steps < 1e-3, "the references are slews, not jumps"
-        efforts = np.array([truth.applied_effort for truth in bench.truths])
+        efforts = np.array([truth.applied_effort for truth in bench.truth_log])
         assert np.abs(efforts).max() < 0.9 * limit.min(), (law, np.abs(efforts).max(axis=0))
         assert bench.bench.saturated_ticks == 0
 
@@ -79,7 +79,7 @@ def test_random_plans_at_random_moments_never_saturate_a_motor(law: str) -> None
 @pytest.mark.parametrize("law", ["pd_feedforward", "lqr"])
 def test_a_jump_is_refused_by_planner_and_controller_and_who_refuses_is_not_ready(law: str) -> None:
     bench = WireBench(Trial(controllers={law: {}}, active=law, duration=60.0))
-    course = PlannedCourse(bench.plant)
+    course = PlanHistory(bench.plant)
     names = tuple(default_testbed().typical_goal)
     adopted(bench, course, planned(bench, course, 0.0, {names[0]: FARTHEST}))
     bench.fly(600)
@@ -102,7 +102,7 @@ def test_a_jump_is_refused_by_planner_and_controller_and_who_refuses_is_not_read
 @pytest.mark.parametrize("now", [0.0, 3.0])
 def test_a_plan_that_ends_in_motion_must_last_until_the_run_ends(now: float) -> None:
     bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
-    course = PlannedCourse(bench.plant)
+    course = PlanHistory(bench.plant)
     bench.fly(round(now / 0.01))
     first, *_ = default_testbed().typical_goal
     rests = planned(bench, course, now + 1.0, {first: FARTHEST})
@@ -122,7 +122,7 @@ def test_after_a_reset_a_new_plan_is_flown_from_tick_0_and_else_the_first_one_ag
     names = tuple(default_testbed().typical_goal)
     for new in (False, True):
         bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
-        course, host = PlannedCourse(bench.plant), bench.hosts["lqr"]
+        course, host = PlanHistory(bench.plant), bench.hosts["lqr"]
         first = planned(bench, course, 0.0, {names[0]: FARTHEST})
         adopted(bench, course, first)
         bench.fly(450)
@@ -153,22 +153,22 @@ def test_the_planner_says_who_took_a_plan_and_who_did_not() -> None:
         def __init__(self, controller: str, plan_hash: str) -> None:
             self.controller, self.plan_hash = controller, plan_hash
 
-    answers = PlanAnswers()
+    answers = PlanResponses()
     assert answers.of("new").message.startswith("no controller is on the graph")
     for name in ("a", "b", "c", "d"):
         answers.status(Status(name, "old"))
-    assert answers.of("new").silent == ("a", "b", "c", "d")
+    assert answers.of("new").inactive == ("a", "b", "c", "d")
     answers.status(Status("a", "new"))
     answers.refusal("b", "new", "it starts too early")
     answers.refusal("c", "old", "another plan")
-    found = answers.of("new", gone=["d"])
-    assert (found.taken, found.silent) == (("a",), ("c",))
+    found = answers.of("new", removed=["d"])
+    assert (found.taken, found.inactive) == (("a",), ("c",))
     assert found.message == ("taken by a; refused by b: it starts too early; no answer from c")
 
 
 def test_a_planner_that_was_given_a_place_begins_there() -> None:
     bench = WireBench(Trial(controllers={"pd_feedforward": {}}, duration=60.0))
-    course = PlannedCourse(bench.plant)
+    course = PlanHistory(bench.plant)
     assert course.rest_at(0.0, 0.0) == {}
     assert {*course.rest_at(5.0, 1.0).values()} == {0.0}
     names = tuple(default_testbed().typical_goal)
@@ -188,7 +188,7 @@ def followed(bench: WireBench) -> set[str]:
 def test_what_was_asked_for_in_a_flight_that_is_over_is_not_flown() -> None:
     """It begins where the reference was to be then: at tick 0 that would be a step."""
     bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
-    course, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    course, names = PlanHistory(bench.plant), tuple(default_testbed().typical_goal)
     at_rest = course.flight(bench.bench.time)
     adopted(bench, course, planned(bench, course, 0.0, {names[0]: FARTHEST}))
     bench.fly(450)
@@ -207,7 +207,7 @@ def test_what_was_asked_for_in_a_flight_that_is_over_is_not_flown() -> None:
 
 def test_a_plan_that_all_refuse_leaves_the_one_before_it() -> None:
     bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
-    course, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    course, names = PlanHistory(bench.plant), tuple(default_testbed().typical_goal)
     first = planned(bench, course, 0.0, {names[0]: FARTHEST})
     adopted(bench, course, first)
     bench.fly(450)
@@ -216,37 +216,37 @@ def test_a_plan_that_all_refuse_leaves_the_one_before_it() -> None:
     assert bench.hosts["lqr"].adopt(late, True) is not None
     course.add(late, 4.3)
     assert course.rest_at(20.0, 4.6)[names[0]] == 0.0
-    course.withdraw(first)  # which is not the newest one
+    course.remove(first)  # which is not the newest one
     assert course.plan is late
-    course.withdraw(late)
+    course.remove(late)
     assert course.plan is first
     adopted(bench, course, planned(bench, course, 20.0, {names[0]: 0.0}))
     assert bench.hosts["lqr"].reason is None
     course.begin_epoch(1)
-    course.withdraw(first)
+    course.remove(first)
     assert course.plan is first
 
 
 def test_a_planner_that_came_in_flight_lets_the_controllers_judge_how_far_a_plan_jumps() -> None:
     bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
-    before, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    before, names = PlanHistory(bench.plant), tuple(default_testbed().typical_goal)
     adopted(bench, before, planned(bench, before, 0.0, {names[0]: FARTHEST}))
     bench.fly(450)
-    new = PlannedCourse(bench.plant)
+    new = PlanHistory(bench.plant)
     given = {names[0]: FARTHEST}
     there = planned(bench, new, 8.0, {names[0]: 0.0}, initial=given)
     assert "stands at 0" in str(new.objection(there, 4.5))
-    assert new.objection(there, 4.5, followed=followed(bench)) is None
+    assert new.objection(there, 4.5, active_hash_set=followed(bench)) is None
     assert bench.hosts["lqr"].adopt(there, True) is None
     new.add(there, 4.5)
     here = planned(bench, new, 20.0, {names[0]: 0.0}, initial=given)
-    assert "stands at 0" in str(new.objection(here, 4.5, followed=followed(bench)))
+    assert "stands at 0" in str(new.objection(here, 4.5, active_hash_set=followed(bench)))
 
 
 def test_one_that_is_told_the_plan_of_tick_0_again_flies_on() -> None:
     """By a planner that was started again: it would be too late for any other plan."""
     bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
-    course, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    course, names = PlanHistory(bench.plant), tuple(default_testbed().typical_goal)
     host = bench.hosts["lqr"]
     first = planned(bench, course, 0.0, {names[0]: FARTHEST})
     adopted(bench, course, first)
@@ -255,29 +255,29 @@ def test_one_that_is_told_the_plan_of_tick_0_again_flies_on() -> None:
     later = planned(bench, course, 5.0, {names[0]: 0.0})
     assert host.adopt(later, True) is None
     bench.fly(700)
-    taken = host.plans_taken
+    taken = host.plan_count
     assert host.adopt(first) is None
     assert host.reason is None
-    assert (host.plan, host.plans_taken) == (later, taken)
+    assert (host.plan, host.plan_count) == (later, taken)
     assert host.adopt(planned(bench, course, 0.0, {names[1]: FARTHEST})) is not None
 
 
 def test_a_plan_that_is_published_again_is_not_refused_by_what_was_said_before() -> None:
-    answers = PlanAnswers()
+    answers = PlanResponses()
     answers.status(SimpleNamespace(controller="a", plan_hash="old"))
     answers.refusal("a", "new", "it starts too early")
     assert answers.of("new").refused
     answers.expect("new")
-    assert answers.of("new").silent == ("a",)
+    assert answers.of("new").inactive == ("a",)
     answers.status(SimpleNamespace(controller="a", plan_hash="new"))
     assert answers.of("new").taken == ("a",)
-    assert answers.followed == {"new"}
+    assert answers.active_hash_set == {"new"}
 
 
 def test_one_that_refused_a_plan_is_told_again_what_it_follows_and_nothing_changes() -> None:
     """As a planner does whose newest plan all controllers have refused."""
     bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
-    course, names = PlannedCourse(bench.plant), tuple(default_testbed().typical_goal)
+    course, names = PlanHistory(bench.plant), tuple(default_testbed().typical_goal)
     host = bench.hosts["lqr"]
     first = planned(bench, course, 0.0, {names[0]: FARTHEST})
     adopted(bench, course, first)
@@ -292,13 +292,13 @@ def test_one_that_refused_a_plan_is_told_again_what_it_follows_and_nothing_chang
     late = replace(flown[-1][0], start=12.5)
     course.add(late, 12.4)
     assert host.adopt(late, True) is not None
-    why, taken = host.reason, host.plans_taken
-    course.withdraw(late)
+    why, taken = host.reason, host.plan_count
+    course.remove(late)
     assert [(p, flight) for p, flight in course.plans] == flown
     assert host.controller is not None
     before = [host.controller.reference(tick).position.tolist() for tick in (400, 800, 1500)]
     for plan, of_flight in course.plans:
         assert host.adopt(plan, of_flight) is None
-    assert (host.reason, host.plans_taken) == (why, taken)
+    assert (host.reason, host.plan_count) == (why, taken)
     assert [host.controller.reference(t).position.tolist() for t in (400, 800, 1500)] == before
     assert host.controller.plan is flown[-1][0]

@@ -40,7 +40,7 @@ def recorded(folder: Path, trial: Trial, named: bool = True) -> tuple[WireBench,
     writer = BagWriter(folder, {"trial": trial_text(trial)} if named else {})
     bench.observer = observer = BagObserver(writer)
     controllers = {name: present(host.controller) for name, host in bench.hosts.items()}
-    observer.announce(trial, bench.bench, None, controllers)
+    observer.notify(trial, bench.bench, None, controllers)
     return bench, writer
 
 

@@ -52,7 +52,7 @@ def after_a_reset(trial: Trial, flown: int) -> list[Any]:
             bench.start(name)
     assert bench.session.start().ok
     bench.fly(40)
-    return [truth for truth in bench.truths if truth.epoch == 1]
+    return [truth for truth in bench.truth_log if truth.epoch == 1]
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_a_craft_that_rests_anywhere_is_held_there_without_effort_from_the_first
     trial, _ = read_trial("three_axes")
     plant, appendages = plant_of(trial), len(Bench(bench_settings(trial)).appendages.names)
     host = ControllerHost(law, {})
-    host.announce(lambda own: build_controller(law, law, own, plant, "test"), appendages)
+    host.notify(lambda own: build_controller(law, law, own, plant, "test"), appendages)
     place, still, none = np.array([0.3, -0.2, 0.1]), np.zeros(3), np.zeros(appendages)
     for epoch in range(2):
         for tick in range(5):

@@ -74,7 +74,7 @@ class Told:
             epoch=host.epoch,
             plan_hash=host.plan_hash,
             settings="{}",
-            plan_number=host.plans_taken,
+            plan_number=host.plan_count,
             plan_epoch=host.plan_from[0],
             plan_tick=host.plan_from[1],
         )

@@ -37,7 +37,7 @@ def test_one_stray_question_changes_nothing_and_is_told_of_once(stray: Measureme
     told = strayed.of_kind("stray")
     assert sorted(event.source for event in told) == sorted(LAWS)
     assert "measurement" in told[0].message
-    for before, after in zip(clean.truths, strayed.truths, strict=False):
+    for before, after in zip(clean.truth_log, strayed.truth_log, strict=False):
         np.testing.assert_array_equal(before.position, after.position)
 
 

@@ -7,7 +7,7 @@ import pytest
 from tests.representatives import seeds
 
 from flexslew_control.planners import make_plan
-from flexslew_control.planners.whole_bench import by_feedback, flown_on_bench
+from flexslew_control.planners.whole_bench import by_feedback, simulate_on_bench
 from flexslew_lab.notebook import trial
 from flexslew_lab.trial.trial import feedback_of, plant_of
 
@@ -31,7 +31,7 @@ def test_random_slews_of_a_craft_keep_their_promise_on_members_and_between(seed:
     left = []
     for error in (-0.2, -0.1, 0.0, 0.1, 0.2):
         testbed = plant.testbed.scaled(stiffness=1.0 + error)
-        flown = flown_on_bench(found, plant, by_feedback(feedback), testbed)
+        flown = simulate_on_bench(found, plant, by_feedback(feedback), testbed)
         assert flown is not None
         left.append(flown.tip_deflection)
     assert max(left) > 1e-6

@@ -92,7 +92,9 @@ def test_planners_and_laws_are_compared_as_by_the_command() -> None:
     by_law = fs.compare(SLEW, laws=True)
     assert repr(by_law).startswith("<Comparison by law: pd_feedforward, ")
     rows = {row["law"]: row for row in by_law.rows()}
-    assert [row[0] for row in cells(by_law)[1:]] == [entry.name for entry in by_law.flown]
+    assert [row[0] for row in cells(by_law)[1:]] == [
+        entry.name for entry in by_law.simulated_entries
+    ]
     flown = fs.fly(SLEW).metrics
     assert rows["pd_feedforward"]["residual_tip"] == flown["residual_tip_deflection"]
     pushed = fs.trial(SLEW, law=lambda measurement, reference: -measurement.joint_velocity)
@@ -110,7 +112,7 @@ def test_runs_tell_of_their_bench_what_the_command_prints(shaken: Path) -> None:
     plain = json.loads(json.dumps(found.plain()))
     assert plain["modes"][0]["frequency"]["value"] == mode.frequency.value
     assert [one["source"] for one in plain["validation"]] == [found.model.record.source]
-    assert found.believed == load_yaml(file_text(found.model)[0], "text")["model"]
+    assert found.model_section == load_yaml(file_text(found.model)[0], "text")["model"]
 
 
 @pytest.mark.slow
@@ -119,7 +121,11 @@ def test_a_plan_that_believes_what_was_found_leaves_less(shaken: Path) -> None:
     modes, stiffness = fs.identify(shaken), fs.identify(shaken, fit=["parameters.free_mass"])
     left = [
         fs.fly(fs.trial(SLEW, slew | model)).metrics["residual_tip_deflection"]
-        for model in ({}, {"plan.model": modes.believed}, {"plan.model": stiffness.believed})
+        for model in (
+            {},
+            {"plan.model": modes.model_section},
+            {"plan.model": stiffness.model_section},
+        )
     ]
     believed_nominal = fs.trial(SLEW, slew | {"plan.model": fs.trial(SLEW).testbed})
     nominal = fs.fly(believed_nominal).metrics["residual_tip_deflection"]

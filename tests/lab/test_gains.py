@@ -9,11 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 import flexslew as fs
-from flexslew_lab.analysis.analysis import analysed
+from flexslew_lab.analysis.analysis import loop_analysis
 from flexslew_lab.cli.main import app
 from flexslew_lab.gains.ensemble import GainEnsemble, Gains, gains_of
 from flexslew_lab.gains.page import gains_page
-from flexslew_lab.gains.search import searched
+from flexslew_lab.gains.search import search_gains
 from flexslew_lab.notebook import fly, trial
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
@@ -41,7 +41,7 @@ def test_figures_are_those_of_flights_and_of_the_analysis(
     what, gains, ensemble = bench
     (outcome,) = ensemble.outcomes([(1.5, 0.8)])
     changed = trial("m1", {**KEYS, "controllers": {"pd_feedforward": gains.times((1.5, 0.8))}})
-    alpha = analysed(changed, "here", at=changed.duration).disks["input"].alpha
+    alpha = loop_analysis(changed, "here", at=changed.duration).disks["input"].alpha
     assert outcome.alpha == pytest.approx(alpha, rel=1e-12)
     worst = 0.0
     for stiffness in (0.8, 1.2):
@@ -61,7 +61,7 @@ def test_a_search_is_within_2_percent_of_a_grid_and_keeps_the_margin(
     bench: tuple[Trial, Gains, GainEnsemble],
 ) -> None:
     _, gains, ensemble = bench
-    found = searched(ensemble, gains, trials=48, octaves=1.0)
+    found = search_gains(ensemble, gains, trials=48, octaves=1.0)
     assert found.best.outcome.alpha >= found.shipped.alpha * (1.0 - 1e-9)
     axis = 2.0 ** np.linspace(-1.0, 1.0, 7)
     grid = ensemble.outcomes([(a, b) for a in axis for b in axis])
@@ -80,18 +80,18 @@ def test_a_search_goes_on_from_its_journal(
 ) -> None:
     _, gains, ensemble = bench
     journal = tmp_path / "gains.log"
-    first = searched(ensemble, gains, trials=8, journal=journal)
+    first = search_gains(ensemble, gains, trials=8, journal=journal)
     counts: list[int] = []
-    more = searched(
+    more = search_gains(
         ensemble, gains, trials=16, journal=journal, progress=lambda done, last: counts.append(done)
     )
     assert counts == [16]
     assert more.tried[:8] == first.tried
     with pytest.raises(BadInput, match="of another search"):
-        searched(ensemble, gains, trials=16, least=0.1, journal=journal)
+        search_gains(ensemble, gains, trials=16, least=0.1, journal=journal)
     journal.write_text("no journal\n")
     with pytest.raises(BadInput, match="no journal of a search"):
-        searched(ensemble, gains, trials=8, journal=journal)
+        search_gains(ensemble, gains, trials=8, journal=journal)
 
 
 def test_gains_whose_loop_is_not_stable_are_not_flown(

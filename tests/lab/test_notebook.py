@@ -13,7 +13,7 @@ from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.notebook import Flight, fly, read, trial
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.trial import follow, plan_of_trial, set_up, trial_text
+from flexslew_lab.trial.trial import plan_of_trial, set_plan, set_up, trial_text
 from flexslew_plant.errors import BadInput
 
 SHORT: dict[str, Any] = {
@@ -239,10 +239,10 @@ def test_a_flight_with_resets_is_its_last_epoch_as_its_metrics_are(tmp_path: Pat
     given = trial(SHORT, {"schedule": [{"at": 0.0, "disturbance": {"hub_pitch": 2.0}}]})
     bench, controllers = set_up(given, "test")
     plan = plan_of_trial(given)
-    assert follow(controllers, given.active, plan) is None
+    assert set_plan(controllers, given.active, plan) is None
     with BagWriter(tmp_path / "bag", {"trial": trial_text(given)}) as writer:
         observer = BagObserver(writer)
-        observer.announce(given, bench, plan, controllers)
+        observer.notify(given, bench, plan, controllers)
         for ticks in (250, 60):
             while bench.tick < ticks:
                 question = bench.question

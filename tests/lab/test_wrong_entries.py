@@ -20,14 +20,14 @@ from flexslew_lab.console.forms import FormKey, keys_of, value_of
 from flexslew_lab.console.panels import tune as tune_panel
 from flexslew_lab.studies.cases import sample_table
 from flexslew_lab.studies.run import checked
-from flexslew_lab.studies.study import load_study, shipped_names, study_path
+from flexslew_lab.studies.study import example_names, load_study, study_path
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import plain, validated
-from flexslew_plant.testbeds import default_testbed, varied, with_model_file
+from flexslew_plant.testbeds import default_testbed, with_changes, with_model_file
 from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
@@ -114,7 +114,7 @@ def read_law(values: Any, folder: Path, ending: str = ".yaml") -> None:
 def read_model(values: Any, folder: Path) -> None:
     (folder / "identified.yaml").write_text(yaml_text(values))
     given = with_model_file({"file": str(folder / "identified.yaml")}, "here", ANY_CODE)
-    varied(default_testbed(), given, "here", ANY_CODE)
+    with_changes(default_testbed(), given, "here", ANY_CODE)
 
 
 def read_modal(values: Any, folder: Path) -> None:
@@ -131,7 +131,7 @@ def plan(values: Any) -> None:
 
 def tune(law: str) -> Read:
     host = ControllerHost("it", {})
-    host.announce(lambda values: build_controller("it", law, values, plant(), "here"), 2)
+    host.notify(lambda values: build_controller("it", law, values, plant(), "here"), 2)
     assert host.controller is not None
 
     def read(values: Any) -> None:
@@ -186,7 +186,7 @@ def test_a_file_with_any_fault_is_refused(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.matrix
-@pytest.mark.parametrize("name", [name for name in shipped_names() if "identify" not in name])
+@pytest.mark.parametrize("name", [name for name in example_names() if "identify" not in name])
 def test_a_shipped_study_with_any_fault_is_refused(name: str, tmp_path: Path) -> None:
     values = load_yaml(study_path(name).read_text(), name)
     faults = faults_of(values, lambda given: read_study(given, tmp_path), True, "", unread)

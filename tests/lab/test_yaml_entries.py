@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 from flexslew_control.controllers.linear.law_file import law_from_file
-from flexslew_control.law import described
+from flexslew_control.law import plant_description
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planning import plan_request
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_lab import notebook
 from flexslew_lab.cli.replay import _settings
-from flexslew_lab.console.flown_trial import flown_trial, settings_of
+from flexslew_lab.console.current_trial import current_trial, settings_of
 from flexslew_lab.console.forms import FormKey, value_of
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.report.runs_index import runs_in
@@ -111,7 +111,7 @@ ENTRIES = {
     "plan in a log": of_text(
         lambda text: plan_of(PlanMessage(joint_names=["a"], request=text), "log")
     ),
-    "testbed record": of_text(lambda text: described(text, "testbed")),
+    "testbed record": of_text(lambda text: plant_description(text, "testbed")),
     "plan request": of_text(lambda text: refused(plan_request(text, "", 0.01, (1.0,)))),
     "law of the planner": of_text(lambda text: PlannerSettings(law_settings=text).first_law()),
     "--set of a trial": of_text(lambda text: changes_of([f"testbed={{{text}}}"])),
@@ -119,7 +119,7 @@ ENTRIES = {
     "form": of_text(lambda text: value_of(FormKey("kp", "", ""), text)),
     "settings on the console": of_text(settings_of),
     "bench on the console": of_text(
-        lambda text: flown_trial(SimpleNamespace(**VIEW, trust=NO_CODE, bench_settings=text), "a")  # type: ignore[arg-type]
+        lambda text: current_trial(SimpleNamespace(**VIEW, trust=NO_CODE, bench_settings=text), "a")  # type: ignore[arg-type]
     ),
     "text of a trial": of_text(lambda text: parse_trial(text, "trial")),
     "text of a study": of_text(lambda text: parse_study(text, "study", Path())),

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_plant.arrays import called, compiled, compiled_once, inlined, merged, vectorised
+from flexslew_plant.arrays import called, compiled, compiled_once, inline, merged, vectorised
 
 # x y + z is 0 where the product is rounded, and -2^-60 where it is fused with the sum
 X, Y, Z = 1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0
@@ -22,7 +22,7 @@ def fused_somewhere() -> bool:
     return bool(fused(X, Y, Z) != 0.0)
 
 
-@pytest.mark.parametrize("decorate", [compiled, called, inlined])
+@pytest.mark.parametrize("decorate", [compiled, called, inline])
 def test_a_value_is_rounded_where_a_vectorised_loop_wanted_it_first(
     decorate: Callable[..., Any],
 ) -> None:

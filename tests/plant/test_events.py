@@ -14,9 +14,9 @@ from flexslew_plant.events import (
     FaultChanged,
     Level,
     Other,
-    PlanRefused,
+    PlanRejected,
+    SwitchCompleted,
     SwitchDropped,
-    Switched,
     SwitchRequested,
     event_of,
     fact_of,
@@ -72,7 +72,7 @@ def test_what_no_event_of_the_kind_holds_is_refused_with_its_key(kind: str) -> N
 
 
 def test_keys_are_those_of_every_version() -> None:
-    step = Switched("a", "b", [0.5])
+    step = SwitchCompleted("a", "b", [0.5])
     assert event_of(step, 0, 0.0, 0, "plant").data == {"from": "a", "to": "b", "effort_step": [0.5]}
     push = DisturbanceChanged({"yaw": 2.0}, on=True)
     assert event_of(push, 0, 0.0, 0, "plant").data == {"yaw": 2.0, "on": True}
@@ -84,8 +84,8 @@ def test_keys_are_those_of_every_version() -> None:
 
 def test_the_level_of_what_begins_is_not_that_of_what_ends() -> None:
     assert [level_of(FaultChanged(on)) for on in (True, False)] == [Level.WARNING, Level.INFO]
-    assert level_of(PlanRefused("0", "x", 1.0, "me")) is Level.INFO
-    assert level_of(PlanRefused("0", controller="pd")) is Level.WARNING
+    assert level_of(PlanRejected("0", "x", 1.0, "me")) is Level.INFO
+    assert level_of(PlanRejected("0", controller="pd")) is Level.WARNING
     assert [level.number for level in Level] == [0, 1, 2]
 
 

@@ -1,6 +1,6 @@
 import pytest
 
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 
 KNOWN = ("m1", "swap_demo", "pd_feedforward", "optimized_feedforward")
 
@@ -16,9 +16,9 @@ KNOWN = ("m1", "swap_demo", "pd_feedforward", "optimized_feedforward")
     ],
 )
 def test_a_mistyped_name_is_recognised(given: str, meant: str) -> None:
-    assert did_you_mean(given, KNOWN) == f"did you mean {meant}? "
+    assert spelling_hint(given, KNOWN) == f"did you mean {meant}? "
 
 
 @pytest.mark.parametrize("given", ["xy", "", "something else", 3, "x" * 10_000])
 def test_of_what_is_near_to_nothing_nothing_is_said(given: object) -> None:
-    assert did_you_mean(given, KNOWN) == ""
+    assert spelling_hint(given, KNOWN) == ""

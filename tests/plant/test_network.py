@@ -11,32 +11,32 @@ import pytest
 from flexslew_plant import network
 from flexslew_plant.errors import BadInput, RunFault
 from flexslew_plant.network import (
-    ELSEWHERE,
     LOOPBACK,
     NETWORK,
-    NEWER,
-    OLDER,
+    OLD_PROFILE_VARIABLE,
+    PROFILE_VARIABLE,
     RANGE,
+    REMOTE_VARIABLES,
     SKIP,
     TRANSPORTS,
     of_jazzy,
 )
 
 ROOT = Path(__file__).parents[2]
-READ = (NEWER, OLDER, RANGE, SKIP, *ELSEWHERE)
+READ = (PROFILE_VARIABLE, OLD_PROFILE_VARIABLE, RANGE, SKIP, *REMOTE_VARIABLES)
 OUTER = [
     {},
     {RANGE: "LOCALHOST"},
     {RANGE: "SUBNET", "ROS_STATIC_PEERS": "192.0.2.1"},
-    {NEWER: "/mine.xml", RANGE: "SUBNET"},
-    {NEWER: "/does/not/exist.xml", OLDER: "/mine.xml"},
+    {PROFILE_VARIABLE: "/mine.xml", RANGE: "SUBNET"},
+    {PROFILE_VARIABLE: "/does/not/exist.xml", OLD_PROFILE_VARIABLE: "/mine.xml"},
     {"ROS_LOCALHOST_ONLY": "1", TRANSPORTS: "UDPv6"},
-    {NEWER: str(NETWORK), TRANSPORTS: ""},
-    {NEWER: "/mine.xml", TRANSPORTS: "SHM"},
+    {PROFILE_VARIABLE: str(NETWORK), TRANSPORTS: ""},
+    {PROFILE_VARIABLE: "/mine.xml", TRANSPORTS: "SHM"},
     {"ROS_DISCOVERY_SERVER": "192.0.2.1:11811", "ROS_SUPER_CLIENT": "TRUE"},
     {"ROS2_EASY_MODE": "192.0.2.1", "FASTDDS_ENVIRONMENT_FILE": "/mine.json"},
-    {NEWER: str(LOOPBACK), RANGE: "SYSTEM_DEFAULT", SKIP: "1"},
-    {OLDER: str(of_jazzy(LOOPBACK)), RANGE: "SYSTEM_DEFAULT", SKIP: "1"},
+    {PROFILE_VARIABLE: str(LOOPBACK), RANGE: "SYSTEM_DEFAULT", SKIP: "1"},
+    {OLD_PROFILE_VARIABLE: str(of_jazzy(LOOPBACK)), RANGE: "SYSTEM_DEFAULT", SKIP: "1"},
 ]
 
 
@@ -83,8 +83,12 @@ def test_nothing_in_the_environment_leads_elsewhere_unless_the_setting_says_so(
 ) -> None:
     environment = outer | {"ROS_DISTRO": distribution}
     network.prepare(environment)
-    name, other = (NEWER, OLDER) if distribution == "kilted" else (OLDER, NEWER)
-    assert {key: environment.get(key) for key in (*READ,)} == dict.fromkeys(ELSEWHERE) | {
+    name, other = (
+        (PROFILE_VARIABLE, OLD_PROFILE_VARIABLE)
+        if distribution == "kilted"
+        else (OLD_PROFILE_VARIABLE, PROFILE_VARIABLE)
+    )
+    assert {key: environment.get(key) for key in (*READ,)} == dict.fromkeys(REMOTE_VARIABLES) | {
         name: str(LOOPBACK if distribution == "kilted" else of_jazzy(LOOPBACK)),
         other: None,
         RANGE: "SYSTEM_DEFAULT",
@@ -101,13 +105,13 @@ def test_the_profiles_of_jazzy_say_the_same_in_the_words_of_its_fast_dds(profile
 
 
 def test_the_network_is_what_the_user_has_set_up_or_the_profile_of_the_bench() -> None:
-    mine = {network.SETTING: "1", NEWER: "/mine.xml", "ROS_STATIC_PEERS": "192.0.2.1"}
+    mine = {network.SETTING: "1", PROFILE_VARIABLE: "/mine.xml", "ROS_STATIC_PEERS": "192.0.2.1"}
     environment = dict(mine)
     network.prepare(environment)
     assert environment == mine
     environment = {network.SETTING: "1"}
     network.prepare(environment)
-    ours = {network.SETTING: "1", NEWER: str(NETWORK)}
+    ours = {network.SETTING: "1", PROFILE_VARIABLE: str(NETWORK)}
     assert environment == ours | {TRANSPORTS: "UDPv4"}
     for named, taken in (("LARGE_DATA", "LARGE_DATA"), ("", "UDPv4")):
         environment = {network.SETTING: "1", TRANSPORTS: named}
@@ -165,6 +169,6 @@ def test_a_socket_that_others_could_send_to_is_found_and_refused(
         assert any(word.endswith(f":{port}") for word in found) == open_to_all
         if open_to_all:
             with pytest.raises(RunFault, match=f":{port}, "):
-                network.demand_loopback()
+                network.require_loopback()
             monkeypatch.setenv(network.SETTING, "1")
-        network.demand_loopback()
+        network.require_loopback()

@@ -41,7 +41,7 @@ class Bystander:
     """
 
     def __init__(self, domain: int, name: str = "bystander") -> None:
-        self.heard = 0  # questions
+        self.received = 0  # questions
         self.tick = -1  # of the newest
         self._context = rclpy.Context()
         self._context.init(domain_id=domain)
@@ -54,7 +54,7 @@ class Bystander:
         )
 
     def _hear(self, data: bytes) -> None:
-        self.heard += 1
+        self.received += 1
         self.tick = max(self.tick, tick_and_epoch(data)[0])
 
     def until(self, condition: Callable[[], bool], told: Callable[[], Any] = str) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.fork_server import BEFORE_FORK, ForkServer
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.supervisor import Outcome, Supervisor
@@ -109,7 +109,7 @@ class Flight:
         processes = [*extra, *(change(_renamed(node, names)) for node in nodes)]
         parameters = folder / "parameters.yaml"
         parameters.write_text(parameter_file(processes))
-        with own_domain() as domain:
+        with locked_domain() as domain:
             self._domain, log = domain, folder / "nodes.log"
             self._supervisor = Supervisor(
                 processes, parameters, log, domain, self._progress, fork_server()

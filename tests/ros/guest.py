@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from flexslew_plant.bench.operation.presence import Presence
+from flexslew_plant.bench.operation.presence import Heartbeats
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.offers import subscription
@@ -18,7 +18,7 @@ class Guest:
         # which the plant alone publishes: a guest gives no ear to signs of life, and may speak on
         # `measurement` itself
         testbed = subscription(self.node, topics.TESTBED, lambda _: None)
-        self._watch = PlantWatch(loop, self.node, testbed, Presence(), True)
+        self._watch = PlantWatch(loop, self.node, testbed, Heartbeats(), True)
 
     def poll(self) -> float:
         self._watch.look()

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import rclpy
 from flexslew_msgs.msg import ControllerStatus, Measurement
 
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_plant.direct.names import SETTING
 from flexslew_plant.graph.topics import CONTROLLER_STATUS, PLAN, TOPICS
 from flexslew_plant.ros.offers import qos
@@ -73,7 +73,7 @@ _Bench = TypeVar("_Bench", bound=Bench)
 @contextmanager
 def standing(kind: Callable[[Path, int], _Bench], folder: Path) -> Iterator[_Bench]:
     """Yield a bench in a domain of its own, and end its nodes."""
-    with own_domain() as domain:
+    with locked_domain() as domain:
         rclpy.init(domain_id=domain)
         one = kind(folder, domain)
         try:

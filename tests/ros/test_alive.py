@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 import rclpy
 
-from flexslew_lab.run.domain import own_domain
-from flexslew_plant.bench.operation.presence import Beat
+from flexslew_lab.run.domain import locked_domain
+from flexslew_plant.bench.operation.presence import Heartbeat
 from flexslew_plant.graph.rtps import ports
-from flexslew_plant.processes.process_identity import own_identity
+from flexslew_plant.processes.process_identity import current_identity
 from flexslew_plant.ros.alive import Alive
 
 HOUR = 3_600_000_000_000  # [ns]
@@ -25,36 +25,36 @@ LOOK = 0.02  # between two looks [wall s]
 def later() -> Iterator[str]:
     """Yield the identity of a process that was started after this one."""
     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
-    yield f"{own_identity().rpartition('/')[0]}/{child.pid}"
+    yield f"{current_identity().rpartition('/')[0]}/{child.pid}"
     child.communicate(b"\n")
 
 
-def alive(own: Beat) -> Alive:
+def alive(own: Heartbeat) -> Alive:
     one: Any = object.__new__(Alive)
-    one.beat, one._since = own, {}
+    one.heartbeat, one._since = own, {}
     return one  # type: ignore[no-any-return]
 
 
 def test_one_that_came_later_is_the_younger_though_the_clock_was_set_back(later: str) -> None:
-    first = Beat("plant", "plant", 1, 2 * HOUR, own_identity())
-    second = Beat("plant", "plant", 2, HOUR, later)
-    assert alive(first)._dated(second).age > first.age
-    assert alive(second)._dated(first).age < second.age
-    assert alive(first)._dated(second)._replace(since=HOUR) == second
+    first = Heartbeat("plant", "plant", 1, 2 * HOUR, current_identity())
+    second = Heartbeat("plant", "plant", 2, HOUR, later)
+    assert alive(first)._with_start_time(second).start_order > first.start_order
+    assert alive(second)._with_start_time(first).start_order < second.start_order
+    assert alive(first)._with_start_time(second)._replace(since=HOUR) == second
 
 
 @pytest.mark.parametrize(
-    "process", ["", "elsewhere/1", own_identity()], ids=["unknown", "elsewhere", "this one"]
+    "process", ["", "elsewhere/1", current_identity()], ids=["unknown", "elsewhere", "this one"]
 )
 def test_where_the_machine_cannot_tell_the_wall_clock_does(process: str) -> None:
-    first = Beat("plant", "plant", 1, 2 * HOUR, own_identity())
-    second = Beat("plant", "plant", 2, HOUR, process)
-    assert alive(first)._dated(second) == second
+    first = Heartbeat("plant", "plant", 1, 2 * HOUR, current_identity())
+    second = Heartbeat("plant", "plant", 2, HOUR, process)
+    assert alive(first)._with_start_time(second) == second
 
 
 @pytest.fixture
 def domain() -> Iterator[int]:
-    with own_domain() as number:
+    with locked_domain() as number:
         rclpy.init(domain_id=number)
         yield number
         rclpy.shutdown()
@@ -72,7 +72,7 @@ def undiscovered(domain: int, sockets: int) -> Iterator[None]:
 
 def first_after(one: Alive, patience: float) -> float:
     """Return for how long it listens before it is the first [wall s]; inf: for longer."""
-    begin, looks = one._looked, int(patience / LOOK)
+    begin, looks = one._last_check, int(patience / LOOK)
     done = (LOOK * k for k in range(1, looks + 1) if one.is_first(begin + LOOK * k))
     return next(done, inf)
 
@@ -98,5 +98,5 @@ def test_one_that_stays_undiscovered_is_not_waited_for_for_ever(domain: int) -> 
 
 def test_one_that_was_held_up_itself_has_not_listened_meanwhile(domain: int) -> None:
     one = Alive(rclpy.create_node("plant"), "plant")
-    assert not one.is_first(one._looked + 10.0)
+    assert not one.is_first(one._last_check + 10.0)
     assert first_after(one, 1.0) > 0.1

@@ -12,7 +12,7 @@ from sensor_msgs.msg import Imu
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_of_values
 from flexslew_plant.graph.topics import SENSORS_ATTITUDE, SENSORS_IMU, TOPICS
@@ -43,7 +43,7 @@ CHANGES: dict[str, Any] = {
 
 
 def trial_with(**changes: Any) -> Any:
-    values = shipped_values("three_axes", {"testbed": {"sensors": SENSORS}}) | CHANGES | changes
+    values = example_values("three_axes", {"testbed": {"sensors": SENSORS}}) | CHANGES | changes
     return trial_of_values(values, "t")
 
 
@@ -89,7 +89,7 @@ def test_gyro_and_star_tracker_are_heard_in_standard_messages(tmp_path: Path) ->
     paced = trial_with(rate_factor=1.0, duration=10.0, max_missed=1000, schedule=[])
     flight = Flight(paced, tmp_path, 5, listen)
     assert flight.outcome.exit_code == 0, flight.log
-    ((_, _, fixed),) = BagReader(flight.bag).decoded(("/tf_static",))
+    ((_, _, fixed),) = BagReader(flight.bag).decode_messages(("/tf_static",))
     mounted = {frame.child_frame_id: frame for frame in fixed.transforms}
     for name in ("gyro", "tracker"):  # in body axes
         assert mounted[name].header.frame_id == "platform"

@@ -19,7 +19,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
@@ -118,7 +118,7 @@ def test_an_interrupt_of_all_nodes_at_once_leaves_the_plant_s_last_words_in_the_
 
 @pytest.mark.ros
 def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path: Path) -> None:
-    with own_domain() as domain:
+    with locked_domain() as domain:
         flown = {}
         for place in ("bench1", "bench2"):
             folder = tmp_path / place
@@ -139,7 +139,7 @@ def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path: Path) -> Non
         assert metrics_of(bag.path)["ticks"] == ticks
         frames = {
             transform.child_frame_id
-            for _, _, message in bag.decoded(("/tf", "/tf_static"))
+            for _, _, message in bag.decode_messages(("/tf", "/tf_static"))
             for transform in message.transforms
         }
         assert {frame.rpartition("/")[2] for frame in frames} >= {"base", "hub", "beam_positive"}

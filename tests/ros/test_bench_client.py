@@ -29,8 +29,8 @@ class Planner:
 
 def asked(planner: Planner) -> tuple[BenchClient, list[Any]]:
     client, told = object.__new__(BenchClient), list[Any]()
-    client._asked, client._planned, client._goal = [], [], None
-    client._planners = {topics.PLAN_SLEW: planner}
+    client._pending, client._plan_requests, client._goal = [], [], None
+    client._plan_clients = {topics.PLAN_SLEW: planner}
     client.plan(topics.PLAN_SLEW, Any, told.append, lambda result, plan: told.append(result))
     client.poll(0.0)
     assert not told

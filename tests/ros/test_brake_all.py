@@ -9,7 +9,7 @@ import rclpy
 from flexslew_msgs import srv
 from rclpy.executors import SingleThreadedExecutor
 
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_plant.ros.start import start_ros
 
 pytestmark = pytest.mark.ros
@@ -24,7 +24,7 @@ def answer(request: Any, reply: Any) -> Any:
 def _two_benches(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Two plants of one domain, each in a namespace, that no run has claimed."""
     context = rclpy.Context()
-    with own_domain() as domain:
+    with locked_domain() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         start_ros(context=context)
         executor = SingleThreadedExecutor(context=context)
@@ -53,7 +53,7 @@ def test_every_bench_is_braked_in_whatever_namespace(
     assert {line.rpartition(" ")[2] for line in words.splitlines()} == {"/bench1)", "/bench2)"}
     code, words = call("brake", "--all", "--namespace", "bench1")
     assert (code, len(words.splitlines())) == (0, 1)
-    monkeypatch.setattr("flexslew_lab.cli.operate._BY_HAND", 5.0)
+    monkeypatch.setattr("flexslew_lab.cli.operate._FALLBACK_TIMEOUT", 5.0)
     code, words = call("brake")
     assert code != 0
     assert "--namespace bench1, bench2" in words

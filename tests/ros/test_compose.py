@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_text
 
@@ -36,7 +36,7 @@ def test_the_commands_fly_the_bits_of_the_trial(tmp_path: Path) -> None:
     path.write_text(trial_text(trial))
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     words = {"python": sys.executable, "m1": str(path)}
-    with own_domain() as domain:
+    with locked_domain() as domain:
         environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
 
         def begun(service: str) -> subprocess.Popen[bytes]:

@@ -10,7 +10,7 @@ import pytest
 import rclpy
 from rclpy.node import Node
 
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.loop import Loop
 
@@ -56,7 +56,7 @@ def test_the_killed_leave_the_graph_at_once_and_the_stopped_stay(tmp_path: Path)
 def test_who_is_stopped_at_the_end_leaves_as_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("flexslew_lab.run.supervisor._LEAVING", 20.0)
+    monkeypatch.setattr("flexslew_lab.run.supervisor._EXIT_TIMEOUT", 20.0)
     more = ", stopped: {law: lqr}"
     flight = Flight(slew(more=more), tmp_path, 1, kill("stopped", signal.SIGSTOP))
     assert flight.outcome == (0, ""), flight.log
@@ -85,7 +85,7 @@ def test_a_recorder_does_not_wait_for_those_that_have_ended_with_the_plant(tmp_p
 
 @pytest.mark.ros
 def test_one_that_dds_does_not_let_go_is_off_the_graph(monkeypatch: pytest.MonkeyPatch) -> None:
-    with own_domain() as domain:
+    with locked_domain() as domain:
         rclpy.init(domain_id=domain)
         loop, node = Loop(), rclpy.create_node("held")
         loop.live(node, "recorder")

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from flexslew_plant.bench.operation.presence import Beat, Presence
+from flexslew_plant.bench.operation.presence import Heartbeat, Heartbeats
 from flexslew_plant.ros import departure
-from flexslew_plant.ros.graph import UNNAMED
+from flexslew_plant.ros.graph import UNKNOWN_NODE
 
 TOPIC = "/truth"
 
@@ -16,10 +16,10 @@ TOPIC = "/truth"
 @pytest.mark.parametrize(
     ("listeners", "beating", "longest"),
     [
-        (["echo"], [], departure.INTERRUPTED_TIMEOUT),  # somebody's tool, that was stopped
-        (["echo", "recorder"], ["recorder"], departure.DEPARTURE_TIMEOUT),  # who may be behind
-        ([UNNAMED, "recorder"], ["recorder"], departure.INTERRUPTED_TIMEOUT),  # that has left
-        (["recorder"], ["recorder"], departure.DEPARTURE_TIMEOUT),
+        (["echo"], [], departure.ABORT_TIMEOUT),  # somebody's tool, that was stopped
+        (["echo", "recorder"], ["recorder"], departure.CLOSE_TIMEOUT),  # who may be behind
+        ([UNKNOWN_NODE, "recorder"], ["recorder"], departure.ABORT_TIMEOUT),  # that has left
+        (["recorder"], ["recorder"], departure.CLOSE_TIMEOUT),
     ],
 )
 def test_a_listener_without_a_heartbeat_is_waited_for_a_few_seconds(
@@ -28,8 +28,8 @@ def test_a_listener_without_a_heartbeat_is_waited_for_a_few_seconds(
     times = count(step=0.1)
     monkeypatch.setattr(departure, "monotonic", lambda: next(times))
     monkeypatch.setattr(departure, "listeners_of", lambda node, publisher: {*listeners})
-    monkeypatch.setattr(departure, "unmatched", lambda node, publishers, names: [])
-    presence, told = Presence(), list[str]()
+    monkeypatch.setattr(departure, "missing_listeners", lambda node, publishers, names: [])
+    presence, told = Heartbeats(), list[str]()
     publisher = SimpleNamespace(topic_name=TOPIC, wait_for_all_acked=lambda patience: False)
     logger = SimpleNamespace(warning=told.append)
     node: Any = SimpleNamespace(
@@ -38,10 +38,10 @@ def test_a_listener_without_a_heartbeat_is_waited_for_a_few_seconds(
 
     def serve() -> None:
         for number, name in enumerate(beating):
-            presence.hear(Beat(name, "recorder", number, 0), next(times))
+            presence.receive(Heartbeat(name, "recorder", number, 0), next(times))
 
-    alive: Any = SimpleNamespace(presence=presence)
-    departure.wait_until_acknowledged(node, alive, serve, departure.DEPARTURE_TIMEOUT)
+    alive: Any = SimpleNamespace(heartbeats=presence)
+    departure.wait_for_listeners(node, alive, serve, departure.CLOSE_TIMEOUT)
     who = ", ".join(listeners)
     assert told == [
         f"awaiting acknowledgement: {TOPIC}; received by {who}",

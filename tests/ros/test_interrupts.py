@@ -11,15 +11,15 @@ from threading import Event
 
 import pytest
 
-from flexslew_lab.run.domain import own_domain
-from flexslew_plant.ros.interrupts import Interrupts
+from flexslew_lab.run.domain import locked_domain
+from flexslew_plant.ros.interrupts import SignalHandler
 from tests.present import present
 
 
 @pytest.fixture
-def interrupts() -> Iterator[Interrupts]:
+def interrupts() -> Iterator[SignalHandler]:
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-    one = Interrupts()
+    one = SignalHandler()
     one.install()
     yield one
     one.ignore()
@@ -29,7 +29,7 @@ def interrupts() -> Iterator[Interrupts]:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_that_a_callback_has_swallowed_comes_again(
-    interrupts: Interrupts, number: signal.Signals
+    interrupts: SignalHandler, number: signal.Signals
 ) -> None:
     with suppress(KeyboardInterrupt):  # as a compiler's callback does
         os.kill(os.getpid(), number)
@@ -38,14 +38,14 @@ def test_a_signal_that_a_callback_has_swallowed_comes_again(
             Event().wait(20.0)
 
 
-def test_a_signal_that_was_taken_does_not_come_again(interrupts: Interrupts) -> None:
+def test_a_signal_that_was_taken_does_not_come_again(interrupts: SignalHandler) -> None:
     with suppress(KeyboardInterrupt):
         os.kill(os.getpid(), signal.SIGINT)
-    timer = present(interrupts._again)
-    interrupts.taken()
+    timer = present(interrupts._repeat_timer)
+    interrupts.mark_caught()
     timer.join(20.0)
     assert not timer.is_alive()  # cancelled, it ended without a signal
-    assert interrupts._again is None
+    assert interrupts._repeat_timer is None
 
 
 # a node that is interrupted at the one moment when rclpy makes a message of what it heard
@@ -80,7 +80,7 @@ run_node(Hearing)
 
 @pytest.mark.slow
 def test_an_interrupt_while_a_message_is_made_is_one() -> None:
-    with own_domain() as domain:
+    with locked_domain() as domain:
         done = subprocess.run(
             [sys.executable, "-c", HEARS],
             env=os.environ | {"ROS_DOMAIN_ID": str(domain)}, capture_output=True, text=True,
@@ -91,7 +91,7 @@ def test_an_interrupt_while_a_message_is_made_is_one() -> None:
 
 @pytest.mark.ros
 def test_a_node_that_dds_does_not_let_go_ends_wherever_it_is_held() -> None:
-    with own_domain() as domain:
+    with locked_domain() as domain:
         planner = subprocess.Popen(
             [sys.executable, "-m", "tests.ros.held_planner_node"],
             env=os.environ | {"ROS_DOMAIN_ID": str(domain)},
@@ -131,7 +131,7 @@ class Interrupted:
 run_node(Interrupted)
 """
     (tmp_path / "interrupted_node.py").write_text(program)
-    with own_domain() as domain:
+    with locked_domain() as domain:
         done = subprocess.run(
             [sys.executable, "-m", "interrupted_node"], cwd=tmp_path,
             env=os.environ | {"ROS_DOMAIN_ID": str(domain)}, check=False, timeout=200,

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.launch_arguments import ARGUMENTS
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.errors import BadInput, FlexslewError
@@ -202,7 +202,7 @@ def test_what_is_not_allowed_is_refused_before_anything_is_made(
 )
 def test_the_real_launch_flies_a_trial_and_refuses_what_is_wrong(tmp_path: Path) -> None:
     def launched(*arguments: str) -> subprocess.CompletedProcess[str]:
-        with pytest.MonkeyPatch.context() as patch, own_domain() as domain:
+        with pytest.MonkeyPatch.context() as patch, locked_domain() as domain:
             patch.setenv("ROS_DOMAIN_ID", str(domain))
             command = [sys.executable, "-c", LAUNCH, str(FILE), *arguments]
             return subprocess.run(command, capture_output=True, text=True, check=False)

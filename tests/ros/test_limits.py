@@ -49,7 +49,7 @@ def test_twenty_controllers_twelve_modes_and_a_display_of_one_kilohertz(tmp_path
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
     bag = BagReader(flight.bag)
     assert {bag.overview.counts[topic] for topic in DISPLAY} == {501}
-    statuses = bag.decoded(("/controller_status",))
+    statuses = bag.decode_messages(("/controller_status",))
     assert {*Counter(status.controller for _, _, status in statuses)} == {*names}
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.schemas import schema_text
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.processes import NodeProcess, parameter_file
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
@@ -89,7 +89,7 @@ def opened(log: Path, supervisor: Supervisor, what: str) -> str:
     """Return the address of the server that says that its clients do `what`."""
     end = monotonic() + 60.0
     while monotonic() < end:
-        supervisor._serve(0.05)
+        supervisor._poll(0.05)
         for address, does in re.findall(
             r"open (ws://\S+) in Foxglove, which (.+?) the", log.read_text()
         ):
@@ -100,7 +100,7 @@ def opened(log: Path, supervisor: Supervisor, what: str) -> str:
 
 class Servers(NamedTuple):
     operated: str  # address
-    watched: str
+    monitored: str
     bag: Path
 
 
@@ -120,7 +120,7 @@ def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Servers]:
     ]
     parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
-    with own_domain() as domain:
+    with locked_domain() as domain:
         log = folder / "nodes.log"
         supervisor = Supervisor(
             processes, parameters, log, domain, lambda tick, last: None, fork_server()
@@ -142,7 +142,7 @@ def bench(servers: Servers) -> tuple[Client, Path]:
 
 
 def test_without_operate_a_client_only_watches(servers: Servers) -> None:
-    client = Client(servers.watched)
+    client = Client(servers.monitored)
     assert client.receive()["capabilities"] == ["time", "parameters", "parametersSubscribe"]
     while "/truth" not in client.channels:
         client.receive()

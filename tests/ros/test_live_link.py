@@ -18,12 +18,12 @@ from rclpy.node import Node
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.ros import live_link
 from flexslew_lab.ros.live_link import LiveLink
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.processes import NodeProcess, parameter_file
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.events import Noted
+from flexslew_plant.events import OperatorNote
 from flexslew_plant.events.event import event_of
 from flexslew_plant.graph.topics import (
     CONTROLLER_STATUS,
@@ -102,7 +102,9 @@ def assert_flown(seen: tuple[Vector, Matrix], truth: tuple[Vector, Matrix]) -> N
 def test_through_the_recorder_no_tick_is_missing(
     tmp_path: Path, rate: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live_link, "_UNRECORDED", PATIENCE)  # until they have met, busy as they are
+    monkeypatch.setattr(
+        live_link, "_RECORDER_TIMEOUT", PATIENCE
+    )  # until they have met, busy as they are
     watchers: list[Watcher] = []
     met = Event()
 
@@ -135,7 +137,7 @@ def test_without_the_recorder_the_ticks_themselves_are_heard(
     def act(pids: dict[str, int], domain: int) -> None:
         watchers.append(Watcher(domain, met.set))
         assert met.wait(PATIENCE)
-        monkeypatch.setattr(live_link, "_UNRECORDED", 1.0)
+        monkeypatch.setattr(live_link, "_RECORDER_TIMEOUT", 1.0)
         os.kill(pids["recorder"], signal.SIGKILL)
         with beside(domain) as bench:
             bench.node.create_subscription(msg.PlantState, TRUTH, note, qos(TOPICS[TRUTH]))
@@ -143,7 +145,7 @@ def test_without_the_recorder_the_ticks_themselves_are_heard(
             bench.pass_by(200)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(live_link, "_UNRECORDED", PATIENCE)
+    monkeypatch.setattr(live_link, "_RECORDER_TIMEOUT", PATIENCE)
     trial = slew(LONG, 1.0, extra="max_missed: 100000")
     flight = Flight(trial, tmp_path / "run", 0, act)
     assert flight.outcome.exit_code == 130
@@ -161,7 +163,7 @@ def test_a_bag_that_is_played_is_watched_without_a_recorder(tmp_path: Path) -> N
     processes = [NodeProcess("plant", "flexslew_lab", "play", play)]
     parameters = tmp_path / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
-    with own_domain() as domain:
+    with locked_domain() as domain:
         player = Supervisor(
             processes, parameters, tmp_path / "nodes.log", domain, lambda tick, last: None,
             fork_server(),
@@ -175,7 +177,7 @@ def test_a_bag_that_is_played_is_watched_without_a_recorder(tmp_path: Path) -> N
 
 
 def test_controllers_and_events_of_a_bench_that_is_gone_are_not_those_of_the_next() -> None:
-    with own_domain() as domain:
+    with locked_domain() as domain:
         rclpy.init(domain_id=domain)
         watcher = Node("console")
         link = LiveLink(watcher, "", "")
@@ -194,7 +196,9 @@ def test_controllers_and_events_of_a_bench_that_is_gone_are_not_those_of_the_nex
             nodes = [Node("plant"), *map(Node, controllers)]
             fields = {"kind": "csa", "joint_names": ["a"], "joint_units": ["rad"], "period": 0.01}
             publisher(nodes[0], TESTBED).publish(msg.Testbed(effort_limit=[1.0], **fields))
-            said = event_of(Noted(f"here is {controllers[-1]}", "somebody"), 0, 0.0, 0, "plant")
+            said = event_of(
+                OperatorNote(f"here is {controllers[-1]}", "somebody"), 0, 0.0, 0, "plant"
+            )
             publisher(nodes[0], EVENTS).publish(event_message(said))
             for node in nodes[1:]:
                 status = msg.ControllerStatus(controller=node.get_name(), law="lqr", ready=True)
@@ -204,13 +208,13 @@ def test_controllers_and_events_of_a_bench_that_is_gone_are_not_those_of_the_nex
         try:
             first = bench("early", "both")
             until(lambda: {*link.view.controllers} == {"early", "both"} and len(events()) == 1)
-            heard, early = link.view.heard, events()
+            heard, early = link.view.received, events()
             for node in first:
                 node.destroy_node()
             second = bench("both", "late")
             until(lambda: "late" in link.view.controllers)
             until(lambda: {*link.view.controllers} == {"both", "late"}, later=30.0)
-            until(lambda: link.view.heard > heard + 1)  # forgotten, and another one heard
+            until(lambda: link.view.received > heard + 1)  # forgotten, and another one heard
             assert len(events()) == 1
             assert events() != early
             for node in second:

@@ -107,7 +107,7 @@ def test_a_second_one_of_each_changes_neither_flight_nor_log(recorded: Recorded)
     assert not {"began", "not_ready", "plan_refused", "stray"} & {*kinds}, kinds
     assert kinds.count("planned") == 1
     assert len(seen.overview.plans) == 1
-    statuses = list(seen.decoded(["/controller_status"]))
+    statuses = list(seen.decode_messages(["/controller_status"]))
     assert all("300" not in status.settings for _, _, status in statuses)
     assert len({status.instance for _, _, status in statuses}) == 1
     assert resim(recorded.bag).identical

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import rclpy
 
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 
 from .flight import LONG, Flight, slew
 from .namespace import prefix
@@ -35,7 +35,7 @@ def beside_a_stranger(
 ) -> dict[str, Any]:
     """Return what tests/ros/two_machines.py tells of a command, which runs in the folder."""
     (folder / "DEFAULT_FASTDDS_PROFILES.xml").write_text(OPEN_TO_ALL)  # Fast DDS looks there
-    with own_domain() as domain:
+    with locked_domain() as domain:
         machines = [*prefix("--net"), *PYTHON, "tests.ros.two_machines"]
         done = subprocess.run(
             [*machines, until, "env", "-C", str(folder), *words],
@@ -131,7 +131,7 @@ def test_a_profile_that_says_nothing_ends_the_node_before_it_serves_anybody(tmp_
 def test_forty_nodes_and_a_latecomer_know_each_other() -> None:
     names = [f"node_{number}" for number in range(40)] + ["latecomer"]
     contexts, nodes = [rclpy.Context() for _ in names], []
-    with own_domain() as domain:
+    with locked_domain() as domain:
         try:
             for context, name in zip(contexts, names, strict=True):
                 rclpy.init(context=context, domain_id=domain)

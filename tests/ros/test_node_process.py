@@ -9,15 +9,19 @@ import pytest
 import rclpy
 from ament_index_python.packages import get_package_prefix
 
-from flexslew_plant.ros.node_process import within
+from flexslew_plant.ros.node_process import namespace_arguments
 
 DOCS = sorted((Path(__file__).parents[2] / "docs").rglob("*.md"))
 STARTS = [line for page in DOCS for line in page.read_text().splitlines() if "--ros-args" in line]
 
 
 def test_a_namespace_becomes_a_command_line() -> None:
-    assert within("") == []
-    assert within("bench1") == within("/bench1/") == ["--ros-args", "-r", "__ns:=/bench1"]
+    assert namespace_arguments("") == []
+    assert (
+        namespace_arguments("bench1")
+        == namespace_arguments("/bench1/")
+        == ["--ros-args", "-r", "__ns:=/bench1"]
+    )
 
 
 @pytest.mark.parametrize("line", sorted({one for one in STARTS if one.startswith("ros2 run ")}))

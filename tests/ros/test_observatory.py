@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_of_values
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.ros
 
 def test_thrusters_and_wheels_take_turns_to_the_same_bits(tmp_path: Path) -> None:
     goal = {"axis": [1.0, -2.0, 0.5], "angle": 2e-3}
-    values = shipped_values("observatory", {}) | {
+    values = example_values("observatory", {}) | {
         "duration": 10.0,
         "goal_tolerance": 0.1,
         "plan": {"method": "reference_only", "goal": goal, "duration": 4.0},

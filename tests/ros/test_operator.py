@@ -27,8 +27,8 @@ from std_srvs.srv import Trigger
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.ros.operator import connected
-from flexslew_lab.run.domain import RunningBench, bench_to_operate, own_domain
-from flexslew_plant.graph.policies import OWN_SERVICES, OWN_TOPICS, ROLES
+from flexslew_lab.run.domain import RunningBench, default_bench, locked_domain
+from flexslew_plant.graph.policies import NODE_SERVICES, NODE_TOPICS, ROLES
 from flexslew_plant.graph.topics import EVENTS, PLAN, RECORDER_STATUS, TOPICS
 from flexslew_plant.refusal import NO_TESTBED
 from flexslew_plant.ros.messages import stamp
@@ -104,7 +104,7 @@ class Operator:
             assert monotonic() < end, "it never happened"
             rclpy.spin_once(self.node, timeout_sec=0.05)
 
-    def ticked(self, tick: int, epoch: int = 0) -> bool:
+    def count_tick(self, tick: int, epoch: int = 0) -> bool:
         """Return whether a later tick has been seen, of this epoch or a later one."""
         return self.truth is not None and self.truth.epoch >= epoch and self.truth.tick > tick
 
@@ -149,7 +149,7 @@ class Parameters:
 
 @pytest.fixture(scope="module")
 def operator() -> Iterator[Operator]:
-    with own_domain() as domain:
+    with locked_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         plant = ["-p", "rate_factor:=2.0", "-p", "bench.max_missed:=1000"]
         commands = [
@@ -175,7 +175,7 @@ def operator() -> Iterator[Operator]:
 
 @pytest.mark.slow
 def test_controllers_are_listed_with_who_is_in_charge(operator: Operator) -> None:
-    operator.until(lambda: operator.ticked(5))
+    operator.until(lambda: operator.count_tick(5))
 
     reply = operator.call(srv.ListControllers, "list_controllers")
     assert reply.active == "pd_feedforward"
@@ -223,7 +223,7 @@ def test_pause_step_start_and_reset(operator: Operator) -> None:
     operator.until(lambda: present(operator.truth).tick == again.tick)
     assert operator.call(Trigger, "reset").success
     assert operator.call(Trigger, "start").success
-    operator.until(lambda: operator.ticked(3, epoch=1))
+    operator.until(lambda: operator.count_tick(3, epoch=1))
 
 
 @pytest.mark.slow
@@ -312,11 +312,11 @@ def test_a_draft_is_followed_by_nobody_until_it_is_adopted(operator: Operator) -
     operator.until(lambda: plans and plans[-1].hash == third.hash)
     assert not {first.hash, second.hash} & {plan.hash for plan in plans}
     operator.call(Trigger, "start")
-    operator.until(lambda: operator.ticked(100))
+    operator.until(lambda: operator.count_tick(100))
     soon = present(operator.truth).tick + 400
     draft(soon * 0.01)
     late = soon + 100  # the planner hears of the time now and then, and on a busy machine later
-    operator.until(lambda: operator.ticked(late))
+    operator.until(lambda: operator.count_tick(late))
     assert decide("adopt")[1].startswith(f"the plan starts at {soon * 0.01:g} s, the bench is at")
     assert decide("refuse")[0]
 
@@ -463,11 +463,11 @@ def found(ask: Callable[[str, str], list[tuple[str, list[str]]]], node: str) -> 
 def late_bag(operator: Operator, tmp_path_factory: pytest.TempPathFactory) -> LateBag:
     bag = tmp_path_factory.mktemp("late") / "bag"
     operator.call(Trigger, "start")
-    operator.until(lambda: operator.ticked(5))
+    operator.until(lambda: operator.count_tick(5))
     before = present(operator.truth).epoch
     assert operator.call(Trigger, "reset").success
     operator.call(Trigger, "start")
-    operator.until(lambda: operator.ticked(50, before + 1))
+    operator.until(lambda: operator.count_tick(50, before + 1))
     module = "flexslew_lab.ros.recorder_node"
     command = [sys.executable, "-m", module, "--ros-args", "-p", f"folder:={bag}"]
     recorder = subprocess.Popen(command, stderr=subprocess.DEVNULL)
@@ -516,11 +516,11 @@ def test_the_policies_name_what_is_on_the_graph_and_no_more(
     for name, role in roles.items():
         rights = ROLES[role]
         said, heard, served = graph[name]
-        own = OWN_TOPICS[1:] if role == "listener" else OWN_TOPICS
+        own = NODE_TOPICS[1:] if role == "listener" else NODE_TOPICS
         assert said == absolute((*rights.publish, *own), name)
         allowed = absolute(rights.subscribe, name)
         assert allowed - NOT_ALWAYS <= heard <= allowed
-        assert served <= absolute((*rights.reply, *OWN_SERVICES), name)
+        assert served <= absolute((*rights.reply, *NODE_SERVICES), name)
         assert served >= absolute(rights.reply, name)
     for name in "plant", "planner":
         servers = get_action_server_names_and_types_by_node(operator.node, name, "/")
@@ -626,11 +626,11 @@ def test_the_command_line_operates_the_bench(
         assert "nobody" in call("switch", "nobody")[1]
         assert call("brake")[0] == 0
         assert call("brake", "--release")[0] == 0
-        known = bench_to_operate()._replace(known=True)  # so that it is waited for
-        with own_domain() as empty, monkeypatch.context() as hasty:
+        known = default_bench()._replace(known=True)  # so that it is waited for
+        with locked_domain() as empty, monkeypatch.context() as hasty:
             benches = [RunningBench(empty, "gone", known=False), known]  # none of other users
             monkeypatch.setattr("flexslew_lab.cli.operate.running_benches", lambda: benches)
-            hasty.setattr("flexslew_lab.cli.operate._BY_HAND", 0.2)
+            hasty.setattr("flexslew_lab.cli.operate._FALLBACK_TIMEOUT", 0.2)
             code, words = call("brake", "--all")
             assert code == 1
             assert "(gone, ROS_DOMAIN_ID" in words
@@ -672,8 +672,8 @@ def asked_by_the_command_line() -> set[str]:
         node = bench.nodes[0]
         said, heard, served = seen_of(node, "operator")
         rights = ROLES["operator"]
-        assert said <= {*OWN_TOPICS}
-        assert served <= absolute(OWN_SERVICES, "operator")
+        assert said <= {*NODE_TOPICS}
+        assert served <= absolute(NODE_SERVICES, "operator")
         assert heard <= absolute(rights.subscribe, "operator")
         asked = found(node.get_client_names_and_types_by_node, "operator")
         assert len(asked) == 5

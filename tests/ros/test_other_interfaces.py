@@ -40,7 +40,7 @@ class Client:
     def __init__(self, bystander: Bystander, kind: Any, name: str) -> None:
         self._beside, self._kind = bystander, kind
         self._client = ActionClient(bystander.node, kind, name)
-        self.heard: list[Any] = []  # feedback
+        self.received: list[Any] = []  # feedback
         assert self._client.wait_for_server(timeout_sec=PATIENCE)
 
     def planned(self, **fields: Any) -> Any:
@@ -58,7 +58,7 @@ class Client:
     def goal(self, **fields: Any) -> Any:
         """Return the handle of an accepted goal."""
         sent = self._client.send_goal_async(
-            self._kind.Goal(**fields), lambda told: self.heard.append(told.feedback)
+            self._kind.Goal(**fields), lambda told: self.received.append(told.feedback)
         )
         self._beside.until(sent.done)
         assert sent.result().accepted
@@ -121,12 +121,12 @@ def test_a_robot_is_moved_along_a_trajectory(tmp_path: Path) -> None:
             goal_tolerance=[JointTolerance(name="base_yaw", position=0.2)],
         )
         assert bystander.ask(Trigger, "start").success
-        bystander.until(lambda: len(client.heard) > 3)
+        bystander.until(lambda: len(client.received) > 3)
         canceled = goal.cancel_goal_async()
         bystander.until(canceled.done)
         found["canceling"] = len(canceled.result().goals_canceling)
         found["flown"] = client.result(goal)
-        found["feedback"] = list(client.heard)
+        found["feedback"] = list(client.received)
         tight = [JointTolerance(name="base_yaw", position=1e-9)]
         later = trajectory(
             ["hub_pitch", "base_yaw"], 13.0, {"at": 1.0, "positions": [0.1, 0.25], **rest}
@@ -186,7 +186,7 @@ def test_a_trajectory_that_another_one_replaces_ends(tmp_path: Path) -> None:
         second = client.planned(trajectory=back, path_tolerance=[stays])
         assert bystander.ask(Trigger, "start").success
         told.extend(client.result(goal) for goal in (first, second))
-        heard.extend(list(feedback.joint_names) for feedback in client.heard)
+        heard.extend(list(feedback.joint_names) for feedback in client.received)
         client.close()
 
     flight = flown(tmp_path, act, 10.0)
@@ -211,7 +211,7 @@ def test_a_trajectory_that_the_run_leaves_behind_ends(tmp_path: Path, end: str) 
         last = {"at": 4.0, "positions": [0.1, 0.2], **rest}
         goal = client.planned(trajectory=trajectory(["hub_pitch", "base_yaw"], 8.0, last))
         assert bystander.ask(Trigger, "start").success
-        bystander.until(lambda: bool(client.heard))  # it is under way
+        bystander.until(lambda: bool(client.received))  # it is under way
         if end == "reset":
             assert bystander.ask(Trigger, "reset").success
         told.append(client.result(goal))
@@ -254,8 +254,8 @@ def test_a_simulator_is_stepped_paused_and_reset(tmp_path: Path) -> None:
         goal = client.goal(steps=50)
         assert client.result(goal).result.result == msg.Result.RESULT_OK
         bystander.until(lambda: bystander.tick >= tick + 57)
-        bystander.until(lambda: client.heard[-1].remaining_steps == 0)
-        said["feedback"] = [(t.completed_steps, t.remaining_steps) for t in client.heard]
+        bystander.until(lambda: client.received[-1].remaining_steps == 0)
+        said["feedback"] = [(t.completed_steps, t.remaining_steps) for t in client.received]
         goal = client.goal(steps=100_000)
         bystander.until(lambda: bystander.tick > tick + 60)
         canceled = goal.cancel_goal_async()

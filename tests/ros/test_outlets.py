@@ -15,14 +15,14 @@ from rclpy.serialization import serialize_message
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.ros.hidden_listener import HiddenListener
-from flexslew_lab.run.domain import own_domain
-from flexslew_plant.direct.inbox import PART, Inbox
+from flexslew_lab.run.domain import locked_domain
+from flexslew_plant.direct.inbox import PART, RecorderInput
 from flexslew_plant.direct.line import LARGEST
 from flexslew_plant.direct.names import RECORDER, SETTING, address
 from flexslew_plant.graph.topics import TOPICS, TRUTH
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.ros.outlet import Outlet, Turns
-from flexslew_plant.ros.outlets import Outlets
+from flexslew_plant.ros.outlet import DirectPublisher, LoopCounter
+from flexslew_plant.ros.outlets import DirectPublishers
 
 from .bystander import beside
 from .flight import LONG, Flight, slew
@@ -54,20 +54,20 @@ class Counted:
 def test_who_waits_awake_leaves_a_processor_to_who_hears_copies(
     on_line: bool, over_dds: int, recorder_alone: bool, processors: int | None
 ) -> None:
-    outlet = Outlet(Counted(over_dds))
-    outlet.number, outlet.recorder_alone = on_line - 1, recorder_alone
-    enough = [n for n in range(1, 65) if outlet.may_wait_awake(n)]
+    outlet = DirectPublisher(Counted(over_dds))
+    outlet.number, outlet.recorder_only = on_line - 1, recorder_alone
+    enough = [n for n in range(1, 65) if outlet.can_busy_wait(n)]
     assert enough == ([] if processors is None else list(range(processors, 65)))
 
 
 def test_within_a_turn_of_the_loop_nobody_comes_or_goes() -> None:
-    dds, turns = Counted(0), Turns()
-    within, outside = Outlet(dds, turns=turns), Outlet(dds)
-    assert [one.heard for one in (within, outside)] == [False, False]
+    dds, turns = Counted(0), LoopCounter()
+    within, outside = DirectPublisher(dds, loop_counter=turns), DirectPublisher(dds)
+    assert [one.received for one in (within, outside)] == [False, False]
     dds.listening = 1
-    assert [one.heard for one in (within, outside)] == [False, True]
+    assert [one.received for one in (within, outside)] == [False, True]
     turns.count += 1
-    assert [one.heard for one in (within, outside)] == [True, True]
+    assert [one.received for one in (within, outside)] == [True, True]
 
 
 class Recorded:
@@ -77,8 +77,8 @@ class Recorded:
         context = rclpy.Context()
         context.init(domain_id=domain)
         self.context, self.node = context, Node("publishing", context=context)
-        self.outlets = Outlets(self.node)
-        self.offer = self.outlets.publisher(TRUTH)
+        self.direct_publishers = DirectPublishers(self.node)
+        self.offer = self.direct_publishers.publisher(TRUTH)
         self.listener: HiddenListener | None = None
         self.over_dds: list[bytes] = []
         self.others: list[bytes] = []
@@ -91,7 +91,7 @@ class Recorded:
         node = Node("recorder", context=self.context)
         self.listener = HiddenListener(node, {"/truth": TOPICS[TRUTH]})
         where = address(self.context.get_domain_id(), "/measurement", RECORDER)
-        self.inbox = Inbox(where, {"/truth": "/truth"}, ("_recorder", "/"))
+        self.inbox = RecorderInput(where, {"/truth": "/truth"}, ("_recorder", "/"))
 
     def overhear(self) -> Any:
         """Listen as anybody does."""
@@ -103,8 +103,8 @@ class Recorded:
         end = monotonic() + PATIENCE
         while not condition():
             assert monotonic() < end
-            self.outlets.turn()
-            self.outlets.look(monotonic())
+            self.direct_publishers.turn()
+            self.direct_publishers.look(monotonic())
             self._executor.spin_once(timeout_sec=0.01)
             if self.listener is not None:
                 heard = [taken[:2] for taken in self.listener.take()]
@@ -113,9 +113,9 @@ class Recorded:
 
     def publish(self, tick: int, tips: int = 2) -> bytes:
         data: bytes = serialize_message(PlantState(tick=tick, tip_deflection=[0.5] * tips))
-        self.outlets.turn()
+        self.direct_publishers.turn()
         self.offer.publish(data)
-        self.outlets.send()
+        self.direct_publishers.send()
         return data
 
     def close(self) -> None:
@@ -128,7 +128,7 @@ class Recorded:
 @pytest.fixture
 def recorded(monkeypatch: pytest.MonkeyPatch) -> Iterator[Recorded]:
     monkeypatch.setenv(SETTING, "auto")
-    with own_domain() as domain:
+    with locked_domain() as domain:
         it = Recorded(domain)
         try:
             yield it
@@ -144,11 +144,11 @@ def alone_with_the_recorder(it: Recorded) -> None:
     """Wait until nothing goes over DDS any more."""
     it.record()
     it.until(lambda: it.offer.count == 1 and not it.offer.shared)
-    assert it.offer.heard
+    assert it.offer.received
 
 
 def test_for_the_recorder_alone_nothing_goes_over_dds(recorded: Recorded) -> None:
-    assert not recorded.offer.heard
+    assert not recorded.offer.received
     alone_with_the_recorder(recorded)
     sent = [recorded.publish(tick) for tick in range(50)]
     recorded.until(lambda: len(recorded.log) >= 50)
@@ -221,8 +221,8 @@ def test_without_direct_lines_all_of_it_goes_over_dds(
     recorded: Recorded, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(SETTING, "dds")
-    recorded.outlets = Outlets(recorded.node)
-    recorded.offer = recorded.outlets.publisher(TRUTH)
+    recorded.direct_publishers = DirectPublishers(recorded.node)
+    recorded.offer = recorded.direct_publishers.publisher(TRUTH)
     recorded.record()
     recorded.until(lambda: recorded.offer.count == 1)
     sent = [recorded.publish(tick) for tick in range(50)]
@@ -236,7 +236,7 @@ def test_a_recorder_that_comes_again_is_found(recorded: Recorded) -> None:
     recorded.listener.close()
     recorded.listener = None
     del recorded.inbox
-    recorded.until(lambda: not recorded.offer.heard)
+    recorded.until(lambda: not recorded.offer.received)
     alone_with_the_recorder(recorded)
     sent = recorded.publish(7)
     recorded.until(lambda: bool(recorded.log))
@@ -254,9 +254,9 @@ def test_a_log_has_every_tick_once_whoever_listens_in(
     def overhear(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as one:
             one.pass_by(1)
-            before = one.heard
+            before = one.received
             one.pass_by(300)
-            heard.append(one.heard - before)
+            heard.append(one.received - before)
         Event().wait(0.5)  # some ticks more, for the recorder alone
         raise KeyboardInterrupt
 

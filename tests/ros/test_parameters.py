@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.ros.recorder_settings import RecorderSettings
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.parameters import declare, new_node, requested_text, settings_of
 from flexslew_plant.ros.plant.settings import PlantSettings
@@ -27,7 +27,7 @@ SECTIONS = {"plant": PlantSettings(), **{n: e.settings() for n, e in CONTROLLERS
 def described() -> Any:
     """Declare all parameters of the plant and of every law; return their descriptors."""
     context, found = rclpy.Context(), {}
-    with own_domain() as domain:
+    with locked_domain() as domain:
         context.init(domain_id=domain)
         for name, section in SECTIONS.items():
             node = rclpy.create_node(name, context=context, start_parameter_services=False)
@@ -73,7 +73,7 @@ def test_what_param_dump_writes_is_read_again_to_the_same_settings(
 ) -> None:
     section, path = SECTIONS[name], tmp_path / "dump.yaml"
     context = rclpy.Context()
-    with own_domain() as domain:
+    with locked_domain() as domain:
         context.init(domain_id=domain)
         node = rclpy.create_node(name, context=context, start_parameter_services=False)
         declare(node, section)
@@ -142,7 +142,7 @@ def test_values_that_contradict_each_other_are_refused(text: str, values: Any, w
 
 def test_a_parameter_of_no_type_of_ros_is_refused_and_ends_no_node() -> None:
     bad, good = Message(name="kp", value=ParameterValue(type=99)), typed(kp=1.0)[0]
-    with own_domain() as domain:
+    with locked_domain() as domain:
         rclpy.init(domain_id=domain)
         node = new_node("one")
         try:

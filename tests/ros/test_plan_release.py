@@ -11,9 +11,9 @@ from flexslew_msgs.msg import BenchState, ControllerStatus, Event, Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.ros.plan_release import PlanRelease
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.trial.trial import Trial, plant_of
-from flexslew_plant.events import PlanRefused, event_of
+from flexslew_plant.events import PlanRejected, event_of
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.loop import Loop
@@ -28,7 +28,7 @@ AT = 4.5  # where the bench is [s]
 
 @pytest.fixture
 def loop() -> Iterator[Loop]:
-    with own_domain() as domain:
+    with locked_domain() as domain:
         rclpy.init(domain_id=domain)
         one = Loop()
         yield one
@@ -53,10 +53,10 @@ def test_the_plan_of_tick_0_waits_until_it_is_known_where_the_bench_is(
     heard: list[str] = []
     events = qos(topics.TOPICS[topics.EVENTS])
     bench.create_subscription(Event, topics.EVENTS, lambda event: heard.append(event.kind), events)
-    assert release.announce(announcement())
+    assert release.notify(announcement())
     release.begin_with(plan(0.0, 0.0, 0.03))
     for _ in range(20):
-        loop._serve(0.01)
+        loop._spin_once(0.01)
         release.begin()
     assert not heard
     state = publisher(bench, topics.BENCH_STATE)
@@ -64,7 +64,7 @@ def test_the_plan_of_tick_0_waits_until_it_is_known_where_the_bench_is(
     for _ in range(LOOKS):
         if heard:
             break
-        loop._serve(0.01)
+        loop._spin_once(0.01)
         release.begin()
     assert heard == [told]
 
@@ -82,12 +82,12 @@ def test_in_flight_the_plan_of_tick_0_waits_until_it_is_known_who_follows_it(
         name = kind.__name__
         known = qos(topics.TOPICS[topic])
         bench.create_subscription(kind, topic, lambda _, name=name: told.append(name), known)
-    assert release.announce(announcement())
+    assert release.notify(announcement())
     state.publish(BenchState(stamp=stamp(AT), state="paused", tick=450))
     first = plan(0.0, 0.0, 0.03)
     release.begin_with(first)
     for _ in range(20):
-        loop._serve(0.01)
+        loop._spin_once(0.01)
         release.begin()
     assert not told
     flown = plan_hash(first) if follows else "another"
@@ -95,7 +95,7 @@ def test_in_flight_the_plan_of_tick_0_waits_until_it_is_known_who_follows_it(
     for _ in range(LOOKS):
         if told:
             break
-        loop._serve(0.01)
+        loop._spin_once(0.01)
         release.begin()
     assert told == ["Plan" if follows else "Event"]
 
@@ -105,7 +105,7 @@ def test_a_newcomer_does_not_hear_the_plan_that_all_have_refused(loop: Loop) -> 
     release = PlanRelease(node, loop, loop.live(node, "planner"), ())
     loop.add(bench)
     state, status = publisher(bench, topics.BENCH_STATE), publisher(bench, topics.CONTROLLER_STATUS)
-    assert release.announce(announcement())
+    assert release.notify(announcement())
     first, later = plan(0.0, 0.0, 0.03), plan(6.0, 0.03, 0.05)
     refused = replace(later, start=4.4)
 
@@ -113,7 +113,7 @@ def test_a_newcomer_does_not_hear_the_plan_that_all_have_refused(loop: Loop) -> 
         for _ in range(LOOKS):
             if condition():
                 return
-            loop._serve(0.01)
+            loop._spin_once(0.01)
         raise AssertionError("it never happened")
 
     release.publish(first, "")
@@ -121,11 +121,11 @@ def test_a_newcomer_does_not_hear_the_plan_that_all_have_refused(loop: Loop) -> 
     until(lambda: release.clock.now() == AT)
     taken = release.publish(later, "").hash
     status.publish(ControllerStatus(controller="lqr", ready=True, plan_hash=taken))
-    until(lambda: release.answers.of(taken).taken)
+    until(lambda: release.responses.of(taken).taken)
     digest = release.publish(refused, "").hash
-    what = PlanRefused(digest, controller="lqr", reason="it starts at 4.4 s")
+    what = PlanRejected(digest, controller="lqr", reason="it starts at 4.4 s")
     EventLog(bench).tell(event_of(what, 450, AT, 0, "lqr"))
-    until(lambda: release.answers.of(digest).refused)
+    until(lambda: release.responses.of(digest).refused)
     until(lambda: node.count_publishers(topics.PLAN) == 1)  # the former one has gone
     heard: list[tuple[str, bool]] = []
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from flexslew_plant.bench.operation.presence import Beat, Presence
-from flexslew_plant.ros.graph import UNNAMED, PlantWatch
+from flexslew_plant.bench.operation.presence import Heartbeat, Heartbeats
+from flexslew_plant.ros.graph import UNKNOWN_NODE, PlantWatch
 
 
 class Seen:
@@ -37,7 +37,7 @@ class Seen:
         (("", ""), True, True, True),  # it came and went between two polls
         (("plant", ""), True, False, False),
         (("plant player", "player"), False, True, True),
-        (("plant player", f"{UNNAMED} player"), True, True, False),
+        (("plant player", f"{UNKNOWN_NODE} player"), True, True, False),
         (("player", "player"), False, True, False),  # nor has it come, if another one is there
     ],
 )
@@ -45,8 +45,8 @@ def test_who_watches_ends_when_the_plant_was_there_and_is_gone(
     looks: tuple[str, ...], heard: bool, enabled: bool, ends: bool
 ) -> None:
     graph: Any = Seen(*looks)
-    presence = Presence()
-    presence.hear(Beat("plant", "plant", 1, 1), 0.0)
+    presence = Heartbeats()
+    presence.receive(Heartbeat("plant", "plant", 1, 1), 0.0)
     watch = PlantWatch(graph, graph, graph, presence, enabled)
     watch.look(3)
     watch.seen = watch.seen or heard
@@ -58,4 +58,4 @@ def test_who_watches_ends_when_the_plant_was_there_and_is_gone(
 
 def test_before_any_sign_of_life_whoever_publishes_is_the_plant() -> None:
     graph: Any = Seen("anybody")
-    assert PlantWatch(graph, graph, graph, Presence(), True).here
+    assert PlantWatch(graph, graph, graph, Heartbeats(), True).plant_present

@@ -14,7 +14,7 @@ from flexslew_msgs.srv import Seek, Step
 from std_srvs.srv import Trigger
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
@@ -46,7 +46,7 @@ class Playing:
         ]
         parameters = folder / "parameters.yaml"
         parameters.write_text(parameter_file(processes))
-        with own_domain() as domain:
+        with locked_domain() as domain:
             log = folder / "nodes.log"
             it = Supervisor(
                 processes, parameters, log, domain, lambda tick, last: None, fork_server()

@@ -76,7 +76,7 @@ def test_who_may_have_less_has_that_and_goes_back_to_what_others_have(
     monkeypatch.setattr(os, "sched_setscheduler", set_scheduler)
     one = RealTime()
     for wanted in (PLANT, IN_CHARGE, STANDBY, IN_CHARGE):
-        one.want(wanted)
+        one.set_priority(wanted)
         assert now[1] == min(wanted, limit)
-    one.want(NONE)
+    one.set_priority(NONE)
     assert now == [os.SCHED_OTHER | (os.SCHED_RESET_ON_FORK if limit else 0), 0]

@@ -37,13 +37,13 @@ def test_a_plant_that_leaves_grants_nothing(
 ) -> None:
     offered: list[Any] = []
     monkeypatch.setattr(requests, "service", lambda node, kind, name, act: offered.append(act))
-    loop: Any = SimpleNamespace(leaving=False)
+    loop: Any = SimpleNamespace(is_closing=False)
     node: Any = None
-    requests.offer(node, loop, kind, "name", given)
+    requests.add_service(node, loop, kind, "name", given)
     (act,) = offered
     granted = at_last(act(kind.Request(), kind.Response()))
     assert granted.message == "done"
-    loop.leaving = True
+    loop.is_closing = True
     refused = at_last(act(kind.Request(), kind.Response()))
     assert refused.message == "the run is over"
     assert not getattr(refused, "success", False)

@@ -178,7 +178,7 @@ def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_
     assert all(answer.scheduled for answer in answers[:2]), answers
     blended = {
         state.tick: state.controller  # a repeated question is answered again
-        for _, _, state in BagReader(flight.bag).decoded(("/controller_state",))
+        for _, _, state in BagReader(flight.bag).decode_messages(("/controller_state",))
         if "handover" in state.term_names
     }
     assert [*blended.values()] == ["own"] * 100 + [

@@ -9,7 +9,7 @@ import pytest
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.ros.operator import connected
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import SavedPlan
@@ -34,7 +34,7 @@ def test_targets_by_service_are_those_of_a_schedule_and_fly_again(tmp_path: Path
             answers.append(bench.act("start"))
 
     answers: list[Any] = []
-    flight = Flight(shipped("antenna_4", SHORT), tmp_path, begin=by_hand)
+    flight = Flight(example_trial("antenna_4", SHORT), tmp_path, begin=by_hand)
     assert flight.outcome == (0, "")
     assert [reply.ok for reply in answers] == [False, True, False, True, True], answers
     assert "appendage: mast is not allowed" in answers[0].message
@@ -48,6 +48,6 @@ def test_targets_by_service_are_those_of_a_schedule_and_fly_again(tmp_path: Path
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
     entries = [{"at": 4.0, "retarget": TURN}, {"at": 4.5, "retarget": SIGHT}]
     plan = SavedPlan(file=str(flight.folder / "plan.yaml"))  # as made before anybody knew
-    known = replace(shipped("antenna_4", {**SHORT, "schedule": entries}), plan=plan)
+    known = replace(example_trial("antenna_4", {**SHORT, "schedule": entries}), plan=plan)
     metrics = run_trial(known, "test", tmp_path / "known", in_process=True, report=False).metrics
     assert metrics["trajectory_hash"] == flight.metrics["trajectory_hash"] == again.hash

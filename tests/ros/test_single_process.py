@@ -8,7 +8,7 @@ import pytest
 from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import plan_of_trial
@@ -31,7 +31,7 @@ def flown(trial: Any, folder: Path) -> dict[str, Any]:
     parameters.write_text(parameter_file(nodes))
     one = NodeProcess("", "flexslew_lab", "single_process", {})
     processes = [*(node for node in nodes if node.name not in TOGETHER), one]
-    with own_domain() as domain:
+    with locked_domain() as domain:
         log = folder / "nodes.log"
         outcome = Supervisor(
             processes, parameters, log, domain, lambda tick, last: None, fork_server()

@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import SavedPlan, Trial, trial_of_values
 
@@ -82,7 +82,7 @@ def with_plan_of(flight: Flight, trial: Trial) -> Trial:
 
 @pytest.mark.parametrize("name", TRIALS)
 def test_a_spacecraft_flies_over_ros_as_in_process(name: str, tmp_path: Path) -> None:
-    values = shipped_values(name, TRIALS[name]) | {"allow_faults": True}
+    values = example_values(name, TRIALS[name]) | {"allow_faults": True}
     trial = trial_of_values(values, name)
     flight = Flight(trial, tmp_path / "ros")
     assert flight.outcome.exit_code == 0, flight.log
@@ -121,7 +121,7 @@ def platform_poses(bag: Path, period: float) -> dict[int, list[float]]:
 
 @pytest.mark.parametrize("name", ["scole_s_rigid", "scole_s_open"])
 def test_the_other_cases_of_the_paper_fly_over_ros_as_in_process(name: str, tmp_path: Path) -> None:
-    trial = trial_of_values(shipped_values(name, {"duration": 1.2}), name)
+    trial = trial_of_values(example_values(name, {"duration": 1.2}), name)
     flight = Flight(trial, tmp_path / "ros")
     assert flight.outcome.exit_code == 0, flight.log
     here = run_trial(

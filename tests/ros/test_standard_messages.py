@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.trial.trial import trial_of_values
 from flexslew_plant.graph.topics import EVENTS, JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
 from flexslew_plant.ros.messages import stamp
@@ -51,7 +51,7 @@ def test_the_motion_of_a_free_platform_is_told_in_standard_messages(tmp_path: Pa
                 bystander.node.create_subscription(kind, name, messages.append, 10)
             bystander.until(lambda: all(len(messages) > 3 for messages in heard.values()))
 
-    values = shipped_values("own_spacecraft", {"duration": 4.0, "rate_factor": 2.0})
+    values = example_values("own_spacecraft", {"duration": 4.0, "rate_factor": 2.0})
     flight = Flight(trial_of_values(values, "t"), tmp_path, 10, listen)
     assert flight.outcome.exit_code == 0, flight.log
     truth = BagReader(flight.bag).columns("/truth", {"tick", "position", "velocity", "time"})

@@ -9,7 +9,7 @@ from threading import Event
 import pytest
 from std_srvs.srv import Trigger
 
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.supervisor import Outcome, Supervisor
 
@@ -48,7 +48,7 @@ def crashing(name: str, after: float, times: int, folder: Path) -> tuple[Outcome
     processes = node_processes(slew(duration=0.2, more=", lqr: {}"), folder, True, {})
     parameters, log = folder / "parameters.yaml", folder / "nodes.log"
     parameters.write_text(parameter_file(processes))
-    with own_domain() as domain, ThreadPoolExecutor() as pool:
+    with locked_domain() as domain, ThreadPoolExecutor() as pool:
         bench = Supervisor(
             processes, parameters, log, domain, lambda tick, last: None, fork_server()
         )
@@ -77,7 +77,7 @@ def test_a_run_ends_where_a_node_has_left_before_the_start(
     processes = [NodeProcess("stuck", "tests", "stuck", {})] * held_up + processes
     parameters, log = tmp_path / "parameters.yaml", tmp_path / "nodes.log"
     parameters.write_text(parameter_file(processes))
-    with own_domain() as domain:
+    with locked_domain() as domain:
         bench = Supervisor(
             processes, parameters, log, domain, lambda tick, last: None, fork_server()
         )
@@ -127,7 +127,7 @@ def test_a_node_that_stands_still_when_the_plant_has_left_mars_no_run(
     patience: float, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("flexslew_lab.run.standstill.PATIENCE", patience)
-    monkeypatch.setattr("flexslew_lab.run.supervisor._LEAVING", 15.0)
+    monkeypatch.setattr("flexslew_lab.run.supervisor._EXIT_TIMEOUT", 15.0)
     monkeypatch.setattr("flexslew_lab.run.supervisor._GRACE", 1.0)
     standing = NodeProcess("standing", "tests", "standing", {})
 

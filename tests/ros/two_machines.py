@@ -21,7 +21,13 @@ import rclpy
 from flexslew_msgs.msg import PlantState
 from std_srvs.srv import Trigger
 
-from flexslew_plant.network import ELSEWHERE, NEWER, OLDER, RANGE, SKIP
+from flexslew_plant.network import (
+    OLD_PROFILE_VARIABLE,
+    PROFILE_VARIABLE,
+    RANGE,
+    REMOTE_VARIABLES,
+    SKIP,
+)
 from tests.present import present
 
 HERE, THERE = "10.77.0.1", "10.77.0.2"
@@ -102,7 +108,13 @@ def run(words: list[str], until: str) -> dict[str, Any]:
         until: `stranger`, who has the bench in hand; `end` of the command; `udp` or `udp+tcp`, when
             it listens there.
     """
-    look = ["env", *(f"--unset={name}" for name in (NEWER, OLDER, RANGE, SKIP, *ELSEWHERE))]
+    look = [
+        "env",
+        *(
+            f"--unset={name}"
+            for name in (PROFILE_VARIABLE, OLD_PROFILE_VARIABLE, RANGE, SKIP, *REMOTE_VARIABLES)
+        ),
+    ]
     look += [f"ROS_STATIC_PEERS={HERE}", f"{RANGE}=SUBNET", sys.executable, "-m", __spec__.name]
     with wire([*look, "look"]) as other:
         asks = present(other.stdin)

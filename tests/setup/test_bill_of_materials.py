@@ -65,7 +65,7 @@ def test_the_page_of_licences_is_that_of_the_lock(bill: Any) -> None:
 
 def rows(page: str) -> list[tuple[str, str, str, list[str]]]:
     """Return name, version, licence and locks of each line of the table."""
-    found = re.findall(r"^\| (\S+) \| (\S+) \| (.+) \| (.+) \|$", page, re.MULTILINE)[1:]
+    found = re.findall(r"^\| (\S+) (\S+) \| (.+) \| (.+) \|$", page, re.MULTILINE)
     return [(name, version, words, locks.split(", ")) for name, version, words, locks in found]
 
 

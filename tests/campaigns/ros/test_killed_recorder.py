@@ -29,14 +29,14 @@ class Killing:
     def __call__(self, pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bench:
             with busy(2):
-                bench.until(lambda: bench.heard >= self._after)
+                bench.until(lambda: bench.received >= self._after)
                 os.kill(pids["plant"], signal.SIGSTOP)
                 os.kill(pids["recorder"], signal.SIGKILL)
             quiet = 0
             while quiet < 5:
-                before = bench.heard
+                before = bench.received
                 bench.listen(0.2)
-                quiet = quiet + 1 if bench.heard == before else 0
+                quiet = quiet + 1 if bench.received == before else 0
             os.kill(pids["plant"], signal.SIGKILL)
             self.tick = bench.tick
         raise KeyboardInterrupt  # what the others do then is not asked here

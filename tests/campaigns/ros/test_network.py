@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexslew_plant.network import NEWER, OLDER, RANGE, SKIP
+from flexslew_plant.network import OLD_PROFILE_VARIABLE, PROFILE_VARIABLE, RANGE, SKIP
 from tests.ros.test_network import HOSTILE, OPEN_TO_ALL, PYTHON, beside_a_stranger
 
 pytestmark = pytest.mark.ros
@@ -20,8 +20,8 @@ SHELL: dict[str, tuple[str, ...]] = {  # what may stand in one; empty: nothing i
     "FASTDDS_ENVIRONMENT_FILE": ("", "/does/not/exist.json"),
     "ROS2_EASY_MODE": ("", "10.77.0.2"),
     SKIP: ("", "0", "1"),
-    NEWER: ("", "/does/not/exist.xml", "open.xml"),
-    OLDER: ("", "open.xml"),
+    PROFILE_VARIABLE: ("", "/does/not/exist.xml", "open.xml"),
+    OLD_PROFILE_VARIABLE: ("", "open.xml"),
 }
 STARTS = (
     "flexslew_plant.ros.plant_node", "flexslew_control.ros.controller_node",

@@ -67,7 +67,7 @@ class Asking:
 
     def __init__(self, case: np.random.Generator) -> None:
         self._case = case
-        self.answers: list[tuple[str, dict[str, Any], str]] = []
+        self.responses: list[tuple[str, dict[str, Any], str]] = []
 
     def __call__(self, pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bench:
@@ -82,7 +82,7 @@ class Asking:
     def _ask(self, bench: Bystander, name: str) -> None:
         content = request(name, self._case)
         answer = bench.ask(SERVICES[name], name, **content)
-        self.answers.append((name, content, getattr(answer, "message", "")))
+        self.responses.append((name, content, getattr(answer, "message", "")))
 
 
 @pytest.mark.share(0.2)
@@ -93,8 +93,8 @@ def test_a_bench_flies_on_and_flies_again_whatever_it_was_asked(
     trial = slew(3600.0, 10.0, more=", lqr: {}", extra="allow_faults: true")
     flight = Flight(trial, tmp_path, 20, asking)
     assert flight.outcome.exit_code == 130, flight.log
-    assert len(asking.answers) == REQUESTS
-    for name, content, message in asking.answers:
+    assert len(asking.responses) == REQUESTS
+    for name, content, message in asking.responses:
         assert message.isprintable(), (name, content, message)
     assert "Traceback" not in flight.log
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []

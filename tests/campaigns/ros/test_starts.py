@@ -13,7 +13,7 @@ from threading import Timer
 import numpy as np
 import pytest
 
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.fork_server import ForkServer
 from flexslew_lab.run.processes import node_processes, parameter_file
 from flexslew_lab.run.supervisor import Supervisor
@@ -42,7 +42,7 @@ def test_six_nodes_start_at_once_without_a_fault(own_server: ForkServer, tmp_pat
     assert len(processes) == 6
     parameters = tmp_path / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
-    with own_domain() as domain:
+    with locked_domain() as domain:
         log = tmp_path / "nodes.log"
         outcome = Supervisor(
             processes, parameters, log, domain, lambda tick, last: None, own_server
@@ -57,7 +57,7 @@ def test_a_signal_at_any_moment_of_the_start_ends_the_node(
     case: np.random.Generator, module: str
 ) -> None:
     strength = (signal.SIGINT, signal.SIGTERM)[case.integers(2)]
-    with own_domain() as domain:
+    with locked_domain() as domain:
         child = subprocess.Popen(
             [sys.executable, "-m", module], env=os.environ | {"ROS_DOMAIN_ID": str(domain)},
             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,

@@ -27,7 +27,7 @@ def test_thrusters_give_the_torque_with_the_least_propellant(seed: int) -> None:
     jets = ThrusterSet.of(levers, limit, ("a",))
     for _ in range(20):
         torque = rng.standard_normal(3) * 10.0 ** rng.uniform(-4.0, -0.5)
-        pushes = jets.pushes(torque)
+        pushes = jets.efforts(torque)
         assert (pushes >= 0.0).all()
         best = linprog(np.ones(count), A_eq=levers, b_eq=torque, bounds=(0.0, None))
         assert best.x is not None
@@ -41,13 +41,13 @@ def test_beyond_the_limits_the_direction_stays() -> None:
     levers, limit = spanning(rng, 8), np.full(8, 0.5)
     jets = ThrusterSet.of(levers, limit, ("a",))
     for torque in 100.0 * rng.standard_normal((20, 3)):
-        pushes = jets.pushes(torque)
+        pushes = jets.efforts(torque)
         given = levers @ pushes
         assert pushes.max() == pytest.approx(0.5)
         np.testing.assert_allclose(
             given / np.linalg.norm(given), torque / np.linalg.norm(torque), atol=1e-9
         )
-    assert not jets.pushes(np.zeros(3)).any()
+    assert not jets.efforts(np.zeros(3)).any()
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -118,10 +118,10 @@ def test_away_from_singularities_gyros_give_the_torque_whatever_their_null_motio
     for _ in range(100):
         torque, angles = 0.3 * rng.standard_normal(3), rng.uniform(-0.5, 0.5, 4)
         efforts = gyros.efforts(torque, angles, 0.0)
-        np.testing.assert_allclose(gyros.levers(angles) @ efforts, torque, atol=1e-12)
+        np.testing.assert_allclose(gyros.torque_matrix(angles) @ efforts, torque, atol=1e-12)
     huge = gyros.efforts(90.0 * torque, angles, 0.0)
     assert abs(huge).max() <= 2.0 * (1.0 + 1e-12)
-    given = gyros.levers(angles) @ huge
+    given = gyros.torque_matrix(angles) @ huge
     assert np.linalg.norm(np.cross(given, torque)) < 1e-9 * np.linalg.norm(torque)
 
 
@@ -151,7 +151,7 @@ def test_null_motion_brings_gimbals_back_without_a_torque() -> None:
     given = np.zeros(3)
     for k in range(2000):
         effort = gyros.efforts(np.zeros(3), angles, 0.02 * k)
-        given = np.maximum(given, abs(gyros.levers(angles) @ effort))
+        given = np.maximum(given, abs(gyros.torque_matrix(angles) @ effort))
         angles = angles - 0.02 * effort
     assert given.max() < 1e-12
     assert abs(angles).max() < 1e-3

@@ -13,9 +13,9 @@ from flexslew_control.analysis.linear_plant import PlantPath as Way
 from flexslew_control.analysis.linear_plant import continuous_plant, sampled_plant
 from flexslew_control.analysis.model_file import save_model
 from flexslew_control.analysis.nonlinear_plant import nonlinear_system, start_of
-from flexslew_control.analysis.rest import Rest, rest_of, small_motions
+from flexslew_control.analysis.rest import Rest, linear_matrices, rest_of
 from flexslew_control.analysis.signals import inputs_of, outputs_of
-from flexslew_lab.trial.sources import read_trial, shipped_trials
+from flexslew_lab.trial.sources import example_trials, read_trial
 from flexslew_lab.trial.trial import plant_of
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.schedule import ScheduleEntry
@@ -28,7 +28,7 @@ from flexslew_plant.testbeds import TESTBEDS, read_testbed
 from flexslew_plant.testbeds.instruments.instrument import channels
 
 OWN = f"{Path(__file__).parents[3] / 'docs/examples/three_joints.py'}:ThreeJoints"
-TRIALS = [trial.name for trial in shipped_trials()]
+TRIALS = [trial.name for trial in example_trials()]
 KINDS = [*(kind for kind in TESTBEDS if kind != "spacecraft"), OWN]
 PUSHED = {
     "kind": "spacecraft",
@@ -77,7 +77,7 @@ def flown(bench: Bench, rest: Rest, z: np.ndarray, effort: np.ndarray) -> np.nda
     bench.reset()
     bench.tick, bench._x = round(rest.time / bench.settings.period), start
     bench._applied = effort  # an accelerometer feels what was applied
-    bench._ask()
+    bench._start_tick()
     seen = bench.question
     bench.offer(EffortCommand(seen.tick, seen.epoch, seen.controller, effort))
     bench.advance()
@@ -135,7 +135,7 @@ def test_the_continuous_model_is_the_slope_of_the_motion(
 ) -> None:
     rest = rest_for(testbed, number)
     model, n = rest.model, rest.model.coordinates
-    a, b = small_motions(rest)
+    a, b = linear_matrices(rest)
     into = model.position_rates(rest.q, rest.time)
 
     def motion(z: np.ndarray, effort: np.ndarray) -> np.ndarray:
@@ -260,7 +260,7 @@ def test_friction_that_is_stiff_beside_a_tick_is_in_the_sampled_model_as_in_the_
     testbed = plant_of(read_trial("own_spacecraft")[0]).testbed
     settings = ActuatorSettings(**friction)
     rest, h = rest_of(testbed), 1e-6  # of the wheel's rate, within the speed of dry friction
-    n, wheel = rest.model.coordinates, rest.model.own_motors.rate[0] - rest.model.positions
+    n, wheel = rest.model.coordinates, rest.model.resolved_motors.rate[0] - rest.model.positions
     bench = Bench(BenchSettings(testbed=testbed, period=period, active="x", actuator=settings))
     model = sampled_plant(rest, Way(period, settings))
     along, effort = np.eye(2 * n)[n + wheel], np.ones(1)

@@ -15,14 +15,14 @@ from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
 from flexslew_control.analysis.loop import ControlLoop, loop_of, visible_poles
 from flexslew_control.analysis.loop_margins import (
     ChannelMargins,
-    Swept,
+    LoopFrequencyResponse,
     _best_scaling,
     _scaled,
     channel_margins,
     disk_margins,
+    frequency_response,
+    mu_bounds,
     peaks,
-    structured,
-    swept,
 )
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import rest_of
@@ -82,7 +82,7 @@ def test_just_inside_of_a_margin_the_loop_is_stable_and_just_outside_it_is_not(
     if radius(rest, form, path) >= 1.0:
         assert (law, actuator) != ("pd_feedforward", "ideal")
         return  # there is nothing to be kept
-    sweep, m = swept(found), found.efforts
+    sweep, m = frequency_response(found), found.efforts
     for k, name in enumerate(found.effort_names):
         margins, one = channel_margins(sweep, name), np.eye(m)[k]
         assert margins.gain_down < 1.0 < margins.gain_up
@@ -102,7 +102,7 @@ def test_just_inside_of_a_margin_the_loop_is_stable_and_just_outside_it_is_not(
 
 def test_a_loop_of_one_channel_has_python_control_s_disk_margin_and_peaks() -> None:
     _, _, found = loop("hub", "pd_feedforward", PlantPath(0.01))
-    sweep = swept(found)
+    sweep = frequency_response(found)
     disk = disk_margins(sweep, found.effort_names)
     system = found.opened(found.effort_names).state_space()
     theirs = control.disk_margins(system, sweep.grid)
@@ -118,7 +118,7 @@ def test_the_bound_of_mu_is_slicot_s() -> None:
     rng = np.random.default_rng(9)
     for size in (2, 3, 5):
         m = rng.standard_normal((20, size, size)) + 1j * rng.standard_normal((20, size, size))
-        for one, osborne in zip(m, structured(m), strict=True):
+        for one, osborne in zip(m, mu_bounds(m), strict=True):
             ones = np.ones(size, dtype=np.int32)
             bound = ctrlsys.ab13md(np.asfortranarray(one), ones, 2 * ones)[0]
             value = _scaled(one, _best_scaling(one))
@@ -129,14 +129,16 @@ def test_the_bound_of_mu_is_slicot_s() -> None:
 
 def test_a_disk_margin_keeps_every_gain_and_phase_inside_of_it() -> None:
     rest, form, found = loop("csa, .5", "pd_feedforward", PlantPath(0.01))
-    disk = disk_margins(swept(found), found.effort_names)
+    disk = disk_margins(frequency_response(found), found.effort_names)
     rng = np.random.default_rng(3)
     for _ in range(40):
         gain = disk.gain ** rng.uniform(-0.999, 0.999, 2)
         assert radius(rest, form, PlantPath(0.01, gain=gain)) < 1.0
 
 
-def held_joint(stiffness: float, kp: float, kd: float, ki: float) -> tuple[Swept, ChannelMargins]:
+def held_joint(
+    stiffness: float, kp: float, kd: float, ki: float
+) -> tuple[LoopFrequencyResponse, ChannelMargins]:
     """Return the loop of q'' + stiffness q = u under a sampled PID, and its margins at the effort.
 
     The integral is of the position before the tick.
@@ -149,7 +151,7 @@ def held_joint(stiffness: float, kp: float, kd: float, ki: float) -> tuple[Swept
     one = np.ones((1, 1))
     law = Lti(one, np.array([[-period * ki, 0.0]]), one, np.array([[-kp, -kd]]), read, effort,
               ("s",), period)  # fmt: skip
-    sweep = swept(loop_of(bench, law))
+    sweep = frequency_response(loop_of(bench, law))
     return sweep, channel_margins(sweep, "effort.it")
 
 
@@ -192,7 +194,7 @@ def test_the_delay_margin_of_a_mode_that_is_seen_weakly_is_found(coupling: float
     it, rest = build_controller("it", "collocated_pid", gains, described, "h"), rest_of(testbed)
     form, path = running_law(it, rest, described.effort_limit).form, PlantPath(0.1, LATE)
     found = loop_of(sampled_plant(rest, path, applied=True), form)
-    margins = channel_margins(swept(found), "effort.hub")
+    margins = channel_margins(frequency_response(found), "effort.hub")
     late = np.array([margins.delay / 0.1])
     for share in np.linspace(0.05, 0.99, 12):
         assert radius(rest, form, replace(path, delay=share * late)) < 1.0

@@ -9,7 +9,7 @@ from flexslew_control.controllers.by_joint.pd_feedforward import PdFeedforward
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Law, MeasuredJoints
 from flexslew_control.plan import Plan
-from flexslew_plant.events import EstimateBegan
+from flexslew_plant.events import EstimateStarted
 from flexslew_plant.measurement import Measurement
 
 JOINTS, PERIOD = ("base_yaw", "hub_pitch"), 0.01
@@ -123,7 +123,7 @@ def test_a_gap_and_a_new_epoch_start_the_estimator_again() -> None:
         one.observe(question(tick))
     one.observe(question(0, epoch=1))
     assert estimator.resets == [(0, 0), (0, 5), (1, 0)]
-    assert [(event.tick, event.what) for event in one.events] == [(5, EstimateBegan("a", False))]
+    assert [(event.tick, event.what) for event in one.events] == [(5, EstimateStarted("a", False))]
 
 
 def test_one_that_comes_in_flight_says_where_its_estimator_begins() -> None:
@@ -131,7 +131,7 @@ def test_one_that_comes_in_flight_says_where_its_estimator_begins() -> None:
     one.observe(question(3))
     successor.take_over(one)
     successor.observe(question(4))
-    assert [(event.tick, event.what) for event in one.events] == [(3, EstimateBegan("a", True))]
+    assert [(event.tick, event.what) for event in one.events] == [(3, EstimateStarted("a", True))]
     assert not successor.events
 
 

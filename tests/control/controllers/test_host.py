@@ -28,7 +28,7 @@ def standing(
     law: str = "pd_feedforward", plant: PlantDescription = CSA, **values: Any
 ) -> ControllerHost:
     host = ControllerHost("mine", values)
-    host.announce(builder(law, plant), 2)
+    host.notify(builder(law, plant), 2)
     return host
 
 
@@ -66,13 +66,13 @@ def test_settings_that_fit_no_testbed_at_all_are_bad_input() -> None:
 
 def test_before_another_testbed_it_adapts_or_is_not_ready_with_the_reason() -> None:
     host = standing(kp=[400.0, 500.0])
-    host.announce(builder("pd_feedforward", OSCILLATOR), 2)
+    host.notify(builder("pd_feedforward", OSCILLATOR), 2)
     assert str(host.reason).startswith("it does not fit this testbed: ")
     assert host.observe(question(0, joints=1)) is None
-    host.announce(builder("pd_feedforward", CSA), 2)
+    host.notify(builder("pd_feedforward", CSA), 2)
     assert host.reason is None
     free = standing(kp=[400.0])
-    free.announce(builder("pd_feedforward", OSCILLATOR), 2)
+    free.notify(builder("pd_feedforward", OSCILLATOR), 2)
     assert free.reason is None
     assert free.observe(question(0)) is None  # of the testbed before
     assert effort(free, 0, joints=1).shape == (1,)
@@ -147,14 +147,14 @@ def test_a_plant_that_comes_back_flies_the_plan_of_tick_0_and_none_of_the_flight
     host.observe(question(0))
     host.observe(question(1))
     assert host.adopt(replace(first, start=1.0, position=first.position + 0.001), True) is None
-    host.announce(builder("pd_feedforward", CSA), 2)
+    host.notify(builder("pd_feedforward", CSA), 2)
     assert (host.plan, host.plan_hash) == (first, plan_hash(first))
     without = standing()
     without.observe(question(0, position=first.position[0].max()))
     without.observe(question(1))
     assert without.adopt(replace(first, start=1.0), True) is None
-    without.announce(builder("pd_feedforward", OSCILLATOR), 2)
-    without.announce(builder("pd_feedforward", CSA), 2)
+    without.notify(builder("pd_feedforward", OSCILLATOR), 2)
+    without.notify(builder("pd_feedforward", CSA), 2)
     assert (without.plan, without.plan_hash, without.reason) == (None, "", None)
 
 
@@ -184,7 +184,7 @@ def test_a_reset_while_a_design_is_made_leaves_it_for_tick_0_or_refuses_it(later
         host.observe(question(0, epoch=1))
         return made
 
-    done = host.tune({"kp": [500.0, 500.0]}, tick=later, beside=beside)
+    done = host.tune({"kp": [500.0, 500.0]}, tick=later, executor=beside)
     assert done.ok is not bool(later)
     if later:
         assert str(done.refused) == "the bench was reset meanwhile"
@@ -228,10 +228,10 @@ def test_a_question_of_another_size_is_not_heard(field: str, size: int) -> None:
 def test_a_plan_is_taken_from_the_next_question_on() -> None:
     plan, *others = (make_plan(ReferenceOnly(start=at), CSA) for at in (6.0, 5.0, 5.5, 5.7))
     host = ControllerHost("mine", {})
-    assert (host.plans_taken, host.plan_from) == (0, (0, 0))
+    assert (host.plan_count, host.plan_from) == (0, (0, 0))
     host.adopt(plan)  # kept for the testbed to come
-    host.announce(builder("pd_feedforward", CSA), 2)
-    assert (host.plans_taken, host.plan_hash, host.plan_from) == (1, plan_hash(plan), (0, 0))
+    host.notify(builder("pd_feedforward", CSA), 2)
+    assert (host.plan_count, host.plan_hash, host.plan_from) == (1, plan_hash(plan), (0, 0))
     asked = -1
     for (epoch, tick), each in zip(((0, 0), (0, 41), (1, 3)), others, strict=True):
         for number in range(0 if epoch else asked + 1, tick + 1):
@@ -244,9 +244,9 @@ def test_a_plan_is_taken_from_the_next_question_on() -> None:
         host.adopt(late)
     )  # refused, so the other one is followed
     taken = 5  # the reset took that of tick 0 again
-    assert (host.plans_taken, host.plan_hash, host.plan_from) == (taken, plan_hash(each), (1, 4))
-    host.announce(builder("pd_feedforward", CSA), 2)  # another plant, in its first epoch
-    assert (host.plans_taken, host.plan_hash, host.plan_from) == (taken, plan_hash(late), (0, 0))
+    assert (host.plan_count, host.plan_hash, host.plan_from) == (taken, plan_hash(each), (1, 4))
+    host.notify(builder("pd_feedforward", CSA), 2)  # another plant, in its first epoch
+    assert (host.plan_count, host.plan_hash, host.plan_from) == (taken, plan_hash(late), (0, 0))
 
 
 def test_a_plan_that_is_told_again_is_no_other_plan() -> None:
@@ -258,7 +258,7 @@ def test_a_plan_that_is_told_again_is_no_other_plan() -> None:
             host.observe(question(tick, epoch))
         assert host.adopt(plan) is None  # whose start is over
         assert host.reason is None
-        assert (host.plans_taken, host.plan_from) == (1, (0, 0))
+        assert (host.plan_count, host.plan_from) == (1, (0, 0))
 
 
 def test_nested_settings_are_merged() -> None:
@@ -277,7 +277,7 @@ def test_questions_are_answered_while_a_design_is_made() -> None:
         answered.extend(host.observe(question(tick)) for tick in range(1, 8))
         return make()
 
-    done = host.tune({"kp": [100.0, 100.0]}, tick=3, beside=beside)
+    done = host.tune({"kp": [100.0, 100.0]}, tick=3, executor=beside)
     assert all(answer is not None for answer in answered)
     assert (done.tick, done.message) == (8, "kp: [100.0, 100.0] from tick 8 on")
     assert not host.events

@@ -9,23 +9,28 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.spatial.transform import Rotation
 from tests.representatives import representatives
 
-from flexslew_control.analysis.loop_margins import Swept, _balanced, _best_scaling, _scaled
+from flexslew_control.analysis.loop_margins import (
+    LoopFrequencyResponse,
+    _balanced,
+    _best_scaling,
+    _scaled,
+)
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.lqr import GainSchedule, ScaledWeights, scaled_problem
-from flexslew_control.free_platform import rate_readings
+from flexslew_control.free_platform import rate_outputs
 from flexslew_control.law import PlantDescription, Reference
-from flexslew_control.turning_platform import TurningPlatform, turning_platform
-from flexslew_lab.analysis.analysis import analysed
-from flexslew_lab.analysis.proof import proved
+from flexslew_control.rate_dependent_platform import RateDependentPlatform, rate_dependent_platform
+from flexslew_lab.analysis.analysis import loop_analysis
+from flexslew_lab.analysis.proof import verify_margins
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_of_values
-from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.attitude import turn_between
+from flexslew_plant.testbeds.attitude import relative_rotation
 from flexslew_plant.yaml_data import load_yaml
 
 TORQUES = {
@@ -37,7 +42,7 @@ M, PERIOD = len(TORQUES), 0.02  # [s]
 
 def craft_values(kind: str) -> dict[str, Any]:
     """Return the craft of three_axes: by its wheels, by torques, or by torques without panels."""
-    values: dict[str, Any] = shipped_values("three_axes")["testbed"]
+    values: dict[str, Any] = example_values("three_axes")["testbed"]
     if kind != "wheels":
         values |= {"actuators": TORQUES, "wheels": {}}
     if kind == "rigid":
@@ -50,9 +55,9 @@ def craft(kind: str) -> Any:
     return read_testbed(craft_values(kind), "here")
 
 
-def platform(kind: str) -> TurningPlatform:
+def platform(kind: str) -> RateDependentPlatform:
     model = craft(kind).model()
-    found = turning_platform(model, model.rest({}))
+    found = rate_dependent_platform(model, model.rest({}))
     assert found is not None
     return found
 
@@ -62,7 +67,7 @@ def test_the_deviation_of_a_turning_craft_is_what_two_flights_differ_by(kind: st
     """A(w) is of an instant, from the Jacobian; a second of two whole flights is compared."""
     model, p = craft(kind).model(), platform(kind)
     n, rest, w = p.small.coordinates, model.rest({}), np.array([0.04, -0.08, 0.06])
-    platform_alone = np.linalg.pinv(rate_readings(model, rest))
+    platform_alone = np.linalg.pinv(rate_outputs(model, rest))
     mass = model.mass_matrix(rest)
 
     def moving(turn: Vector, rates: Vector) -> Vector:
@@ -83,7 +88,7 @@ def test_the_deviation_of_a_turning_craft_is_what_two_flights_differ_by(kind: st
         nominal, off = (model.advance(x, np.zeros(M), PERIOD) for x in (nominal, off))
         turns = [Rotation.from_quat(x[3:7]).as_rotvec() for x in (nominal, off)]
         rates = [model.joint_state(x)[1] for x in (nominal, off)]
-        flown[k] = np.concatenate((turn_between(turns[0], turns[1]), rates[1] - rates[0]))
+        flown[k] = np.concatenate((relative_rotation(turns[0], turns[1]), rates[1] - rates[0]))
         told[k] = z[[*range(M), *range(n, n + M)]]
     worst = np.abs(told - flown).max()
     assert worst < 1e-3 * np.abs(flown).max()  # deflections of the nominal motion are left out
@@ -119,7 +124,7 @@ def test_gains_stand_between_those_of_two_points_of_the_plan() -> None:
 
     def reference(tick: int) -> Reference:
         none = np.zeros(M)
-        return Reference(none, np.array([1e-3, -2e-3, 1e-3]) * tick, none, NOTHING)
+        return Reference(none, np.array([1e-3, -2e-3, 1e-3]) * tick, none, EMPTY)
 
     ends = [schedule.about(reference(tick).velocity) for tick in (50, 100)]
     np.testing.assert_array_equal(schedule.at(reference, 50), ends[0])
@@ -162,7 +167,7 @@ LAWS: dict[str, Any] = {
 def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
     law: str, kind: str, schedule: list[Any], left: float, tmp_path: Path
 ) -> None:
-    values = shipped_values("three_axes") | {
+    values = example_values("three_axes") | {
         "testbed": craft_values(kind) | {"initial": START},
         "plan": {"method": "time_optimal", "goal": FAR, "reserve": 0.2},
         "controllers": {law: LAWS[law]},
@@ -191,7 +196,7 @@ def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
     assert abs(metrics["residual_tip_deflection"] - promised) < 1e-9
 
 
-def no_other_scaling_is_better(sweep: Swept, names: tuple[str, ...]) -> None:
+def no_other_scaling_is_better(sweep: LoopFrequencyResponse, names: tuple[str, ...]) -> None:
     """Look around the minima of mu's bound: it is convex, and singular values are equal there."""
     rng = np.random.default_rng(11)
     reach = np.repeat(np.geomspace(1e-4, 1.0, 20), 20)[:, None]
@@ -220,15 +225,15 @@ def test_margins_stand_where_the_panels_are_not_as_believed_and_are_flown(
 ) -> None:
     """Disk margins at the input stay near those of the panels as they are believed."""
     values = {"plan": {"method": "none"}, "controllers": {law: settings}, "active": law}
-    what = trial_of_values(shipped_values("three_axes") | values, "here")
-    found = analysed(what, "here")
+    what = trial_of_values(example_values("three_axes") | values, "here")
+    found = loop_analysis(what, "here")
     assert {other.stiffness for other in found.others} == {0.8, 1.0, 1.2}
     assert found.worst is not None
     assert found.worst.alpha > least
     assert found.disks["output"].alpha > least_at_sensors
     for disk in found.disks.values():
         no_other_scaling_is_better(found.sweep, disk.names)
-    proof = proved(what, found)
+    proof = verify_margins(what, found)
     assert proof.holds
     assert {(one.channel, one.kind) for one in proof.margins} >= {
         (f"effort.{joint}", kind) for joint in TORQUES for kind in ("gain up", "delay")

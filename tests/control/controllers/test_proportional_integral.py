@@ -32,7 +32,7 @@ def test_the_closed_loop_has_the_poles_of_the_augmented_regulator(pitch: float) 
     linear = linearisation(pitch)
     gains = design(linear, ScaledWeights())
     poles = np.sort_complex(np.linalg.eigvals(closed_loop(linear, gains)).round(9))
-    designed = np.sort_complex(gains.designed_poles.round(9))
+    designed = np.sort_complex(gains.design_poles.round(9))
     for pole in poles:
         assert abs(designed - pole).min() < 1e-8
     for pole in designed:

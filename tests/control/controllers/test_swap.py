@@ -8,7 +8,7 @@ from tests.plants import plant
 from tests.representatives import representatives
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
-from flexslew_lab.run.in_process import Observer, fly
+from flexslew_lab.run.in_process import Observer, run_bench
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.settings import validated
 
@@ -28,19 +28,19 @@ class Seen(Observer):
     """Everything that went over the topics."""
 
     def __init__(self) -> None:
-        self.questions: list[Any] = []
-        self.answers: list[Any] = []
-        self.truths: list[Any] = []
+        self.measurements: list[Any] = []
+        self.responses: list[Any] = []
+        self.truth_log: list[Any] = []
         self.events: list[Any] = []
 
     def question(self, question: Any) -> None:
-        self.questions.append(question)
+        self.measurements.append(question)
 
     def answer(self, answer: Any) -> None:
-        self.answers.append(answer)
+        self.responses.append(answer)
 
     def truth(self, truth: Any) -> None:
-        self.truths.append(truth)
+        self.truth_log.append(truth)
 
     def event(self, event: Any) -> None:
         self.events.append(event)
@@ -66,7 +66,7 @@ def swap(outgoing: Any, incoming: Any) -> Any:
     }
     bench = Bench(validated(BenchSettings, values, "test"))
     seen = Seen()
-    fly(bench, {name: built(name) for name in (outgoing, incoming)}, seen)
+    run_bench(bench, {name: built(name) for name in (outgoing, incoming)}, seen)
     return seen
 
 
@@ -77,8 +77,8 @@ def test_a_swap_misses_no_tick_and_has_no_step(outgoing: Any, incoming: Any) -> 
     assert swapped.tick == TICK
     assert (swapped.data["from"], swapped.data["to"]) == (outgoing, incoming)
     assert not seen.of("missed")
-    assert [answer.command.tick for answer in seen.answers] == list(range(250))
-    applied = np.array([truth.applied_effort for truth in seen.truths])
+    assert [answer.command.tick for answer in seen.responses] == list(range(250))
+    applied = np.array([truth.applied_effort for truth in seen.truth_log])
     assert np.abs(applied[TICK]).min() > 0.5  # there is an effort to take over
     rounding = 1e-12 * np.abs(applied[TICK]).max()
     assert np.abs(swapped.data["effort_step"]).max() <= rounding
@@ -95,7 +95,7 @@ def test_a_swap_misses_no_tick_and_has_no_step(outgoing: Any, incoming: Any) -> 
 @pytest.mark.parametrize("incoming", LAWS)
 def test_only_a_law_without_a_free_state_is_blended_in(incoming: Any) -> None:
     outgoing = "lqr" if incoming == "pd_feedforward" else "pd_feedforward"
-    answers = swap(outgoing, incoming).answers
+    answers = swap(outgoing, incoming).responses
     blends = [answer.terms.get("handover") for answer in answers]
     assert all(blend is None for blend in blends[:TICK] + blends[TICK + 100 :])
     sizes = [0.0 if b is None else float(np.abs(b).max()) for b in blends[TICK : TICK + 100]]
@@ -110,8 +110,8 @@ def test_a_standby_is_as_warm_as_if_it_had_been_in_charge_all_along(incoming: An
     outgoing = "lqr" if incoming == "pd_feedforward" else "pd_feedforward"
     seen = swap(outgoing, incoming)
     alone = built(incoming)
-    for question in seen.questions[: TICK + 1]:
+    for question in seen.measurements[: TICK + 1]:
         expected = alone.observe(question._replace(controller=incoming)).estimate
-    found = seen.answers[TICK].estimate
+    found = seen.responses[TICK].estimate
     for one, other in zip(found, expected, strict=True):
         assert np.array_equal(one, other)

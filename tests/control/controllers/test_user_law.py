@@ -12,7 +12,7 @@ from tests.plants import plant
 
 from flexslew_control.controllers import build_controller, settings_text, user_law
 from flexslew_control.law import Estimate, PlantDescription
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_plant import own_code
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput
@@ -138,7 +138,7 @@ def flown(mine: Any, duration: float = 1.0, **more: Any) -> tuple[Any, Any]:
     }
     bench = Bench(validated(BenchSettings, values, "test"))
     spare = controller("pd_feedforward", "pd_feedforward")
-    fly(bench, {"mine": mine, "pd_feedforward": spare})
+    run_bench(bench, {"mine": mine, "pd_feedforward": spare})
     return bench, list(bench.events)
 
 
@@ -332,14 +332,14 @@ class Counting(Steady):
 
     def __init__(self, settings: Any, period: Any, effort_limit: Any) -> None:
         super().__init__(settings, period, effort_limit)
-        self.asked = 0
+        self.request = 0
 
     def update(self, measurement: Any, estimate: Any, reference: Any) -> list[Any]:
-        self.asked += 1
+        self.request += 1
         HEARD.append(measurement.tick)
         if self.settings.get("raises"):
             raise RuntimeError("not in the mood")
-        return [float(self.asked), 0.0]
+        return [float(self.request), 0.0]
 
 
 HEARD: list[Any] = []

@@ -16,13 +16,13 @@ from flexslew_control.estimators.attitude_estimator import (
 )
 from flexslew_control.estimators.attitude_filter import GyroNoise, RigidFilter
 from flexslew_control.law import Reference
-from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.attitude import AttitudeJoints, rotation_vector
 from flexslew_plant.testbeds.instruments import (
+    BodyState,
     Gyro,
     GyroSettings,
-    MovingBody,
     StarTracker,
     StarTrackerSettings,
     SunSensor,
@@ -93,9 +93,9 @@ def sensed(
     )  # fmt: skip
     rows = []
     for k, (q, w) in enumerate(zip(path.as_quat(), rates, strict=True)):
-        tip = np.concatenate([read(MovingBody(q, w)) for _, read in readers])
+        tip = np.concatenate([read(BodyState(q, w)) for _, read in readers])
         still = np.zeros(3)
-        it.expect(Reference(still, still, still, NOTHING))
+        it.expect(Reference(still, still, still, EMPTY))
         seen = Measurement(k, 0, k * PERIOD, "", still, still, tip, np.zeros(tip.size), still)
         if k == 0:
             it.reset(seen)

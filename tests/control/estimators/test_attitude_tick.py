@@ -15,13 +15,13 @@ from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
 )
 from flexslew_control.estimators.attitude_filter import (
-    Belief,
+    AttitudeEstimate,
     GyroNoise,
     RigidFilter,
-    across,
-    corrected_by_attitude,
-    corrected_by_direction,
-    propagated,
+    correct_by_attitude,
+    correct_by_direction,
+    cross_axes,
+    propagate,
 )
 from flexslew_control.estimators.attitude_tick import (
     AttitudeNumbers,
@@ -31,14 +31,14 @@ from flexslew_control.estimators.attitude_tick import (
     numbers_of,
 )
 from flexslew_control.law import Reference
-from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.attitude import AttitudeJoints, skew
 from flexslew_plant.testbeds.instruments import (
+    BodyState,
     Gyro,
     GyroSettings,
     Instrument,
-    MovingBody,
     StarTracker,
     StarTrackerSettings,
     SunSensor,
@@ -105,7 +105,7 @@ def flight(rng: np.random.Generator, it: AttitudeEstimator, sensors: list[Instru
         rate = 0.97 * rate + 0.02 * rng.standard_normal(3)
         attitude = attitude * Rotation.from_rotvec(PERIOD * rate)
         for one, read in zip(sensors, readers, strict=True):
-            tips[k, channels(one)] = read(MovingBody(attitude.as_quat(), rate))
+            tips[k, channels(one)] = read(BodyState(attitude.as_quat(), rate))
             if one is not it.gyro and rng.random() < 0.05:
                 tips[k, channels(one)] = rng.choice([np.nan, 0.0])
     moved = np.cumsum(0.05 * rng.standard_normal((TICKS, joints)), axis=0)
@@ -119,7 +119,7 @@ def estimated(it: AttitudeEstimator, flown: Flight) -> Matrix:
     for k, (tips, measured, reference) in enumerate(zip(*flown, strict=True)):
         position, velocity = np.split(measured, 2)
         still = np.zeros(len(position))
-        it.expect(Reference(reference, still, still, NOTHING))
+        it.expect(Reference(reference, still, still, EMPTY))
         seen = Measurement(k, 0, k * PERIOD, "", position, velocity, tips, tips, still)
         if k == 0:
             it.reset(seen)
@@ -164,15 +164,20 @@ def test_lanes_beside_each_other_have_constants_of_their_own() -> None:
             np.testing.assert_array_equal(part, expected)
 
 
-def belief(rng: np.random.Generator) -> Belief:
+def belief(rng: np.random.Generator) -> AttitudeEstimate:
     """Return any belief."""
     root = np.diag([1e-4] * 3 + [1e-5] * 3) @ rng.standard_normal((6, 6))
     attitude = Rotation.random(random_state=rng).as_quat()
-    return Belief(attitude, 1e-3 * rng.standard_normal(3), root @ root.T)
+    return AttitudeEstimate(attitude, 1e-3 * rng.standard_normal(3), root @ root.T)
 
 
 def require_kalman(
-    before: Belief, after: Belief, shows: Matrix, noise: Matrix, innovation: Vector, nis: float
+    before: AttitudeEstimate,
+    after: AttitudeEstimate,
+    shows: Matrix,
+    noise: Matrix,
+    innovation: Vector,
+    nis: float,
 ) -> None:
     """Require the correction that the textbook has, in the form P - K H P."""
     p, h = before.covariance, np.hstack((shows, np.zeros_like(shows)))
@@ -196,15 +201,15 @@ def test_corrections_are_those_of_a_kalman_filter(seed: int) -> None:
     true, noise = Rotation.from_quat(it.attitude), root @ root.T + 1e-9 * np.eye(3)
     off = 1e-3 * rng.standard_normal(3)
     measured = rng.choice([-1.0, 1.0]) * (true * Rotation.from_rotvec(off)).as_quat()
-    told = corrected_by_attitude(it, measured, noise)
+    told = correct_by_attitude(it, measured, noise)
     np.testing.assert_allclose(told.innovation, off, rtol=1e-11)
     require_kalman(it, told.belief, np.eye(3), noise, told.innovation, told.nis)
     inertial = rng.standard_normal(3)
     inertial /= np.linalg.norm(inertial)
     seen, sigma = true.inv().apply(inertial), 1e-4
     read = seen + 1e-4 * rng.standard_normal(3)
-    two = across(seen)
-    told = corrected_by_direction(it, read, inertial, sigma)
+    two = cross_axes(seen)
+    told = correct_by_direction(it, read, inertial, sigma)
     np.testing.assert_allclose(told.innovation, two @ read, atol=1e-15)
     shows, flat = two @ skew(seen), sigma**2 * np.eye(2)
     require_kalman(it, told.belief, shows, flat, told.innovation, told.nis)
@@ -216,7 +221,7 @@ def test_a_belief_is_carried_as_farrenkopf_has_it(seed: int) -> None:
     it, noise, dt = belief(rng), GyroNoise(2e-4, 3e-6), 0.1
     reading = 0.3 * rng.standard_normal(3)
     turn = (reading - it.bias) * dt
-    after = propagated(it, reading, noise, dt)
+    after = propagate(it, reading, noise, dt)
     q = (Rotation.from_quat(it.attitude) * Rotation.from_rotvec(turn)).as_quat()
     np.testing.assert_allclose(after.attitude * np.sign(after.attitude @ q), q, atol=1e-15)
     step = np.eye(6)
@@ -236,4 +241,4 @@ def test_a_belief_is_carried_as_farrenkopf_has_it(seed: int) -> None:
 def test_two_directions_are_across_the_third_as_in_its_svd(seed: int) -> None:
     seen = np.random.default_rng([seed, 3]).standard_normal(3)
     seen = np.sign(seen) * np.eye(3)[seed % 3] if seed < 6 else seen / np.linalg.norm(seen)
-    np.testing.assert_allclose(across(seen), np.linalg.svd(seen[None])[2][1:], atol=1e-14)
+    np.testing.assert_allclose(cross_axes(seen), np.linalg.svd(seen[None])[2][1:], atol=1e-14)

@@ -17,12 +17,12 @@ from flexslew_control.estimators.flexible_attitude_filter import (
     FlexibleFilter,
     flexible_filter,
 )
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.attitude import conjugate, product, quaternion, rotation_vector
-from flexslew_plant.testbeds.instruments import Gyro, GyroSettings, MovingBody
+from flexslew_plant.testbeds.instruments import BodyState, Gyro, GyroSettings
 from flexslew_plant.testbeds.instruments.gyro import BIAS as OWN_BIAS
 from flexslew_plant.testbeds.instruments.instrument import TickReader
 
@@ -35,7 +35,7 @@ TORQUE = np.array([0.2, -0.15, 0.1])  # of the slew, then back [N m]
 
 
 def craft(name: str = "three_axes", settings: AppendageModesSettings = SETTINGS) -> FlexibleFilter:
-    model = read_testbed(shipped_values(name)["testbed"], "testbed").model()
+    model = read_testbed(example_values(name)["testbed"], "testbed").model()
     return flexible_filter(model, NOISE, settings, PERIOD)
 
 
@@ -70,25 +70,25 @@ def flown(
 
     def body(x: Vector) -> tuple[Vector, Vector]:
         position, rate = model.joint_state(x)
-        return product(start, it.joints.orientation(position)), it.joints.turn_of(rate)
+        return product(start, it.joints.orientation(position)), it.joints.rotation_vector_of(rate)
 
     def tracked(attitude: Vector) -> Vector:
         return product(attitude, quaternion(TRACKER * rng.standard_normal(3)))
 
     attitude, rate = body(x)
-    belief = chosen.begin(start, reader(MovingBody(attitude, rate)), (1.0, bias))
-    belief = chosen.first_told(belief, tracked(attitude), TRACKER**2 * np.eye(3))
+    belief = chosen.begin(start, reader(BodyState(attitude, rate)), (1.0, bias))
+    belief = chosen.initialize_attitude(belief, tracked(attitude), TRACKER**2 * np.eye(3))
     rows = []
     for k in range(ticks):
         effort = slew * TORQUE * (1.0 if k < TICKS // 2 else -1.0)
         pushed = effort + SETTINGS.effort_noise / np.sqrt(PERIOD) * rng.standard_normal(m)
         x = model.advance(x, pushed, PERIOD, 2)
         attitude, rate = body(x)
-        reading = reader(MovingBody(attitude, rate))
-        told = chosen.carried(belief, reading, effort)
+        reading = reader(BodyState(attitude, rate))
+        told = chosen.propagate(belief, reading, effort)
         belief, nis, read = told.belief, told.nis, told.innovation.size
         if k % 2 and k not in BLIND:
-            told = chosen.told_attitude(belief, tracked(attitude), TRACKER**2 * np.eye(3))
+            told = chosen.update_attitude(belief, tracked(attitude), TRACKER**2 * np.eye(3))
             belief, nis, read = told.belief, nis + told.nis, read + 3
         turn = rotation_vector(product(conjugate(belief.attitude), attitude))
         off, nees = rate - chosen.rate(belief, reading), 0.0
@@ -169,7 +169,7 @@ def test_a_craft_that_more_joints_turn_is_refused_with_what_to_do() -> None:
 def test_the_gyro_tells_as_much_where_the_attitude_is_unknown(seed: int) -> None:
     """An attitude known to a radian hides nothing of a gyro that is right to 1e-5 rad/s."""
     rng = np.random.default_rng(seed)
-    model = read_testbed(shipped_values("three_axes")["testbed"], "testbed").model()
+    model = read_testbed(example_values("three_axes")["testbed"], "testbed").model()
     it = flexible_filter(model, GyroNoise(2e-6, 0.0), SETTINGS, 0.02)
     efforts, readings = 0.2 * rng.standard_normal((8, 3)), 1e-2 * rng.standard_normal((8, 3))
     start = Rotation.random(random_state=seed).as_quat()
@@ -177,7 +177,7 @@ def test_the_gyro_tells_as_much_where_the_attitude_is_unknown(seed: int) -> None
     for sigma in (1e-5, 1.0):
         belief = it.begin(start, readings[0], (sigma, BIAS))
         for effort, reading in zip(efforts, readings, strict=True):
-            belief = it.carried(belief, reading, effort).belief
+            belief = it.propagate(belief, reading, effort).belief
         beliefs.append(belief)
     known, unknown = beliefs
     for name in ("attitude", "bias", "modes", "rates"):

@@ -19,7 +19,7 @@ from flexslew_control.estimators.attitude_estimator import (
 )
 from flexslew_control.estimators.attitude_tick import (
     attitude_numbers,
-    tell_joints,
+    write_joints,
 )
 from flexslew_control.estimators.flexible_attitude_filter import AppendageModesSettings
 from flexslew_control.estimators.flexible_attitude_tick import (
@@ -29,12 +29,12 @@ from flexslew_control.estimators.flexible_attitude_tick import (
     flexible_tick,
 )
 from flexslew_control.law import PlantDescription, Reference
-from flexslew_plant.arrays import NOTHING, Matrix
+from flexslew_plant.arrays import EMPTY, Matrix
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
-from flexslew_plant.testbeds.compiled.lanes import LANES
-from flexslew_plant.testbeds.instruments import MovingBody
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
+from flexslew_plant.testbeds.compiled.scalar_kernel import scalar_kernel
+from flexslew_plant.testbeds.instruments import BodyState
 from flexslew_plant.testbeds.instruments.instrument import TickReader, channels
 
 PERIOD, TICKS = 0.1, 120
@@ -115,7 +115,7 @@ def flight(rng: np.random.Generator, craft: dict[str, Any], reference: Matrix) -
         position, rate = model.joint_state(x)
         assert model.attitude is not None
         turned = start * Rotation.from_quat(model.attitude.orientation(position))
-        body = MovingBody(turned.as_quat(), model.attitude.turn_of(rate))
+        body = BodyState(turned.as_quat(), model.attitude.rotation_vector_of(rate))
         for one, read in zip(instruments, readers, strict=True):
             tips[k, channels(one)] = read(body)
             if one.name != "gyro" and rng.random() < 0.05:
@@ -127,7 +127,7 @@ def estimated(it: AttitudeEstimator, flown: Flight) -> Matrix:
     """Return positions and velocities of the joints that the estimator believes, (ticks, 6)."""
     rows, none = [], np.zeros(3)
     for k, (tips, effort, reference) in enumerate(zip(*flown, strict=True)):
-        it.expect(Reference(reference, none, none, NOTHING))
+        it.expect(Reference(reference, none, none, EMPTY))
         seen = Measurement(k, 0, k * PERIOD, "", none, none, tips, 0.0 * tips, effort)
         if k == 0:
             it.reset(seen)
@@ -146,11 +146,11 @@ def ticked(crafts: list[AttitudeEstimator], flights: list[Flight]) -> Matrix:
     forms = [form for it in crafts if (form := flexible_form(it)) is not None]
     known = [form.numbers for form in forms]
     assert forms[0].steps > 1
-    kernel, [steps] = lane_by_lane(forms[0].model), {form.steps for form in forms}
+    kernel, [steps] = scalar_kernel(forms[0].model), {form.steps for form in forms}
     count = len(crafts)
     tick = flexible_tick(kernel, steps)
     memory = np.full((count, flexible_memory(sensors[0], known[0], len(flights[0].tips.T))), 7.0)
-    packed = np.array([known[min(k, count - 1)].packed for k in range(LANES)]).T
+    packed = np.array([known[min(k, count - 1)].packed for k in range(BATCH_WIDTH)]).T
     place = kernel.place(np.ascontiguousarray(packed))
     both, them = side_by_side(sensors), side_by_side(known)
     believed, found = np.empty((count, 7)), np.empty((count, TICKS, 6))
@@ -159,7 +159,7 @@ def ticked(crafts: list[AttitudeEstimator], flights: list[Flight]) -> Matrix:
         reference = flights[0].reference[k]
         tick(k, both, them, told, reference, memory, place, believed, count)
         for lane in range(count):
-            tell_joints(sensors[lane], believed[lane], np.zeros(6), reference, found[lane, k])
+            write_joints(sensors[lane], believed[lane], np.zeros(6), reference, found[lane, k])
     return found
 
 

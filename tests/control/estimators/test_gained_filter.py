@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_control.estimators.gained_filter import gained
+from flexslew_control.estimators.gained_filter import gain_filter
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -17,10 +17,12 @@ def test_gains_known_beforehand_give_the_estimates_of_the_filter() -> None:
     settings = FilterSettings(prediction="linear", effort_noise=0.1, initial_disturbance=0.5)
     estimator, rng = KalmanFilter(model, np.zeros(2), settings, PERIOD), np.random.default_rng(5)
     ticks = 300
-    found = gained(estimator, ticks)
+    found = gain_filter(estimator, ticks)
     assert found is not None
     equations = CsaTestbed(modes=1).model()
-    assert gained(KalmanFilter(equations, np.zeros(3), FilterSettings(), PERIOD), ticks) is None
+    assert (
+        gain_filter(KalmanFilter(equations, np.zeros(3), FilterSettings(), PERIOD), ticks) is None
+    )
     x, effort = np.zeros(len(found.state)), np.zeros(1)
     for tick in range(ticks):
         y = 0.1 * rng.standard_normal(2)

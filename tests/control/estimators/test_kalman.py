@@ -9,7 +9,7 @@ from flexslew_control.estimators.kalman import (
     FilterSettings,
     KalmanFilter,
     continuous_gain,
-    discretised,
+    discrete_model,
 )
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
@@ -120,7 +120,7 @@ def test_continuous_gain_solves_its_riccati_equation() -> None:
 
 def test_discretised_noise_of_a_double_integrator_is_the_closed_form() -> None:
     a, b = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
-    f, g, q = discretised(a, b, np.diag([0.0, 2.0]), 0.1)
+    f, g, q = discrete_model(a, b, np.diag([0.0, 2.0]), 0.1)
     np.testing.assert_allclose(f, [[1.0, 0.1], [0.0, 1.0]])
     np.testing.assert_allclose(g, [[0.005], [0.1]])
     np.testing.assert_allclose(q, 2.0 * np.array([[1e-3 / 3, 5e-3], [5e-3, 0.1]]))
@@ -140,7 +140,7 @@ def test_the_gain_tends_to_the_stationary_one() -> None:
         covariance = estimator.update(measured(tick, y, none)).covariance
     variances = np.square([1e-4, 1e-4, 1e-3, 1e-3])
     gain = covariance[:, [0, 1, 3, 4]] / variances  # K = P+ C^T R^-1
-    expected = estimator.stationary_gain()
+    expected = estimator.steady_state_gain()
     np.testing.assert_allclose(expected, gain, rtol=0.0, atol=0.01 * abs(gain).max())
 
 

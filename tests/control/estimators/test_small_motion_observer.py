@@ -11,9 +11,9 @@ from flexslew_control.estimators.small_motion_observer import (
     SmallMotionObserver,
     observer,
 )
-from flexslew_control.small_motion import moving
+from flexslew_control.small_motion import design_motion
 from flexslew_lab.trial.sources import read_trial
-from flexslew_plant.arrays import NOTHING, Vector
+from flexslew_plant.arrays import EMPTY, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import default_testbed
 
@@ -22,13 +22,13 @@ PERIOD = 0.01
 
 def observer_of(testbed: Any) -> SmallMotionObserver:
     bench = plant(PERIOD, testbed.effort_limit, testbed)
-    found = observer(moving(bench, None), ObserverSettings(), PERIOD)
+    found = observer(design_motion(bench, None), ObserverSettings(), PERIOD)
     assert isinstance(found, SmallMotionObserver)
     return found
 
 
 def reading(tick: int, position: Vector, rate: Vector, effort: Vector) -> Measurement:
-    return Measurement(tick, 0, tick * PERIOD, "", position, rate, NOTHING, NOTHING, effort)
+    return Measurement(tick, 0, tick * PERIOD, "", position, rate, EMPTY, EMPTY, effort)
 
 
 @pytest.mark.parametrize("kind", ["free", "held"])

@@ -83,7 +83,7 @@ def test_a_spring_that_varies_is_moved_in_time() -> None:
     q, v = np.array([0.3]), np.array([0.1])
     for time in (0.0, 0.2, 1.7):
         expected = model.bias(q, v, time + 0.3)
-        np.testing.assert_allclose(model.begun_at(0.3).bias(q, v, time), expected, rtol=1e-12)
+        np.testing.assert_allclose(model.with_time_zero(0.3).bias(q, v, time), expected, rtol=1e-12)
 
 
 def test_what_a_later_slew_leaves_under_a_law_is_that_of_its_own_time() -> None:

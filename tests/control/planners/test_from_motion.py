@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from tests.present import present
 
-from flexslew_control.course import Course
-from flexslew_control.known_motion import AWAY, PREDICTED, KnownMotion, at_rest
+from flexslew_control.course import PlanSequence
+from flexslew_control.known_motion import ATTITUDE_ERROR, PREDICTED, KnownMotion, at_rest
 from flexslew_control.law import ActiveLaw, Reference
 from flexslew_control.plan import Plan
 from flexslew_control.planners.from_motion import predicted_from, state_of
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import (
     Trial,
-    follow,
     load_trial,
     plan_of_trial,
     plant_of,
+    set_plan,
     set_up,
     trial_of_values,
 )
@@ -105,21 +105,21 @@ def test_the_motion_in_flight_is_in_the_promise(bench: str, law: str, method: st
     later = present(plan_of_trial(second))
 
     flown, controllers = set_up(first, "test")
-    assert follow(controllers, law, plan) is None
+    assert set_plan(controllers, law, plan) is None
     model = plant_of(first).testbed.model()
     seen = Seen(model, controllers, round(seen_at / first.period), later)
-    fly(flown, controllers, seen)
+    run_bench(flown, controllers, seen)
     motion = present(seen.motion)
     assert not at_rest(motion, later)
 
-    course, rest = Course(), np.zeros(model.joints)
+    course, rest = PlanSequence(), np.zeros(model.joints)
     course.begin_with(plan)
     hold = Reference(plan.position[0], rest, rest, rest[:0])
     whole = course.before(later, motion.tick, hold)
     active = ActiveLaw(law, LAWS[bench][law])
     found = present(predicted_from(motion, later, whole, plant_of(second), active))
     assert found.summary[PREDICTED] == pytest.approx(seen.tip, rel=1e-6, abs=1e-9)
-    away = [found.summary[AWAY][name] for name in model.joint_names]
+    away = [found.summary[ATTITUDE_ERROR][name] for name in model.joint_names]
     np.testing.assert_allclose(away, seen.away, rtol=1e-6, atol=1e-9)
     if method == "minimax_feedforward":  # which leaves little from rest
         assert seen.tip > 2.0 * later.summary[PREDICTED]

@@ -17,7 +17,7 @@ from tests.representatives import representatives
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, default_testbed, read_testbed
@@ -48,7 +48,7 @@ def law(kp: float, kd: float, **more: Any) -> ActiveLaw:
 
 def wheels(**changes: Any) -> Testbed:
     """Return a craft with panels askew, whose modes answer to all axes."""
-    return read_testbed({**plain(shipped("least_vibration", {}).testbed), **changes}, "here")
+    return read_testbed({**plain(example_trial("least_vibration", {}).testbed), **changes}, "here")
 
 
 def torques() -> Testbed:
@@ -58,12 +58,12 @@ def torques() -> Testbed:
 
 
 def thrusters() -> Testbed:
-    own = plain(shipped("observatory", {}).testbed)
+    own = plain(example_trial("observatory", {}).testbed)
     return wheels(wheels={}, platform=own["platform"], actuators=own["actuators"])
 
 
 def of_trial(name: str) -> Callable[[], Testbed]:
-    return lambda: shipped(name, {}).testbed
+    return lambda: example_trial(name, {}).testbed
 
 
 SKEW, FAR = {"axis": [1.0, 0.5, -0.7], "angle": 0.5}, {"axis": [0.2, 1.0, 0.4], "angle": 1.2}

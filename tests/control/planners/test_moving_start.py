@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from tests.present import present
 
-from flexslew_control.known_motion import PREDICTED, with_motion, with_swing
+from flexslew_control.known_motion import PREDICTED, with_motion, with_tip_motion
 from flexslew_control.plan import Plan
-from flexslew_lab.run.in_process import fly
-from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up, trial_of_values
+from flexslew_lab.run.in_process import run_bench
+from flexslew_lab.trial.trial import Trial, plan_of_trial, set_plan, set_up, trial_of_values
 
 LAWS: dict[str, Any] = {
     "pd_feedforward": {"kp": [0.05], "kd": [0.1]},
@@ -63,9 +63,9 @@ def trial(law: str, rate: float, start: float, method: str, **more: Any) -> Tria
 
 def flown(asked: Trial, plan: Plan) -> Residual:
     bench, controllers = set_up(asked, "test")
-    assert follow(controllers, asked.active, plan) is None
+    assert set_plan(controllers, asked.active, plan) is None
     residual = Residual(plan)
-    fly(bench, controllers, residual)
+    run_bench(bench, controllers, residual)
     return residual
 
 
@@ -100,12 +100,12 @@ def test_the_case_of_a_slew_on_a_moving_bench_is_warned_of() -> None:
 def test_a_swing_of_unknown_state_is_in_the_promise_where_it_is_not_small() -> None:
     plan = present(plan_of_trial(trial("pd_feedforward", 0.0, 0.0, "reference_only")))
     promised = plan.summary[PREDICTED]
-    assert with_swing(plan, 0.05 * promised) is plan
-    swinging = with_swing(plan, 10.0 * promised)
+    assert with_tip_motion(plan, 0.05 * promised) is plan
+    swinging = with_tip_motion(plan, 10.0 * promised)
     assert "the tips swing by " in swinging.summary["warning"]
     assert swinging.summary[PREDICTED] == pytest.approx(11.0 * promised)
     known = with_motion(plan, 2.0 * promised, {"mass": 0.0}, 1.0)
     assert known.summary[PREDICTED] == 2.0 * promised
     assert "the bench moves at 1 s" in known.summary["warning"]
-    assert with_swing(known, 10.0 * promised) is known
+    assert with_tip_motion(known, 10.0 * promised) is known
     assert "warning" not in with_motion(plan, promised, {"mass": 0.0}, 1.0).summary

@@ -14,7 +14,7 @@ from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.one_way import require_one_way
-from flexslew_control.planners.whole_bench import flown_on_bench
+from flexslew_control.planners.whole_bench import simulate_on_bench
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import Testbed, read_testbed
 
@@ -82,7 +82,7 @@ def test_a_plan_for_thrusters_is_within_what_they_give_and_flies(seed: int, meth
     assert plan.effort.min() >= 0.0
     assert (plan.effort <= plant.effort_limit * (1.0 + 1e-9)).all()
     assert plan.summary["peak_effort"] == plan.effort.max(axis=0).tolist()
-    found = flown_on_bench(plan, plant, LAW)
+    found = simulate_on_bench(plan, plant, LAW)
     assert found is not None
     assert found.attitude_error.max() < 1e-4  # the hold of a tick
 

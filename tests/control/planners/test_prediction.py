@@ -12,7 +12,7 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.law import ActiveLaw
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed, CsaVariant
@@ -67,7 +67,7 @@ def flown(plan: Any, testbed: Any, period: Any) -> Any:
     pd = build_controller("pd_feedforward", "pd_feedforward", {}, described, "here")
     assert pd.adopt(plan) is None
     residual = Residual(plan)
-    fly(bench, {"pd_feedforward": pd}, residual)
+    run_bench(bench, {"pd_feedforward": pd}, residual)
     return residual
 
 
@@ -146,7 +146,7 @@ def test_a_law_without_the_planned_gains_can_follow_the_planned_trajectory() -> 
     law = build_controller("lqr", "lqr", {}, plant(testbed=testbed), "here")
     law.adopt(plan)
     residual = Residual(plan)
-    fly(bench, {"lqr": law}, residual)
+    run_bench(bench, {"lqr": law}, residual)
     assert residual.tip < 1e-4
 
 

@@ -8,8 +8,8 @@ from tests.plants import plant
 from tests.present import present
 
 from flexslew_control.planners import plan_settings
-from flexslew_control.planners.remedies import enough_time
-from flexslew_control.planners.slew import Slew, TooMuchTorque, slew_of
+from flexslew_control.planners.remedies import suggest_duration
+from flexslew_control.planners.slew import ExcessTorque, Slew, slew_of
 from flexslew_plant.errors import PlanFailed
 
 
@@ -26,11 +26,11 @@ def test_a_feedback_that_is_too_stiff_at_any_duration_is_told_with_one_that_is_n
     def plan(section: Any, slew: Slew, progress: Any) -> Any:
         tried.append(slew)
         if slew.kp.max() > limit:
-            raise TooMuchTorque("too stiff")
+            raise ExcessTorque("too stiff")
         return None
 
     slew = slew_of(settings, plant(0.05, (150.0, 150.0)), None)
-    told = enough_time(plan, settings, slew)
+    told = suggest_duration(plan, settings, slew)
     if limit < 10.0:
         assert told.endswith("is enough; use a higher effort_limit")
         return

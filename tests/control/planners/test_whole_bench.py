@@ -12,8 +12,8 @@ from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
-from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.reproduce.scole_flights import example_trial
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import feedback_of, plant_of
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput
@@ -71,7 +71,7 @@ def flown(plan: Plan, asked: Asked, law: ActiveLaw | None = None) -> float:
     controller = build_controller("pd_feedforward", name, dict(own), here, "here")
     assert controller.adopt(plan) is None
     residual = Residual(plan)
-    fly(bench, {"pd_feedforward": controller}, residual)
+    run_bench(bench, {"pd_feedforward": controller}, residual)
     return residual.tip
 
 
@@ -137,7 +137,7 @@ def test_a_plan_flies_as_promised_or_warns(method: str, seed: int) -> None:
 
 @pytest.mark.slow
 def test_the_remedy_of_the_warning_leaves_what_it_says() -> None:
-    trial = shipped("own_spacecraft")
+    trial = example_trial("own_spacecraft")
     values = {"method": "time_optimal", "goal": {"roll": 0.3}}
     plan = make_plan(plan_settings(values, "test"), plant_of(trial), feedback_of(trial))
     modes, said = plan.summary["warning"].split("; ")[-1].split("modes: ")[1].split("} leaves ")
@@ -205,7 +205,7 @@ def test_a_plan_without_a_prediction_is_the_same_and_is_not_flown(
     section = plan_settings({"method": method, "goal": asked.goal, "duration": 20.0}, "test")
     law = ActiveLaw("lqr", {})
     told = make_plan(section, asked.plant, law=law)
-    monkeypatch.delattr("flexslew_control.planners.slewing.flown_on_bench")
+    monkeypatch.delattr("flexslew_control.planners.slewing.simulate_on_bench")
     with pytest.raises(NameError):
         make_plan(section, asked.plant, law=law)
     bare = make_plan(section, asked.plant, law=law, predict=False)

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.analysis.analysis import Analysis, analysed
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.analysis.analysis import Analysis, loop_analysis
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import Trial, parse_trial, set_up
 from flexslew_plant.bench.bench import Truth
 from flexslew_plant.errors import BadInput
@@ -41,7 +41,7 @@ def craft(tracker: dict[str, Any], law: dict[str, Any], **more: Any) -> Trial:
 
 
 def of(what: Trial) -> Analysis:
-    return analysed(what, "here", joints=dict.fromkeys(AXES, 0.0))
+    return loop_analysis(what, "here", joints=dict.fromkeys(AXES, 0.0))
 
 
 class Errors:
@@ -65,7 +65,7 @@ def growth(tracker: dict[str, Any], gain: float) -> float:
         for name in AXES
     ]
     seen = Errors()
-    fly(*set_up(craft(tracker, {"attitude": {}}, schedule=faults), "here"), seen)
+    run_bench(*set_up(craft(tracker, {"attitude": {}}, schedule=faults), "here"), seen)
     sizes = np.array(seen.sizes)
     third = len(sizes) // 3
     return float(sizes[-third:].max() / sizes[:third].max())
@@ -104,10 +104,10 @@ def test_a_loop_is_analysed_after_its_manoeuvre() -> None:
         " schedule: [{at: 10.0, switch: collocated_pid}]}",
         "here",
     )
-    found = analysed(what, "here")
+    found = loop_analysis(what, "here")
     assert found.controller == "collocated_pid"
     assert found.point.rest.time == pytest.approx(20.0)
     assert found.plain()["rest"]["mass"] == pytest.approx(0.4)
-    assert analysed(what, "here", at=0.0).controller == "pd_feedforward"
+    assert loop_analysis(what, "here", at=0.0).controller == "pd_feedforward"
     with pytest.raises(BadInput, match="nobody is not in controllers"):
-        analysed(what, "here", "nobody")
+        loop_analysis(what, "here", "nobody")

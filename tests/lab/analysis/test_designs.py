@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from flexslew_control.controllers.linear.law_file import law_from_file
-from flexslew_control.controllers.linear.linear_law import LinearSettings, discretised
+from flexslew_control.controllers.linear.linear_law import LinearSettings, to_discrete
 from flexslew_lab.notebook import fly, linear_model, trial
 from flexslew_plant.arrays import Matrix, Vector
 
@@ -74,7 +74,7 @@ def poles(shipped: str, name: str, keys: dict[str, Any], **joints: float) -> Vec
     a, b, c = (np.array(system[key]) for key in "abc")
     d = np.array(system.get("d") or np.zeros((len(c), b.shape[1])))
     if not system.get("period"):
-        a, b, c, d = discretised(LinearSettings(), a, b, c, d, what.period)
+        a, b, c, d = to_discrete(LinearSettings(), a, b, c, d, what.period)
     y = np.array(seen)
     loop = np.block([[plant.A + plant.B @ d @ y, plant.B @ c], [b @ y, a]])
     return np.asarray(np.linalg.eigvals(loop))
@@ -111,7 +111,7 @@ def test_the_benchmark_answers_noise_with_what_its_linear_loop_does() -> None:
     flight, s = fly(what), what.sensors.tip_deflection.noise
     plant, system = linear_model(what, sampled=True), what.controllers["robust"]["system"]
     a, b, c = (np.array(system[key]) for key in "abc")
-    a, b, c, d = discretised(LinearSettings(), a, b, c, np.zeros((1, 2)), what.period)
+    a, b, c, d = to_discrete(LinearSettings(), a, b, c, np.zeros((1, 2)), what.period)
     rows = [plant.output_labels.index(n) for n in ("position:mass", "tip:spring")]
     y = plant.C[rows]
     loop = np.block([[plant.A + plant.B @ d @ y, plant.B @ c], [b @ y, a]])

@@ -11,10 +11,10 @@ from tests.representatives import representatives
 from typer.testing import CliRunner
 
 import flexslew as fs
-from flexslew_control.analysis.ring_down import ring_down
-from flexslew_lab.analysis.analysis import Analysis, analysed
+from flexslew_control.analysis.ring_down import fit_decay
+from flexslew_lab.analysis.analysis import Analysis, loop_analysis
 from flexslew_lab.analysis.page import analysis_page
-from flexslew_lab.analysis.proof import proved
+from flexslew_lab.analysis.proof import verify_margins
 from flexslew_lab.cli.main import app
 from flexslew_lab.notebook import trial
 from flexslew_lab.trial.trial import Trial
@@ -26,13 +26,13 @@ OSCILLATOR = {"plan": None, "testbed.damping_ratio": 0.01, "period": 0.02}
 @pytest.fixture(scope="module")
 def oscillator() -> tuple[Trial, Analysis]:
     what = trial("time_optimal_oscillator", OSCILLATOR)
-    return what, analysed(what, "here")
+    return what, loop_analysis(what, "here")
 
 
 def test_poles_and_margins_are_those_of_the_flown_bench(
     oscillator: tuple[Trial, Analysis],
 ) -> None:
-    proof = proved(*oscillator)
+    proof = verify_margins(*oscillator)
     assert proof.holds
     assert len(proof.poles) >= 2
     for pole in proof.poles:
@@ -50,7 +50,7 @@ def test_poles_and_margins_are_those_of_the_flown_bench(
 def test_a_wrong_prediction_is_found(oscillator: tuple[Trial, Analysis]) -> None:
     what, right = oscillator
     wrong = replace(right.efforts[0], delay=1.1 * right.efforts[0].delay)
-    proof = proved(what, replace(right, efforts=(wrong,)))
+    proof = verify_margins(what, replace(right, efforts=(wrong,)))
     assert not proof.holds
     assert [m.kind for m in proof.margins if not m.agrees] == ["delay"]
 
@@ -59,7 +59,7 @@ def test_a_plant_that_the_analysis_did_not_have_is_found(
     oscillator: tuple[Trial, Analysis],
 ) -> None:
     stiffer = trial("time_optimal_oscillator", {**OSCILLATOR, "testbed.parameters.stiffness": 1.05})
-    assert not proved(stiffer, oscillator[1]).holds
+    assert not verify_margins(stiffer, oscillator[1]).holds
 
 
 @pytest.mark.parametrize("other", ["m1", "own_spacecraft"])
@@ -67,7 +67,7 @@ def test_the_analysis_of_another_bench_is_refused(
     oscillator: tuple[Trial, Analysis], other: str
 ) -> None:
     with pytest.raises(BadInput, match="the analysis is of another bench"):
-        proved(trial(other), oscillator[1])
+        verify_margins(trial(other), oscillator[1])
 
 
 def test_the_command_shows_it_as_json() -> None:
@@ -85,7 +85,7 @@ def test_a_loop_that_is_not_stable_has_nothing_to_prove(
 ) -> None:
     what, found = oscillator
     with pytest.raises(BadInput, match="not stable"):
-        proved(what, replace(found, stable=False))
+        verify_margins(what, replace(found, stable=False))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -94,7 +94,7 @@ def test_a_sum_of_waves_has_the_poles_that_it_was_made_of(seed: int) -> None:
     s: Any = np.array([-0.3 + 0j, -0.02 + 1.1j, 0.05 + 3.0j]) * rng.uniform(0.8, 1.2)
     time = 0.01 * np.arange(2000)
     waves = np.exp(np.outer(time, s)) @ (rng.standard_normal((3, 2)) + 1j)
-    found = ring_down(waves.real, 0.01, s * rng.uniform(0.98, 1.02, 3))
+    found = fit_decay(waves.real, 0.01, s * rng.uniform(0.98, 1.02, 3))
     np.testing.assert_allclose(found.s, s, rtol=1e-8)
     assert (found.deviation < 1e-8).all()
 
@@ -118,7 +118,7 @@ def test_what_a_law_predicts_is_flown_with_lag_and_delay(law: str) -> None:
                  "testbed.damping_ratio": 0.01, "actuator.lag": 0.01, "schedule": [delay],
                  "allow_faults": True}  # fmt: skip
     what = trial("time_optimal_oscillator", keys)
-    proof = proved(what, analysed(what, "here"))
+    proof = verify_margins(what, loop_analysis(what, "here"))
     assert proof.holds
     assert len(proof.poles) >= 2
     for pole in proof.poles:
@@ -137,10 +137,10 @@ def test_a_law_that_holds_a_rest_and_takes_no_reference_is_flown_too(
 ) -> None:
     keys: Any = {**OSCILLATOR, "controllers": {law: settings}, "active": law}
     what = trial("time_optimal_oscillator", keys)
-    found = analysed(what, "here")
+    found = loop_analysis(what, "here")
     form = found.running.form
     assert not form.d[:, form.inputs.index("reference.mass")].any()
-    proof = proved(what, found)
+    proof = verify_margins(what, found)
     assert proof.holds
     assert len(proof.poles) >= 2
     assert proof.margins
@@ -148,7 +148,7 @@ def test_a_law_that_holds_a_rest_and_takes_no_reference_is_flown_too(
 
 def test_a_law_of_the_flexible_mode_alone_leaves_the_rigid_motion_uncontrolled() -> None:
     keys: Any = {**OSCILLATOR, "controllers": {"modal_space": {}}, "active": "modal_space"}
-    found = analysed(trial("time_optimal_oscillator", keys), "here")
+    found = loop_analysis(trial("time_optimal_oscillator", keys), "here")
     assert found.statement == "marginal: mass is not controlled"
 
 
@@ -162,7 +162,7 @@ def test_a_law_of_the_flexible_mode_alone_leaves_the_rigid_motion_uncontrolled()
 )
 def test_instruments_that_no_law_hears_refute_no_margin(sensor: dict[str, Any]) -> None:
     what = trial("three_axes", {"testbed.sensors": {"one": sensor}})
-    assert proved(what, analysed(what, "here")).holds
+    assert verify_margins(what, loop_analysis(what, "here")).holds
 
 
 def test_a_sensor_of_a_craft_that_reads_in_steps_refutes_no_margin() -> None:
@@ -172,13 +172,13 @@ def test_a_sensor_of_a_craft_that_reads_in_steps_refutes_no_margin() -> None:
     heard = ["position:roll", "rate:roll", "tip:left"]
     law = control.ss([], [], [], [[-12.0, -60.0, 20.0]], inputs=heard, outputs=["effort:roll"])
     what = fs.trial("own_spacecraft", {"testbed.sensors": {"left": steps}, "plan": None}, law=law)
-    assert proved(what, analysed(what, "here")).holds
+    assert verify_margins(what, loop_analysis(what, "here")).holds
 
 
 @pytest.mark.slow
 def test_flights_stay_where_dry_friction_has_its_slope_at_rest() -> None:
     what = trial("time_optimal_hub", {"plan": None, "actuator.coulomb_friction": 0.01})
-    proof = proved(what, analysed(what, "here"))
+    proof = verify_margins(what, loop_analysis(what, "here"))
     assert proof.holds
     assert max(pole.left for pole in proof.poles) < 1e-4
 
@@ -186,12 +186,12 @@ def test_flights_stay_where_dry_friction_has_its_slope_at_rest() -> None:
 def test_a_delay_beyond_what_a_fault_can_do_is_told_and_not_flown() -> None:
     friction = {**OSCILLATOR, "actuator.coulomb_friction": 0.03}
     what = trial("time_optimal_oscillator", friction)
-    found = analysed(what, "here")
+    found = loop_analysis(what, "here")
     assert found.efforts[0].delay > 10_000 * what.period
-    proof = proved(what, found)
+    proof = verify_margins(what, found)
     assert [margin.kind for margin in proof.margins] == ["gain up"]
     told = f"effort.mass: delay of {found.efforts[0].delay:.4g} s, above 10000 ticks"
-    assert proof.not_flown == (told,)
+    assert proof.skipped == (told,)
     assert told in repr(proof)
     assert f"Not flown: {told}" in analysis_page(found, "it", proof)
     assert proof.plain()["not_flown"] == [told]
@@ -200,4 +200,4 @@ def test_a_delay_beyond_what_a_fault_can_do_is_told_and_not_flown() -> None:
 def test_a_law_that_listens_to_nothing_closes_no_loop() -> None:
     keys: Any = {"plan": None, "controllers": {"linear": {}}, "active": "linear"}
     with pytest.raises(BadInput, match="closes no loop"):
-        analysed(trial("time_optimal_oscillator", keys), "here")
+        loop_analysis(trial("time_optimal_oscillator", keys), "here")

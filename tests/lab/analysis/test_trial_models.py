@@ -7,7 +7,7 @@ import pytest
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
-from flexslew_lab.analysis.analysis import analysed
+from flexslew_lab.analysis.analysis import loop_analysis
 from flexslew_lab.analysis.trial_models import model_of, point_of
 from flexslew_lab.cli.main import app
 from flexslew_lab.notebook import linear_model, nonlinear_model, trial
@@ -128,4 +128,4 @@ def test_a_law_whose_filter_estimates_appendage_modes_is_refused_in_words() -> N
     law = {"pd_feedforward": {"kp": [12.0], "kd": [60.0], "attitude": {"modes": {}}}}
     what = trial("three_axes", {"plan": None, "testbed.sensors": SEEN, "controllers": law})
     with pytest.raises(BadInput, match="a filter with appendage modes has no linear form"):
-        analysed(what, "it")
+        loop_analysis(what, "it")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexslew_lab.analysis.analysis import Analysis, analysed
+from flexslew_lab.analysis.analysis import Analysis, loop_analysis
 from flexslew_lab.analysis.page import analysis_page
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.yaml_data import yaml_text
@@ -17,7 +17,7 @@ AXES = ("roll", "pitch", "yaw")
 
 
 def analysis(values: dict[str, Any]) -> Analysis:
-    return analysed(parse_trial(yaml_text(values), "here"), "here")
+    return loop_analysis(parse_trial(yaml_text(values), "here"), "here")
 
 
 def craft(kp: list[float], kd: list[float]) -> Analysis:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from flexslew_lab.cli.main import main
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.errors import BadInput
 
 Fly = Callable[[str, dict[str, Any]], str]
@@ -93,7 +93,7 @@ def test_turns_of_one_hinge_that_overlap(refused: Fly, name: str, begin: float) 
 def test_turns_that_follow_at_once_and_those_of_two_hinges_are_no_overlap() -> None:
     two = [{"to": 0.1, "duration": 1.0}, {"to": 0.2, "duration": 1.0, "at": 1.0}]
     both = {name: {"hinge": {"motion": two}} for name in ("first", "second")}
-    assert shipped("antenna_2", {"testbed": {"appendages": both}}).testbed.modes == 12
+    assert example_trial("antenna_2", {"testbed": {"appendages": both}}).testbed.modes == 12
 
 
 @pytest.mark.parametrize(
@@ -129,4 +129,6 @@ def test_a_table_that_does_not_end_at_rest() -> None:
     table = [[0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.5, 0.0]]
     wish = {"to": 0.1, "duration": 1.0, "profile": "table", "table": table}
     with pytest.raises(BadInput, match=r"motion.0.table: must rise .* to \[1, 1, 0, 0\]"):
-        shipped("antenna_1", {"testbed": {"appendages": {"beam": {"hinge": {"motion": wish}}}}})
+        example_trial(
+            "antenna_1", {"testbed": {"appendages": {"beam": {"hinge": {"motion": wish}}}}}
+        )

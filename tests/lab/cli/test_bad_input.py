@@ -153,7 +153,7 @@ def test_a_fault_of_the_program_is_no_check_that_failed(
     def broken(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("flexslew_lab.trial.sources.shipped_trials", broken)
+    monkeypatch.setattr("flexslew_lab.trial.sources.example_trials", broken)
     error: Exception = RuntimeError("it broke")
     code, _, err = call("trials")
     assert code == 3

@@ -42,7 +42,7 @@ def test_a_long_compilation_says_how_far_it_is(
 ) -> None:
     clock = iter([0.0, 1.0, 6.0, 7.0, 12.0])
     monkeypatch.setattr(compiling, "monotonic", lambda: next(clock))
-    told = compiling._Compiling()
+    told = compiling._CompileReport()
     for name in "abcde":
         told(name)
     said = capsys.readouterr().err.splitlines()

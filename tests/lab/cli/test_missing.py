@@ -9,9 +9,9 @@ import pytest
 from tests.representatives import representatives
 
 from flexslew_lab.cli.missing import remedy
-from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.domain import locked_domain
 from flexslew_plant import extras
-from flexslew_plant.extras import EXTRAS, LOCK, WITH_PIP, how_to_install
+from flexslew_plant.extras import EXTRAS, LOCK, WITH_PIP, install_command
 
 ROOT = Path(__file__).parents[3]
 
@@ -40,7 +40,10 @@ def test_without_ros_one_line_says_what_to_do(
     arguments: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
-    with own_domain(), own_domain():  # nor is anybody asked before which of two benches is meant
+    with (
+        locked_domain(),
+        locked_domain(),
+    ):  # nor is anybody asked before which of two benches is meant
         done = without("rclpy", *arguments)
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
@@ -85,15 +88,15 @@ def test_gains_names_the_package_whose_extra_brings_all_that_it_needs() -> None:
 
 def test_outside_of_a_checkout_it_is_the_command_of_pip(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(extras, "LOCK", "nowhere")
-    assert how_to_install("pyarrow") == "pip install 'flexslew[export]'"
-    assert how_to_install("control") == "pip install control"
+    assert install_command("pyarrow") == "pip install 'flexslew[export]'"
+    assert install_command("control") == "pip install control"
 
 
 def test_every_extra_is_in_the_lock_or_comes_by_pip_alone() -> None:
-    by_pip = {package for package in EXTRAS if "./flexslew" not in how_to_install(package)}
+    by_pip = {package for package in EXTRAS if "./flexslew" not in install_command(package)}
     assert by_pip == {"pandas", "xarray"}
     for package in {*EXTRAS} - by_pip:
-        extra = how_to_install(package).removeprefix("./flexslew extras ")
+        extra = install_command(package).removeprefix("./flexslew extras ")
         lock = (ROOT / "setup" / LOCK.format(extra)).read_text()
         assert f"\n{'foxglove-sdk' if package == 'foxglove' else package}==" in lock, package
 

@@ -7,7 +7,7 @@ from typer.core import TyperCommand
 from flexslew_lab.cli import checkout
 from flexslew_lab.cli.suite import (
     GROUPS,
-    NOTHING_SELECTED,
+    NO_TESTS_EXIT_CODE,
     OVER_ROS,
     Selection,
     exit_code,
@@ -81,12 +81,12 @@ def ended(*arguments: str, everything: bool = False) -> int:
 @pytest.mark.usefixtures("tree")
 def test_the_whole_suite_runs_in_groups_each_test_in_one() -> None:
     default = "not (ros or browser or campaign or matrix or slow)"
-    *plain, shared, alone = parts(Selection(), everything=False)
+    *plain, shared, alone = parts(Selection(), all_tests=False)
     assert [part[-1] for part in plain] == ["tests", *GROUPS]
     assert all(part[4:6] == ("-m", default) for part in plain)
     assert shared[4:] == ("-m", f"{default} and not alone", *OVER_ROS)
     assert alone == ("-m", f"{default} and alone", *OVER_ROS)
-    *plain, shared, alone = parts(Selection(), everything=True)
+    *plain, shared, alone = parts(Selection(), all_tests=True)
     assert all("-m" not in part for part in plain)
     assert (shared[4:6], alone[:2]) == (("-m", "not alone"), ("-m", "alone"))
     for folder in (*OVER_ROS, *GROUPS):
@@ -113,7 +113,7 @@ def test_the_whole_suite_runs_in_groups_each_test_in_one() -> None:
 def test_paths_choose_the_parts_and_options_reach_each(
     arguments: tuple[str, ...], paths: list[list[str]]
 ) -> None:
-    chosen = [*parts(selected(*arguments), everything=False)]
+    chosen = [*parts(selected(*arguments), all_tests=False)]
     given = [[a for a in part[-2:] if a.startswith("tests/") or a == "tests"] for part in chosen]
     assert [g[-len(p) :] if p else g for g, p in zip(given, paths, strict=True)] == [
         list(p) for p in paths
@@ -124,10 +124,10 @@ def test_paths_choose_the_parts_and_options_reach_each(
 
 @pytest.mark.usefixtures("tree")
 def test_an_expression_of_the_user_a_file_or_cases_replace_the_selection() -> None:
-    assert selected("-m", "slow or ros").expression(everything=False) == "(slow or ros)"
-    assert selected("tests/ros/test_marked.py").expression(everything=False) == ""
-    assert selected("tests/ros").expression(everything=False) != ""
-    assert Selection(cases=True).expression(everything=False) == ""
+    assert selected("-m", "slow or ros").expression(all_tests=False) == "(slow or ros)"
+    assert selected("tests/ros/test_marked.py").expression(all_tests=False) == ""
+    assert selected("tests/ros").expression(all_tests=False) != ""
+    assert Selection(cases=True).expression(all_tests=False) == ""
 
 
 @pytest.mark.usefixtures("tree")
@@ -139,14 +139,14 @@ def test_what_pytest_answers_without_a_test_runs_none(capfd: pytest.CaptureFixtu
 
 
 def test_an_empty_part_fails_only_if_all_are() -> None:
-    assert exit_code([0, NOTHING_SELECTED, 0]) == 0
-    assert exit_code([NOTHING_SELECTED, NOTHING_SELECTED]) == NOTHING_SELECTED
-    assert exit_code([1, NOTHING_SELECTED, 137]) == 137
+    assert exit_code([0, NO_TESTS_EXIT_CODE, 0]) == 0
+    assert exit_code([NO_TESTS_EXIT_CODE, NO_TESTS_EXIT_CODE]) == NO_TESTS_EXIT_CODE
+    assert exit_code([1, NO_TESTS_EXIT_CODE, 137]) == 137
 
 
 def test_the_parts_run_what_the_markers_select(tree: Path) -> None:
     assert ended("-n", "0") == 0
-    assert ended("-n", "0", "-k", "nothing_has_this_name") == NOTHING_SELECTED
+    assert ended("-n", "0", "-k", "nothing_has_this_name") == NO_TESTS_EXIT_CODE
     assert ended("-n", "0", "tests/ros", everything=True) == 1
     assert ended("-n", "0", "tests/lab/studies/test_loops.py::test_passes", everything=True) == 0
 
@@ -172,4 +172,4 @@ def test_no_further_part_starts_where_a_failure_stops(
     assert ended("-x") == 1
     assert len(ran) == 1
     assert ended("--durations=1") == 1
-    assert len(ran) == 1 + len([*parts(Selection(), everything=False)])
+    assert len(ran) == 1 + len([*parts(Selection(), all_tests=False)])

@@ -39,5 +39,5 @@ def test_what_is_said_is_said_as_it_is(
     words: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(terminal, "for_people", Console(stderr=True))
-    terminal.say(words, head="error: ")
+    terminal.print_message(words, head="error: ")
     assert capsys.readouterr().err == f"error: {words}\n"

@@ -9,7 +9,7 @@ import pytest
 
 from flexslew_lab.cli import terminal
 from flexslew_lab.cli.main import main
-from flexslew_lab.cli.terminal import print_line, print_table, progress, say
+from flexslew_lab.cli.terminal import print_line, print_message, print_table, progress
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_writer import BagWriter
@@ -27,7 +27,7 @@ def obeyed(text: str) -> list[str]:
 @pytest.mark.parametrize(
     "show",
     [
-        lambda: say(HOSTILE, head=HOSTILE),
+        lambda: print_message(HOSTILE, head=HOSTILE),
         lambda: print_line(HOSTILE),
         lambda: print_table((HOSTILE, "b"), [(HOSTILE, 1)]),
     ],

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_lab.comparison.comparison import Comparison, compared
-from flexslew_lab.comparison.laws import ALONE, laws
+from flexslew_lab.comparison.comparison import Comparison, compare_candidates
+from flexslew_lab.comparison.laws import NO_FEEDBACK, laws
 from flexslew_lab.comparison.page import comparison_page
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput
@@ -31,8 +31,8 @@ schedule: [{at: 5.0, switch: lqr}]
 @pytest.fixture(scope="module")
 def oscillator() -> Comparison:
     heard: list[tuple[int, int]] = []
-    trial = shipped("antenna_3", SHORT)
-    found = compared(laws(trial, "antenna_3", (-0.2, 0.2)), lambda *at: heard.append(at))
+    trial = example_trial("antenna_3", SHORT)
+    found = compare_candidates(laws(trial, "antenna_3", (-0.2, 0.2)), lambda *at: heard.append(at))
     assert heard[-1][0] == heard[-1][1]
     assert [done for done, _ in heard] == list(range(1, len(heard) + 1))
     return found
@@ -41,17 +41,19 @@ def oscillator() -> Comparison:
 def test_every_law_is_flown_or_says_in_one_line_why_not(oscillator: Comparison) -> None:
     names = [entry.name for entry in oscillator.entries]
     assert names[:3] == [f"planned_gains, {k}" for k in ("constant", "perturbation", "adiabatic")]
-    assert names[-1] == ALONE
-    assert {name.partition(",")[0] for name in names} == {*CONTROLLERS, ALONE}
+    assert names[-1] == NO_FEEDBACK
+    assert {name.partition(",")[0] for name in names} == {*CONTROLLERS, NO_FEEDBACK}
     for entry in oscillator.entries:
         assert bool(entry.refused) != bool(entry.flights)
         assert "\n" not in entry.refused
-    flown = {entry.name for entry in oscillator.flown}
-    assert {"modal_space", "disturbance_accommodating", ALONE} <= flown
+    flown = {entry.name for entry in oscillator.simulated_entries}
+    assert {"modal_space", "disturbance_accommodating", NO_FEEDBACK} <= flown
 
 
 def test_the_law_in_charge_flies_as_in_its_trial(oscillator: Comparison, tmp_path: Path) -> None:
-    own = run_trial(shipped("antenna_3", SHORT), "t", tmp_path / "t", in_process=True, report=False)
+    own = run_trial(
+        example_trial("antenna_3", SHORT), "t", tmp_path / "t", in_process=True, report=False
+    )
     [entry] = [e for e in oscillator.entries if e.name == "planned_gains, perturbation"]
     assert entry.nominal.metrics["trajectory_hash"] == own.metrics["trajectory_hash"]
 
@@ -60,7 +62,7 @@ def test_no_feedback_gives_no_effort_and_control_is_worth_something(
     oscillator: Comparison,
 ) -> None:
     rows = {row["law"]: row for row in oscillator.rows()}
-    alone = rows[ALONE]
+    alone = rows[NO_FEEDBACK]
     assert alone["effort"] == alone["peak_effort"] == 0.0
     for name in ("planned_gains, perturbation", "disturbance_accommodating", "modal_space"):
         assert rows[name]["joint_error"] < alone["joint_error"]
@@ -78,11 +80,11 @@ def test_the_page_shows_all_of_it_and_fetches_nothing(oscillator: Comparison) ->
     assert "<script src" not in text
     assert "<link" not in text
     table = oscillator.table(oscillator.short)
-    assert [name for name, _ in table] == [entry.name for entry in oscillator.flown]
+    assert [name for name, _ in table] == [entry.name for entry in oscillator.simulated_entries]
 
 
 def test_laws_of_a_slew_are_compared_by_its_joints_without_the_schedule_s_switches() -> None:
-    found = compared(laws(parse_trial(YAW, "yaw.yaml"), "yaw.yaml", (0.3,)))
+    found = compare_candidates(laws(parse_trial(YAW, "yaw.yaml"), "yaw.yaml", (0.3,)))
     rows: dict[str, dict[str, Any]] = {row["law"]: row for row in found.rows()}
     assert len(rows) == len(found.entries)
     assert [e.name for e in found.entries][:2] == ["soft", "lqr"]
@@ -98,15 +100,15 @@ def test_laws_of_a_slew_are_compared_by_its_joints_without_the_schedule_s_switch
 
 @pytest.mark.slow
 def test_laws_that_cannot_fly_an_antenna_say_why() -> None:
-    trial = shipped("antenna_2", {"duration": 0.05})
-    found = compared(laws(trial, "antenna_2", ()))
+    trial = example_trial("antenna_2", {"duration": 0.05})
+    found = compare_candidates(laws(trial, "antenna_2", ()))
     refused = {entry.name: entry.refused for entry in found.entries if entry.refused}
     assert "not stable with a period of 0.01 s" in refused["collocated_pid"]
-    flown = {entry.name for entry in found.flown}
+    flown = {entry.name for entry in found.simulated_entries}
     assert {"disturbance_minimisation", "modal_space", "output_feedback"} <= flown
 
 
 def test_errors_that_leave_nothing_are_refused() -> None:
-    trial = replace(shipped("antenna_3", SHORT))
+    trial = replace(example_trial("antenna_3", SHORT))
     with pytest.raises(BadInput, match="errors"):
         laws(trial, "antenna_3", (-1.0,))

@@ -8,7 +8,7 @@ import pytest
 from tests.representatives import representatives
 
 from flexslew_control.planners import PLANNERS
-from flexslew_lab.comparison.comparison import CARRIED, STIFFNESS, compared
+from flexslew_lab.comparison.comparison import CARRIED, STIFFNESS, compare_candidates
 from flexslew_lab.comparison.page import comparison_page
 from flexslew_lab.comparison.planners import planners
 from flexslew_lab.comparison.slew import slew_comparison, worst_residual
@@ -33,9 +33,9 @@ HUB = trial_path("time_optimal_hub")
 def yaw() -> Any:
     heard = []
     described = planners(parse_trial(YAW, "yaw.yaml"), "yaw.yaml", (-0.2, 0.0))
-    found = compared(described, lambda *at: heard.append(at))
+    found = compare_candidates(described, lambda *at: heard.append(at))
     assert [done for done, _ in heard] == list(range(1, len(heard) + 1))
-    assert heard[-1][0] == heard[-1][1] > 4 * len(found.flown)  # the plans, too
+    assert heard[-1][0] == heard[-1][1] > 4 * len(found.simulated_entries)  # the plans, too
     assert all(last >= heard[-1][1] for _, last in heard)
     return found
 
@@ -91,16 +91,18 @@ def test_a_slew_that_never_settles_has_no_settling_time() -> None:
     ringing = YAW + "controllers: {pd_feedforward: {kp: [460.0, 460.0], kd: [0.0, 0.0]}}\n"
     described = planners(parse_trial(ringing, "yaw.yaml"), "yaw.yaml", (0.0,))
     step = [c for c in described.candidates if c.method == "none"]
-    found = compared(replace(described, candidates=step, benches=described.benches[:1]))
-    assert found.flown[0].nominal.metrics["overshoot"]["base_yaw"] > 0.5  # nobody takes it out
-    assert found.flown[0].nominal.metrics["settling_time"] is None
+    found = compare_candidates(replace(described, candidates=step, benches=described.benches[:1]))
+    assert (
+        found.simulated_entries[0].nominal.metrics["overshoot"]["base_yaw"] > 0.5
+    )  # nobody takes it out
+    assert found.simulated_entries[0].nominal.metrics["settling_time"] is None
 
 
 @pytest.mark.parametrize("name", representatives(["own_spacecraft", "three_axes"], "three_axes"))
 def test_slews_of_a_spacecraft_are_compared_by_its_joints(name: str) -> None:
     described = planners(load_trial(trial_path(name)), name, (0.0,))
     step = [c for c in described.candidates if c.method == "none"]
-    found = compared(replace(described, candidates=step, benches=described.benches[:1]))
+    found = compare_candidates(replace(described, candidates=step, benches=described.benches[:1]))
     (row,) = found.rows()
     goal = plain(described.trial.plan)["goal"]
     flight = fly(trial(name, {"plan": {"method": "none", "goal": goal}, "duration": 40.0}))
@@ -117,7 +119,7 @@ def test_slews_of_a_spacecraft_are_compared_by_its_joints(name: str) -> None:
 @pytest.mark.slow
 def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
     hub = replace(load_trial(HUB), period=0.02)
-    found = compared(planners(hub, "hub.yaml", (0.0, 0.1)))
+    found = compare_candidates(planners(hub, "hub.yaml", (0.0, 0.1)))
     page = write_page(comparison_page(found), tmp_path / "deep" / "hub.html")
     text = page.read_text(encoding="utf-8")
     assert "Not flown" in text
@@ -127,7 +129,7 @@ def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
     refused = {entry.name: entry.refused for entry in found.entries if not entry.flights}
     assert "payload" in refused["robust_feedforward, payload"]
     assert {"time_optimal", "time_optimal, robust", "reference_only"} <= {
-        entry.name for entry in found.flown
+        entry.name for entry in found.simulated_entries
     }
     assert all("\n" not in entry.refused for entry in found.entries)
 
@@ -167,7 +169,9 @@ active: pd_feedforward
 
 @pytest.fixture(scope="module")
 def oscillator() -> Any:
-    return compared(planners(parse_trial(OSCILLATOR, "o.yaml"), "o.yaml", (-0.2, 0.0, 0.2)))
+    return compare_candidates(
+        planners(parse_trial(OSCILLATOR, "o.yaml"), "o.yaml", (-0.2, 0.0, 0.2))
+    )
 
 
 @pytest.mark.slow

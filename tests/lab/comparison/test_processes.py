@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flexslew_lab.cli.main import app
-from flexslew_lab.comparison.comparison import Comparison, compared
+from flexslew_lab.comparison.comparison import Comparison, compare_candidates
 from flexslew_lab.comparison.laws import laws
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.own_code import ANY_CODE
@@ -47,7 +47,7 @@ def law(tmp_path: Path) -> str:
 
 def by_law(text: str, workers: int) -> Comparison:
     trial = parse_trial(text, "odd.yaml", ANY_CODE)
-    return compared(laws(trial, "odd.yaml", (-0.2,)), workers=workers)
+    return compare_candidates(laws(trial, "odd.yaml", (-0.2,)), workers=workers)
 
 
 @pytest.mark.slow
@@ -56,7 +56,7 @@ def test_processes_find_what_one_finds(law: str, act: str) -> None:
     text = TRIAL.format(law=law, act=act)
     alone, found = by_law(text, 1), by_law(text, 2)
     assert json.dumps(found.rows()) == json.dumps(alone.rows())
-    assert {"pd_feedforward", "odd"} <= {entry.name for entry in found.flown}
+    assert {"pd_feedforward", "odd"} <= {entry.name for entry in found.simulated_entries}
 
 
 @pytest.mark.slow

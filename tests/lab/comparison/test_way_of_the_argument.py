@@ -68,7 +68,7 @@ def stops(argument: str) -> Iterator[set[str]]:
     found: set[str] = set()
 
     def called(frame: FrameType, event: str, _: Any) -> None:
-        if event == "return" and frame.f_code is comparison._flown.__code__:
+        if event == "return" and frame.f_code is comparison._simulate.__code__:
             sys.setprofile(None)
         if event != "call" or not place(frame) or frame.f_code.co_name.startswith("<"):
             return

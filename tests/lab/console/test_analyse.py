@@ -11,7 +11,7 @@ from tests.fake_bench import FakeLink
 from tests.lab.console.test_page import Hands
 
 from flexslew_control.controllers import build_controller, settings_text
-from flexslew_lab.analysis.analysis import analysed
+from flexslew_lab.analysis.analysis import loop_analysis
 from flexslew_lab.analysis.page import summary_rows
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.view import ControllerView
@@ -57,7 +57,7 @@ def analyse(hands: Hands) -> str:
 
 @pytest.mark.first(1)
 def test_the_page_shows_what_the_command_says_of_the_gains_that_fly(hands: Hands) -> None:
-    expected = analysed(replace(FLOWN, controllers={"pd_feedforward": TUNED}), "here", at=0.0)
+    expected = loop_analysis(replace(FLOWN, controllers={"pd_feedforward": TUNED}), "here", at=0.0)
     texts = analyse(hands)
     for what, value in summary_rows(expected):
         assert f"{what}: {value}" in texts

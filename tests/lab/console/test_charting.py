@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from flexslew_lab.console.charting import ChartData, news, options, whole
+from flexslew_lab.console.charting import ChartData, chart_update, full_chart, options
 from flexslew_lab.console.history import Curve
 
 NOTHING = np.zeros(0)
@@ -22,7 +22,7 @@ def test_a_reference_is_dashed_in_the_colour_of_its_joint() -> None:
 
 def test_the_window_is_the_axis_and_what_is_not_known_is_a_hole() -> None:
     row = np.array([np.nan, 1e-9, np.inf, 4.0])
-    found = news(np.array([80.0, 90.0, 100.0, 110.0]), [row], np.array([95.0]))
+    found = chart_update(np.array([80.0, 90.0, 100.0, 110.0]), [row], np.array([95.0]))
     assert found["xAxis"] == {"min": 80.0, "max": 110.0}
     assert found["dataset"]["source"]["0"] == [None, 1e-9, None, 4.0]
     assert found["series"][-1]["markLine"]["data"] == [{"xAxis": 95.0}]
@@ -30,15 +30,17 @@ def test_the_window_is_the_axis_and_what_is_not_known_is_a_hole() -> None:
 
 
 def test_lines_of_events_lie_below_the_curves() -> None:
-    below = whole(ChartData(options([]), news(NOTHING, [], np.array([95.0]))))["series"][-1]
+    below = full_chart(ChartData(options([]), chart_update(NOTHING, [], np.array([95.0]))))[
+        "series"
+    ][-1]
     assert below["markLine"]["z"] < 2  # the layer of curves, where nothing else is said
 
 
 def test_a_browser_that_comes_late_gets_looks_and_rows_and_neither_is_changed() -> None:
     axes = options([Curve("a", NOTHING, NOTHING)], "course")
-    rows = news(np.array([0.0, 1.0]), [np.array([1.0, 2.0])], NOTHING)
+    rows = chart_update(np.array([0.0, 1.0]), [np.array([1.0, 2.0])], NOTHING)
     before = json.dumps([axes, rows])
-    found = whole(ChartData(axes, rows))
+    found = full_chart(ChartData(axes, rows))
     assert found["xAxis"]["type"] == "value"
     assert (found["xAxis"]["min"], found["xAxis"]["max"]) == (0.0, 1.0)
     assert found["dataset"]["source"]["0"] == [1.0, 2.0]

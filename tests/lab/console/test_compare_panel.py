@@ -9,7 +9,7 @@ from flexslew_lab.console.history import Curve
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.panels import compare
 from flexslew_lab.console.panels.charts import ChartsPanel
-from flexslew_plant.events import Noted
+from flexslew_plant.events import OperatorNote
 from flexslew_plant.events.event import event_of
 
 
@@ -36,7 +36,7 @@ def test_another_overlay_is_drawn_though_nothing_moves(tmp_path: Path) -> None:
         for height in (1.0, 2.0):
             charts.overlay({"position": [Curve("earlier a", times, np.full(2, height))]})
             page.refresh()
-            drawn = charts._charts[0]._plot.data.news["dataset"]["source"]
+            drawn = charts._charts[0]._plot.data.updates["dataset"]["source"]
             assert drawn["0"][0] == height
     finally:
         page.close()
@@ -45,13 +45,13 @@ def test_another_overlay_is_drawn_though_nothing_moves(tmp_path: Path) -> None:
 def test_events_before_a_reset_are_no_lines_in_the_charts_after_it(tmp_path: Path) -> None:
     link = FakeLink()
     for epoch, time in ((0, 7.0), (1, 0.0), (1, 3.0)):
-        event = event_of(Noted("look", "somebody"), round(100 * time), time, epoch, "plant")
+        event = event_of(OperatorNote("look", "somebody"), round(100 * time), time, epoch, "plant")
         link.view.events.append(event)
     page = Page(link, "127.0.0.1", 0, print, layouts=tmp_path / "layouts.json")
     try:
         charts = next(panel for panel in page._panels if isinstance(panel, ChartsPanel))
         page.refresh()
-        words = str(charts._charts[0]._plot.data.news)
+        words = str(charts._charts[0]._plot.data.updates)
         assert "3.0" in words
         assert "7.0" not in words
     finally:

@@ -11,7 +11,7 @@ from tests.fake_bench import FakeLink
 
 from flexslew_lab.console.gui import Element
 from flexslew_lab.console.page import Page
-from flexslew_plant.events import Noted
+from flexslew_plant.events import OperatorNote
 from flexslew_plant.events.event import event_of
 
 
@@ -29,8 +29,8 @@ def test_every_control_does_what_it_is_for(
     served: tuple[Page, FakeLink], width: int, webgl: bool
 ) -> None:
     page, link = served
-    link.view.events.append(event_of(Noted("the beams ring", "ann"), 100, 1.0, 0, "plant"))
-    link.view.heard += 1
+    link.view.events.append(event_of(OperatorNote("the beams ring", "ann"), 100, 1.0, 0, "plant"))
+    link.view.received += 1
     pressed: set[tuple[str, str, str]] = set()  # tab, or "" of what is always there; kind; label
     with chromium(*([] if webgl else ["--disable-3d-apis"])) as browser:
         browser.open(page.server.address, width, SIZES[width])
@@ -54,7 +54,7 @@ def test_every_control_does_what_it_is_for(
     assert {"Switch", "Tune", "Plan", "Adopt the draft", "Disturb", "Note it", "Reset"} <= {
         label for _, kind, label in pressed if kind == "button"
     }
-    services = {service for service, _ in link.asked}
+    services = {service for service, _ in link.request}
     assert services >= {
         "operate", "step", "set_rate", "switch_controller", "pd/tune", "draft_plan", "decide_plan",
         "inject_fault", "note",
@@ -65,7 +65,7 @@ def _decided(hands: "_Hands") -> set[tuple[str, str, str]]:
     """Have a draft made twice, refuse it and adopt it; return what was pressed."""
     start = next(e for e in hands.seen(("text",)) if e.label.startswith("start"))
     hands.work(start, "60.0")
-    found = {e.label: e for e in hands.everything() if e.kind == "button"}
+    found = {e.label: e for e in hands.trust_all() if e.kind == "button"}
     decisions = [found[f"{word} the draft"] for word in ("Refuse", "Adopt")]
     for decision in decisions:
         hands.work(found["Plan"])
@@ -94,9 +94,9 @@ class _Hands:
 
     def seen(self, kinds: tuple[str, ...]) -> list[Element]:
         """Return the elements of these kinds that stand on the page and can be worked."""
-        return [e for e in self.everything() if e.kind in kinds and e.enabled and self._shown(e)]
+        return [e for e in self.trust_all() if e.kind in kinds and e.enabled and self._shown(e)]
 
-    def everything(self) -> list[Element]:
+    def trust_all(self) -> list[Element]:
         """Return all elements of the page, also those that nobody sees now."""
         return self._gui.all()
 
@@ -127,7 +127,7 @@ class _Hands:
             if element.kind == "table" and not element.data:
                 return
             told: list[int] = []
-            element.clicked.append(told.append)
+            element.on_click.append(told.append)
             self._browser.click(path)
             self.until(lambda: bool(told), element)
             return

@@ -13,7 +13,7 @@ from tests.lab.console.test_page import Hands
 from tests.lab.identification.shaken import bench, shaken, truth
 
 from flexslew_control.message_fields import plan_fields
-from flexslew_lab.console.link import Drafted, Iterate, RequestResult
+from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.view import BenchView, Joints
 from flexslew_lab.identification.measurements import FIELDS
@@ -49,13 +49,15 @@ class ShakenLink(FakeLink):
         self.view.testbed = BENCH
         self._heard = 0
 
-    def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
-        self.asked.append(("draft_plan", {"request": request, "who": who}))
+    def draft(
+        self, request: str, who: str, told: Callable[[Iterate], None], then: PlanCallback
+    ) -> None:
+        self.request.append(("draft_plan", {"request": request, "who": who}))
         shakes = load_yaml(request, "")["method"] == "excitation"
         message = SimpleNamespace(**plan_fields(self.shakes))
         then(RequestResult(True, "drafted"), message if shakes else None)
 
-    def hear(self, until: float) -> None:
+    def receive(self, until: float) -> None:
         """Let the sensors speak until a simulated time [s], where somebody listens."""
         rows = slice(self._heard, round((until - START) / PERIOD) + 1)
         time = START + PERIOD * np.arange(len(self.record.measured), dtype=float)
@@ -128,13 +130,13 @@ def test_responses_grow_with_the_periods_and_the_model_that_is_accepted_plans(
     hands: Hands, tmp_path: Path
 ) -> None:
     link = flying(hands)
-    link.hear(START + 30.0)
+    link.receive(START + 30.0)
     hands.refresh()
     assert "responses show from" in hands.texts()
     assert not any("periods" in title for title in hands.titles())
     seen = []
     for until in (64.0, 84.0, 101.0):
-        link.hear(START + until)
+        link.receive(START + until)
         hands.refresh()
         worked(hands)
         seen += [title for title in hands.titles() if title.startswith("|position.mass|")]
@@ -164,12 +166,12 @@ def test_responses_grow_with_the_periods_and_the_model_that_is_accepted_plans(
 def test_a_page_that_came_too_late_says_where_the_ticks_are(hands: Hands) -> None:
     link = hands.link
     assert isinstance(link, ShakenLink)
-    link.hear(START + 10.0)  # nobody listens
+    link.receive(START + 10.0)  # nobody listens
     hands.click("Identify")
     assert "no experiment was flown yet" in hands.texts()
     link.view.plan = SimpleNamespace(**plan_fields(link.shakes))
     hands.refresh()
-    link.hear(START + 60.0)
+    link.receive(START + 60.0)
     hands.click("Identify")
     assert "has not heard every tick of the experiment: ./flexslew identify" in hands.texts()
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexslew_lab.console.history import LIMIT, Curve, Track, thinned
+from flexslew_lab.console.history import LIMIT, Curve, Track, reduce_samples
 
 
 def test_a_track_keeps_rows_and_begins_anew_after_a_reset() -> None:
@@ -43,7 +43,7 @@ def test_thinning_keeps_every_extreme(seed: int) -> None:
     time = np.cumsum(rng.uniform(0.001, 0.1, rng.integers(700, 5000)))
     curve = Curve("a", time, rng.standard_normal(time.size))
     start, end = np.sort(rng.uniform(0.0, time[-1], 2))
-    axis, (row,) = thinned([curve], start, end)
+    axis, (row,) = reduce_samples([curve], start, end)
     assert (axis[0], axis[-1]) == (start, end)
     inside = curve.value[(time >= start) & (time < end)]
     known = row[np.isfinite(row)]
@@ -59,7 +59,7 @@ def test_thinning_keeps_every_extreme(seed: int) -> None:
 def test_few_points_stay_as_they_are_and_curves_of_other_ticks_share_the_axis() -> None:
     a = Curve("a", np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 3.0]))
     b = Curve("b", np.array([1.0, 1.5]), np.array([5.0, 6.0]))
-    axis, (first, second) = thinned([a, b], 0.0, 2.0)
+    axis, (first, second) = reduce_samples([a, b], 0.0, 2.0)
     assert axis.tolist() == [0.0, 1.0, 1.5, 2.0]
     assert first[[0, 1, 3]].tolist() == [1.0, 2.0, 3.0]
     assert np.isnan(second[[0, 3]]).all()
@@ -70,7 +70,7 @@ def test_few_points_stay_as_they_are_and_curves_of_other_ticks_share_the_axis() 
 def test_a_window_is_as_wide_as_it_says_after_a_stall(points: int) -> None:
     late = np.linspace(100.0, 110.0, points)
     time = np.concatenate(([9.0], late))  # nothing came for 91 s
-    axis, (row,) = thinned([Curve("a", time, 2.0 * time)], 80.0, 110.0)
+    axis, (row,) = reduce_samples([Curve("a", time, 2.0 * time)], 80.0, 110.0)
     assert (axis[0], axis[-1]) == (80.0, 110.0)
     known = np.isfinite(row)
     assert row[0] == pytest.approx(160.0)  # on the line from the point before the window
@@ -81,4 +81,4 @@ def test_a_window_is_as_wide_as_it_says_after_a_stall(points: int) -> None:
 
 def test_a_window_without_data_is_as_wide_as_it_says() -> None:
     for curves in ([], [Curve("a", np.zeros(0), np.zeros(0))]):
-        assert thinned(curves, 0.0, 30.0)[0].tolist() == [0.0, 30.0]
+        assert reduce_samples(curves, 0.0, 30.0)[0].tolist() == [0.0, 30.0]

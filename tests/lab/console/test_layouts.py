@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 
 from flexslew_lab.console import quantities
-from flexslew_lab.console.layouts import CHARTS, Layouts
+from flexslew_lab.console.layouts import CHART_COUNT, Layouts
 from flexslew_plant.errors import BadInput
 
 
 def test_a_layout_is_there_the_next_time(tmp_path: Path) -> None:
-    file, shown = tmp_path / "own" / "layouts.json", [quantities.TIPS] * CHARTS
+    file, shown = tmp_path / "own" / "layouts.json", [quantities.TIPS] * CHART_COUNT
     Layouts(file, quantities.NAMES).save("beams", shown)
     again = Layouts(file, quantities.NAMES)
-    assert (again.last, again.chosen()) == ("beams", tuple(shown))
+    assert (again.last, again.active_plots()) == ("beams", tuple(shown))
     again.choose("flight")
     assert Layouts(file, quantities.NAMES).last == "flight"
 
@@ -23,7 +23,7 @@ def test_a_layout_is_there_the_next_time(tmp_path: Path) -> None:
 def test_a_name_that_is_none_is_refused_and_nothing_is_kept(tmp_path: Path, name: str) -> None:
     layouts = Layouts(tmp_path / "layouts.json", quantities.NAMES)
     with pytest.raises(BadInput, match="Name of the layout"):
-        layouts.save(name, [quantities.TIPS] * CHARTS)
+        layouts.save(name, [quantities.TIPS] * CHART_COUNT)
     assert not (tmp_path / "layouts.json").exists()
 
 

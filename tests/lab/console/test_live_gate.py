@@ -130,10 +130,10 @@ def test_foreign_origins_are_named_once_and_not_without_end() -> None:
     try:
         for number in (1, 1, 2):
             answer(gate, "/", host, f"Origin: https://{number}.example")
-        assert gate.refused_origins() == ["https://1.example", "https://2.example"]
+        assert gate.rejected_origins() == ["https://1.example", "https://2.example"]
         for number in range(100):
             answer(gate, "/", host, f"Origin: https://{number}.evil.example")
-        assert len(gate.refused_origins()) == 14
+        assert len(gate.rejected_origins()) == 14
     finally:
         gate.close()
 

@@ -16,7 +16,7 @@ from flexslew_lab.console import quantities
 from flexslew_lab.console.forms import OpenedOn, scaled
 from flexslew_lab.console.gui import Element, Gui
 from flexslew_lab.console.page import Page
-from flexslew_plant.events import AnswerMissed, Noted
+from flexslew_plant.events import AnswerMissing, OperatorNote
 from flexslew_plant.events.event import event_of
 from flexslew_plant.yaml_data import load_yaml
 
@@ -36,12 +36,12 @@ class Hands:
 
     def click(self, label: str) -> list[tuple[str, dict[str, Any]]]:
         """Return what the bench is asked for."""
-        self.link.asked.clear()
-        for told in self.elements(label)[0].clicked:
+        self.link.request.clear()
+        for told in self.elements(label)[0].on_click:
             told(3)
-        self.page._desk.work()
+        self.page._context.work()
         self.page.refresh()
-        return list(self.link.asked)
+        return list(self.link.request)
 
     def refresh(self) -> None:
         self.page.refresh()
@@ -255,13 +255,13 @@ def test_a_chart_shows_its_window_and_a_dashed_reference(hands: Hands) -> None:
     view.time = 4.99
     hands.refresh()
     chart = next(e for e in hands.gui.middle.all() if e.kind == "chart")
-    assert chart.data.news["xAxis"] == {"min": 0.0, "max": 30.0}
+    assert chart.data.updates["xAxis"] == {"min": 0.0, "max": 30.0}
     shown = {one["name"]: one for one in chart.data.options["series"][:-1]}
     assert list(shown) == ["a [rad]", "b [m]", "reference a [rad]", "reference b [m]"]
     for joint in ("a [rad]", "b [m]"):
         assert shown[f"reference {joint}"]["color"] == shown[joint]["color"]
         assert shown[f"reference {joint}"]["lineStyle"]["type"] == "dashed"
-    known = [v for v in chart.data.news["dataset"]["source"]["0"] if v is not None]
+    known = [v for v in chart.data.updates["dataset"]["source"]["0"] if v is not None]
     assert max(known) == pytest.approx(2e-6, rel=1e-3)
     view.truth.clear()
     view.controller_state.clear()
@@ -302,7 +302,7 @@ def test_a_layout_is_saved_and_chosen(hands: Hands) -> None:
         layout.value = name
         for told in layout.changed:
             told(3)
-        hands.page._desk.work()
+        hands.page._context.work()
         assert charts[0].value == first
 
 
@@ -324,9 +324,9 @@ def test_what_does_nothing_after_the_end_is_gone(hands: Hands) -> None:
 def test_warnings_of_a_kind_that_follow_each_other_are_one_row(hands: Hands) -> None:
     view = hands.link.view
     for tick in range(1, 8):
-        what = AnswerMissed("pd", 1) if tick != 4 else Noted("it rings", "somebody")
+        what = AnswerMissing("pd", 1) if tick != 4 else OperatorNote("it rings", "somebody")
         view.events.append(event_of(what, tick, 0.01 * tick, 0, "plant"))
-        view.heard += 1
+        view.received += 1
     hands.refresh()
     [table] = [e for e in hands.gui.all() if e.kind == "table"]
     rows = [str(row["what"]) for row in table.data]
@@ -347,13 +347,15 @@ def test_a_table_that_leaves_events_out_says_so(hands: Hands) -> None:
     assert "The newest 200 rows" not in hands.texts()
     before = list(view.events)
     for tick in range(200):
-        view.events.append(event_of(Noted(f"remark {tick}", "me"), tick, 0.01 * tick, 0, "plant"))
-    view.heard += 1
+        view.events.append(
+            event_of(OperatorNote(f"remark {tick}", "me"), tick, 0.01 * tick, 0, "plant")
+        )
+    view.received += 1
     hands.refresh()
     assert "The newest 200 rows at most, of the last 2,000 events" in hands.texts()
     view.events.clear()
     view.events.extend(before)
-    view.heard += 1
+    view.received += 1
     hands.refresh()
     assert "The newest 200 rows" not in hands.texts()
 

@@ -12,7 +12,7 @@ from flexslew_lab.console.view import BenchView
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import bench_settings, build_controllers, parse_trial, trial_text
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.graph import topics
@@ -56,8 +56,8 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bench.controllers = controllers = build_controllers(trial, "test")
     with GoesOn(folder, {"trial": trial_text(trial)}) as writer:
         bench.observer = observer = BagObserver(writer)
-        observer.announce(trial, bench, None, controllers)
-        fly(bench, controllers, observer)
+        observer.notify(trial, bench, None, controllers)
+        run_bench(bench, controllers, observer)
     return folder
 
 
@@ -73,7 +73,7 @@ def test_the_slider_stands_where_the_log_is_and_leads_there_again(
             slider.value = asked
             for changed in slider.changed:
                 changed(1)
-            page._desk.work()
+            page._context.work()
             assert log.view.time == pytest.approx(simulated, abs=0.011)
             assert slider.value == pytest.approx(asked, abs=0.011)
         log.poll(0.0)
@@ -86,8 +86,8 @@ def test_a_log_without_a_reset_tells_the_last_tick(bag: Path, tmp_path: Path) ->
     trial = parse_trial(TRIAL, "test")
     bench, controllers = Bench(bench_settings(trial)), build_controllers(trial, "test")
     with BagWriter(tmp_path / "bag", {"trial": trial_text(trial)}) as writer:
-        (observer := BagObserver(writer)).announce(trial, bench, None, controllers)
-        fly(bench, controllers, observer)
+        (observer := BagObserver(writer)).notify(trial, bench, None, controllers)
+        run_bench(bench, controllers, observer)
     log = Replay(tmp_path / "bag")
     log.poll(0.0)
     assert (log.view.time, log.view.now.last_tick) == (0.0, 300)

@@ -7,7 +7,7 @@ import pytest
 from tests.browser import chromium
 from tests.fake_bench import FakeLink
 
-from flexslew_lab.console.drawing import _ASLEEP
+from flexslew_lab.console.drawing import _HIDDEN_TIMEOUT
 from flexslew_lab.console.page import Page
 
 pytestmark = pytest.mark.browser
@@ -50,7 +50,7 @@ def test_charts_wait_for_a_page_that_draws_slowly(served: tuple[Page, FakeLink])
         began, flown = monotonic(), link.view.time + 4.0
         while link.view.time < flown:
             sleep(0.1)
-        asleep = (monotonic() - began) / _ASLEEP  # on a machine that is busy for so long
+        asleep = (monotonic() - began) / _HIDDEN_TIMEOUT  # on a machine that is busy for so long
         # one on its way, one that is not drawn
         assert browser.run("return pictures") <= CHARTS * (2 + asleep)
         browser.run(_LET_GO)

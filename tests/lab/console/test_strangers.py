@@ -33,10 +33,10 @@ def test_what_is_no_message_ends_at_most_its_page(
         stranger.socket.send(garbage)
     other = PageClient(page.server.address)
     other.set(other.named("Start"), True)
-    while not link.asked:
+    while not link.request:
         page.poll()
         other.reach()
-    assert link.asked[0][1]["action"] == "start"
+    assert link.request[0][1]["action"] == "start"
     page.close()
     assert "Traceback" not in "".join(capfd.readouterr())
 
@@ -76,7 +76,7 @@ def test_what_is_written_while_a_remark_is_noted_is_not_lost(
         monkeypatch.undo()
         writer.set(remark, "second")
         writer.set(note, True)
-        while not page._desk._waiting:  # both have arrived
+        while not page._context._waiting:  # both have arrived
             assert monotonic() < limit
             sleep(0.01)
         empty(act)
@@ -85,8 +85,8 @@ def test_what_is_written_while_a_remark_is_noted_is_not_lost(
     limit = monotonic() + 10.0
     writer.set(remark, "first")
     writer.set(note, True)
-    while len(link.asked) < 2 and monotonic() < limit:
+    while len(link.request) < 2 and monotonic() < limit:
         page.poll()
         sleep(0.01)
-    assert [values["text"] for _, values in link.asked] == ["first", "second"]
+    assert [values["text"] for _, values in link.request] == ["first", "second"]
     page.close()

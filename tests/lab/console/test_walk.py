@@ -6,7 +6,7 @@ from tests.console_walk import CONTROLS, SIZES, TABS, open_tab
 from tests.fake_bench import FakeLink
 
 from flexslew_lab.console.page import Page
-from flexslew_plant.events import Noted
+from flexslew_plant.events import OperatorNote
 from flexslew_plant.events.event import event_of
 
 pytestmark = pytest.mark.browser
@@ -51,9 +51,9 @@ def test_every_control_can_be_reached_and_the_brake_stays_where_it_is(
     served: tuple[Page, FakeLink], webgl: bool
 ) -> None:
     page, link = served
-    note = Noted("the beams ring on after the slew " * 20, "ann, page 2")
+    note = OperatorNote("the beams ring on after the slew " * 20, "ann, page 2")
     link.view.events.append(event_of(note, 123456, 1234.56, 0, "plant"))
-    link.view.heard += 1
+    link.view.received += 1
     with chromium(*([] if webgl else ["--disable-3d-apis"])) as browser:
         for width, height in SIZES.items():
             browser.open(page.server.address, width, height)
@@ -96,8 +96,8 @@ def test_the_page_is_read_aloud_in_its_language_and_a_row_chosen_without_a_mouse
     page, link = served
 
     def noted(words: str, tick: int) -> None:
-        link.view.events.append(event_of(Noted(words, "ann"), tick, tick * 0.01, 0, "plant"))
-        link.view.heard += 1
+        link.view.events.append(event_of(OperatorNote(words, "ann"), tick, tick * 0.01, 0, "plant"))
+        link.view.received += 1
 
     noted("it rings", 1200)
     held = next(e for e in page.server.gui.all() if e.label == "Pause the view")
@@ -133,14 +133,14 @@ def _works(browser: Browser, link: FakeLink) -> None:
         ("Break", "Disturb", "inject_fault"),
     ):
         open_tab(browser, tab)
-        number = len(link.asked) + 1
+        number = len(link.request) + 1
         browser.click(f"//button[normalize-space()='{button}']")
         _says(browser, ".q-tab-panel", number)
-        assert link.asked[-1][0] == asked
-    number = len(link.asked) + 1
+        assert link.request[-1][0] == asked
+    number = len(link.request) + 1
     browser.press(" ", "Space")
     _says(browser, "header", number)
-    assert link.asked[-1][1]["action"] == "brake"
+    assert link.request[-1][1]["action"] == "brake"
     ticks = browser.run(_TEXTS)
     assert any("e-6" in tick for tick in ticks)  # not "0, 0, -0"
     assert "40" in ticks or "39.99" in ticks or "35" in ticks

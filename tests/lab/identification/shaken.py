@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from flexslew_control.free_platform import rate_readings
+from flexslew_control.free_platform import rate_outputs
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners.excitation.excitation import Excitation, plan_excitation
 from flexslew_control.planners.slew import Feedback
@@ -42,7 +42,7 @@ def truth(testbed: Any) -> tuple[Vector, Vector, Matrix]:
     poles = poles[poles.imag > 1e-6]
     poles = poles[np.argsort(np.abs(poles))]
     moved = np.linalg.solve(linear.mass[rigid, rigid], linear.input_matrix[rigid])
-    felt = np.linalg.inv(rate_readings(model, rest)[:, rigid] @ moved)
+    felt = np.linalg.inv(rate_outputs(model, rest)[:, rigid] @ moved)
     inertia: Matrix = np.asarray(felt, dtype=np.float64)
     return np.abs(poles), -poles.real / np.abs(poles), inertia
 

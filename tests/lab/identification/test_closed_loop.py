@@ -7,7 +7,7 @@ from tests.lab.identification.shaken import bench, shaken, truth
 from flexslew_lab.identification.modal_fit import modal_fit, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
-from flexslew_lab.identification.regressors import RegressorSignals, turned
+from flexslew_lab.identification.regressors import RegressorSignals, reduce_rows
 from flexslew_lab.identification.separable import ModalLeastSquares
 from flexslew_plant.arrays import Vector
 
@@ -55,7 +55,7 @@ def test_terms_keep_every_inner_product_when_they_are_turned() -> None:
     signals = RegressorSignals(record(3), None)
     modes = Oscillator(1.3, 0.01), Oscillator(4.0, 0.02)
     for whole in signals.columns(modes, slopes=True):
-        small = turned(whole)
+        small = reduce_rows(whole)
         sides = [
             np.hstack([t.constant, t.line, t.rigid, *t.modes, *t.slopes, t.measured])
             for t in (whole, small)

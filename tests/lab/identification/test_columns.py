@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from flexslew_lab.identification.bag_columns import read_bag
 from flexslew_lab.identification.columns import require_times
 from flexslew_lab.identification.csv_columns import column_names, read_csv
-from flexslew_lab.identification.foreign import foreign_record
+from flexslew_lab.identification.foreign import external_record
 from flexslew_plant.errors import BadInput
 
 TIMES, U, X = (0.0, 0.1, 0.2, 0.3), (1.0, 0.0, -1.0, 1.0), (0.0, 0.01, 0.02, 0.03)
@@ -94,7 +94,7 @@ def test_a_clock_that_does_not_run_is_refused(
     rows = (f"{t},{k % 3},{0.01 * k}" for k, t in enumerate(times))
     path.write_text("\n".join(("time,u,x", *rows)))
     with pytest.raises(BadInput, match=words):
-        foreign_record(path, ("u",), ("x",), period)
+        external_record(path, ("u",), ("x",), period)
 
 
 def bag(path: Path, plugin: StoragePlugin, stamps: tuple[float, ...] = TIMES) -> Path:

@@ -111,7 +111,7 @@ def test_slopes_by_unknown_efforts_are_those_of_the_cost() -> None:
         step = np.concatenate((np.zeros(4), 1e-3 * rng.standard_normal(len(here.gradient) - 4)))
         costs = []
         for side in (1.0, -1.0):
-            there = problem.signals.with_efforts_moved(side * step[4:])
+            there = problem.signals.with_effort_step(side * step[4:])
             costs.append(ModalLeastSquares(there, noise).solve(here.modes, slopes=False).cost)
         curvature = sum(costs) - 2.0 * here.cost
         assert curvature == pytest.approx(step @ here.information @ step, rel=0.02)

@@ -12,7 +12,7 @@ from scipy.stats import binom
 from tests.lab.identification.shaken import bench, shaken, truth
 from tests.present import present
 
-from flexslew_lab.identification.foreign import foreign_record
+from flexslew_lab.identification.foreign import external_record
 from flexslew_lab.identification.frequency_response import frequency_response
 from flexslew_lab.identification.identification import identify, validated_on
 from flexslew_lab.identification.model_file import file_text, modal_data
@@ -21,7 +21,7 @@ from flexslew_lab.identification.modes import identify_modes, whiteness_of
 from flexslew_lab.identification.physical_fit import fit_parameters
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import varied
+from flexslew_plant.testbeds import with_changes
 from flexslew_plant.yaml_data import load_yaml
 
 OSCILLATOR = {"band": [0.1, 6.0], "largest_excursion": [0.2]}, (np.array([0.5]), np.array([1.0]))
@@ -129,7 +129,7 @@ def test_a_mode_that_stood_for_a_complex_shape_goes_when_shapes_are_complex() ->
 def test_parameters_of_the_equations_are_found_from_a_start_that_is_20_percent_off() -> None:
     true, _ = csa(3)
     stiffness = 1.2 * true.parameters.bending_stiffness
-    start = varied(
+    start = with_changes(
         true, {"damping_ratio": 0.006, "parameters": {"bending_stiffness": stiffness}}, "here"
     )
     fit = fit_parameters(
@@ -149,7 +149,7 @@ def test_parameters_that_act_alike_are_named_and_no_interval_pretends_to_know_th
     """At rest the base feels the sum of both inertias alone, whose interval is narrow."""
     true, _ = csa(3)
     keys = ("parameters.base_inertia", "parameters.hub_inertia_1")
-    start = varied(true, {"parameters": {"base_inertia": 2300.0}}, "here")
+    start = with_changes(true, {"parameters": {"base_inertia": 2300.0}}, "here")
     fit = fit_parameters(found_csa(3), start, keys)
     assert f"{keys[0]} and {keys[1]} cannot be distinguished" in " ".join(fit.warnings)
     assert all(f"{key} is not known from this record" in " ".join(fit.warnings) for key in keys)
@@ -266,7 +266,7 @@ def test_what_cannot_tell_is_refused_with_the_numbers() -> None:
         "quiet", record.limits,
     )  # fmt: skip
     with pytest.raises(BadInput, match="quiet: no effort moves"):
-        still.moved()
+        still.active_channels()
     with pytest.raises(BadInput, match=r"2 s hold .* periods of 6 rad/s.*at least 10"):
         identify_modes(record.cut(0, 200), (0.1, 6.0))
     limits = np.quantile(np.abs(record.effort), [0.9])
@@ -298,7 +298,7 @@ def test_a_csv_file_of_another_bench_gives_the_same_mode(tmp_path: Path) -> None
     csv_of(path, record, record.period * np.arange(record.ticks + 1))
     path.write_text(path.read_text() + "\n\n")  # as some loggers end a file
     columns = ("u=mass",), ("x=position.mass", "v=rate.mass", "s")
-    repaired = foreign_record(path, *columns)
+    repaired = external_record(path, *columns)
     assert repaired.words == ()
     (w,), _, _ = truth(true)
     (mode,) = identify_modes(repaired.record, (0.1, 6.0)).modes
@@ -315,7 +315,7 @@ def test_gaps_and_jitter_stay_in_the_record_and_are_reported(tmp_path: Path) -> 
         kept = np.delete(np.arange(len(t)), gone)
         part = np.column_stack((t, np.append(record.effort, 0.0), record.measured))[kept]
         np.savetxt(path, part, delimiter=",", header="time,u,x,v,s", comments="")
-        read, notes = foreign_record(path, *columns)
+        read, notes = external_record(path, *columns)
         assert any(f"u: {len(gone)} samples are missing" in one for one in notes)
         assert read.samples(0) == len(kept)
         assert read.pieces is not None
@@ -328,10 +328,10 @@ def test_gaps_and_jitter_stay_in_the_record_and_are_reported(tmp_path: Path) -> 
         assert read.effort[~unknown, 0] == pytest.approx(record.effort[~lost, 0])
     jittered = t + 0.004 * np.random.default_rng(1).uniform(-1.0, 1.0, len(t)) * 1.2
     csv_of(path, record, jittered)
-    read, notes = foreign_record(path, *columns)
+    read, notes = external_record(path, *columns)
     assert any("u: jitter of" in one for one in notes)
     assert read.times == pytest.approx(jittered - jittered[0])
-    assert read.whole
+    assert read.is_complete
 
 
 def test_a_file_without_its_columns_or_with_a_clock_that_steps_back_is_refused(
@@ -340,13 +340,13 @@ def test_a_file_without_its_columns_or_with_a_clock_that_steps_back_is_refused(
     path = tmp_path / "lab.csv"
     csv_of(path, oscillator(5)[1].record.cut(0, 100), 0.01 * np.arange(101))
     with pytest.raises(BadInput, match=r"no column z; .*the header is: time; u; x; v; s"):
-        foreign_record(path, ("z",), ("x",))
+        external_record(path, ("z",), ("x",))
     path.write_text("time,u,x\n0,1,2\n1,one,2\n")
     with pytest.raises(BadInput, match=r"u: line 3: 'one' is no number"):
-        foreign_record(path, ("u",), ("x",))
+        external_record(path, ("u",), ("x",))
     path.write_text("time,u,x\n0,1,2\n2,1,2\n1,1,2\n")
     with pytest.raises(BadInput, match=r"u: the time steps back at 2 s"):
-        foreign_record(path, ("u",), ("x",))
+        external_record(path, ("u",), ("x",))
 
 
 def test_the_file_says_what_was_found() -> None:

@@ -12,12 +12,12 @@ from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from flexslew_lab.cli.main import main as cli
-from flexslew_lab.identification.foreign import foreign_record
+from flexslew_lab.identification.foreign import external_record
 from flexslew_lab.identification.from_bag import bag_of, record_of
 from flexslew_lab.identification.identification import experiment_of, identify
 from flexslew_lab.identification.record import Record
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import parse_trial, trial_of_values
 from flexslew_plant.errors import BadInput
@@ -127,7 +127,7 @@ def test_a_bag_of_this_bench_read_by_columns_has_the_efforts_at_their_ticks(run:
     """A measurement holds the effort of the tick before; taken for the next one, all is late."""
     own = record_of(bag_of(run))
     columns = ("/measurement.joint_position[0]=position.mass",)
-    repaired = foreign_record(run / "bag", ("/measurement.applied_effort[0]=mass",), columns)
+    repaired = external_record(run / "bag", ("/measurement.applied_effort[0]=mass",), columns)
     ticks = repaired.record.ticks
     assert own.ticks - ticks <= 1
     # means over ticks that the stamps' nanoseconds round
@@ -141,14 +141,14 @@ def test_a_file_says_when_its_efforts_end_and_where_they_look_limited(tmp_path: 
     t = 0.02 * np.arange(400)
     path = tmp_path / "lab.csv"
     np.savetxt(path, np.column_stack((t, u, u)), delimiter=",", header="t,u,x", comments="")
-    begun, ended = (foreign_record(path, ("u",), ("x",), past=past) for past in (False, True))
+    begun, ended = (external_record(path, ("u",), ("x",), past=past) for past in (False, True))
     # the time written has 18 digits
     assert ended.record.effort[:-1, 0] == pytest.approx(begun.record.effort[1:399, 0], abs=1e-9)
     share = float((np.abs(u) == 1.5).mean())
     assert any(f"at its largest value, 1.5, in {share:.0%}" in words for words in begun.words)
     free = np.column_stack((t, rng.standard_normal(400), u))
     np.savetxt(path, free, delimiter=",", header="t,u,x", comments="")
-    assert foreign_record(path, ("u",), ("x",)).words == ()
+    assert external_record(path, ("u",), ("x",)).words == ()
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_a_file_without_ticks_is_refused(
     path = tmp_path / "lab.csv"
     path.write_text(f"t,u\n{rows}\n")
     with pytest.raises(BadInput, match=words):
-        foreign_record(path, ("u",), ("u",), period)
+        external_record(path, ("u",), ("u",), period)
 
 
 @pytest.mark.parametrize(
@@ -219,7 +219,9 @@ def test_a_saturated_experiment_is_refused_with_its_share(
 def test_the_shipped_experiment_on_scole_tells_the_mode_that_it_drives(tmp_path: Path) -> None:
     """A minute of its five: the wheel about roll drives the second mode, and hardly the first."""
     keys = {"duration": 65.0, "plan.duration": 60.0}
-    short = trial_of_values(overridden(plain(read_trial("shake_scole", None)[0]), keys), "test")
+    short = trial_of_values(
+        override_values(plain(read_trial("shake_scole", None)[0]), keys), "test"
+    )
     run_trial(short, "test", tmp_path / "run", in_process=True, report=False)
     found = identify([experiment_of(tmp_path / "run")]).model
     model = short.testbed.model()
@@ -245,7 +247,7 @@ def test_friction_of_the_motors_which_rigid_motion_has_none_of_is_said(
         "plan.band": [0.1, 6.0],
         "actuator.viscous_friction": friction,
     }
-    asked = trial_of_values(overridden(load_yaml(TRIAL, "test"), changes), "test")
+    asked = trial_of_values(override_values(load_yaml(TRIAL, "test"), changes), "test")
     run_trial(asked, "test", tmp_path / "run", in_process=True, report=False)
     code, out, _ = call("identify", tmp_path / "run", "--json")
     warnings = json.loads(out)["warnings"]

@@ -11,7 +11,7 @@ from tests.representatives import representatives
 
 from flexslew_lab.cli.main import main as cli
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, trial_of_values
 from flexslew_plant.settings import plain
@@ -24,7 +24,7 @@ def slew(folder: Path, free_mass: float, believed: dict[str, Any] | None = None)
         "testbed.parameters.free_mass": free_mass,
         "plan.model": believed or plain(nominal.testbed),
     }
-    trial = trial_of_values(overridden(plain(nominal), changes), "test")
+    trial = trial_of_values(override_values(plain(nominal), changes), "test")
     return run_trial(trial, "test", folder, in_process=True, report=False)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexslew_lab.identification.missed import gain, missed_mode, price
+from flexslew_lab.identification.missed import gain, missing_mode, price
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_lab.identification.regressors import RegressorSignals
@@ -75,10 +75,10 @@ def test_the_mode_that_a_fit_lacks_is_found_near_its_frequency_and_none_that_is_
     signals = RegressorSignals(record(11), 8.0)
     noise = 0.1 * signals.record.measured.std(axis=0)
     problem = ModalLeastSquares(signals, noise)
-    missed = missed_mode(signals, problem.solve(MODES[:1]), noise, (0.5, 8.0))
+    missed = missing_mode(signals, problem.solve(MODES[:1]), noise, (0.5, 8.0))
     assert missed is not None
     assert missed.frequency == pytest.approx(
         MODES[1].frequency, rel=0.03
     )  # half the grid, and leakage
-    assert missed_mode(signals, problem.solve(MODES), noise, (0.5, 8.0)) is None
+    assert missing_mode(signals, problem.solve(MODES), noise, (0.5, 8.0)) is None
     assert price(problem) > 0.0

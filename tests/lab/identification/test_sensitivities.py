@@ -8,7 +8,7 @@ import pytest
 from tests.lab.identification.shaken import bench
 from tests.representatives import representatives
 
-from flexslew_lab.identification.flights import Flights
+from flexslew_lab.identification.flights import FlightSimulation
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.arrays import Matrix, Vector
@@ -17,7 +17,7 @@ from flexslew_plant.settings import flat, plain
 PERIOD = 0.01
 
 
-def flights(testbed: Any, keys: tuple[str, ...], effort: Matrix) -> tuple[Flights, Vector]:
+def flights(testbed: Any, keys: tuple[str, ...], effort: Matrix) -> tuple[FlightSimulation, Vector]:
     """Return flights of a testbed under efforts, and the logarithms of its parameters."""
     model = testbed.model()
     joints = model.joint_names
@@ -29,7 +29,7 @@ def flights(testbed: Any, keys: tuple[str, ...], effort: Matrix) -> tuple[Flight
     still, limits = np.zeros((len(effort) + 1, len(outputs))), np.full(len(joints), np.inf)
     record = Record(PERIOD, effort, still, joints, outputs, "here", limits)
     known = flat(plain(testbed))
-    return Flights(record, testbed, keys), np.log([known[key] for key in keys])
+    return FlightSimulation(record, testbed, keys), np.log([known[key] for key in keys])
 
 
 def test_the_slope_of_two_masses_by_their_spring_is_the_closed_form() -> None:
@@ -79,12 +79,12 @@ def test_slopes_are_the_limit_of_differences_of_flights(case: str) -> None:
     (slope,) = problem.sensitivities(values)
 
     def difference(h: float) -> Matrix:
-        return np.asarray((problem.flown(values + h) - problem.flown(values - h)) / (2.0 * h))
+        return np.asarray((problem.simulate(values + h) - problem.simulate(values - h)) / (2.0 * h))
 
     # Romberg's table: of order 6, with rounding of 1e-13 in flights divided by the least step
     rows = [difference(h) for h in (4e-3, 2e-3, 1e-3)]
     rows = [(4.0 * b - a) / 3.0 for a, b in pairwise(rows)]
     limit = (16.0 * rows[1] - rows[0]) / 15.0
-    moves = np.abs(problem.flown(values)).max(axis=0)
+    moves = np.abs(problem.simulate(values)).max(axis=0)
     assert (np.abs(slope - limit) <= 1e-9 * np.abs(limit).max(axis=0) + 1e-11 * moves).all()
     assert (np.abs(slope).max(axis=0) > 1e-6 * moves).any()

@@ -246,7 +246,7 @@ def test_chunks_that_another_program_has_packed_with_lz4_are_read(
 
 
 def test_another_message_definition_is_refused(tmp_path: Path) -> None:
-    reader = BagReader(foreign(tmp_path / "a.mcap"), foreign=True)
+    reader = BagReader(foreign(tmp_path / "a.mcap"), external=True)
     with pytest.raises(BadInput, match="another definition of flexslew_msgs/msg/PlantState"):
         list(reader.messages())
 

@@ -46,7 +46,7 @@ def test_a_whole_bag_is_protected(file: Path) -> None:
 def test_chunks_and_data_without_a_checksum_are_named_and_the_metrics_warn(file: Path) -> None:
     without_checksums(file, chunks=True, data_section=True)
     found = wrong(file)["protected by checksums"]
-    count = BagReader(file).overview.unprotected[0].split()[0]
+    count = BagReader(file).overview.without_checksum[0].split()[0]
     assert int(count) > 3
     assert f"{count} chunks without a checksum, the first at byte " in found
     assert "the data section has no checksum" in found

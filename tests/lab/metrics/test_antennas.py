@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from flexslew_lab.metrics.line_of_sight import LineOfSightMetric
-from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, ReferenceManoeuvre, RunSetup
 from flexslew_lab.metrics.platform_error import PlatformError
 from flexslew_lab.metrics.vibration import Vibration
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.retarget import with_requests
 from flexslew_plant.testbeds import Testbed
@@ -22,7 +22,7 @@ TIME = np.linspace(0.0, 6.0, 1201)
 def craft(**motion: Any) -> Testbed:
     """Return antenna_5_1, whose membrane has ten modes, with another turn about x."""
     whole = {"to": 0.6, "duration": 3.0, **motion}
-    return shipped(
+    return example_trial(
         "antenna_5_1", {"testbed": {"appendages": {"membrane": {"hinge": {"motion": whole}}}}}
     ).testbed
 
@@ -33,7 +33,7 @@ def measured(
     """Return what a metric says of these positions, by the end of the manoeuvre [s]."""
     model = testbed.model()
     names, joints = tuple(model.joint_names), model.joints
-    aim = FlownManoeuvre(0.0, end, np.zeros(joints) if goal is None else goal, np.zeros(joints))
+    aim = ReferenceManoeuvre(0.0, end, np.zeros(joints) if goal is None else goal, np.zeros(joints))
     metric = kind(RunSetup(names, aim, np.ones(joints), testbed))
     metric.add(
         Block(
@@ -124,7 +124,7 @@ def test_a_vibration_that_swings_through_zero_at_the_end_has_not_settled(
 
 
 def test_a_vibration_that_nothing_is_before_settles_from_its_largest_deflection() -> None:
-    testbed = shipped("own_spacecraft").testbed  # its panels do not turn; a step, or no plan
+    testbed = example_trial("own_spacecraft").testbed  # its panels do not turn; a step, or no plan
     q = still(testbed)
     grows = np.minimum(TIME / 0.5, 1.0) * np.exp(-2.0 * np.maximum(TIME - 0.5, 0.0))
     q[:, -6:-3], q[:, -3:] = 0.01 * grows[:, None], 0.0
@@ -136,4 +136,7 @@ def test_a_vibration_that_nothing_is_before_settles_from_its_largest_deflection(
 
 
 def test_a_testbed_without_antennas_has_none_of_these() -> None:
-    assert measured(LineOfSightMetric, shipped("scole_s_open").testbed, np.zeros((1201, 0))) == {}
+    assert (
+        measured(LineOfSightMetric, example_trial("scole_s_open").testbed, np.zeros((1201, 0)))
+        == {}
+    )

@@ -11,23 +11,23 @@ from tests.lab.metrics.blocks import ticks_of
 from flexslew_lab.cli.summary import metric_rows
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics import KEYS, METRICS, Metric
-from flexslew_lab.metrics.from_bag import metrics_of, own_keys_of
-from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
-from flexslew_lab.metrics.own import own_metrics
+from flexslew_lab.metrics.from_bag import metrics_of, user_keys_of
+from flexslew_lab.metrics.metric import Block, Ending, ReferenceManoeuvre, RunSetup
+from flexslew_lab.metrics.own import load_user_metrics
 from flexslew_lab.metrics.rows import flat
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
-    AnswerMissed,
+    AnswerMissing,
     Event,
     Fact,
-    FallbackTookOver,
+    FallbackActivated,
     FaultChanged,
     RunFinished,
-    Switched,
+    SwitchCompleted,
     event_of,
 )
 from flexslew_plant.own_code import ANY_CODE
@@ -60,7 +60,7 @@ metrics: [OWN]
 """
 
 _TWICE = [{"to": 0.3, "at": 0.5, "duration": 0.06}, {"to": 0.1, "at": 0.6, "duration": 0.01}]
-TURNING = shipped(
+TURNING = example_trial(
     "antenna_4", {"testbed": {"appendages": {"beam": {"hinge": {"motion": _TWICE}}}}}
 ).testbed
 
@@ -79,7 +79,7 @@ def flown(name: str, ticks: int, rng: np.random.Generator) -> tuple[RunSetup, Bl
         x = model.advance(x, push, 0.004)
     time = 0.5 + np.arange(ticks, dtype=float) * 0.004
     goal = joints[0] + [craft.typical_goal.get(joint, 0.0) for joint in model.joint_names]
-    manoeuvre = FlownManoeuvre(time[ticks // 4], time[ticks // 2], goal, goal - joints[0])
+    manoeuvre = ReferenceManoeuvre(time[ticks // 4], time[ticks // 2], goal, goal - joints[0])
     block = Block(
         np.arange(3, 3 + ticks), time, np.diff(time, prepend=time[0]),
         np.array([q for q, _ in states]), np.array([v for _, v in states]), effort,
@@ -95,11 +95,11 @@ def cut(block: Block, where: list[int]) -> list[Block]:
 
 def events() -> list[Event]:
     facts: list[Fact] = [
-        Switched("a", "b", [0.5, -0.7]),
-        AnswerMissed("b", ticks=3),
+        SwitchCompleted("a", "b", [0.5, -0.7]),
+        AnswerMissing("b", ticks=3),
         FaultChanged(on=True),
         FaultChanged(on=False),
-        FallbackTookOver("a", "b"),
+        FallbackActivated("a", "b"),
         RunFinished(wall_time=1.5),
     ]
     return [event_of(fact, 0, 0.0, 0, "plant") for fact in facts]
@@ -155,8 +155,8 @@ def test_a_metric_of_the_user_s_own_is_measured_in_every_run(tmp_path: Path) -> 
     page = (tmp_path / "run/report.html").read_text()
     assert "total distance travelled by the first joint" in page  # what its key says of it
     bag = BagReader(tmp_path / "run/bag", trust=ANY_CODE)
-    assert own_keys_of(bag)["travel"].unit == "rad or m"
-    rows = metric_rows(result.metrics, {"base_yaw": "rad"}, own_keys_of(bag))
+    assert user_keys_of(bag)["travel"].unit == "rad or m"
+    rows = metric_rows(result.metrics, {"base_yaw": "rad"}, user_keys_of(bag))
     assert next(unit for name, _, unit in rows if name == "travel") == "rad"
     metrics = metrics_of(tmp_path / "run/bag")  # as a received log is read
     assert "travel" not in metrics
@@ -187,7 +187,7 @@ def test_two_metrics_with_one_key_are_refused(tmp_path: Path) -> None:
         (tmp_path / f"{name}.py").write_text(OWN)
     names = [f"{tmp_path}/{name}.py:Travel" for name in ("one", "two")]
     with pytest.raises(BadInput, match=r"travel is taken by .*one\.py:Travel"):
-        own_metrics(names, "test", ANY_CODE)
+        load_user_metrics(names, "test", ANY_CODE)
 
 
 def test_every_metric_is_a_metric() -> None:

@@ -66,7 +66,7 @@ def test_values_are_those_of_the_closed_form(bag: Path) -> None:
 
 def test_the_hash_is_sha256_of_ticks_and_states(bag: Path) -> None:
     digest, ours = hashlib.sha256(), TrajectoryHash()
-    for _, _, m in BagReader(bag).decoded(["/truth"]):
+    for _, _, m in BagReader(bag).decode_messages(["/truth"]):
         digest.update(struct.pack("<Q", m.tick))
         digest.update(struct.pack("<4d", *m.position) + struct.pack("<4d", *m.velocity))
         ours.update(m.tick, m.position, m.velocity)

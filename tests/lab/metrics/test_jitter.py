@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from tests.lab.metrics.blocks import ticks_of
 
 from flexslew_lab.metrics.jitter import Jitter, by_octave
-from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, ReferenceManoeuvre, RunSetup
 from flexslew_plant.arrays import Indices, Matrix
 from flexslew_plant.testbeds import read_testbed
 
@@ -22,7 +22,7 @@ def measured(error: Matrix, ticks: Indices | None = None, cuts: tuple[int, ...] 
     model, goal = CRAFT.model(), Rotation.from_rotvec([0.3, -0.8, 1.1])
     position = np.zeros((len(error), model.positions))
     position[:, 3:7] = (goal * Rotation.from_rotvec(error)).as_quat()
-    aim = FlownManoeuvre(0.0, END, goal.as_rotvec(), np.zeros(3))
+    aim = ReferenceManoeuvre(0.0, END, goal.as_rotvec(), np.zeros(3))
     metric = Jitter(RunSetup(tuple(model.joint_names), aim, np.ones(3), CRAFT))
     numbers = np.arange(len(error)) if ticks is None else ticks
     time, none = numbers.astype(float) * PERIOD, np.zeros((len(error), 3))

@@ -3,12 +3,12 @@
 import numpy as np
 
 from flexslew_lab.metrics.joint_errors import JointErrors
-from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.metrics.metric import Block, Ending, ReferenceManoeuvre, RunSetup
+from flexslew_lab.reproduce.scole_flights import example_trial
 
 
 def test_a_wheel_that_spins_on_is_no_error_at_the_end() -> None:
-    testbed = shipped("own_spacecraft").testbed
+    testbed = example_trial("own_spacecraft").testbed
     model = testbed.model()
     joints = len(model.joint_names)
     q, v = model.rest({})[None], np.zeros((1, model.coordinates))
@@ -17,7 +17,7 @@ def test_a_wheel_that_spins_on_is_no_error_at_the_end() -> None:
     none = np.zeros((1, joints))
     yes = np.ones(1, dtype=bool)
     setup = RunSetup(
-        tuple(model.joint_names), FlownManoeuvre(0.0, 1.0, none[0], none[0]), none[0], testbed
+        tuple(model.joint_names), ReferenceManoeuvre(0.0, 1.0, none[0], none[0]), none[0], testbed
     )
     metric = JointErrors(setup)
     tip = np.zeros((1, len(model.appendages.names)))

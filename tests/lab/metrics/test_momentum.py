@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from tests.lab.metrics.blocks import ticks_of
 
-from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, ReferenceManoeuvre, RunSetup
 from flexslew_lab.metrics.momentum import Momentum
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
@@ -40,7 +40,9 @@ def test_from_rest_wheels_store_what_the_craft_turns_with(seed: int) -> None:
     count = len(v)
     time, none = np.arange(count, dtype=float) * PERIOD, np.zeros((count, 4))
     metric = Momentum(
-        RunSetup(model.joint_names, FlownManoeuvre(0.0, 1.0, None, np.zeros(4)), np.ones(4), craft)
+        RunSetup(
+            model.joint_names, ReferenceManoeuvre(0.0, 1.0, None, np.zeros(4)), np.ones(4), craft
+        )
     )
     block = Block(
         np.arange(count), time, np.full(count, PERIOD), q, v, none, none[:, :0], None,
@@ -68,7 +70,7 @@ def test_a_wheel_at_rest_has_no_sign() -> None:
         v = np.zeros((8, model.coordinates))
         v[:, -1 - model.modes] = [10.0, *(size * (-1.0) ** np.arange(7))]
         time, none = np.arange(8.0), np.zeros((8, 1))
-        aim = FlownManoeuvre(0.0, 1.0, None, np.zeros(1))
+        aim = ReferenceManoeuvre(0.0, 1.0, None, np.zeros(1))
         metric = Momentum(RunSetup(model.joint_names, aim, np.ones(1), craft))
         q = np.tile(model.rest({}), (8, 1))
         metric.add(
@@ -81,12 +83,12 @@ def test_a_wheel_at_rest_has_no_sign() -> None:
 
 
 def test_the_peak_of_a_gimbal_is_that_of_all_ticks() -> None:
-    craft = shipped("control_moment_gyros").testbed
+    craft = example_trial("control_moment_gyros").testbed
     assert isinstance(craft, PointingTestbed)
     model = craft.model()
     v = np.random.default_rng(3).standard_normal((8, model.coordinates))
     time, none = np.arange(8.0), np.zeros((8, model.efforts))
-    aim = FlownManoeuvre(0.0, 1.0, None, np.zeros(model.joints))
+    aim = ReferenceManoeuvre(0.0, 1.0, None, np.zeros(model.joints))
     metric = Momentum(RunSetup(model.joint_names, aim, np.ones(model.efforts), craft))
     q = np.tile(model.rest({}), (8, 1))
     block = Block(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, ReferenceManoeuvre, RunSetup
 from flexslew_lab.metrics.performance_errors import PerformanceErrors
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds import read_testbed
@@ -21,7 +21,7 @@ def measured(error: Vector, goal: Rotation, cuts: list[int]) -> dict[str, Any]:
     model = CRAFT.model()
     position = np.zeros((len(TIME), model.positions))
     position[:, 3:7] = (goal * Rotation.from_rotvec(np.outer(error, [1.0, 0.0, 0.0]))).as_quat()
-    aim = FlownManoeuvre(0.0, END, goal.as_rotvec(), np.zeros(3))
+    aim = ReferenceManoeuvre(0.0, END, goal.as_rotvec(), np.zeros(3))
     metric = PerformanceErrors(RunSetup(tuple(model.joint_names), aim, np.ones(3), CRAFT))
     for first, last in zip([0, *cuts], [*cuts, len(TIME)], strict=True):
         time, none = TIME[first:last], np.zeros((last - first, 3))
@@ -61,7 +61,7 @@ def test_the_worst_window_counts_and_one_that_is_cut_short_does_not() -> None:
 def test_without_a_whole_window_there_is_neither_mean_nor_relative_error() -> None:
     few = {"kind": "spacecraft", "appendages": {}, "pointing_window": 100.0}
     model = read_testbed(few, "here").model()
-    aim = FlownManoeuvre(0.0, END, np.zeros(3), np.zeros(3))
+    aim = ReferenceManoeuvre(0.0, END, np.zeros(3), np.zeros(3))
     metric = PerformanceErrors(
         RunSetup(tuple(model.joint_names), aim, np.ones(3), read_testbed(few, "here"))
     )

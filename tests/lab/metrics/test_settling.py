@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, ReferenceManoeuvre, RunSetup
 from flexslew_lab.metrics.settling import Settling
 from flexslew_plant.arrays import Matrix, Vector
 
@@ -16,7 +16,7 @@ GOAL = np.array([1.5, 0.2])  # [rad]
 def measured(position: Matrix, displacement: Vector, start: float = 0.0) -> dict[str, Any]:
     """Return the metrics of two joints that went so, measured in two blocks."""
     setup = RunSetup(
-        ("yaw", "pitch"), FlownManoeuvre(start, start, GOAL, displacement), np.zeros(2), None
+        ("yaw", "pitch"), ReferenceManoeuvre(start, start, GOAL, displacement), np.zeros(2), None
     )
     metric, none = Settling(setup), np.zeros((len(TIME), 2))
     for part in (slice(0, 7), slice(7, None)):

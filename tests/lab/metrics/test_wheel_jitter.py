@@ -5,14 +5,14 @@ import pytest
 from tests.plant.testbeds.spacecraft.test_imbalance import SPEED, WHEEL, J, coasted, craft
 
 from flexslew_lab.metrics.jitter import Jitter
-from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, ReferenceManoeuvre, RunSetup
 
 
 def test_the_jitter_of_a_wheel_is_in_the_octave_of_its_harmonic() -> None:
     period, order, size = 0.01, 1.5, 1e-5
     bed = craft({"harmonics": [{"order": order, "torque": size}]}, pointing_window=10.0)
     position, velocity = coasted(bed, period, 30.0)
-    metric = Jitter(RunSetup(("wheel",), FlownManoeuvre(0.0, 0.0, np.zeros(1), np.zeros(1)),
+    metric = Jitter(RunSetup(("wheel",), ReferenceManoeuvre(0.0, 0.0, np.zeros(1), np.zeros(1)),
                              np.ones(1), bed))  # fmt: skip
     ticks = np.arange(len(position))
     time = period * ticks.astype(float)

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from flexslew_control.law import described
-from flexslew_lab.log.bag_layout import sealed
+from flexslew_control.law import plant_description
+from flexslew_lab.log.bag_layout import with_checksum
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.files.mcap_file import McapFile
 from flexslew_lab.replay.logged_controllers import trial_of
@@ -45,7 +45,7 @@ PLACES = [with_law, with_model, with_plan, with_shape]
 def bag_of(trial: dict[str, Any], folder: Path) -> Path:
     """Return an MCAP file whose metadata hold a trial."""
     file = McapFile(folder / "log.mcap")
-    file.add_metadata("flexslew", sealed({"trial": yaml_text({"name": "foreign", **trial})}))
+    file.add_metadata("flexslew", with_checksum({"trial": yaml_text({"name": "foreign", **trial})}))
     file.close()
     return folder / "log.mcap"
 
@@ -89,4 +89,4 @@ def test_a_shipped_file_that_a_log_names_is_read_and_none_of_its_name_here(
 def test_the_testbed_record_of_a_log_opens_no_file(tmp_path: Path) -> None:
     settings = yaml_text({**with_shape(str(tmp_path / "x.yaml")), "period": 0.01})
     with pytest.raises(Untrusted):
-        described(settings, "log", NO_CODE.for_log())
+        plant_description(settings, "log", NO_CODE.for_log())

@@ -12,9 +12,9 @@ from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_lab.log.messages.cdr import decode, encode
-from flexslew_lab.replay.logged_controllers import adoptions
+from flexslew_lab.replay.logged_controllers import plan_changes
 from flexslew_plant.bench.message_fields import event_fields
-from flexslew_plant.events import EstimateBegan, event_of
+from flexslew_plant.events import EstimateStarted, event_of
 
 CAME = 3, 14  # epoch and tick of the first question that a newcomer heard
 STATUS = "flexslew_msgs/msg/ControllerStatus"
@@ -52,7 +52,7 @@ def test_a_newcomer_follows_the_last_plan_that_it_heard_before_it_was_asked(
     epochs: tuple[int, int, int],
 ) -> None:
     """It hears the plans one by one, and of the epoch before them, between or behind them."""
-    began = event_of(EstimateBegan("pd", True), CAME[1], 0.14, CAME[0], "pd")
+    began = event_of(EstimateStarted("pd", True), CAME[1], 0.14, CAME[0], "pd")
     bag = log(
         status(SECOND, 2, 2),  # of its predecessor
         status(FIRST, 1, epochs[0]),
@@ -61,7 +61,7 @@ def test_a_newcomer_follows_the_last_plan_that_it_heard_before_it_was_asked(
         ("/events", "flexslew_msgs/msg/Event", event_fields(began)),
         status(SECOND, 2, *CAME),
     )
-    last = [found for found in adoptions(bag) if found.first == CAME][-1]
+    last = [found for found in plan_changes(bag) if found.first == CAME][-1]
     assert plan_hash(last.told[-1].plan) == plan_hash(SECOND)
 
 
@@ -75,10 +75,10 @@ def test_one_that_comes_where_its_predecessor_had_no_plan_follows_it_from_its_fi
     topic, kind, fields = status(FIRST, 1, CAME[0])
     newcomer = topic, kind, fields | {"instance": 2, "plan_epoch": CAME[0]}
     unready = topic, STATUS, {"controller": "pd", "instance": 2}
-    began = event_of(EstimateBegan("pd", True), CAME[1], 0.14, CAME[0], "pd")
+    began = event_of(EstimateStarted("pd", True), CAME[1], 0.14, CAME[0], "pd")
     said = [unready, without, newcomer] if late else [without, unready, newcomer]
     bag = log(without, *said, ("/events", "flexslew_msgs/msg/Event", event_fields(began)))
-    found = adoptions(bag)
+    found = plan_changes(bag)
     assert [(each.first, plan_hash(each.told[-1].plan)) for each in found] == [
         (CAME, plan_hash(FIRST))
     ]
@@ -90,7 +90,7 @@ def test_one_that_names_a_plan_before_the_log_holds_it_follows_those_before_it_t
     came = {"epoch": CAME[0], "instance": 2, "plan_epoch": CAME[0]}
     topic, kind, fields = status(later, 3, CAME[0])
     flown = plan_fields(later) | {"stamp": {"sec": 0, "nanosec": 140_000_000}}
-    began = event_of(EstimateBegan("pd", True), CAME[1], 0.14, CAME[0], "pd")
+    began = event_of(EstimateStarted("pd", True), CAME[1], 0.14, CAME[0], "pd")
     bag = log(
         status(SECOND, 2, CAME[0]),
         (topic, STATUS, {"controller": "pd", "instance": 2}),
@@ -98,6 +98,6 @@ def test_one_that_names_a_plan_before_the_log_holds_it_follows_those_before_it_t
         ("/plan", "flexslew_msgs/msg/Plan", flown),
         ("/events", "flexslew_msgs/msg/Event", event_fields(began)),
     )
-    last = [found for found in adoptions(bag) if found.first == CAME][-1]
+    last = [found for found in plan_changes(bag) if found.first == CAME][-1]
     assert [plan_hash(told.plan) for told in last.told] == [plan_hash(SECOND), plan_hash(later)]
     assert [told.of_flight for told in last.told] == [False, True]

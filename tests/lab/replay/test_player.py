@@ -140,7 +140,7 @@ def test_a_seek_in_a_loop_plays_to_the_end_and_begins_at_the_start(bag: Any) -> 
     it.seek(4.0)
     assert len(it.due(0.0)) == 101
     assert len(it.due(0.0)) == 301
-    assert it.rounds == 1
+    assert it.iterations == 1
 
 
 def test_a_paced_player_goes_on_from_where_it_was_sent(bag: Any) -> None:
@@ -232,7 +232,7 @@ def test_of_every_controller_the_last_word_before_a_seek_is_told(
 def test_a_loop_begins_again_and_never_ends(bag: Any) -> None:
     it = player(bag, rate=0.0, topics=("truth",), start=4.0, loop=True)
     found = []
-    while it.rounds < 3:
+    while it.iterations < 3:
         found += [m.stamp for m in it.due(0.0)]
     assert not it.done
     assert len(found) >= 303

@@ -18,9 +18,9 @@ from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.replay.logged_controllers import adoptions
+from flexslew_lab.replay.logged_controllers import plan_changes
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import (
@@ -56,7 +56,7 @@ class Operated(Bench):
     """A bench with an operator at it, and answers that may never come."""
 
     wishes: list[Any]
-    unheard: Any
+    without_link: Any
     observer: Any
     controllers: Any
     again: bool
@@ -76,7 +76,7 @@ class Operated(Bench):
             self.reset()
 
     def offer(self, command: EffortCommand) -> bool:
-        return command.tick not in self.unheard and super().offer(command)
+        return command.tick not in self.without_link and super().offer(command)
 
 
 def record(
@@ -85,7 +85,7 @@ def record(
     """Fly with an operator; the controllers take the plan before the question `taken`."""
     trial = parse_trial(text, "test")
     bench = Operated(bench_settings(trial))
-    bench.unheard, bench.again = unheard, False
+    bench.without_link, bench.again = unheard, False
     bench.controllers = controllers = build_controllers(trial, "test")
     plan = present(plan_of_trial(trial))
     bench.wishes = [*wishes, (taken - 1, lambda _: adopt())]
@@ -97,8 +97,8 @@ def record(
         adopt()
     with BagWriter(folder, {"trial": trial_text(trial)}) as writer:
         bench.observer = observer = BagObserver(writer)
-        observer.announce(trial, bench, plan, controllers)
-        fly(bench, controllers, observer)
+        observer.notify(trial, bench, plan, controllers)
+        run_bench(bench, controllers, observer)
     return folder
 
 
@@ -151,7 +151,7 @@ def any_wish(rng: np.random.Generator) -> Any:
         lambda bench: bench.brake(False),
         lambda bench: bench.request_switch(SwitchRequest(law, bench.tick + soon, strict, step)),
         lambda bench: bench.request_switch(SwitchRequest(law, 0, strict, step)),
-        lambda bench: bench.note_readiness(law, None if strict else Refusal("it is elsewhere")),
+        lambda bench: bench.set_ready_status(law, None if strict else Refusal("it is elsewhere")),
         lambda bench: bench.inject(fault, bench.tick + soon),
         lambda bench: bench.inject(f"{{kind: controller_silent, controller: {law}}}"),
         lambda bench: bench.end_fault(int(rng.integers(0, 4))),
@@ -177,7 +177,7 @@ def test_any_session_flies_again_with_the_same_bits(
 
 DROPS = [  # one switch for each cause for which it can be dropped
     (95, switch("lqr", 100)),
-    (99, lambda bench: bench.note_readiness("lqr", Refusal("it is elsewhere"))),  # when due
+    (99, lambda bench: bench.set_ready_status("lqr", Refusal("it is elsewhere"))),  # when due
     (110, switch("output_feedback", 120)),
     (111, switch("output_feedback", 130)),  # already in charge when due
     (150, switch("pd_feedforward", 160)),
@@ -277,7 +277,7 @@ def test_a_plan_counts_from_the_question_at_which_it_was_taken_whenever_that_was
 ) -> None:
     flown = record(tmp_path / "flown", text=PLANNED_LATER, taken=taken)
     bag = told_later(flown, tmp_path / "bag", max(taken, heard), plan_number=1, plan_tick=taken)
-    assert {a.first for a in adoptions(BagReader(bag))} == {(0, taken)}
+    assert {a.first for a in plan_changes(BagReader(bag))} == {(0, taken)}
     assert resim(bag).identical
 
 
@@ -285,7 +285,7 @@ def test_a_controller_that_is_built_anew_leaves_its_plans_in_their_order(tmp_pat
     flown = record(tmp_path / "flown", text=PLANNED_LATER, taken=100)
     bag = told_later(flown, tmp_path / "bag", 100, plan_number=2, plan_tick=100)
     again = told_later(bag, tmp_path / "again", 700, plan_number=1, plan_tick=0, keep=True)
-    assert [a.first for a in adoptions(BagReader(again))] == [(0, 100)] * 6
+    assert [a.first for a in plan_changes(BagReader(again))] == [(0, 100)] * 6
     assert resim(again).identical
 
 
@@ -295,7 +295,7 @@ def test_an_older_log_has_the_plan_from_the_tick_after_the_status(
 ) -> None:
     flown = record(tmp_path / "flown", text=PLANNED_LATER, taken=taken)
     bag = told_later(flown, tmp_path / "bag", taken, plan_number=0, last_tick=max(taken - 1, 0))
-    assert {a.first for a in adoptions(BagReader(bag))} == {(0, taken)}
+    assert {a.first for a in plan_changes(BagReader(bag))} == {(0, taken)}
     assert resim(bag).identical
 
 

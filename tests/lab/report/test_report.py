@@ -15,7 +15,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.report.report import write_report
 from flexslew_lab.report.run_data import read_run
-from flexslew_lab.report.thinning import BATCH, Thinner
+from flexslew_lab.report.thinning import BATCH, MinMaxSampler
 from flexslew_plant.errors import BadInput
 
 Message = tuple[str, bytes, int]
@@ -244,7 +244,7 @@ def test_thinning_keeps_extremes_and_breaks() -> None:
     t = np.arange(10_000, dtype=np.float64) * 0.01
     y = np.sin(t)[:, None] * [1.0, -2.0]
     y[1234, 0] = 7.0
-    thinner = Thinner(100)
+    thinner = MinMaxSampler(100)
     for start in range(0, 10_000, 77):
         thinner.add(t[start : start + 77], y[start : start + 77])
     trace = thinner.trace()
@@ -264,7 +264,7 @@ def test_phases_say_who_was_in_charge(bag: Path) -> None:
 
 @pytest.mark.parametrize("size", [3, 7000])
 def test_what_waits_to_be_thinned_does_not_grow_with_the_run(size: int) -> None:
-    thinner, batch = Thinner(size), 100
+    thinner, batch = MinMaxSampler(size), 100
     for k in range(2000):
         time = np.arange(k * batch, (k + 1) * batch, dtype=float)
         thinner.add(time, np.sin(time)[:, None])

@@ -10,7 +10,7 @@ import pytest
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.metrics.rows import unit_of
 from flexslew_lab.report.report import write_report
-from flexslew_lab.report.verdict import told_to_move, verdict
+from flexslew_lab.report.verdict import joints_to_move, run_summary
 
 Message = tuple[str, bytes, int]
 GOOD: dict[str, Any] = {
@@ -72,18 +72,18 @@ def test_the_verdict_says_what_the_fields_hold(
     changed: dict[str, Any], without: float | None, words: str
 ) -> None:
     bare = {} if without is None else {"residual_tip_deflection": without}
-    assert words in verdict({**GOOD, **changed}, bare, 0.1)
+    assert words in run_summary({**GOOD, **changed}, bare, 0.1)
 
 
 def test_a_run_that_an_operator_changed_is_compared_with_nothing() -> None:
-    words = verdict(GOOD, {"residual_tip_deflection": 5.0}, 0.1, changes=3)
+    words = run_summary(GOOD, {"residual_tip_deflection": 5.0}, 0.1, changes=3)
     assert words.startswith("changed by an operator 3 times; tip deflection after")
     assert "feedforward" not in words
 
 
 def test_joints_that_were_told_to_move_come_worst_first() -> None:
-    assert told_to_move(GOOD) == ("pitch", "yaw")
-    assert told_to_move({"overshoot": {"a": None, "b": None}}) == ("a", "b")
+    assert joints_to_move(GOOD) == ("pitch", "yaw")
+    assert joints_to_move({"overshoot": {"a": None, "b": None}}) == ("a", "b")
 
 
 def test_a_session_is_told_as_a_story_and_repeated_by_its_log(
@@ -120,9 +120,9 @@ def test_the_square_of_forces_is_told_in_newtons(kind: str, unit: str) -> None:
 def test_what_is_told_of_a_joint_has_its_unit() -> None:
     units = {"yaw": "rad", "pitch": "m"}
     held = GOOD | {"residual_tip_deflection": 0.0, "peak_tip_deflection": 0.0}
-    assert "pitch 0.0002 m; settled" in verdict(held, {}, 0.02, 0, units)
+    assert "pitch 0.0002 m; settled" in run_summary(held, {}, 0.02, 0, units)
     missed = GOOD | {"goal_error": 0.5, "final_error": {"yaw": 0.5, "pitch": -0.1}}
-    assert "final error: yaw 0.5 rad, pitch -0.1 m;" in verdict(missed, {}, 0.02, 0, units)
+    assert "final error: yaw 0.5 rad, pitch -0.1 m;" in run_summary(missed, {}, 0.02, 0, units)
 
 
 def test_the_drives_that_acted_are_named() -> None:
@@ -130,4 +130,4 @@ def test_the_drives_that_acted_are_named() -> None:
         "peak_effort": {"roll": 3.0, "w1": 0.0, "w2": 1.0, "w3": None},
         "saturated_time": 0.0,
     }
-    assert verdict(metrics, {}, 0.1).endswith("driven by roll, w2; no effort at its limit")
+    assert run_summary(metrics, {}, 0.1).endswith("driven by roll, w2; no effort at its limit")

@@ -5,7 +5,7 @@ import pytest
 
 from flexslew_control.small_motion import small_motion
 from flexslew_lab.reproduce.planar_antenna import before, planar
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 
 # (R_y, R_z, theta, q) of the paper; ours turn the antenna the same way
 TIMES = (0.4, 1.1, 1.7, 2.6)
@@ -13,7 +13,7 @@ TIMES = (0.4, 1.1, 1.7, 2.6)
 
 def kane(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return M, D, K and d of antenna_4, its mode counted as the paper counts it."""
-    frozen = small_motion(shipped("antenna_4").testbed, 3.0).at(t)
+    frozen = small_motion(example_trial("antenna_4").testbed, 3.0).at(t)
     sign = np.sign(frozen.mass[1, 3] * planar(t).mass[1, 3])
     s = np.array([1.0, 1.0, 1.0, sign])
     both = np.outer(s, s)

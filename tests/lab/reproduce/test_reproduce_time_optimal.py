@@ -4,7 +4,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from flexslew_lab.reproduce.time_optimal import flown, time_optimal_figures, time_optimal_rows
+from flexslew_lab.reproduce.time_optimal import simulate, time_optimal_figures, time_optimal_rows
 
 rows = lru_cache(time_optimal_rows)
 figures = lru_cache(time_optimal_figures)
@@ -47,5 +47,5 @@ def test_the_robust_slew_leaves_less_in_figure_14() -> None:
 @pytest.mark.parametrize(("name", "factor", "left"), [("oscillator, robust", 0.9, 0.0119410)])
 def test_the_figures_show_the_published_residual(name: str, factor: float, left: float) -> None:
     ticks = np.linspace(0.0, 12.0, 6001)
-    after = flown(name, factor, ticks)[ticks > 5.87]
+    after = simulate(name, factor, ticks)[ticks > 5.87]
     assert np.abs(after[:, 1]).max() == pytest.approx(left, rel=1e-4)

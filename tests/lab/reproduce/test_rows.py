@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from flexslew_lab import reproduce
 from flexslew_lab.cli.main import app
-from flexslew_lab.reproduce.rows import absolute, at_most, equal, not_reproduced, relative
+from flexslew_lab.reproduce.rows import absolute, at_most, difference_row, equal, relative
 
 NEAR = [
     absolute("length [m]", "2.0", 2.0, 2.05, 0.1),
@@ -22,7 +22,7 @@ OFF = [
     at_most("drift [-]", "", 1.0, 1.1),
     equal("settles", "", "never", 3.0),
 ]
-APART = not_reproduced("peak [m]", "6.0", 6.0, "refused", "its law is unstable")
+APART = difference_row("peak [m]", "6.0", 6.0, "refused", "its law is unstable")
 
 
 def flown(monkeypatch: pytest.MonkeyPatch, rows: list[Any], *options: str) -> tuple[int, str]:

@@ -65,7 +65,7 @@ def test_it_shortens_a_slew_with_more_switches_than_end_conditions() -> None:
 def test_gradients_by_costates_are_those_by_forward_sensitivities(robust: bool) -> None:
     of = slew(HubTestbed(), 2.0 * FOOT_POUND, robust)
     d = linear_durations(of)
-    by_duration = of.linearised(d)[1]
+    by_duration = of.residual_jacobian(d)[1]
     # t_k is the end of arc k and the beginning of arc k + 1
     by_switch = by_duration - np.column_stack((by_duration[:, 1:], np.zeros(len(by_duration))))
     assert gradients(of, d) == pytest.approx(by_switch, abs=1e-5)

@@ -26,12 +26,12 @@ def trials() -> dict[int, str]:
 def test_a_run_leaves_its_domain_for_those_who_look_for_it(tmp_path: Path) -> None:
     assert trials() == {}
     assert domain.bench_domain() == (0, False)
-    with domain.own_domain("m1", tmp_path / "run") as first:
+    with domain.locked_domain("m1", tmp_path / "run") as first:
         assert trials() == {first: "m1"}
         assert domain.bench_domain() == (first, True)
         words = f"m1 in {tmp_path / 'run'}, ROS_DOMAIN_ID {first}"
-        assert domain.bench_to_operate().words == words
-        with domain.own_domain("swap_demo") as second:
+        assert domain.default_bench().words == words
+        with domain.locked_domain("swap_demo") as second:
             assert second != first
             assert trials() == {first: "m1", second: "swap_demo"}
             with pytest.raises(FlexslewError, match=rf"swap_demo, .*ID {second}; m1 .*ID {first}$"):
@@ -40,19 +40,19 @@ def test_a_run_leaves_its_domain_for_those_who_look_for_it(tmp_path: Path) -> No
 
 
 def test_who_examines_a_controller_is_not_taken_for_a_bench() -> None:
-    with domain.own_domain("conform", bench=False), domain.own_domain("m1") as number:
+    with domain.locked_domain("conform", bench=False), domain.locked_domain("m1") as number:
         assert trials() == {number: "m1"}
-        assert domain.bench_to_operate().trial == "m1"
+        assert domain.default_bench().trial == "m1"
 
 
 def test_the_domain_of_this_shell_may_hold_a_bench_that_claims_none(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def free() -> list[int]:
-        return [bench.domain for bench in domain.bench_without_claim()]
+        return [bench.domain for bench in domain.bench_without_lock()]
 
     assert free() == [0]
-    with domain.own_domain("m1") as number:
+    with domain.locked_domain("m1") as number:
         assert free() == [0]
         monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
         assert free() == []
@@ -62,17 +62,17 @@ def test_the_domain_of_this_shell_may_hold_a_bench_that_claims_none(
 def test_the_bench_of_this_checkout_is_meant(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as elsewhere:
         elsewhere.setattr(domain, "_ROOT", "/another/checkout")
-        other = domain.own_domain("theirs")
+        other = domain.locked_domain("theirs")
         first = other.__enter__()
-    assert domain.bench_to_operate().domain == first  # the only one
-    assert domain.bench_to_operate().words.endswith(", of /another/checkout")
-    with domain.own_domain("mine") as second:
-        assert domain.bench_to_operate().domain == second
+    assert domain.default_bench().domain == first  # the only one
+    assert domain.default_bench().words.endswith(", of /another/checkout")
+    with domain.locked_domain("mine") as second:
+        assert domain.default_bench().domain == second
     other.__exit__(None, None, None)
 
 
 def test_the_bench_of_another_user_is_never_meant(monkeypatch: pytest.MonkeyPatch) -> None:
-    with domain.own_domain("theirs") as theirs:
+    with domain.locked_domain("theirs") as theirs:
         monkeypatch.setattr(domain, "user", lambda: 4321)
         assert domain.running_benches() == []
         assert domain.bench_domain() == (0, False)
@@ -84,18 +84,18 @@ def test_the_bench_of_another_user_is_never_meant(monkeypatch: pytest.MonkeyPatc
 def test_a_console_tells_its_folder_once_it_has_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with domain.own_domain("m1") as number:
+    with domain.locked_domain("m1") as number:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-        with domain.own_domain("m1", tmp_path / "run"):
-            assert domain.bench_to_operate().folder == str(tmp_path / "run")
+        with domain.locked_domain("m1", tmp_path / "run"):
+            assert domain.default_bench().folder == str(tmp_path / "run")
         assert domain.bench_domain() == (number, True)
 
 
 def test_the_users_own_domain_wins(monkeypatch: pytest.MonkeyPatch) -> None:
-    with domain.own_domain("m1") as first:
+    with domain.locked_domain("m1") as first:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(first + 1))
         assert domain.bench_domain() == (first + 1, False)
-        with domain.own_domain("mine") as requested:
+        with domain.locked_domain("mine") as requested:
             assert requested == first + 1
             assert domain.bench_domain() == (first + 1, True)
 
@@ -103,7 +103,7 @@ def test_the_users_own_domain_wins(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("requested", ["x", "-1", "233", "1.5"])
 def test_a_domain_that_is_none_is_told(monkeypatch: pytest.MonkeyPatch, requested: str) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", requested)
-    with pytest.raises(BadInput, match="ROS_DOMAIN_ID: "), domain.own_domain():
+    with pytest.raises(BadInput, match="ROS_DOMAIN_ID: "), domain.locked_domain():
         pass
 
 
@@ -112,7 +112,7 @@ def test_a_lock_of_a_run_that_was_killed_counts_no_more(tmp_path: Path) -> None:
         (tmp_path / f"flexslew_domain_{number}_{domain_locks.user()}.lock").write_text("gone")
     os.utime(tmp_path / f"flexslew_domain_7_{domain_locks.user()}.lock", (0, 0))
     assert trials() == {}
-    with domain.own_domain("m1") as number:
+    with domain.locked_domain("m1") as number:
         assert number == 7  # the one that was used last the longest time ago
         assert trials() == {7: "m1"}
 
@@ -120,11 +120,11 @@ def test_a_lock_of_a_run_that_was_killed_counts_no_more(tmp_path: Path) -> None:
 def test_a_machine_without_a_free_domain_is_reported_with_the_reason(tmp_path: Path) -> None:
     with ExitStack() as runs:
         for _ in range(98):
-            runs.enter_context(domain.own_domain())
+            runs.enter_context(domain.locked_domain())
         free = {*range(1, 102)} - {bench.domain for bench in domain.running_benches()}
         for number in free:
             (tmp_path / f"flexslew_domain_{number}_{domain_locks.user()}.lock").mkdir()
-        with pytest.raises(FlexslewError) as error, domain.own_domain():
+        with pytest.raises(FlexslewError) as error, domain.locked_domain():
             pass
     words = str(error.value)
     assert "98 are in use, 3 cannot be locked (" in words
@@ -174,14 +174,14 @@ def test_every_user_can_fly_after_another_one_has_used_every_domain(
 
         def every_domain() -> list[int]:
             with ExitStack() as runs:
-                return sorted(runs.enter_context(domain.own_domain()) for _ in range(101))
+                return sorted(runs.enter_context(domain.locked_domain()) for _ in range(101))
 
         def another_domain() -> tuple[int, list[int]]:
-            with domain.own_domain("theirs") as number:
-                return number, [bench.domain for bench in domain.running_benches(everybody=True)]
+            with domain.locked_domain("theirs") as number:
+                return number, [bench.domain for bench in domain.running_benches(all_users=True)]
 
         assert as_another_user(every_domain) == [*range(1, 102)]
-        with domain.own_domain("m1") as first, domain.own_domain("m1") as second:
+        with domain.locked_domain("m1") as first, domain.locked_domain("m1") as second:
             flown: Any = as_another_user(another_domain)
             number, seen = flown
             assert number not in (first, second)

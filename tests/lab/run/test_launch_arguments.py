@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from flexslew_lab.run.launch_arguments import ARGUMENTS, launch_values, within
+from flexslew_lab.run.launch_arguments import ARGUMENTS, launch_values, nested_namespace
 from flexslew_plant.errors import BadInput
 
 DEFAULTS = {name: default for name, (default, _) in ARGUMENTS.items()}
@@ -44,4 +44,4 @@ def test_a_wrong_value_is_told_in_one_line(given: Any, words: str) -> None:
 def test_a_namespace_is_within_that_of_a_group_unless_it_is_absolute(
     group: str, namespace: str, expected: str
 ) -> None:
-    assert within(group, namespace) == expected
+    assert nested_namespace(group, namespace) == expected

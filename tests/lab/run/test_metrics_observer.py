@@ -7,7 +7,7 @@ from flexslew_control.plan import Plan
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.run.metrics_observer import MetricsObserver
 from flexslew_lab.trial.trial import (
     Trial,
@@ -63,9 +63,9 @@ def test_metrics_in_flight_are_those_of_the_bag(tmp_path: Path, values: dict[str
             assert not controller.adopt(plan)
     with BagWriter(tmp_path / "bag", {}) as writer:
         bag = BagObserver(writer)
-        bag.announce(replace(trial), bench, plan, controllers)
+        bag.notify(replace(trial), bench, plan, controllers)
         observer = _Both(bench, plan, bag)
-        fly(bench, controllers, observer)
+        run_bench(bench, controllers, observer)
         writer.close({})
     ours, from_bag = observer.result(), metrics_of(tmp_path / "bag")
     for summed in ("rms_effort", "control_effort"):  # in blocks of another length

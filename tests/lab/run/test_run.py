@@ -51,7 +51,9 @@ def test_a_plan_that_outlives_the_run_is_told(
 ) -> None:
     text = f"duration: {duration}\nplan: {{method: none, duration: 1.5}}"
     said: list[str] = []
-    run_trial(parse_trial(text, "t.yaml"), "t.yaml", tmp_path / "run", True, False, say=said.append)
+    run_trial(
+        parse_trial(text, "t.yaml"), "t.yaml", tmp_path / "run", True, False, notify=said.append
+    )
     warning = [line for line in said if line.startswith("warning: the plan ends at 1.5 s")]
     assert bool(warning) == warned
 
@@ -82,7 +84,7 @@ def test_modes_that_no_tip_shows_are_told(tmp_path: Path, form: str, blind: bool
     file.write_text(_MODES + form)
     said: list[str] = []
     trial = parse_trial(_PANEL.format(file=file), "t.yaml")
-    run_trial(trial, "t.yaml", tmp_path / "run", True, False, say=said.append)
+    run_trial(trial, "t.yaml", tmp_path / "run", True, False, notify=said.append)
     assert any("no tip shows any mode, of 1" in line for line in said) == blind
 
 
@@ -104,7 +106,7 @@ def test_a_log_holds_a_trajectory_of_many_points(tmp_path: Path) -> None:
 
 
 def test_what_no_log_can_hold_is_not_flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(yaml_data, "LONGEST", 1000)
+    monkeypatch.setattr(yaml_data, "MAX_LENGTH", 1000)
     with pytest.raises(BadInput, match=r"plan: has 4,\d{3} characters; a log holds at most 1,000"):
         run_trial(dense(20), "dense", tmp_path / "run", in_process=True, report=False)
     trial = parse_trial("name: " + 1000 * "x", "long")

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.run.standstill import PATIENCE, Standstill
+from flexslew_lab.run.standstill import PATIENCE, StallMonitor
 
 
 class Process:
@@ -35,7 +35,7 @@ def test_only_timers_that_never_wake_are_stuck(
     tmp_path: Path, wakes: bool, state: str, stuck: bool
 ) -> None:
     now = 0.0
-    process, look = Process(tmp_path), Standstill(lambda: now, tmp_path)
+    process, look = Process(tmp_path), StallMonitor(lambda: now, tmp_path)
     found = []
     for turn in range(20):
         process.show("dds.ev.0", turn if wakes else 7, state)
@@ -48,7 +48,7 @@ def test_only_timers_that_never_wake_are_stuck(
 
 def test_one_that_was_stopped_has_its_time_again(tmp_path: Path) -> None:
     now = 0.0
-    process, look = Process(tmp_path), Standstill(lambda: now, tmp_path)
+    process, look = Process(tmp_path), StallMonitor(lambda: now, tmp_path)
     for turn in range(30):
         process.show("dds.ev.0", 7, "T (stopped)" if turn < 20 else "S (sleeping)")
         assert not look.of(42)
@@ -72,7 +72,7 @@ def test_the_kernel_shows_what_is_looked_for(monkeypatch: pytest.MonkeyPatch) ->
     thread = threading.Thread(target=stuck)
     thread.start()
     named.wait()
-    look, pid = Standstill(), int(Path("/proc/self").resolve().name)
+    look, pid = StallMonitor(), int(Path("/proc/self").resolve().name)
     pause = threading.Event()
     assert not look.of(pid)
     pause.wait(0.1)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.run import PreparedStudy, prepare
 from flexslew_lab.studies.study import Study, parse_study
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.yaml_data import yaml_text
@@ -51,5 +51,5 @@ def study_of(study_in: Callable[..., Study], tmp_path: Path) -> Callable[..., St
 
 
 @pytest.fixture
-def ready(study_of: Callable[..., Study]) -> Preparation:
+def ready(study_of: Callable[..., Study]) -> PreparedStudy:
     return prepare(study_of())

@@ -10,21 +10,21 @@ from tests.representatives import representatives
 
 from flexslew_control.planners import PLANNERS
 from flexslew_lab.studies.cases import case_of, case_trial, changes_of, sample_table
-from flexslew_lab.studies.run import Preparation
+from flexslew_lab.studies.run import PreparedStudy
 from flexslew_lab.studies.study import Study
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.trial import plan_of_trial, trial_of_values
 from flexslew_plant.errors import BadInput
 
 
-def test_sections_checked_alone_make_the_trial_of_the_whole_text(ready: Preparation) -> None:
+def test_sections_checked_alone_make_the_trial_of_the_whole_text(ready: PreparedStudy) -> None:
     study = ready.study
     for number in range(5):
         case = case_of(study, ready.samples, number)
         trial = case_trial(study, case)
         nominal = study.nominal[0].values
         own = {"seed": case.seed, "name": f"small-{number}", "rate_factor": 0.0}
-        whole = overridden(nominal, changes_of(study, case)) | own
+        whole = override_values(nominal, changes_of(study, case)) | own
         assert trial == trial_of_values(whole, "test", study.trust)
         assert trial.testbed != study.nominal[0].trial.testbed
 

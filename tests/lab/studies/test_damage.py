@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from flexslew_lab.cli.main import app
 from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.finish import finished, keep_worst
-from flexslew_lab.studies.run import Preparation, prepare, run_study
+from flexslew_lab.studies.run import PreparedStudy, prepare, run_study
 from flexslew_lab.studies.seals import part_name
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -31,7 +31,7 @@ WHOLE = {"index": [0], "status": ["ok"], "reason": [""], "way": ["bench"], "traj
 @pytest.fixture(scope="module")
 def sound(
     study_in: Callable[..., Study], tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Preparation, Path]:
+) -> tuple[PreparedStudy, Path]:
     """Return a study and its folder, which nobody damages."""
     folder = tmp_path_factory.mktemp("sound")
     criteria = {"peak_tip_deflection": {"below": 1.0, "probability": 0.5}}
@@ -42,7 +42,7 @@ def sound(
 
 
 @pytest.fixture
-def flown(sound: tuple[Preparation, Path], tmp_path: Path) -> tuple[Preparation, Store]:
+def flown(sound: tuple[PreparedStudy, Path], tmp_path: Path) -> tuple[PreparedStudy, Store]:
     """Return the study and a copy of its folder."""
     ready, folder = sound
     return ready, Store(Path(shutil.copytree(folder, tmp_path / "s")))
@@ -59,7 +59,7 @@ def told(command: list[str]) -> tuple[int, dict[str, Any] | None, str]:
 
 @pytest.mark.slow
 def test_no_bit_that_flips_changes_a_result_silently(
-    flown: tuple[Preparation, Store], monkeypatch: pytest.MonkeyPatch
+    flown: tuple[PreparedStudy, Store], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """200 single bits anywhere in the folder, each under `study status` and `study report`.
 
@@ -91,7 +91,7 @@ def test_no_bit_that_flips_changes_a_result_silently(
     assert seen > FLIPS // 4
 
 
-def test_a_damaged_part_is_named_and_flown_again(flown: tuple[Preparation, Store]) -> None:
+def test_a_damaged_part_is_named_and_flown_again(flown: tuple[PreparedStudy, Store]) -> None:
     ready, store = flown
     whole = store.table_path.read_bytes()
     (part,) = (store.folder / "parts").iterdir()
@@ -119,7 +119,7 @@ def test_a_damaged_part_is_named_and_flown_again(flown: tuple[Preparation, Store
     ],
 )
 def test_a_crafted_part_is_said_in_one_line(
-    flown: tuple[Preparation, Store], rows: dict[str, Any], words: str
+    flown: tuple[PreparedStudy, Store], rows: dict[str, Any], words: str
 ) -> None:
     """Also one whose digest is right."""
     _, store = flown
@@ -135,7 +135,7 @@ def test_a_crafted_part_is_said_in_one_line(
 
 @pytest.mark.parametrize("content", ["[]", "{}", "{", '{"study": 3}', "\x00", '{"sha256": 3}'])
 def test_a_crafted_identity_is_said_in_one_line(
-    flown: tuple[Preparation, Store], content: str, monkeypatch: pytest.MonkeyPatch
+    flown: tuple[PreparedStudy, Store], content: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, store = flown
     (store.folder / "study.json").write_text(content)
@@ -148,7 +148,7 @@ def test_a_crafted_identity_is_said_in_one_line(
 
 @pytest.mark.parametrize("name", ["report.html", "table.parquet", "flights.json", "study.yaml"])
 def test_no_command_writes_through_a_link(
-    flown: tuple[Preparation, Store], tmp_path: Path, name: str
+    flown: tuple[PreparedStudy, Store], tmp_path: Path, name: str
 ) -> None:
     ready, store = flown
     outside = tmp_path / "outside"

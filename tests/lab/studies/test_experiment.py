@@ -8,8 +8,8 @@ import pytest
 from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of, case_trial, sample_table
-from flexslew_lab.studies.flight import Plans, flown
-from flexslew_lab.studies.study import SHIPPED, Study, load_study
+from flexslew_lab.studies.flight import PlanCache, simulate_case
+from flexslew_lab.studies.study import EXAMPLES, Study, load_study
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import read_testbed
@@ -20,7 +20,7 @@ SHAKE = {"plan": {"method": "excitation"}}
 
 @pytest.fixture(scope="module")
 def shipped() -> Study:
-    return load_study(SHIPPED / "identify_and_replan.yaml")
+    return load_study(EXAMPLES / "identify_and_replan.yaml")
 
 
 def frequency(section: Any) -> float:
@@ -35,7 +35,7 @@ def left_by(study: Study) -> dict[str, float]:
     left: dict[str, list[float]] = {}
     for k in range(len(study.variants) * SAMPLES):
         case = case_of(study, samples, k)
-        found = flown(study, case, Plans())
+        found = simulate_case(study, case, PlanCache())
         assert found.status == "ok", found.reason
         tip = found.metrics["residual_tip_deflection"]
         assert tip is not None
@@ -53,7 +53,7 @@ def test_a_plan_on_the_identified_bench_is_as_good_as_one_on_the_truth(shipped: 
 @pytest.mark.slow
 def test_a_changed_payload_is_told_by_the_last_manoeuvre() -> None:
     """Of a slew that believes the old payload; the next is as quiet as one that knows the truth."""
-    study = load_study(SHIPPED / "identify_from_manoeuvre.yaml")
+    study = load_study(EXAMPLES / "identify_from_manoeuvre.yaml")
     left, samples = left_by(study), sample_table(study)
     assert left["identified"] <= 1.5 * left["truth"]
     assert left["nominal"] > 5.0 * left["identified"]
@@ -67,7 +67,7 @@ def test_where_the_poles_of_a_short_record_lead_astray_the_search_begins_without
     sample: int,
 ) -> None:
     """Of the 200 payloads 38 got a mode with a damping ratio of .9, and plans that rang."""
-    study = load_study(SHIPPED / "identify_from_manoeuvre.yaml")
+    study = load_study(EXAMPLES / "identify_from_manoeuvre.yaml")
     samples = sample_table(study)
     believed: Any = case_trial(study, case_of(study, samples, 3 * sample + 1)).plan
     true = case_trial(study, case_of(study, samples, 3 * sample + 2)).testbed
@@ -97,10 +97,10 @@ def test_planner_and_laws_believe_what_was_found_and_the_bench_stays_the_sampled
 @pytest.mark.slow
 def test_an_experiment_that_fits_gives_the_bench_its_own_equations_with_the_numbers_found() -> None:
     """Half of M1 on a drawn two-motor testbed: 20 times quieter, and as quiet as with the truth."""
-    study = load_study(SHIPPED / "identify_and_replan_csa.yaml")
+    study = load_study(EXAMPLES / "identify_and_replan_csa.yaml")
     samples, left = sample_table(study), {}
     for k in range(3):
-        found = flown(study, case_of(study, samples, k), Plans())
+        found = simulate_case(study, case_of(study, samples, k), PlanCache())
         assert found.status == "ok", found.reason
         left[study.variants[k].label] = found.metrics["residual_tip_deflection"] or np.nan
     assert left["identified"] < 1.5 * left["truth"] < 0.1 * left["nominal"]

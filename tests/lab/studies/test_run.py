@@ -16,11 +16,11 @@ from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.cases import Case, case_of
 from flexslew_lab.studies.findings.summary import passed, summary
 from flexslew_lab.studies.findings.tables import missing_words
-from flexslew_lab.studies.finish import finished, fly_again, keep_worst
-from flexslew_lab.studies.flight import Flown, flown
+from flexslew_lab.studies.finish import finished, keep_worst, repeat_trial
+from flexslew_lab.studies.flight import FlightResult, simulate_case
 from flexslew_lab.studies.identity import require_same
 from flexslew_lab.studies.merge import merged
-from flexslew_lab.studies.run import Preparation, Shard, prepare, run_study
+from flexslew_lab.studies.run import PreparedStudy, Shard, prepare, run_study
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_plant.errors import BadInput
@@ -28,10 +28,10 @@ from flexslew_plant.own_code import NO_CODE
 from flexslew_plant.yaml_data import yaml_text
 
 
-class OneByOne(InThisProcess[Case, Flown]):
+class OneByOne(InThisProcess[Case, FlightResult]):
     """Gives every result alone, so that there are many moments to be killed at."""
 
-    def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+    def fly(self, cases: Iterator[Case]) -> Iterator[list[FlightResult]]:
         for results in super().fly(cases):
             yield from ([result] for result in results)
 
@@ -61,7 +61,7 @@ def killed_at(moment: int, work: Callable[[], object]) -> None:
 
 
 def test_a_study_killed_at_five_moments_ends_with_the_same_table(
-    ready: Preparation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ready: PreparedStudy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = run_study(ready, tmp_path / "whole", InThisProcess(ready.job))
     monkeypatch.setattr("flexslew_lab.studies.run._PART_TIME", 0.0)
@@ -75,9 +75,9 @@ def test_a_study_killed_at_five_moments_ends_with_the_same_table(
     assert not list(folder.rglob("*.half"))
 
 
-def test_ctrl_c_keeps_what_was_flown(ready: Preparation, tmp_path: Path) -> None:
+def test_ctrl_c_keeps_what_was_flown(ready: PreparedStudy, tmp_path: Path) -> None:
     class Impatient(OneByOne):
-        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[FlightResult]]:
             for k, results in enumerate(super().fly(cases)):
                 if k == 3:
                     raise KeyboardInterrupt
@@ -93,9 +93,9 @@ def test_ctrl_c_keeps_what_was_flown(ready: Preparation, tmp_path: Path) -> None
     assert (store.statuses(ready.trials) == 1).all()
 
 
-def test_a_finished_study_flies_nothing_again(ready: Preparation, tmp_path: Path) -> None:
-    class Nobody(InThisProcess[Case, Flown]):
-        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+def test_a_finished_study_flies_nothing_again(ready: PreparedStudy, tmp_path: Path) -> None:
+    class Nobody(InThisProcess[Case, FlightResult]):
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[FlightResult]]:
             assert next(cases, None) is None
             return iter(())
 
@@ -113,7 +113,7 @@ def test_a_finished_study_flies_nothing_again(ready: Preparation, tmp_path: Path
     ],
 )
 def test_another_study_is_not_resumed_and_the_difference_is_named(
-    ready: Preparation,
+    ready: PreparedStudy,
     study_of: Callable[..., Study],
     tmp_path: Path,
     keys: dict[str, Any],
@@ -128,7 +128,7 @@ def test_another_study_is_not_resumed_and_the_difference_is_named(
 
 
 def test_other_criteria_are_no_other_study(
-    ready: Preparation, study_of: Callable[..., Study], tmp_path: Path
+    ready: PreparedStudy, study_of: Callable[..., Study], tmp_path: Path
 ) -> None:
     run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     again = prepare(study_of(criteria={"peak_tip_deflection": {"below": 1.0}}))
@@ -139,7 +139,7 @@ def test_other_criteria_are_no_other_study(
     assert not passed(finished(harder.study, store))
 
 
-def test_versions_and_law_files_are_part_of_a_study(ready: Preparation, tmp_path: Path) -> None:
+def test_versions_and_law_files_are_part_of_a_study(ready: PreparedStudy, tmp_path: Path) -> None:
     run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     older = replace(ready)
     older.identity = older.identity | {"versions": older.identity["versions"] | {"numba": "0.1"}}
@@ -210,7 +210,7 @@ def test_what_flew_while_a_file_changed_is_not_kept(
     study_of: Callable[..., Study], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Edited(OneByOne):
-        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[FlightResult]]:
             for k, results in enumerate(super().fly(cases)):
                 if k == 3:
                     panel.write_text(text + "# another\n")
@@ -233,15 +233,15 @@ def test_what_flew_while_a_file_changed_is_not_kept(
 def test_a_study_with_more_samples_goes_on_from_the_one_with_fewer(
     sampling: dict[str, Any], study_of: Callable[..., Study], tmp_path: Path
 ) -> None:
-    def of(n: int, **keys: Any) -> Preparation:
+    def of(n: int, **keys: Any) -> PreparedStudy:
         return prepare(study_of(sampling=sampling | {"n": n}, **keys))
 
     fewer, more, folder = of(8), of(16), tmp_path / "s"
     run_study(fewer, folder, InThisProcess(fewer.job))
     flew = list[Case]()
 
-    class Counted(InThisProcess[Case, Flown]):
-        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+    class Counted(InThisProcess[Case, FlightResult]):
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[FlightResult]]:
             flew.extend(cases)
             return super().fly(iter(flew))
 
@@ -284,7 +284,7 @@ def test_of_two_studies_that_begin_in_one_folder_at_once_the_second_is_refused(
         run_study(one, tmp_path / "s", InThisProcess(one.job))
 
 
-def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) -> None:
+def test_shards_make_the_table_of_the_whole(ready: PreparedStudy, tmp_path: Path) -> None:
     whole = run_study(ready, tmp_path / "whole", InThisProcess(ready.job))
     for k in (1, 2, 3):
         run_study(ready, tmp_path / f"shard-{k}", InThisProcess(ready.job), Shard(k, 3))
@@ -316,10 +316,10 @@ def test_the_library_does_what_the_command_does(
 
 
 def test_failed_trials_are_results_and_are_flown_again_on_demand(
-    ready: Preparation, tmp_path: Path
+    ready: PreparedStudy, tmp_path: Path
 ) -> None:
-    class Clumsy(InThisProcess[Case, Flown]):
-        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+    class Clumsy(InThisProcess[Case, FlightResult]):
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[FlightResult]]:
             for results in super().fly(cases):
                 yield [
                     r._replace(status="failed", reason="clumsy") if r.number % 4 == 0 else r
@@ -353,7 +353,7 @@ def test_any_trial_flies_again_with_the_same_hash(
     hashes = store.table(["trajectory_hash"])["trajectory_hash"].to_pylist()
     assert len(set(hashes)) == 32
     for number in np.random.default_rng(5).choice(32, size=6, replace=False).tolist():
-        again, difference = fly_again(ready.study, store, number, tmp_path / f"run-{number}")
+        again, difference = repeat_trial(ready.study, store, number, tmp_path / f"run-{number}")
         assert not difference
         assert again.metrics["trajectory_hash"] == hashes[number]
 
@@ -363,7 +363,7 @@ def test_a_trial_that_flies_again_tells_what_it_warns_of(
 ) -> None:
     study = study_of(vary={"plan.duration": {"uniform": [1.1, 1.5]}})
     said: list[str] = []
-    fly_again(study, None, 0, tmp_path / "run", said.append)
+    repeat_trial(study, None, 0, tmp_path / "run", said.append)
     assert any(words.startswith("warning: the plan ends at 1.") for words in said)
 
 
@@ -506,5 +506,5 @@ def test_metrics_by_axis_have_their_columns_before_the_first_flight(
         by_axis = np.array([rows[f"{name}.{axis}"] for axis in "xyz"])
         np.testing.assert_array_equal(by_axis.max(axis=0), largest)
         assert by_axis.min() > 0.0
-    one = flown(study, case_of(study, ready.samples, 0), ready.plans)
+    one = simulate_case(study, case_of(study, ready.samples, 0), ready.plans)
     assert list(one.metrics) == ready.columns

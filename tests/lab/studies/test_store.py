@@ -3,20 +3,20 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.studies.flight import Flown, failed
+from flexslew_lab.studies.flight import FlightResult, failed
 from flexslew_lab.studies.parts import read_written
-from flexslew_lab.studies.run import Preparation
+from flexslew_lab.studies.run import PreparedStudy
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.ways import Way
 from flexslew_plant.errors import BadInput, RunFault
 
 
-def result(number: int, value: float) -> Flown:
-    return Flown(number, {"peak_tip_deflection": value}, "ab" * 32, "ok", "", Way.BENCH)
+def result(number: int, value: float) -> FlightResult:
+    return FlightResult(number, {"peak_tip_deflection": value}, "ab" * 32, "ok", "", Way.BENCH)
 
 
 @pytest.fixture
-def store(ready: Preparation, tmp_path: Path) -> Store:
+def store(ready: PreparedStudy, tmp_path: Path) -> Store:
     store = Store(tmp_path / "store")
     store.create(ready.identity, ready.samples)
     return store
@@ -44,7 +44,7 @@ def test_the_table_is_sorted_and_the_last_result_of_a_trial_counts(store: Store)
 
 
 def test_the_table_does_not_depend_on_parts_and_their_order(
-    ready: Preparation, tmp_path: Path
+    ready: PreparedStudy, tmp_path: Path
 ) -> None:
     written = []
     for k, batches in enumerate(([[0, 1, 2, 3]], [[3], [1, 2], [0]])):
@@ -98,4 +98,4 @@ def test_a_folder_without_a_study_is_said(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="holds no study"):
         _ = Store(tmp_path).identity
     (tmp_path / "letter.txt").write_text("not yours")
-    assert Store(tmp_path).strangers == ["letter.txt"]
+    assert Store(tmp_path).unknown_items == ["letter.txt"]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flexslew_lab.studies.cases import case_of, case_trial, sample_table, trial_seed
-from flexslew_lab.studies.flight import Plans
+from flexslew_lab.studies.flight import PlanCache
 from flexslew_lab.studies.run import checked, prepare
-from flexslew_lab.studies.study import Study, load_study, shipped_names, study_path
+from flexslew_lab.studies.study import Study, example_names, load_study, study_path
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -24,7 +24,7 @@ def csa(trial: Trial) -> CsaTestbed:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", shipped_names())
+@pytest.mark.parametrize("name", example_names())
 def test_every_shipped_study_can_be_flown(name: str) -> None:
     """Its sampling, its criteria and what it varies are those of its trial."""
     study = load_study(study_path(name))
@@ -39,10 +39,10 @@ def test_every_shipped_study_can_be_flown(name: str) -> None:
 def test_a_metric_that_there_is_not_is_refused_before_anything_is_planned(
     study_of: Callable[..., Study], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def keep(plans: Plans, trial: Trial) -> None:
+    def keep(plans: PlanCache, trial: Trial) -> None:
         raise AssertionError("a plan was made")
 
-    monkeypatch.setattr(Plans, "keep", keep)
+    monkeypatch.setattr(PlanCache, "keep", keep)
     with pytest.raises(BadInput, match="did you mean residual_tip_deflection"):
         prepare(study_of(criteria={"residual_tip": {"below": 1.0}}))
     with pytest.raises(AssertionError, match="a plan was made"):
@@ -210,7 +210,7 @@ def test_relative_draws_are_of_what_each_variant_has(study_of: Callable[..., Stu
     for k in range(2 * len(study.variants)):
         trial = case_trial(study, case := case_of(study, samples, k))
         changes = study.variants[case.variant].changes
-        stiffness, length, gain = case.draws
+        stiffness, length, gain = case.sampled_values
         p = csa(trial).parameters
         assert p.bending_stiffness == changes[STIFFNESS] * (1.0 + stiffness)
         assert p.length == changes["testbed"].get("parameters", {"length": 30.0})["length"] + length

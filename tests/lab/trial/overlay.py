@@ -50,8 +50,8 @@ class _Overlay(importlib.abc.MetaPathFinder):
 def both_ways(trial: Any, path: Path) -> list[dict[str, Any]]:
     """Return for each case how the batch flew it, its metrics, and those of the bench."""
     from flexslew_lab.studies.cases import case_of
-    from flexslew_lab.studies.flight import flown
-    from flexslew_lab.studies.lanes.fleet import Lanes
+    from flexslew_lab.studies.flight import simulate_case
+    from flexslew_lab.studies.lanes.fleet import BatchRunner
     from flexslew_lab.studies.run import prepare
     from flexslew_lab.studies.study import study_of_values
     from flexslew_plant.yaml_data import load_yaml
@@ -60,13 +60,15 @@ def both_ways(trial: Any, path: Path) -> list[dict[str, Any]]:
     ready = prepare(study_of_values(values, str(path), path.parent, trial=trial))
     count = len(ready.samples) * len(ready.study.variants)
     found = []
-    for results, others in Lanes(ready.study, ready.plans).fly(
+    for results, others in BatchRunner(ready.study, ready.plans).fly(
         [case_of(ready.study, ready.samples, k) for k in range(count)]
     ):
         pairs: list[tuple[int, Any, Any]] = [(one.number, one.way, one.metrics) for one in results]
         pairs += [(one.case.number, one.way, None) for one in others]
         for number, way, metrics in pairs:
-            bench = flown(ready.study, case_of(ready.study, ready.samples, number), ready.plans)
+            bench = simulate_case(
+                ready.study, case_of(ready.study, ready.samples, number), ready.plans
+            )
             case = {"number": number, "way": way, "batch": metrics, "bench": bench.metrics}
             found.append({**case, "reason": bench.reason})
     return sorted(found, key=lambda case: case["number"])

@@ -12,7 +12,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.report.run_data import read_run
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import build_controllers, plan_of_trial, trial_of_values
 from flexslew_plant.errors import BadInput
@@ -37,7 +37,7 @@ def slew(duration: float, angle: float) -> dict[str, Any]:
 
 def values(**changes: Any) -> dict[str, Any]:
     """Return a trial that turns by some degrees about an axis across the joints'."""
-    return shipped_values("three_axes", {"testbed": {"sensors": SENSORS}}) | {
+    return example_values("three_axes", {"testbed": {"sensors": SENSORS}}) | {
         "period": 0.05,
         "plan": slew(4.0, 5e-3),
         "controllers": {"pd_feedforward": PD},
@@ -192,7 +192,7 @@ def test_a_law_without_its_sensors_is_refused(sensors: Any, attitude: Any, words
 
 
 def test_only_a_craft_that_turns_in_three_axes_finds_an_attitude() -> None:
-    one = shipped_values("own_spacecraft", {"controllers": {"pd_feedforward": PD}})
+    one = example_values("own_spacecraft", {"controllers": {"pd_feedforward": PD}})
     trial = trial_of_values(one, "here")
     with pytest.raises(BadInput, match="attitude: the joints of this testbed do not turn it"):
         build_controllers(trial, "here")

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tests.representatives import seeds
 
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_of_values
 from flexslew_plant.errors import BadInput
@@ -17,7 +17,7 @@ from flexslew_plant.errors import BadInput
 
 def flown(folder: Path, **changes: Any) -> Any:
     """Return the run of the shipped trial with some values changed."""
-    trial = trial_of_values(shipped_values("control_moment_gyros", {}) | changes, "here")
+    trial = trial_of_values(example_values("control_moment_gyros", {}) | changes, "here")
     return run_trial(trial, "here", folder, in_process=True)
 
 
@@ -56,6 +56,6 @@ def test_who_counts_on_fixed_directions_is_refused_with_the_remedy(
 
 
 def test_an_allocation_without_a_resolver_is_refused_with_the_remedy(tmp_path: Path) -> None:
-    testbed = {**shipped_values("control_moment_gyros", {})["testbed"], "sensors": {}}
+    testbed = {**example_values("control_moment_gyros", {})["testbed"], "sensors": {}}
     with pytest.raises(BadInput, match="give the testbed a sensor of kind resolver"):
         flown(tmp_path / "run", testbed=testbed)

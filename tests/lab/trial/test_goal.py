@@ -12,13 +12,13 @@ from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.plan import Plan
 from flexslew_lab.cli.main import main
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.sources import shipped_trials
+from flexslew_lab.trial.sources import example_trials
 from flexslew_lab.trial.trial import (
     build_controllers,
-    follow,
     load_trial,
     parse_trial,
     plan_of_trial,
+    set_plan,
 )
 from flexslew_plant.errors import BadInput, PlanFailed
 
@@ -67,7 +67,7 @@ def test_laws_refuse_plans_that_move_as_their_entries_say() -> None:
         settings = dict(CONTROLLERS[name].compared)
         trial = parse_trial(STEP.format(law=name, duration=2.0).replace("{}", str(settings)), "t")
         controllers = build_controllers(trial, "t")
-        refused = follow(controllers, name, plan_of_trial(trial))
+        refused = set_plan(controllers, name, plan_of_trial(trial))
         assert bool(refused) != CONTROLLERS[name].follows_reference, (name, refused)
 
 
@@ -130,8 +130,8 @@ def test_on_the_oscillator_nothing_needs_nan(method: str, law: str, tmp_path: Pa
 @pytest.mark.parametrize(
     "shipped",
     representatives(
-        shipped_trials(),
-        *(trial for trial in shipped_trials() if trial.name in SOON),
+        example_trials(),
+        *(trial for trial in example_trials() if trial.name in SOON),
         single=True,
     ),
     ids=lambda trial: trial.name,
@@ -141,4 +141,4 @@ def test_every_law_of_a_shipped_trial_follows_its_plan(
 ) -> None:
     trial = load_trial(shipped.path)
     controllers = build_controllers(trial, shipped.name)
-    assert follow(controllers, trial.active, shipped_plan(shipped.name)) is None
+    assert set_plan(controllers, trial.active, shipped_plan(shipped.name)) is None

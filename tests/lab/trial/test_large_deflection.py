@@ -5,19 +5,19 @@ from pathlib import Path
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_plant.events import BentFar, message_of
+from flexslew_plant.events import LargeDeflection, message_of
 
 
-def told(tmp_path: Path, torque: float) -> tuple[list[BentFar], str]:
+def told(tmp_path: Path, torque: float) -> tuple[list[LargeDeflection], str]:
     push = [{"at": 0.5, "until": 0.8, "disturbance": {"roll": torque}}]
     soft = {"appendages": {name: {"stiffness": 0.05} for name in ("left", "right")}}
-    trial = shipped("own_spacecraft", {"schedule": push, "duration": 3.0, "testbed": soft})
+    trial = example_trial("own_spacecraft", {"schedule": push, "duration": 3.0, "testbed": soft})
     run_trial(trial, "own_spacecraft", tmp_path / "run", in_process=True)
     events = BagReader(tmp_path / "run" / "bag").overview.events
     page = (tmp_path / "run" / "report.html").read_text()
-    return [e.what for e in events if isinstance(e.what, BentFar)], page
+    return [e.what for e in events if isinstance(e.what, LargeDeflection)], page
 
 
 @pytest.mark.slow

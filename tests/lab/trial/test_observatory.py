@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_of_values
 
@@ -23,7 +23,7 @@ SHORT: dict[str, Any] = {
 
 def test_thrusters_then_wheels_then_fine_pointing(tmp_path: Path) -> None:
     own = {"testbed": {"pointing_from": 45.0, "pointing_window": 5.0}}
-    trial = trial_of_values(shipped_values("observatory", own) | SHORT, "here")
+    trial = trial_of_values(example_values("observatory", own) | SHORT, "here")
     result = run_trial(trial, "here", tmp_path / "run", in_process=True)
     assert result.exit_code == 0, result.message
     bag = tmp_path / "run/bag"

@@ -13,7 +13,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.column_names import column_name
 from flexslew_lab.log.messages.cdr import decode
 from flexslew_lab.replay.check import check
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial, plant_of, trial_of_values
 from flexslew_plant.arrays import Matrix
@@ -37,7 +37,7 @@ def flown(law: str, seed: int, folder: Path) -> Any:
     initial = {"roll": roll, "pitch": pitch, "yaw": yaw}
     there = {"quaternion": goal.as_quat().tolist()}
     gains = {"kp": [12.0], "kd": [60.0]}
-    values = shipped_values("three_axes", {"testbed": {"sensors": SENSORS, "initial": initial}}) | {
+    values = example_values("three_axes", {"testbed": {"sensors": SENSORS, "initial": initial}}) | {
         "plan": {"method": "reference_only", "goal": there, "duration": 60.0, "feedback": gains},
         "controllers": {law: LAWS[law][0]},
         "active": law,

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.trial.outputs import new_folder, writable_file, writable_folder
+from flexslew_lab.trial.outputs import check_output_file, check_output_folder, new_folder
 from flexslew_plant.errors import BadInput
 
 
@@ -12,8 +12,8 @@ def content(folder: Path) -> list[str]:
 
 def test_what_can_be_written_is_returned_and_nothing_is_left_behind(tmp_path: Path) -> None:
     file, folder = tmp_path / "a" / "b" / "c.html", tmp_path / "d" / "e"
-    assert writable_file(file, "--out") == file
-    assert writable_folder(folder, "--out") == folder
+    assert check_output_file(file, "--out") == file
+    assert check_output_folder(folder, "--out") == folder
     assert content(tmp_path) == []
 
 
@@ -22,7 +22,7 @@ def test_what_can_be_written_is_returned_and_nothing_is_left_behind(tmp_path: Pa
 )
 def test_an_impossible_place_is_refused_in_one_line(tmp_path: Path, place: str) -> None:
     (tmp_path / "file").touch()
-    for check in (writable_file, writable_folder):
+    for check in (check_output_file, check_output_folder):
         with pytest.raises(BadInput, match=r"--out: .*cannot be written: ") as caught:
             check(tmp_path / place, "--out")
         assert "\n" not in str(caught.value)
@@ -32,9 +32,9 @@ def test_an_impossible_place_is_refused_in_one_line(tmp_path: Path, place: str) 
 def test_a_file_is_no_folder_and_a_folder_no_file(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(BadInput, match="is a file"):
-        writable_folder(tmp_path / "file", "--out")
+        check_output_folder(tmp_path / "file", "--out")
     with pytest.raises(BadInput, match="is a folder"):
-        writable_file(tmp_path, "--figure")
+        check_output_file(tmp_path, "--figure")
 
 
 def test_neither_a_log_nor_the_trial_that_is_read_is_overwritten(tmp_path: Path) -> None:
@@ -45,11 +45,11 @@ def test_neither_a_log_nor_the_trial_that_is_read_is_overwritten(tmp_path: Path)
     (tmp_path / "link.yaml").symlink_to(trial)
     for path in (trial, tmp_path / "link.yaml"):
         with pytest.raises(BadInput, match=r"--to: .* is the trial itself"):
-            writable_file(path, "--to", str(trial))
+            check_output_file(path, "--to", str(trial))
     with pytest.raises(BadInput, match=r"--figure: .* is a log"):
-        writable_file(log, "--figure")
-    assert writable_file(other, "--out", str(trial)) == other
-    assert writable_file(tmp_path / "m1", "--out", "m1") == tmp_path / "m1"
+        check_output_file(log, "--figure")
+    assert check_output_file(other, "--out", str(trial)) == other
+    assert check_output_file(tmp_path / "m1", "--out", "m1") == tmp_path / "m1"
 
 
 def test_a_run_gets_a_new_folder_and_no_used_one(

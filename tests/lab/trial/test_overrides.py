@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexslew_lab.trial.overrides import overridden, value_at
+from flexslew_lab.trial.overrides import override_values, value_at
 from flexslew_plant.errors import BadInput
 
 VALUES = {
@@ -32,20 +32,20 @@ VALUES = {
 )
 def test_a_change_stands_where_its_path_says(path: str, value: object) -> None:
     before = copy.deepcopy(VALUES)
-    changed = overridden(VALUES, {path: value})
+    changed = override_values(VALUES, {path: value})
     assert value_at(changed, path) == value
     assert before == VALUES
-    assert overridden(changed, {path: "again"}) != changed
+    assert override_values(changed, {path: "again"}) != changed
 
 
 def test_changes_are_applied_in_order() -> None:
-    changed = overridden(VALUES, {"testbed": {"kind": "hub"}, "testbed.modes": 1})
+    changed = override_values(VALUES, {"testbed": {"kind": "hub"}, "testbed.modes": 1})
     assert changed["testbed"] == {"kind": "hub", "modes": 1}
 
 
 def test_what_a_change_brings_is_not_shared_with_the_result() -> None:
     gains = [1.0, 2.0]
-    changed = overridden(VALUES, {"controllers.pd.kp": gains})
+    changed = override_values(VALUES, {"controllers.pd.kp": gains})
     gains[0] = 9.0
     assert changed["controllers"]["pd"]["kp"] == [1.0, 2.0]
 
@@ -53,7 +53,7 @@ def test_what_a_change_brings_is_not_shared_with_the_result() -> None:
 def test_what_stands_twice_is_changed_in_one_place() -> None:
     shared = {"length": 30.0}
     values = {"testbed": shared, "model": shared}
-    changed = overridden(values, {"testbed.length": 31.0})
+    changed = override_values(values, {"testbed.length": 31.0})
     assert changed == {"testbed": {"length": 31.0}, "model": {"length": 30.0}}
 
 
@@ -69,7 +69,7 @@ def test_what_stands_twice_is_changed_in_one_place() -> None:
 )
 def test_a_path_that_leads_nowhere_is_refused_in_one_line(path: str, words: str) -> None:
     with pytest.raises(BadInput, match=words) as error:
-        overridden(VALUES, {path: 1})
+        override_values(VALUES, {path: 1})
     assert "\n" not in str(error.value)
 
 
@@ -83,4 +83,4 @@ def test_nothing_at_a_path_is_said() -> None:
 @given(st.lists(st.sampled_from(["a", "b", "c"]), min_size=1, max_size=4), st.integers())
 def test_whatever_is_put_is_found_again(keys: list[str], value: int) -> None:
     path = ".".join(keys)
-    assert value_at(overridden({}, {path: value}), path) == value
+    assert value_at(override_values({}, {path: value}), path) == value

@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
-from flexslew_control.planning import Iteration, Planning, StartOfPlan, plan_request
+from flexslew_control.planning import Iteration, PlanProcess, StartOfPlan, plan_request
 from flexslew_lab.cli.main import app
-from flexslew_lab.comparison.comparison import compared
+from flexslew_lab.comparison.comparison import compare_candidates
 from flexslew_lab.comparison.laws import laws
 from flexslew_lab.comparison.planners import planners
 from flexslew_lab.log.bag_reader import BagReader
@@ -84,7 +84,7 @@ def test_the_command_plans_with_it(method: str, tmp_path: Path) -> None:
 
 def test_compare_flies_it_beside_the_others(method: str) -> None:
     trial = parse_trial(trial_text(method), "own.yaml", ANY_CODE)
-    found = compared(planners(trial, "own.yaml", (0.0,)))
+    found = compare_candidates(planners(trial, "own.yaml", (0.0,)))
     first, *others = found.entries
     assert first.name == method
     assert first.nominal.metrics["residual_tip"] < 0.01
@@ -93,8 +93,8 @@ def test_compare_flies_it_beside_the_others(method: str) -> None:
 
 def test_every_law_flies_its_plan(method: str) -> None:
     trial = parse_trial(trial_text(method), "own.yaml", ANY_CODE)
-    found = compared(laws(trial, "own.yaml", ()))
-    assert {entry.plan.method for entry in found.flown if entry.plan} == {method}
+    found = compare_candidates(laws(trial, "own.yaml", ()))
+    assert {entry.plan.method for entry in found.simulated_entries if entry.plan} == {method}
 
 
 def test_a_study_flies_it_and_a_received_one_does_not(method: str, tmp_path: Path) -> None:
@@ -120,11 +120,11 @@ def test_the_planner_process_runs_it_only_where_it_is_trusted(method: str, trust
     request = plan_request(
         yaml_text(asked, flow=True), bench, 0.02, [1.0], lambda start: StartOfPlan(), trust
     )
-    planning, found = Planning(), list[Iteration | Plan | Refusal]()
+    planning, found = PlanProcess(), list[Iteration | Plan | Refusal]()
     assert not isinstance(request, Refusal)
     planning.ask(request)
     while not found:
-        found = planning.news(wait=10.0)
+        found = planning.updates(wait=10.0)
     planning.close()
     if not trusted:
         assert isinstance(found[-1], Refusal)

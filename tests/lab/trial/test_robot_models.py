@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.present import present
 
-from flexslew_lab.trial.sources import shipped_trials
+from flexslew_lab.trial.sources import example_trials
 from flexslew_lab.trial.trial import load_trial
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.settings import validated
@@ -36,7 +36,7 @@ PIVOTS = {  # about an axis beside its origin, pushed along it and against it
 }
 MOVING = ("continuous", "prismatic")
 SECTIONS = {"carts": CARTS, **PIVOTS}
-TRIALS = {trial.name: trial.path for trial in shipped_trials()}
+TRIALS = {trial.name: trial.path for trial in example_trials()}
 
 
 @cache

@@ -10,7 +10,7 @@ import pytest
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.trial.schema import trial_schema
-from flexslew_lab.trial.sources import shipped_trials
+from flexslew_lab.trial.sources import example_trials
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE
@@ -87,7 +87,7 @@ def taken(values: Any) -> bool:
     return True
 
 
-VALUES = {t.name: load_yaml(t.path.read_text(), t.name) for t in shipped_trials()}
+VALUES = {t.name: load_yaml(t.path.read_text(), t.name) for t in example_trials()}
 
 
 @pytest.mark.parametrize("name", VALUES)

@@ -10,12 +10,12 @@ from tests.present import present
 from flexslew_control.plan_file import save_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.sources import read_trial, shipped_trials, trial_path
+from flexslew_lab.trial.sources import example_trials, read_trial, trial_path
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial, trial_text
 from flexslew_plant.errors import BadInput
 
 
-@pytest.mark.parametrize("shipped", shipped_trials(), ids=lambda trial: trial.name)
+@pytest.mark.parametrize("shipped", example_trials(), ids=lambda trial: trial.name)
 def test_every_shipped_trial_is_known_by_its_name_and_says_what_it_is(shipped: Any) -> None:
     trial, source = read_trial(shipped.name)
     assert trial.name == shipped.name

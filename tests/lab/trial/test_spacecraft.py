@@ -8,7 +8,7 @@ from tests.representatives import representatives
 
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import build_controllers, trial_of_values
 from flexslew_plant.errors import BadInput
@@ -56,7 +56,7 @@ def flown(values: dict[str, Any], folder: Path, exit_code: int = 0) -> Any:
 
 @pytest.mark.parametrize("law", representatives(LAWS, "lqr"))
 def test_every_law_turns_a_free_platform(law: str, tmp_path: Path) -> None:
-    values = shipped_values("scole_s_a") | {
+    values = example_values("scole_s_a") | {
         "duration": 8.0,
         "plan": {"method": "reference_only", "goal": {"roll": 0.05}, "duration": 2.0},
         "controllers": {law: LAWS[law]},
@@ -72,7 +72,7 @@ def test_a_law_that_is_unstable_at_the_period_is_refused_with_one_that_works(law
     feedback = LAWS[law]
     if "kd" in feedback:
         feedback = feedback | {"kp": [4e5] * 9, "kd": [9e4] * 9}
-    values = shipped_values("scole_s_a") | {
+    values = example_values("scole_s_a") | {
         "period": 0.5,
         "controllers": {law: feedback},
         "active": law,
@@ -95,7 +95,7 @@ def test_the_matrix_holds_every_fault() -> None:
 )
 def test_every_fault_strikes_a_spacecraft_and_flies_again(kind: str, tmp_path: Path) -> None:
     struck = {"at": 0.4, "until": 0.8, "fault": {"kind": kind, **FAULT[kind]}}
-    values = shipped_values("scole_s_a", {"controllers": {"pd_feedforward": GAINS}}) | {
+    values = example_values("scole_s_a", {"controllers": {"pd_feedforward": GAINS}}) | {
         "duration": 1.2,
         "allow_faults": True,
         "fallback": ["pd_feedforward"],
@@ -118,7 +118,7 @@ def test_every_fault_strikes_a_spacecraft_and_flies_again(kind: str, tmp_path: P
     ],
 )
 def test_faults_on_what_a_spacecraft_lacks_are_refused(fault: dict[str, Any], known: str) -> None:
-    values = shipped_values("scole_s_a") | {
+    values = example_values("scole_s_a") | {
         "allow_faults": True,
         "schedule": [{"at": 0.4, "fault": fault}],
     }
@@ -129,7 +129,7 @@ def test_faults_on_what_a_spacecraft_lacks_are_refused(fault: dict[str, Any], kn
 
 @pytest.mark.slow
 def test_the_full_scale_spacecraft_flies_to_its_end(tmp_path: Path) -> None:
-    metrics = flown(shipped_values("scole_full"), tmp_path / "run")
+    metrics = flown(example_values("scole_full"), tmp_path / "run")
     assert abs(metrics["final_error"]["roll"]) < 1e-5
     assert max(metrics["pointing_error"]["mast"]) < 0.02
     assert metrics["saturated_time"] == 0.0
@@ -137,7 +137,7 @@ def test_the_full_scale_spacecraft_flies_to_its_end(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_wheel_keeps_to_its_momentum(tmp_path: Path) -> None:
-    values = shipped_values("own_spacecraft") | {"duration": 45.0}
+    values = example_values("own_spacecraft") | {"duration": 45.0}
     free = flown(values, tmp_path / "free")["peak_wheel_momentum"]["roll"]
     values["testbed"]["wheels"]["roll"]["momentum_limit"] = 0.5 * free
     # half of the momentum does not take it to its goal, which is a failed check

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from flexslew_lab.trial.sources import read_trial, shipped_trials
+from flexslew_lab.trial.sources import example_trials, read_trial
 from flexslew_lab.trial.trial import Trial, parse_trial
 from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
 
@@ -18,7 +18,7 @@ COMMANDS = [
     command
     for text in GUIDES
     for command in re.findall(r"^\./flexslew trial (.*)$", text, re.MULTILINE)
-    if shlex.split(command)[0] in {trial.name for trial in shipped_trials()}
+    if shlex.split(command)[0] in {trial.name for trial in example_trials()}
 ]
 
 

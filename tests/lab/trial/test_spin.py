@@ -8,7 +8,7 @@ import pytest
 
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import checked_trial, trial_of_values
 from flexslew_plant.errors import BadInput
@@ -21,7 +21,7 @@ def trial(**more: Any) -> Any:
         name: {"kind": "torque", "direction": axis, "limit": 1.0}
         for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3).tolist(), strict=True)
     }
-    craft = shipped_values("three_axes")["testbed"]
+    craft = example_values("three_axes")["testbed"]
     craft |= {"appendages": {}, "wheels": {}, "actuators": torques}
     values = {
         "name": "spin",

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from tests.present import present
 
-from flexslew_lab.trial.sources import read_trial, shipped_trials, trial_path
+from flexslew_lab.trial.sources import example_trials, read_trial, trial_path
 from flexslew_lab.trial.trial import (
     load_trial,
     parse_trial,
@@ -208,7 +208,7 @@ def test_a_trial_with_units_is_that_in_si() -> None:
 def test_a_boolean_is_no_number_anywhere_in_a_trial() -> None:
     """Wherever shipped trials hold a number; laws and models are read where they are built."""
     asked = set[tuple[str, ...]]()
-    for shipped in shipped_trials():
+    for shipped in example_trials():
         values = load_yaml(text_of(shipped.path), shipped.name)
         for place in numbers(values):
             key = tuple(str(step) for step in place if not isinstance(step, int))

@@ -14,7 +14,7 @@ from flexslew_control.planners import PLANNERS
 from flexslew_lab.studies.study_settings import StudySettings
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, parse_trial
-from flexslew_plant.keys.settings_fields import own_meanings
+from flexslew_plant.keys.settings_fields import describe_section
 
 DOCS = Path(__file__).parents[3] / "docs"
 TEXT = (DOCS / "trial.md").read_text()
@@ -64,8 +64,8 @@ def test_every_section_has_its_table() -> None:
 @pytest.mark.parametrize("kind", SECTIONS, ids=lambda kind: kind.__name__)
 def test_every_key_is_described_in_its_field(kind: type[Any]) -> None:
     fixed = ("kind", "method")  # select the section
-    meanings = own_meanings(kind)
-    bare = [f.name for f in fields(kind) if f.repr and not meanings[f.name].told]
+    meanings = describe_section(kind)
+    bare = [f.name for f in fields(kind) if f.repr and not meanings[f.name].description]
     assert not set(bare) - set(fixed)
 
 

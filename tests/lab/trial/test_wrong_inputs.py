@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from tests.wrong_inputs import Wrong, fault_of, wrong_inputs
 
-from flexslew_lab.trial.sources import shipped_trials
+from flexslew_lab.trial.sources import example_trials
 from flexslew_lab.trial.trial import (
     checked_trial,
     load_trial,
@@ -17,7 +17,7 @@ from flexslew_plant.errors import FlexslewError
 from flexslew_plant.settings import plain
 
 FILE = "wrong.yaml"
-SHIPPED = {trial.name: trial.path for trial in shipped_trials()}
+SHIPPED = {trial.name: trial.path for trial in example_trials()}
 
 
 def refusal(values: Any) -> FlexslewError | None:

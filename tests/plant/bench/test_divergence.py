@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.divergence import FARTHEST, STABLE_TURN, is_lost
+from flexslew_plant.bench.divergence import STABLE_STEP, STATE_LIMIT, is_lost
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import FastMode, Level, message_of
@@ -87,7 +87,7 @@ def test_a_reset_begins_anew() -> None:
     assert (bed.failure, bed.faulted, bed.done, bed.tick) == ("", False, False, 0)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -2.0 * FARTHEST])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -2.0 * STATE_LIMIT])
 @pytest.mark.parametrize("place", [0, 3])
 def test_what_cannot_be_told_is_lost(value: Any, place: int) -> None:
     state = np.ones(4)
@@ -102,8 +102,8 @@ def test_the_stable_turn_is_where_the_method_begins_to_amplify() -> None:
         stages = np.linalg.solve(identity - 1j * turn * STAGE_WEIGHTS, ones)
         return abs(1.0 + 1j * turn * STEP_WEIGHTS @ stages)
 
-    assert max(map(amplification, np.linspace(0.1, STABLE_TURN, 500))) <= 1.0
-    assert amplification(STABLE_TURN * 1.001) > 1.0
+    assert max(map(amplification, np.linspace(0.1, STABLE_STEP, 500))) <= 1.0
+    assert amplification(STABLE_STEP * 1.001) > 1.0
 
 
 @pytest.mark.parametrize(

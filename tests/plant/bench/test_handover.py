@@ -79,16 +79,16 @@ def test_a_fallback_serves_as_often_as_it_is_needed() -> None:
 
 def test_fallbacks_that_are_not_ready_are_passed_over() -> None:
     bed = bench(fallback=("b", "c"), max_missed=1)
-    bed.note_readiness("b", Refusal("no plan yet"))
+    bed.set_ready_status("b", Refusal("no plan yet"))
     assert asked(bed, 3, silent=("a",)) == ["a", "c", "c"]
 
 
 def test_how_far_one_is_behind_is_told_once_and_known_exactly() -> None:
     bed = bench()
     for tick in (2, 3, 4):
-        bed.note_readiness("b", Refusal(f"the bench is at {tick}", cause=Cause.BEHIND))
-    bed.note_readiness("b", Refusal("no plan yet", cause=Cause.NOT_READY))
-    bed.note_readiness("b", Refusal("no testbed yet", cause=Cause.NOT_READY))
+        bed.set_ready_status("b", Refusal(f"the bench is at {tick}", cause=Cause.BEHIND))
+    bed.set_ready_status("b", Refusal("no plan yet", cause=Cause.NOT_READY))
+    bed.set_ready_status("b", Refusal("no testbed yet", cause=Cause.NOT_READY))
     told = [event.data["reason"] for event in bed.events if event.kind == "not_ready"]
     assert told == ["the bench is at 2", "no plan yet", "no testbed yet"]
 
@@ -101,14 +101,14 @@ def test_mute_fallbacks_do_not_take_turns_for_ever() -> None:
 def test_a_switch_is_checked_when_it_is_due() -> None:
     bed = bench()
     assert bed.request_switch(SwitchRequest("b", 3)) is None
-    bed.note_readiness("b", Refusal("it sends no heartbeat"))
+    bed.set_ready_status("b", Refusal("it sends no heartbeat"))
     assert asked(bed, 5) == ["a"] * 5
     (result,) = bed.switch_results
     assert (result.ok, result.tick) == (False, 3)
     assert result.message == "switch to b dropped: b is not ready: it sends no heartbeat"
     (event,) = [e for e in bed.events if e.kind == "switch_dropped"]
     assert event.tick == 3
-    bed.note_readiness("b", None)
+    bed.set_ready_status("b", None)
     bed.request_switch(SwitchRequest("b", 6))
     assert asked(bed, 2) == ["a", "b"]
 
@@ -265,7 +265,7 @@ def test_every_switch_gets_one_result_whatever_happens(seed: Any) -> None:
                 )
                 requested += bed.request_switch(request) is None
             case 2:
-                bed.note_readiness(name, None if rng.integers(2) else Refusal("ill"))
+                bed.set_ready_status(name, None if rng.integers(2) else Refusal("ill"))
             case 3:
                 silent ^= {name}
             case 4 if rng.integers(5) == 0:

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.run.in_process import Observer, fly
+from flexslew_lab.reproduce.scole_flights import example_trial
+from flexslew_lab.run.in_process import Observer, run_bench
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
@@ -32,7 +32,7 @@ AGAIN = {"appendage": "beam", "to": -0.2, "duration": 0.1}
 
 def antenna(**changes: Any) -> Trial:
     """Return a short flight of a small antenna."""
-    return shipped("antenna_4", {**SHORT, **changes})
+    return example_trial("antenna_4", {**SHORT, **changes})
 
 
 class TruthLog(Observer):
@@ -52,7 +52,7 @@ class TruthLog(Observer):
 def flown(trial: Trial, wish: str = "") -> list[tuple[float, ...]]:
     bench = Bench(bench_settings(trial))
     truth_log = TruthLog(bench, wish)
-    fly(bench, build_controllers(trial, "trial"), truth_log)
+    run_bench(bench, build_controllers(trial, "trial"), truth_log)
     return truth_log.states
 
 

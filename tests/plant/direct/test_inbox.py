@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.wire import HEAD
-from flexslew_plant.direct.inbox import BOTH, PART, Inbox
+from flexslew_plant.direct.inbox import DDS_FLAG, PART, RecorderInput
 from flexslew_plant.direct.line import DirectLine, call, facts
 from flexslew_plant.direct.names import RECORDER, address
 from flexslew_plant.graph.topics import LOOP_DEPTH
@@ -22,25 +22,25 @@ def place() -> bytes:
 
 
 @pytest.fixture
-def inbox(place: bytes) -> Inbox:
-    return Inbox(place, HEARD, ("_recorder", "/b"))
+def inbox(place: bytes) -> RecorderInput:
+    return RecorderInput(place, HEARD, ("_recorder", "/b"))
 
 
 def part(number: int, data: bytes) -> bytes:
     return PART.pack(number, len(HEAD + data)) + HEAD + data
 
 
-def taken(inbox: Inbox, *over_dds: tuple[str, bytes]) -> list[tuple[str, bytes]]:
+def taken(inbox: RecorderInput, *over_dds: tuple[str, bytes]) -> list[tuple[str, bytes]]:
     """Return what an inbox yields, without the heads."""
     heard = [(topic, HEAD + data) for topic, data in over_dds]
     return [(topic, data[len(HEAD) :]) for topic, data in inbox.take(heard)]
 
 
-def greeted(inbox: Inbox, place: bytes, *names: str) -> DirectLine:
+def greeted(inbox: RecorderInput, place: bytes, *names: str) -> DirectLine:
     """Return a publisher's end after both have said who they are."""
     line = call(place)
     assert line is not None
-    line.say({"topics": list(names)})
+    line.notify({"topics": list(names)})
     assert taken(inbox) == []
     heard = [name for name in names if name in HEARD]
     said = {"node": "_recorder", "namespace": "/b", "heard": heard}
@@ -48,7 +48,9 @@ def greeted(inbox: Inbox, place: bytes, *names: str) -> DirectLine:
     return line
 
 
-def test_parts_come_in_their_order_under_the_recorder_s_names(inbox: Inbox, place: bytes) -> None:
+def test_parts_come_in_their_order_under_the_recorder_s_names(
+    inbox: RecorderInput, place: bytes
+) -> None:
     line = greeted(inbox, place, "/b/truth", "/b/elsewhere", "/b/events")
     line.send(part(1, b"event") + part(0, b"") + part(0, b"truth"))
     line.send(part(0, b"more"))
@@ -58,7 +60,9 @@ def test_parts_come_in_their_order_under_the_recorder_s_names(inbox: Inbox, plac
     ]  # fmt: skip
 
 
-def test_what_was_sent_before_the_end_of_a_publisher_is_taken(inbox: Inbox, place: bytes) -> None:
+def test_what_was_sent_before_the_end_of_a_publisher_is_taken(
+    inbox: RecorderInput, place: bytes
+) -> None:
     line = greeted(inbox, place, "/b/truth")
     line.send(part(0, b"last words"))
     line.close()
@@ -68,7 +72,7 @@ def test_what_was_sent_before_the_end_of_a_publisher_is_taken(inbox: Inbox, plac
 
 
 def test_everything_comes_as_often_as_it_was_published(
-    inbox: Inbox, place: bytes, case: np.random.Generator
+    inbox: RecorderInput, place: bytes, case: np.random.Generator
 ) -> None:
     line = greeted(inbox, place, "/b/truth")
     published: list[bytes] = []
@@ -80,7 +84,7 @@ def test_everything_comes_as_often_as_it_was_published(
         published.append(data)
         way = case.integers(3)  # the line alone, both, DDS alone: of a publisher without a line
         if way < 2:
-            queued.append(part(BOTH * int(way), data))
+            queued.append(part(DDS_FLAG * int(way), data))
         if way > 0:
             late.append(("/truth", data))
         if case.random() < 0.3:
@@ -99,7 +103,7 @@ def test_everything_comes_as_often_as_it_was_published(
 
 
 def test_a_publisher_that_goes_both_ways_is_heard_once(
-    inbox: Inbox, place: bytes, case: np.random.Generator
+    inbox: RecorderInput, place: bytes, case: np.random.Generator
 ) -> None:
     line = greeted(inbox, place, "/b/truth")
     published = [b"%d" % case.integers(20) for _ in range(300)]
@@ -109,14 +113,14 @@ def test_a_publisher_that_goes_both_ways_is_heard_once(
         several = int(case.integers(1, 9))
         for _ in range(int(case.integers(1, 9))):
             if ways[0]:
-                line.send(part(BOTH, ways[0].pop(0)))
+                line.send(part(DDS_FLAG, ways[0].pop(0)))
         some, ways[1] = ways[1][:several], ways[1][several:]
         found += [data for _, data in taken(inbox, *zip(repeat("/truth"), some))]
     assert sorted(found) == sorted(published)
     assert not inbox._once
 
 
-def test_what_never_comes_the_other_way_is_forgotten(inbox: Inbox, place: bytes) -> None:
+def test_what_never_comes_the_other_way_is_forgotten(inbox: RecorderInput, place: bytes) -> None:
     greeted(inbox, place, "/b/truth")
     for k in range(3 * LOOP_DEPTH):
         assert taken(inbox, ("/truth", b"%d" % k)) == [("/truth", b"%d" % k)]
@@ -128,7 +132,7 @@ def test_what_never_comes_the_other_way_is_forgotten(inbox: Inbox, place: bytes)
     [b"", b"?", b"[]", b"{}", b'{"topics": "/b/truth"}', b'{"topics": [1, null, {}]}'],
 )
 def test_whoever_says_nothing_of_the_kind_disturbs_nobody(
-    inbox: Inbox, place: bytes, words: bytes
+    inbox: RecorderInput, place: bytes, words: bytes
 ) -> None:
     line, stranger = greeted(inbox, place, "/b/truth"), call(place)
     assert stranger is not None
@@ -152,7 +156,7 @@ def test_whoever_says_nothing_of_the_kind_disturbs_nobody(
     ],
 )
 def test_a_publisher_that_is_not_understood_is_let_go(
-    inbox: Inbox, place: bytes, wrong: bytes
+    inbox: RecorderInput, place: bytes, wrong: bytes
 ) -> None:
     line, other = (greeted(inbox, place, "/b/truth") for _ in range(2))
     line.send(wrong)

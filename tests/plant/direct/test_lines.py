@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.wire import Stamp, command_bytes
-from flexslew_plant.direct.inbox import Inbox
+from flexslew_plant.direct.inbox import RecorderInput
 from flexslew_plant.direct.line import DirectLine, call, facts
 from flexslew_plant.direct.lines import Lines
 from flexslew_plant.direct.names import address, direct
@@ -40,11 +40,11 @@ def greeted(lines: Lines, place: bytes, name: str = "pd") -> DirectLine:
     """Return the controller's end after both have said who they are."""
     line = call(place)
     assert line is not None
-    line.say({"controller": name})
+    line.notify({"controller": name})
     lines.look()
     assert facts(line.receive() or b"") == {"epoch": 2, "tick": 7}
-    line.say({"answers": True})
-    assert list(lines.arrived()) == []
+    line.notify({"answers": True})
+    assert list(lines.received()) == []
     assert name in lines.answering
     return line
 
@@ -79,7 +79,7 @@ def test_questions_and_answers_pass_in_their_order(lines: Lines, place: bytes) -
     assert [line.receive() for _ in range(21)] == [*(b"question %d" % k for k in range(20)), None]
     line.send(answer(8))
     line.send(answer(9))
-    assert [command.tick for command in lines.arrived()] == [8, 9]
+    assert [command.tick for command in lines.received()] == [8, 9]
 
 
 def test_a_controller_that_does_not_read_holds_nobody_up_and_misses_nothing(
@@ -108,7 +108,7 @@ def test_a_controller_that_does_not_read_holds_nobody_up_and_misses_nothing(
 def test_one_that_is_not_understood_is_hung_up_on(lines: Lines, place: bytes, noise: bytes) -> None:
     line = greeted(lines, place)
     line.send(noise)
-    assert list(lines.arrived()) == []
+    assert list(lines.received()) == []
     lines.look()
     assert lines.answering == set()
     assert line.receive() is None
@@ -126,21 +126,21 @@ def test_one_that_does_not_say_its_name_gets_no_line(
     lines.look()
     assert line.receive() is None
     assert line.closed
-    assert not lines.greeting
+    assert not lines.handshake_pending
 
 
 def test_of_two_with_one_name_the_older_one_keeps_its_line(lines: Lines, place: bytes) -> None:
     older = greeted(lines, place)
     younger = call(place)
     assert younger is not None
-    younger.say({"controller": "pd"})
+    younger.notify({"controller": "pd"})
     lines.look()
     assert younger.receive() is None
     assert younger.closed
     lines.send("pd", b"question", eager=True)
     assert older.receive() == b"question"
     older.close()
-    assert list(lines.arrived()) == []
+    assert list(lines.received()) == []
     lines.look()
     greeted(lines, place)
 
@@ -176,7 +176,7 @@ def plant(place: bytes) -> Callable[[], object]:
 
 def recorder(place: bytes) -> Callable[[], object]:
     """Return what takes calls as the recorder does."""
-    inbox = Inbox(place, {"/truth": "/truth"}, ("_recorder", "/"))
+    inbox = RecorderInput(place, {"/truth": "/truth"}, ("_recorder", "/"))
     return lambda: list(inbox.take([]))
 
 
@@ -219,6 +219,6 @@ def test_a_plant_of_another_user_is_not_called(place: bytes) -> None:
 def test_the_copy_of_an_answer_is_known_and_no_other_one(lines: Lines, place: bytes) -> None:
     greeted(lines, place).send(answer(8))
     assert not lines.copied(answer(8))
-    assert len(list(lines.arrived())) == 1
+    assert len(list(lines.received())) == 1
     assert lines.copied(answer(8))
     assert not lines.copied(answer(9))

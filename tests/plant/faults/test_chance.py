@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexslew_plant.faults.chance import all_drawn, drawn, key_of
+from flexslew_plant.faults.chance import key_of, random_number, random_numbers
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -12,12 +12,12 @@ def test_all_ticks_at_once_are_drawn_as_numpy_draws_each(seed: int) -> None:
     bits = rng.integers(1, 63, size=rng.integers(1, 8))
     key = tuple(int(rng.integers(0, 1 << int(most))) for most in bits)
     first = int(rng.integers(0, 1 << 20))
-    each = [drawn(key, tick) for tick in range(first, first + 40)]
-    assert all_drawn(key, first, first + 40).tolist() == each
+    each = [random_number(key, tick) for tick in range(first, first + 40)]
+    assert random_numbers(key, first, first + 40).tolist() == each
 
 
 def test_no_ticks_are_drawn_as_nothing() -> None:
-    assert all_drawn((1,), 5, 5).size == all_drawn((1,), 5, 3).size == 0
+    assert random_numbers((1,), 5, 5).size == random_numbers((1,), 5, 3).size == 0
 
 
 def test_faults_of_one_trial_have_a_chance_of_their_own() -> None:
@@ -28,4 +28,4 @@ def test_faults_of_one_trial_have_a_chance_of_their_own() -> None:
         for kind in ("command_lost", "command_late")
         for own in (0, 1)
     }
-    assert len({all_drawn(key, 0, 1)[0] for key in keys}) == len(keys) == 16
+    assert len({random_numbers(key, 0, 1)[0] for key in keys}) == len(keys) == 16

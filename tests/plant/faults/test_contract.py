@@ -31,12 +31,12 @@ def observed(kind: Any, ticks: int = 12, start: int = 3, end: int = 7) -> Any:
     demand = effort = np.zeros(2)
     for tick in range(ticks):
         faults.begin(tick, demand, effort)
-        early = faults.old_answers(first=True)
+        early = faults.late_commands(first=True)
         values = rng.standard_normal((4, 2))
         readings = Readings(values[0], values[1], values[2, :1], values[3, :1])
         command = EffortCommand(tick, 0, "first", values[0].copy())
-        fate = faults.fate(command)
-        late = [*early, *faults.old_answers(first=False)]
+        fate = faults.command_status(command)
+        late = [*early, *faults.late_commands(first=False)]
         read, demand = faults.read(readings), faults.demand(values[1])
         effort = faults.effort(demand)
         whole = all(np.array_equal(a, b) for a, b in zip(read, readings, strict=True))

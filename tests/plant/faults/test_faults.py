@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
-from flexslew_plant.bench.operation.backlog import Backlog
+from flexslew_plant.bench.operation.backlog import NodeProgress
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import BrakeTookOver, FallbackTookOver, Level
-from flexslew_plant.events.run import Objection
+from flexslew_plant.events import BrakeActivated, FallbackActivated, Level
+from flexslew_plant.events.run import RejectionReason
 from flexslew_plant.hardware.disturbances import Pulse, shape_effort
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.refusal import Cause
@@ -51,10 +51,10 @@ class Run:
     def __init__(self, bench_settings: Any, laws: Any = None, meanwhile: Any = None) -> None:
         self.bench = bench = Bench(bench_settings)
         self.laws = laws or {"first": pd("first"), "second": pd("second")}
-        self.events, self.questions, self.truths = [], [], []
+        self.events, self.measurements, self.truth_log = [], [], []
         while not bench.done:
-            self.questions.append(bench.question)
-            self.truths.append(bench.truth())
+            self.measurements.append(bench.question)
+            self.truth_log.append(bench.truth())
             if meanwhile is not None:
                 meanwhile(bench)
             for law in self.laws.values():
@@ -68,14 +68,14 @@ class Run:
         return [event for event in self.events if event.kind == kind]
 
     def applied(self, tick: Any) -> Any:
-        return self.truths[tick + 1].applied_effort
+        return self.truth_log[tick + 1].applied_effort
 
     @property
     def states(self) -> Any:
-        return np.array([np.concatenate((t.position, t.velocity)) for t in self.truths])
+        return np.array([np.concatenate((t.position, t.velocity)) for t in self.truth_log])
 
     def ends_at_rest(self) -> Any:
-        return np.abs(self.truths[-1].velocity[:2]).max() < 1e-3  # joints [rad/s]
+        return np.abs(self.truth_log[-1].velocity[:2]).max() < 1e-3  # joints [rad/s]
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +160,7 @@ def test_a_silence_is_found_within_max_missed_ticks_and_somebody_else_takes_over
     assert missed[0].tick == AT_TICK
     assert handed[0].tick == AT_TICK + MAX_MISSED - 1
     assert handed[0].level is Level.FAULT
-    assert handed[0].what == FallbackTookOver("second", "first", Cause.NO_ANSWER)
+    assert handed[0].what == FallbackActivated("second", "first", Cause.NO_ANSWER)
     assert run.bench.faulted
     assert run.ends_at_rest()
 
@@ -198,7 +198,7 @@ def test_a_stuck_motor_holds_what_it_is_told_or_what_it_had() -> None:
 
 def test_a_gain_error_scales_one_motor() -> None:
     run = with_fault("actuator_gain")
-    question = run.questions[AT_TICK]
+    question = run.measurements[AT_TICK]
     asked = KP * (GOAL - question.joint_position) - KD * question.joint_velocity
     assert run.applied(AT_TICK) == pytest.approx(asked * [0.5, 1.0], rel=1e-12)
 
@@ -206,7 +206,7 @@ def test_a_gain_error_scales_one_motor() -> None:
 def test_a_delay_moves_the_effort_by_its_ticks_without_a_missed_tick() -> None:
     run = with_fault("command_delay")
     for tick in range(AT_TICK + 10, UNTIL_TICK):
-        question = run.questions[tick - 10]
+        question = run.measurements[tick - 10]
         asked = KP * (GOAL - question.joint_position) - KD * question.joint_velocity
         assert np.array_equal(run.applied(tick), asked)
     assert not run.of("missed")
@@ -241,7 +241,7 @@ def test_an_answer_out_of_its_tick_is_rejected_as_stale(
     kind: str, missed: bool, healthy: Run
 ) -> None:
     run = with_fault(kind)
-    assert run.bench.drive.rejected[Objection.STALE] > 30
+    assert run.bench.drive.rejected[RejectionReason.STALE] > 30
     assert run.of("rejected")[0].data["reason"] == "stale"
     assert bool(run.of("missed")) is missed
     assert np.array_equal(run.states, healthy.states) is not missed
@@ -249,16 +249,16 @@ def test_an_answer_out_of_its_tick_is_rejected_as_stale(
 
 def test_broken_sensors_lie_to_the_question_and_not_to_the_truth() -> None:
     frozen = with_fault("sensor_freeze")
-    first = frozen.questions[AT_TICK].joint_velocity
+    first = frozen.measurements[AT_TICK].joint_velocity
     for tick in (AT_TICK + 1, UNTIL_TICK - 1):
-        assert np.array_equal(frozen.questions[tick].joint_velocity, first)
-        assert not np.array_equal(frozen.truths[tick].velocity[:2], first)
+        assert np.array_equal(frozen.measurements[tick].joint_velocity, first)
+        assert not np.array_equal(frozen.truth_log[tick].velocity[:2], first)
     biased = with_fault("sensor_bias")
     tick = AT_TICK + 7
-    error = biased.questions[tick].joint_position - biased.truths[tick].position[:2]
+    error = biased.measurements[tick].joint_position - biased.truth_log[tick].position[:2]
     assert error == pytest.approx([0.0, 0.01], abs=1e-15)
     dropped = with_fault("sensor_dropout")
-    zeros = [not dropped.questions[k].joint_position.any() for k in range(AT_TICK, UNTIL_TICK)]
+    zeros = [not dropped.measurements[k].joint_position.any() for k in range(AT_TICK, UNTIL_TICK)]
     assert 15 < sum(zeros) < 70
 
 
@@ -268,7 +268,7 @@ def test_a_second_fault_does_not_thaw_a_frozen_sensor() -> None:
         {"at": 3.0, "fault": {"kind": "actuator_gain", "joint": "base_yaw", "gain": 0.9}},
     ]
     run = Run(settings(schedule=entries))
-    first, later = run.questions[AT_TICK], run.questions[350]
+    first, later = run.measurements[AT_TICK], run.measurements[350]
     assert np.array_equal(first.joint_velocity, later.joint_velocity)
 
 
@@ -297,7 +297,7 @@ def test_a_crashed_controller_without_fallback_leaves_the_brake_at_rest() -> Non
         return pd("first")(question) if question.tick < 30 else None
 
     run = Run(settings(fallback=[]), {"first": crashed})
-    assert run.of("brake")[0].what == BrakeTookOver("", "first", Cause.NO_ANSWER)
+    assert run.of("brake")[0].what == BrakeActivated("", "first", Cause.NO_ANSWER)
     assert run.of("brake")[0].tick == 30 + MAX_MISSED - 1
     assert run.ends_at_rest()
 
@@ -333,7 +333,7 @@ def test_disturbances_have_the_shape_and_the_mean_of_their_formula() -> None:
         {"at": 1.0, "disturbance": {"base_yaw": 5}},
     ]
     run = Run(settings(schedule=entries, allow_faults=False))
-    found = np.array([truth.disturbance for truth in run.truths[1:]])
+    found = np.array([truth.disturbance for truth in run.truth_log[1:]])
     fine = np.linspace(0.0, 2.0, 200_001)
     mean = 3.0 * np.sin(2.0 * np.pi * 0.25 * fine + 0.5)
     expected = [mean[1000 * k : 1000 * (k + 1) + 1].mean() for k in range(200)]
@@ -378,7 +378,7 @@ def test_a_disturbance_that_is_ended_before_it_begins_leaves_no_event_of_one() -
 
         run = Run(settings(duration=2.0), meanwhile=operate)
         assert not run.of("disturbance")
-        assert not any(truth.disturbance.any() for truth in run.truths)
+        assert not any(truth.disturbance.any() for truth in run.truth_log)
         assert len(run.of("injected")) == len(run.of("fault_ended")) == 1
 
 
@@ -545,22 +545,22 @@ def test_settings_with_faults_survive_yaml() -> None:
 
 
 def test_the_plant_holds_back_for_a_slow_controller_but_not_for_a_dead_one() -> None:
-    backlog = Backlog(patience=2.0)
-    backlog.heard("slow", 0, 0)
+    backlog = NodeProgress(patience=2.0)
+    backlog.received("slow", 0, 0)
     assert backlog.slow(1000, 0, now=0.0) == []
     assert backlog.slow(1001, 0, now=0.0) == ["slow"]
-    backlog.heard("slow", 100, 0)
+    backlog.received("slow", 100, 0)
     assert backlog.slow(1001, 0, now=1.9) == []
     assert backlog.slow(1101, 0, now=2.0) == ["slow"]
     assert backlog.slow(1101, 0, now=4.1) == []  # given up
     assert "tick 100" in str(backlog.reason("slow", 1101, 0))
-    backlog.heard("slow", 200, 0)
+    backlog.received("slow", 200, 0)
     assert backlog.reason("slow", 1101, 0) is None
 
 
 def test_a_paced_plant_does_not_wait_but_says_who_is_behind() -> None:
-    backlog = Backlog(paced=True)
-    backlog.heard("slow", 10, 0)
+    backlog = NodeProgress(paced=True)
+    backlog.received("slow", 10, 0)
     assert backlog.slow(5000, 0, now=0.0) == []
     assert str(backlog.reason("slow", 5000, 0)) == "it has seen tick 10, the bench is at 5000"
     assert backlog.reason("slow", 900, 1) is None  # a new epoch counts from its own tick 0

@@ -82,11 +82,11 @@ class Page:
         now = [f for f in self.faults if f["start"] <= tick < f["end"]]
         return [f for f in now if f["kind"].startswith(kinds)]
 
-    def strikes(self, fault: dict[str, Any], tick: int) -> bool:
+    def is_active(self, fault: dict[str, Any], tick: int) -> bool:
         key = *self.seed, fault["start"], crc32(fault["kind"].encode()), fault["seed"], tick
         return bool(np.random.default_rng(key).random() < fault["probability"])
 
-    def readings(self, tick: int, truth: dict[str, Vector]) -> dict[str, Vector]:
+    def outputs(self, tick: int, truth: dict[str, Vector]) -> dict[str, Vector]:
         read = {name: value.copy() for name, value in truth.items()}
         for fault in self.acting(tick, "sensor"):
             value, names = read[fault["channel"]], CHANNELS[fault["channel"]]
@@ -97,12 +97,12 @@ class Page:
                 value[some] += fault["bias"]
             elif fault["kind"] == "sensor_freeze":
                 value[some] = fault["kept"][some]
-            elif self.strikes(fault, tick):
+            elif self.is_active(fault, tick):
                 value[some] = 0.0
         return read
 
     def effort(self, tick: int, answer: Vector) -> Vector:
-        if not any(self.strikes(fault, tick) for fault in self.acting(tick, *LOSING)):
+        if not any(self.is_active(fault, tick) for fault in self.acting(tick, *LOSING)):
             self.held = answer
         arrives = self.held.copy()
         for fault in reversed(self.acting(tick, "command_delay")):
@@ -142,7 +142,7 @@ def test_a_random_schedule_of_faults_does_what_the_page_says(seed: int) -> None:
         page = Page(entries, period, (own, epoch))
         for tick in range(TICKS):
             truth, asked = bench.truth(), bench.question
-            expected = page.readings(
+            expected = page.outputs(
                 tick,
                 {
                     "joint_position": truth.position[:2],

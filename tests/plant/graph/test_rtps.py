@@ -34,5 +34,5 @@ def test_who_tells_all_listens_to_this_machine_alone(monkeypatch: pytest.MonkeyP
             return int(sent)
 
     monkeypatch.setattr(rtps, "socket", Watched)
-    rtps.tell_all(b"", 101)
+    rtps.send_to_all(b"", 101)
     assert told == [(port, "127.0.0.1") for port in rtps.ports(101)]

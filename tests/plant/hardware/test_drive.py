@@ -5,7 +5,7 @@ import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
 from flexslew_plant.events import Level
-from flexslew_plant.events.run import Objection
+from flexslew_plant.events.run import RejectionReason
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds.csa import CsaTestbed
 
@@ -58,14 +58,14 @@ def test_an_answer_of_an_earlier_epoch_is_stale() -> None:
     old = command(bed)
     bed.reset()
     assert not bed.offer(old)
-    assert bed.drive.rejected[Objection.STALE] == 1
+    assert bed.drive.rejected[RejectionReason.STALE] == 1
 
 
 @pytest.mark.parametrize("effort", [np.array([np.inf, 0.0]), np.array([0.0, -np.inf])])
 def test_infinite_efforts_are_not_finite(effort: Any) -> None:
     bed = bench()
     assert not bed.offer(command(bed, effort))
-    assert bed.drive.rejected[Objection.FINITE] == 1
+    assert bed.drive.rejected[RejectionReason.FINITE] == 1
 
 
 def test_a_right_answer_after_a_wrong_one_counts() -> None:
@@ -81,7 +81,7 @@ def test_a_flood_of_wrong_answers_stays_readable() -> None:
     bed = bench()
     for _ in range(1000):
         bed.offer(command(bed, controller="b"))
-    assert bed.drive.rejected[Objection.SENDER] == 1000
+    assert bed.drive.rejected[RejectionReason.SENDER] == 1000
     assert len(bed.events) == 10
 
 
@@ -137,7 +137,7 @@ def test_nobody_may_answer_while_the_brake_is_on() -> None:
     bed.advance()
     assert bed.question.controller == ""
     assert not bed.offer(command(bed, controller="a"))
-    assert bed.drive.rejected[Objection.SENDER] == 1
+    assert bed.drive.rejected[RejectionReason.SENDER] == 1
 
 
 def test_the_brake_brings_the_bench_to_rest() -> None:

@@ -13,7 +13,7 @@ from flexslew_lab.trial.trial import bench_settings, load_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import ActuatorSettings
-from flexslew_plant.hardware.friction import Friction, balanced, slid
+from flexslew_plant.hardware.friction import Friction, balanced, friction_velocity
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
@@ -26,7 +26,7 @@ def flown(
     model: Any, x: Any, period: Any, ticks: Any, effort: Any = lambda time: 0.0, **actuator: Any
 ) -> Any:
     """Return the states at the ticks, (ticks + 1, 2 n), without a bench around."""
-    friction = Friction(model.own_motors, ActuatorSettings(**actuator), period)
+    friction = Friction(model.resolved_motors, ActuatorSettings(**actuator), period)
     m, n = model.joints, model.coordinates
     states = [np.array(x, dtype=float)]
     for k in range(ticks):
@@ -41,17 +41,17 @@ def flown(
 
 
 def test_a_joint_slides_as_the_closed_forms_say() -> None:
-    viscous = slid(0.7, 0.3, 4.0, 0.0, 1e-4, 0.5)
+    viscous = friction_velocity(0.7, 0.3, 4.0, 0.0, 1e-4, 0.5)
     assert viscous == pytest.approx(0.075 + (0.7 - 0.075) * np.exp(-2.0), rel=1e-12)
     for v, coulomb, speed, dt in ((0.3, 0.2, 0.1, 1.0), (-2e-4, 0.05, 1e-4, 0.01)):
         # v' = -b tanh(v / v_c): sinh(v / v_c) shrinks with exp(-b t / v_c)
         left = np.sinh(v / speed) * np.exp(-coulomb * dt / speed)
-        assert slid(v, 0.0, 0.0, coulomb, speed, dt) == pytest.approx(
+        assert friction_velocity(v, 0.0, 0.0, coulomb, speed, dt) == pytest.approx(
             speed * np.arcsinh(left), abs=1e-6 * speed
         )
     creep = 1e-4 * np.arctanh(0.5)
-    assert slid(creep, 0.05, 0.0, 0.1, 1e-4, 10.0) == pytest.approx(creep, rel=1e-9)
-    assert slid(3.0, 0.05, 0.0, 0.1, 1e-4, 1e4) == pytest.approx(creep, rel=1e-6)
+    assert friction_velocity(creep, 0.05, 0.0, 0.1, 1e-4, 10.0) == pytest.approx(creep, rel=1e-9)
+    assert friction_velocity(3.0, 0.05, 0.0, 0.1, 1e-4, 1e4) == pytest.approx(creep, rel=1e-6)
 
 
 def test_a_joint_slides_as_a_stiff_solver_says() -> None:
@@ -72,7 +72,7 @@ def test_a_joint_slides_as_a_stiff_solver_says() -> None:
             return g / speed - viscous * s - coulomb / speed * np.tanh(s)
 
         exact = solve_ivp(rate, (0.0, dt), [v / speed], "Radau", rtol=1e-9, atol=1e-9).y[0, -1]
-        found = slid(v, g, viscous, coulomb, speed, dt)
+        found = friction_velocity(v, g, viscous, coulomb, speed, dt)
         assert found == pytest.approx(exact * speed, rel=1e-6, abs=1e-5 * speed)
 
 
@@ -86,7 +86,7 @@ def test_the_friction_of_many_coupled_joints_is_in_balance() -> None:
         r = balanced(np.zeros(4), free, mobility, v, *law, dt)
         for i, a in enumerate(np.diag(mobility)):
             g = free[i] + mobility[i] @ r - a * r[i]
-            after = slid(v[i], g, a * 0.3, a * 0.5, 1e-3, dt)
+            after = friction_velocity(v[i], g, a * 0.3, a * 0.5, 1e-3, dt)
             assert after == pytest.approx(v[i] + dt * (g + a * r[i]), abs=1e-7)
 
 

@@ -8,7 +8,7 @@ import pytest
 from flexslew_lab.trial.trial import bench_settings, parse_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
-from flexslew_plant.hardware.actuator import Actuator, ActuatorSettings, shortest_impulses
+from flexslew_plant.hardware.actuator import Actuator, ActuatorSettings, minimum_impulse
 
 PERIOD, LIMIT, SHORTEST = 0.1, np.array([2.0, 0.5, 3.0]), np.array([0.02, 0.1, 0.0])
 
@@ -49,7 +49,7 @@ def test_a_pulse_as_long_as_a_tick_but_for_rounding_is_given() -> None:
     tick, pulse = 0.3, 0.1 + 0.2
     assert pulse > tick
     settings, limit = ActuatorSettings(shortest_pulse=pulse), np.array([1.0])
-    it = Actuator(settings, limit, tick, shortest_impulses(settings, ("jet",), limit, tick))
+    it = Actuator(settings, limit, tick, minimum_impulse(settings, ("jet",), limit, tick))
     given = [float(it.apply(np.array([0.5]))[0]) for _ in range(6)]
     assert given == [0.0, 1.0, 0.0, 1.0, 0.0, 1.0]
 

@@ -13,7 +13,7 @@ import numba
 import pytest
 from numba import config
 
-from flexslew_plant.arrays import compiled, inlined, vectorised
+from flexslew_plant.arrays import compiled, inline, vectorised
 from flexslew_plant.machine_code.compile_lock import (
     CompileLock,
     FilesForGood,
@@ -217,4 +217,4 @@ def test_another_process_that_compiles_one_function_keeps_nobody_from_the_others
 def test_a_function_that_is_in_no_file_compiles_all_the_same() -> None:
     space: dict[str, Any] = {}
     exec("def twice(x):\n    return 2.0 * x", space)
-    assert inlined(space["twice"])(1.5) == 3.0
+    assert inline(space["twice"])(1.5) == 3.0

@@ -60,7 +60,7 @@ def test_whole_vectors_are_taken_where_there_are_some_unless_the_user_says_so(
     monkeypatch.setattr(codegen, "get_host_cpu_features", lambda: features)
     monkeypatch.setattr(numba.config, "CPU_NAME", None)
     monkeypatch.setattr(numba.config, "CPU_FEATURES", own)
-    processor.suit_processor()
+    processor.configure_compiler()
     whole = "avx512f" in features and own is None
     assert (f"{features},-prefer-256-bit" if whole else own) == numba.config.CPU_FEATURES
     assert ("--force-vector-interleave=2" in said) is whole

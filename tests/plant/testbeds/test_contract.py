@@ -14,11 +14,11 @@ from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import (
     TESTBEDS,
-    believed,
+    design_testbed,
     initial_positions,
     initial_state,
     read_testbed,
-    varied,
+    with_changes,
 )
 from flexslew_plant.testbeds.scene import schematic
 
@@ -179,12 +179,12 @@ def test_stiffness_scales_the_squares_of_the_clamped_frequencies(kind: Any) -> N
 @every_kind
 def test_a_planner_believes_in_the_testbed_but_for_what_is_simplified(kind: Any) -> None:
     testbed = damped(kind, 0.02)
-    seen = believed(testbed, None, "plan")
-    assert seen == varied(testbed, testbed.simplified, "plan")
+    seen = design_testbed(testbed, None, "plan")
+    assert seen == with_changes(testbed, testbed.simplified, "plan")
     assert getattr(seen, "damping_ratio", 0.02) == 0.02
     assert seen.model().joint_names == testbed.model().joint_names
     with pytest.raises(BadInput, match=r"plan.*modez: unknown key"):
-        believed(testbed, {"modez": 1}, "plan")
+        design_testbed(testbed, {"modez": 1}, "plan")
 
 
 @every_kind

@@ -12,10 +12,10 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.instruments import (
+    BodyState,
     Gyro,
     GyroSettings,
     Instrument,
-    MovingBody,
     StarTracker,
     StarTrackerSettings,
     SunSensor,
@@ -54,7 +54,7 @@ def turning(ticks: int, rate: Vector = RATE) -> tuple[Matrix, Matrix]:
 def read(instrument: Instrument, attitudes: Matrix, rates: Matrix, seed: int | None = 1) -> Matrix:
     """Return its readings tick by tick."""
     reader = TickReader(instrument, PERIOD, None if seed is None else np.random.default_rng(seed))
-    return np.array([reader(MovingBody(q, w)) for q, w in zip(attitudes, rates, strict=True)])
+    return np.array([reader(BodyState(q, w)) for q, w in zip(attitudes, rates, strict=True)])
 
 
 def off(read_: Matrix, true: Matrix) -> Matrix:
@@ -130,7 +130,7 @@ def test_a_star_tracker_that_turns_too_fast_or_loses_readings_gives_none() -> No
 
 @pytest.mark.parametrize("period", [0.01, 0.03, 0.07, 0.1, 0.3, 1.0 / 3.0])
 def test_a_star_tracker_is_blind_in_the_ticks_of_its_spans(period: float) -> None:
-    body, ticks = MovingBody(np.array([0.0, 0.0, 0.0, 1.0]), RATE), 200
+    body, ticks = BodyState(np.array([0.0, 0.0, 0.0, 1.0]), RATE), 200
     for start in range(0, ticks - 7):
         times = round(start * period, 12), round((start + 7) * period, 12)
         it = tracker(blind=(times, (1e307, 1.7e308)))

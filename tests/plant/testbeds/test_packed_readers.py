@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.instruments import (
+    BodyState,
     Gyro,
     GyroSettings,
     Instrument,
-    MovingBody,
     Resolver,
     ResolverSettings,
     StarTracker,
@@ -31,10 +31,10 @@ from flexslew_plant.testbeds.instruments.packed_readers import packed_readers, r
 PERIOD, TICKS = 0.05, 300
 SUN = np.array([2.0, -1.0, 2.0]) / 3.0
 Draws: TypeAlias = np.random.Generator | None
-Plain: TypeAlias = Callable[[Any, Draws, list[MovingBody]], Matrix]
+Plain: TypeAlias = Callable[[Any, Draws, list[BodyState]], Matrix]
 
 
-def gyro_rows(settings: GyroSettings, rng: Draws, bodies: list[MovingBody]) -> Matrix:
+def gyro_rows(settings: GyroSettings, rng: Draws, bodies: list[BodyState]) -> Matrix:
     """Return what Farrenkopf's gyro reads."""
     s, bias = settings, np.zeros(3)
     if rng is not None:
@@ -57,7 +57,7 @@ def gyro_rows(settings: GyroSettings, rng: Draws, bodies: list[MovingBody]) -> M
     return np.array(rows)
 
 
-def tracker_rows(settings: StarTrackerSettings, rng: Draws, bodies: list[MovingBody]) -> Matrix:
+def tracker_rows(settings: StarTrackerSettings, rng: Draws, bodies: list[BodyState]) -> Matrix:
     """Return the attitudes of a star tracker, late and with gaps."""
     s, late = settings, round(settings.delay / PERIOD)
     along = np.array(s.boresight) / np.linalg.norm(s.boresight)
@@ -77,7 +77,7 @@ def tracker_rows(settings: StarTrackerSettings, rng: Draws, bodies: list[MovingB
     return np.array(rows[: len(bodies)])
 
 
-def sun_rows(settings: SunSensorSettings, rng: Draws, bodies: list[MovingBody]) -> Matrix:
+def sun_rows(settings: SunSensorSettings, rng: Draws, bodies: list[BodyState]) -> Matrix:
     """Return the directions of a Sun sensor."""
     rows = []
     for body in bodies:
@@ -89,19 +89,19 @@ def sun_rows(settings: SunSensorSettings, rng: Draws, bodies: list[MovingBody]) 
     return np.array(rows)
 
 
-def speed_rows(settings: TachometerSettings, rng: Draws, bodies: list[MovingBody]) -> Matrix:
+def speed_rows(settings: TachometerSettings, rng: Draws, bodies: list[BodyState]) -> Matrix:
     """Return what tachometers read."""
     speeds = np.array([body.wheels for body in bodies])
     return speeds if rng is None else speeds + settings.noise * rng.standard_normal(speeds.shape)
 
 
-def angle_rows(settings: ResolverSettings, rng: Draws, bodies: list[MovingBody]) -> Matrix:
+def angle_rows(settings: ResolverSettings, rng: Draws, bodies: list[BodyState]) -> Matrix:
     """Return what resolvers read."""
     angles = np.array([body.gimbals for body in bodies])
     return angles if rng is None else angles + settings.noise * rng.standard_normal(angles.shape)
 
 
-def motion(rng: np.random.Generator, wheels: int, gimbals: int) -> list[MovingBody]:
+def motion(rng: np.random.Generator, wheels: int, gimbals: int) -> list[BodyState]:
     """Return bodies that turn by rates which wander."""
     attitude, rate, bodies = Rotation.random(random_state=rng), np.zeros(3), []
     for _ in range(TICKS):
@@ -109,7 +109,7 @@ def motion(rng: np.random.Generator, wheels: int, gimbals: int) -> list[MovingBo
         attitude = attitude * Rotation.from_rotvec(PERIOD * rate)
         speeds, angles = rng.standard_normal(wheels), rng.standard_normal(gimbals)
         sign = rng.choice([-1.0, 1.0])  # both signs of a quaternion are one attitude
-        bodies.append(MovingBody(sign * attitude.as_quat(), rate.copy(), speeds, angles))
+        bodies.append(BodyState(sign * attitude.as_quat(), rate.copy(), speeds, angles))
     return bodies
 
 
@@ -172,7 +172,7 @@ def test_instruments_read_what_their_equations_say_of_the_same_random_numbers(se
     memory, end = packed.memory.copy(), channels(instruments[-1]).stop + 2
     tips = np.full((TICKS, end), 9.0)
     for start in range(0, TICKS, 70):  # drawn chunk after chunk
-        rows = packed.drawn(70)
+        rows = packed.draw(70)
         for k in range(start, min(start + 70, TICKS)):
             read_instruments(
                 k, packed.layout, packed.constants, bodies[k], rows[k - start], memory, tips[k]
@@ -197,9 +197,9 @@ def test_random_numbers_of_many_ticks_are_those_of_one_tick_after_another(unifor
     tracker = StarTracker("", 0, StarTrackerSettings(kind="star_tracker"))
     reader = tracker.reader(PERIOD, None)._replace(uniform=uniform)
     first, second = np.random.default_rng([3, 1, 4]), np.random.default_rng([3, 1, 4])
-    found: Matrix = np.vstack([reader.drawn(first, ticks) for ticks in (1, 500, 4000)])
+    found: Matrix = np.vstack([reader.draw(first, ticks) for ticks in (1, 500, 4000)])
     rows: list[Vector] = [
         np.concatenate((second.random(uniform), second.standard_normal(3))) for _ in found
     ]
     assert found.tobytes() == np.array(rows).tobytes()
-    assert not reader.drawn(None, 5).any()
+    assert not reader.draw(None, 5).any()

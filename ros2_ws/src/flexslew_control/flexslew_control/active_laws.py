@@ -4,7 +4,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from flexslew_control.controllers import CONTROLLERS, DERIVED, DUE, CommonSettings, law_values
+from flexslew_control.controllers import (
+    COMPUTED_KEYS,
+    CONTROLLERS,
+    PENDING,
+    CommonSettings,
+    law_values,
+)
 from flexslew_control.controllers.host import merged
 from flexslew_control.known_motion import PREDICTED
 from flexslew_control.law import ActiveLaw
@@ -13,25 +19,25 @@ from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
     BRAKE,
+    BrakeActivated,
     BrakeLatched,
     BrakeRequested,
-    BrakeTookOver,
     Fact,
-    FallbackTookOver,
+    FallbackActivated,
+    SwitchCompleted,
     SwitchDropped,
-    Switched,
-    SwitchRefused,
+    SwitchRejected,
     SwitchRequested,
 )
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.yaml_data import load_yaml
 
-PLANNED_FOR = "planned_for"  # key of a plan's summary
+LAW_KEY = "planned_for"  # key of a plan's summary
 # after which no switch of an earlier tick is still to come
-_DECIDED = (Switched, SwitchRefused, FallbackTookOver, BrakeTookOver, BrakeLatched)
+_FINAL_EVENTS = (SwitchCompleted, SwitchRejected, FallbackActivated, BrakeActivated, BrakeLatched)
 
 
-class DueSwitch(NamedTuple):
+class PendingSwitch(NamedTuple):
     """A switch that will take place unless it is dropped."""
 
     tick: int
@@ -48,24 +54,24 @@ class LawAt(NamedTuple):
     @property
     def words(self) -> str:
         """One line for a person."""
-        own = ", ".join(f"{key} {value}" for key, value in self.law.settings.items())
+        entries = ", ".join(f"{key} {value}" for key, value in self.law.settings.items())
         name = self.controller or self.law.law
         law = "" if name == self.law.law else f"{self.law.law}, "
         before = ", active before the brake" if self.braked else ""
-        return f"{name} ({law}{own or 'default settings'}){before}"
+        return f"{name} ({law}{entries or 'default settings'}){before}"
 
 
-def switches_of(schedule: Schedule, period: float) -> tuple[DueSwitch, ...]:
+def switch_schedule(schedule: Schedule, period: float) -> tuple[PendingSwitch, ...]:
     """Return the switches of a `schedule` section.
 
     Args:
         schedule: of a trial.
         period: one tick [s].
     """
-    return tuple(DueSwitch(round(e.at / period), e.switch) for e in schedule if e.switch)
+    return tuple(PendingSwitch(round(e.at / period), e.switch) for e in schedule if e.switch)
 
 
-def active_at(active: str, switches: Iterable[DueSwitch], tick: int) -> str:
+def active_at(active: str, switches: Iterable[PendingSwitch], tick: int) -> str:
     """Return the controller that is active at a tick.
 
     Args:
@@ -73,8 +79,8 @@ def active_at(active: str, switches: Iterable[DueSwitch], tick: int) -> str:
         switches: that are due; of two at one tick the later one counts.
         tick: of the bench.
     """
-    due = sorted((s for s in switches if s.tick <= tick), key=lambda switch: switch.tick)
-    return due[-1].controller if due else active
+    pending = sorted((s for s in switches if s.tick <= tick), key=lambda switch: switch.tick)
+    return pending[-1].controller if pending else active
 
 
 def canonical(law: ActiveLaw) -> ActiveLaw:
@@ -84,16 +90,16 @@ def canonical(law: ActiveLaw) -> ActiveLaw:
     """
     values = dict(law.settings)
     common = {k: v for k, v in values.items() if k in CommonSettings.__annotations__}
-    own, kind = law_values(values), CONTROLLERS.get(law.law)
+    entries, kind = law_values(values), CONTROLLERS.get(law.law)
     try:
-        found = _differing(CommonSettings, common)
-        found |= own if kind is None else _differing(kind.settings, own)
+        found = _non_default(CommonSettings, common)
+        found |= entries if kind is None else _non_default(kind.settings, entries)
     except BadInput:  # the controller itself is not built with them
         return law
     return ActiveLaw(law.law, dict(sorted(found.items())))
 
 
-def _differing(kind: Any, values: dict[str, Any]) -> dict[str, Any]:
+def _non_default(kind: Any, values: dict[str, Any]) -> dict[str, Any]:
     """Return the settings that differ from the defaults of their section, as plain data."""
     given: dict[str, Any] = plain(validated(kind, values, ""))
     try:
@@ -105,7 +111,7 @@ def _differing(kind: Any, values: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-class _Announced(NamedTuple):
+class _LawStatus(NamedTuple):
     """The settings of a controller as its status reports them."""
 
     law: str
@@ -123,21 +129,21 @@ class ActiveLaws:
 
     def __init__(self, initial: ActiveLaw | None = None) -> None:
         self._initial = initial
-        self._announced: dict[str, _Announced] = {}
-        self._scheduled: tuple[DueSwitch, ...] = ()
-        self._due: list[DueSwitch] = []
+        self._status_by_name: dict[str, _LawStatus] = {}
+        self._schedule: tuple[PendingSwitch, ...] = ()
+        self._pending: list[PendingSwitch] = []
         self._active, self._before_brake = "", ""
         self._tick, self._epoch = 0, 0
 
     @property
-    def known(self) -> bool:
+    def has_active_law(self) -> bool:
         """Whether the law of the active controller is known."""
         return self.at(self._tick) is not None
 
     def begin(self, schedule: Schedule, period: float) -> None:
         """Take the schedule of a bench that was announced."""
-        self._scheduled = switches_of(schedule, period)
-        self._due = list(self._scheduled)
+        self._schedule = switch_schedule(schedule, period)
+        self._pending = list(self._schedule)
 
     def take_status(self, status: Any) -> None:
         """Take a flexslew_msgs/ControllerStatus; one with settings that are not YAML is ignored."""
@@ -147,14 +153,14 @@ class ActiveLaws:
             return
         if not isinstance(given, dict) or "file" in given:  # a node replaces a file by its content
             return
-        values = {key: value for key, value in given.items() if key not in DERIVED}
-        due: list[tuple[int, dict[str, Any]]] = []
-        for each in given.get(DUE) or ():
+        values = {key: value for key, value in given.items() if key not in COMPUTED_KEYS}
+        pending: list[tuple[int, dict[str, Any]]] = []
+        for each in given.get(PENDING) or ():
             if isinstance(each, dict) and isinstance(each.get("tick"), int):
                 changes = each.get("changes")
-                values_then = merged(due[-1][1] if due else values, changes or {})
-                due.append((each["tick"], values_then))
-        self._announced[status.controller] = _Announced(status.law, values, tuple(due))
+                values_then = merged(pending[-1][1] if pending else values, changes or {})
+                pending.append((each["tick"], values_then))
+        self._status_by_name[status.controller] = _LawStatus(status.law, values, tuple(pending))
 
     def take_state(self, active: str, tick: int, epoch: int) -> None:
         """Take where the bench is, of a flexslew_msgs/BenchState."""
@@ -168,25 +174,25 @@ class ActiveLaws:
         if epoch < self._epoch:
             return
         if isinstance(fact, SwitchRequested):
-            self._due.append(DueSwitch(fact.tick, fact.controller))
+            self._pending.append(PendingSwitch(fact.tick, fact.controller))
         elif isinstance(fact, BrakeRequested):
             if fact.on:  # which drops the switches that wait
-                self._due = [DueSwitch(fact.tick, BRAKE)]
+                self._pending = [PendingSwitch(fact.tick, BRAKE)]
         elif isinstance(fact, SwitchDropped):
-            gone = DueSwitch(fact.due, fact.controller)
-            self._due = [switch for switch in self._due if switch != gone]
-        elif isinstance(fact, _DECIDED):
-            self._due = [switch for switch in self._due if switch.tick > tick]
+            dropped = PendingSwitch(fact.due, fact.controller)
+            self._pending = [switch for switch in self._pending if switch != dropped]
+        elif isinstance(fact, _FINAL_EVENTS):
+            self._pending = [switch for switch in self._pending if switch.tick > tick]
 
     def at(self, tick: int) -> LawAt | None:
         """Return the law that will be active at a tick; None: not known.
 
         Where the brake acts then it is that of the controller that was active before.
         """
-        name = active_at(self._active, self._to_come, tick)
+        name = active_at(self._active, self._remaining, tick)
         braked = not name and bool(self._before_brake)
         name = name or self._before_brake
-        found = self._announced.get(name)
+        found = self._status_by_name.get(name)
         if found is None:
             return (
                 None
@@ -196,23 +202,23 @@ class ActiveLaws:
         values = next((v for at, v in reversed(found.due) if at <= tick), found.values)
         return LawAt(name, canonical(ActiveLaw(found.law, dict(values))), braked)
 
-    def switches(self, first: int, last: int) -> tuple[DueSwitch, ...]:
+    def switches(self, first: int, last: int) -> tuple[PendingSwitch, ...]:
         """Return the switches that are due after one tick and before another."""
-        return tuple(switch for switch in self._to_come if first < switch.tick < last)
+        return tuple(switch for switch in self._remaining if first < switch.tick < last)
 
     @property
-    def _to_come(self) -> list[DueSwitch]:
-        return [switch for switch in self._due if switch.tick >= self._tick]
+    def _remaining(self) -> list[PendingSwitch]:
+        return [switch for switch in self._pending if switch.tick >= self._tick]
 
     def _begin_epoch(self, epoch: int) -> None:
         if epoch > self._epoch:
             self._epoch, self._tick = epoch, 0
-            self._due = list(self._scheduled)
+            self._pending = list(self._schedule)
 
 
-def planned_for(plan: Plan) -> str:
+def describe_plan_law(plan: Plan) -> str:
     """Return in words for which law a plan is made; empty: for none, or it states none."""
-    made_for = _stated(plan)
+    made_for = _plan_law(plan)
     return f"planned for {made_for.words}" if made_for is not None else ""
 
 
@@ -223,7 +229,7 @@ def other_law(plan: Plan, at: LawAt | None) -> str:
         plan: with the statement of with_law; without one it depends on no law.
         at: the law at its start now; None: not known.
     """
-    made_for = _stated(plan)
+    made_for = _plan_law(plan)
     if at is None or made_for is None or made_for.law == at.law:
         return ""
     return (
@@ -232,16 +238,16 @@ def other_law(plan: Plan, at: LawAt | None) -> str:
     )
 
 
-def _stated(plan: Plan) -> LawAt | None:
+def _plan_law(plan: Plan) -> LawAt | None:
     """Return the law that a plan states, see with_law; None: it states none."""
-    own = plan.summary.get(PLANNED_FOR)
-    if not isinstance(own, dict):
+    entries = plan.summary.get(LAW_KEY)
+    if not isinstance(entries, dict):
         return None
-    law = canonical(ActiveLaw(str(own.get("law")), own.get("settings") or {}))
-    return LawAt(str(own.get("controller") or ""), law)
+    law = canonical(ActiveLaw(str(entries.get("law")), entries.get("settings") or {}))
+    return LawAt(str(entries.get("controller") or ""), law)
 
 
-def with_law(plan: Plan, at: LawAt | None, later: Sequence[DueSwitch] = ()) -> Plan:
+def with_law(plan: Plan, at: LawAt | None, later: Sequence[PendingSwitch] = ()) -> Plan:
     """Return the plan with a statement of the law that it and its prediction are made for.
 
     Args:
@@ -251,8 +257,8 @@ def with_law(plan: Plan, at: LawAt | None, later: Sequence[DueSwitch] = ()) -> P
     """
     if at is None or PREDICTED not in plan.summary:  # such a plan depends on no law
         return plan
-    own = {"controller": at.controller, "law": at.law.law, "settings": dict(at.law.settings)}
-    plan = replace(plan, summary={**plan.summary, PLANNED_FOR: own})
+    entries = {"controller": at.controller, "law": at.law.law, "settings": dict(at.law.settings)}
+    plan = replace(plan, summary={**plan.summary, LAW_KEY: entries})
     others = [switch for switch in later if switch.controller != at.controller]
     if not others:
         return plan

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 from flexslew_control.law import Reference, nominal_state
-from flexslew_control.linear_design import Designed
+from flexslew_control.linear_design import LinearDesignModel
 from flexslew_control.zero_order_hold import zero_order_hold
-from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import require_joints
 from flexslew_plant.testbeds.linearisation import Linearisation
@@ -24,7 +24,7 @@ from flexslew_plant.testbeds.model import Appendages, Model
 _RIGID = 1e-9  # of the largest squared frequency: zero but for rounding
 _SAME = 1e-7  # of it: frequencies of one group
 _REACHED = 1e-7  # of the largest share: an effort moves it
-_DEFLECTED = 1e-6  # of the largest deflection by a coordinate: one that deflects nothing
+_LEAST_DEFLECTION = 1e-6  # of the largest deflection by a coordinate: one that deflects nothing
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class LinearModel:
         return np.array(found)
 
 
-def joints_first(model: Model, rest: Vector) -> Designed:
+def joints_first(model: Model, rest: Vector) -> LinearDesignModel:
     """Return a model with the joints as its first coordinates: itself, or its small motions.
 
     Args:
@@ -107,29 +107,29 @@ def joints_first(model: Model, rest: Vector) -> Designed:
     Raises:
         BadInput: if the joints do not move independently of each other.
     """
-    return model if model.leading is None else small_motions(model, independent(model, rest))
+    return model if model.leading is None else reduced_model(model, joint_coordinates(model, rest))
 
 
 @dataclass(frozen=True)
-class Independent:
+class JointCoordinates:
     """Coordinates z of the small motions that efforts reach, the joints' readings first.
 
     Args:
         linear: the small motions along v, about the rest.
-        readings: C, what the joints read of v, shape (joints, n).
+        outputs: C, what the joints read of v, shape (joints, n).
         basis: from z' to v, shape (n, k).
     """
 
     linear: Linearisation
-    readings: Matrix
+    outputs: Matrix
     basis: Matrix
 
     def elastic(self, modes: int) -> Matrix:
         """Return the modes along the coordinates after the joints, shape (modes, k - joints)."""
-        return self.basis[len(self.basis) - modes :, len(self.readings) :]
+        return self.basis[len(self.basis) - modes :, len(self.outputs) :]
 
 
-def independent(model: Model, rest: Vector) -> Independent:
+def joint_coordinates(model: Model, rest: Vector) -> JointCoordinates:
     """Return coordinates of which the first are the joints.
 
     The others are orthonormal combinations of the appendages' modes, as far as all of them deflect
@@ -139,30 +139,34 @@ def independent(model: Model, rest: Vector) -> Independent:
         BadInput: the joints do not move independently of each other.
     """
     linear = model.linearise(rest)
-    readings = rate_readings(model, rest)
+    outputs = rate_outputs(model, rest)
     reached, rigid = _reached(linear)
-    seen = readings @ reached
-    of_rigid = readings @ reached[:, rigid]
-    size = np.linalg.norm(readings, axis=1)
-    turns = np.linalg.norm(of_rigid, axis=1) > _REACHED * np.where(size > 0.0, size, 1.0)
-    chosen = np.linalg.pinv(seen)
-    chosen[:, turns] = 0.0
-    chosen[np.ix_(np.flatnonzero(rigid), np.flatnonzero(turns))] = np.linalg.pinv(of_rigid[turns])
-    if not np.allclose(seen @ chosen, np.eye(len(seen)), atol=1e-6):
-        off = int(np.argmax(abs(seen @ chosen - np.eye(len(seen))).max(axis=0)))
+    seen = outputs @ reached
+    of_rigid = outputs @ reached[:, rigid]
+    size = np.linalg.norm(outputs, axis=1)
+    is_rotation = np.linalg.norm(of_rigid, axis=1) > _REACHED * np.where(size > 0.0, size, 1.0)
+    joint_basis = np.linalg.pinv(seen)
+    joint_basis[:, is_rotation] = 0.0
+    joint_basis[np.ix_(np.flatnonzero(rigid), np.flatnonzero(is_rotation))] = np.linalg.pinv(
+        of_rigid[is_rotation]
+    )
+    if not np.allclose(seen @ joint_basis, np.eye(len(seen)), atol=1e-6):
+        off = int(np.argmax(abs(seen @ joint_basis - np.eye(len(seen))).max(axis=0)))
         raise BadInput(
             f"{model.joint_names[off]} does not move independently of the other joints "
             f"({', '.join(model.joint_names)}), so no linear law of full state can be designed; "
             "take pd_feedforward"
         )
-    basis = reached @ np.hstack((chosen, null_space(seen)))
-    _, sizes, turn = np.linalg.svd(Independent(linear, readings, basis).elastic(model.modes))
-    if sizes.size == len(turn) and sizes.min(initial=1.0) > _DEFLECTED * sizes.max(initial=1.0):
-        basis[:, len(seen) :] @= turn.T / sizes
-    return Independent(linear, readings, basis)
+    basis = reached @ np.hstack((joint_basis, null_space(seen)))
+    _, sizes, right = np.linalg.svd(JointCoordinates(linear, outputs, basis).elastic(model.modes))
+    if sizes.size == len(right) and sizes.min(initial=1.0) > _LEAST_DEFLECTION * sizes.max(
+        initial=1.0
+    ):
+        basis[:, len(seen) :] @= right.T / sizes
+    return JointCoordinates(linear, outputs, basis)
 
 
-def small_motions(model: Model, found: Independent) -> LinearModel:
+def reduced_model(model: Model, found: JointCoordinates) -> LinearModel:
     """Return the small motions in these coordinates."""
     linear, basis, tips = found.linear, found.basis, model.appendages
     elastic, modes = found.elastic(model.modes), slice(model.before_modes, None)
@@ -181,11 +185,11 @@ def small_motions(model: Model, found: Independent) -> LinearModel:
 
 def _symmetric(a: Matrix) -> Matrix:
     """Return a without the rounding that makes it unsymmetric."""
-    both: Matrix = 0.5 * (a + a.T)
-    return both
+    symmetric: Matrix = 0.5 * (a + a.T)
+    return symmetric
 
 
-def rate_readings(model: Model, rest: Vector) -> Matrix:
+def rate_outputs(model: Model, rest: Vector) -> Matrix:
     """Return C: what each joint's rate sensor reads of every entry of v, shape (joints, n)."""
     columns = [
         model.joint_state(np.concatenate((rest, one)))[1] for one in np.eye(model.coordinates)
@@ -202,14 +206,14 @@ def _reached(linear: Linearisation) -> tuple[Matrix, Vector]:
     squares, modes = eigh(stiffness, _symmetric(linear.mass))
     largest = float(abs(squares).max(initial=1e-300))
     squares[abs(squares) <= _RIGID * largest] = 0.0
-    shares = modes.T @ linear.input_matrix
-    scale = float(np.linalg.norm(shares, axis=0).min())
+    mode_inputs = modes.T @ linear.input_matrix
+    scale = float(np.linalg.norm(mode_inputs, axis=0).min())
     kept, rigid = [], []
     first = 0
     for k in range(1, len(squares) + 1):
         if k < len(squares) and squares[k] - squares[first] <= _SAME * largest:
             continue
-        left, sizes, _ = np.linalg.svd(shares[first:k])
+        left, sizes, _ = np.linalg.svd(mode_inputs[first:k])
         count = int((sizes > _REACHED * scale).sum())
         kept.append(modes[:, first:k] @ left[:, :count])
         rigid += [squares[first] == 0.0] * count
@@ -217,7 +221,7 @@ def _reached(linear: Linearisation) -> tuple[Matrix, Vector]:
     return np.hstack(kept), np.array(rigid)
 
 
-def nominal_states(model: Designed, references: list[Reference]) -> Matrix:
+def nominal_states(model: LinearDesignModel, references: list[Reference]) -> Matrix:
     """Return the nominal states at N references, shape (N, 2 n); see nominal."""
     positions = np.array([one.position for one in references])
     velocities = np.array([one.velocity for one in references])
@@ -226,16 +230,16 @@ def nominal_states(model: Designed, references: list[Reference]) -> Matrix:
     for size in set(sizes.tolist()):
         rows = np.flatnonzero(sizes == size)
         state = np.array([references[k].state for k in rows])
-        some = Reference(positions[rows], velocities[rows], NOTHING, state)
+        some = Reference(positions[rows], velocities[rows], EMPTY, state)
         found[rows] = nominal(model, some)
     return found
 
 
-def nominal(model: Designed, reference: Reference) -> Vector:
+def nominal(model: LinearDesignModel, reference: Reference) -> Vector:
     """Return the nominal state as a law with this model sees it, shape (2 n,).
 
     About a free platform it is that of the joints: a plan about one axis determines nothing else
     in these coordinates.
     """
-    state = NOTHING if isinstance(model, LinearModel) else reference.state
+    state = EMPTY if isinstance(model, LinearModel) else reference.state
     return nominal_state(state, reference, model.joints, model.modes)

@@ -11,7 +11,7 @@ _REACH = 0.75  # norm up to which the terms left out, x^17 / 17! and on, are bel
 
 
 @compiled_once("both")
-def held_step(both: Matrix) -> None:
+def exponential_step(both: Matrix) -> None:
     """Replace [A B] h by [F G] of zero_order_hold: the top of exp([[A, B], [0, 0]] h).
 
     The series up to the 16th power of a 2^s-th of the matrix, four terms at a time (Paterson and

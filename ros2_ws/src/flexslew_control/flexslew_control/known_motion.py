@@ -8,7 +8,7 @@ from flexslew_control.plan import Plan, with_warning
 from flexslew_plant.arrays import Vector
 
 PREDICTED = "predicted_residual_tip_deflection"  # key of a summary: largest tip deflection left [m]
-AWAY = "predicted_residual_attitude_error"  # key: by joint [rad or m]
+ATTITUDE_ERROR = "predicted_residual_attitude_error"  # key: by joint [rad or m]
 FROM_REST = "predicted_residual_from_rest"  # key: PREDICTED without the motion before the plan [m]
 _SMALL, _SHARE = 1e-4, 0.1  # negligible motion: [m] or [rad] or per second, and of PREDICTED [-]
 
@@ -23,7 +23,7 @@ class KnownMotion(NamedTuple):
     tips: Vector  # deflections, then their rates, shape (2 tips,) [m, m/s]
 
 
-def negligible(size: float, plan: Plan) -> bool:
+def is_small(size: float, plan: Plan) -> bool:
     """Return whether a deflection or rate is small next to the predicted residual of a plan."""
     return size <= _SMALL + _SHARE * float(plan.summary.get(PREDICTED) or 0.0)
 
@@ -31,22 +31,22 @@ def negligible(size: float, plan: Plan) -> bool:
 def at_rest(motion: KnownMotion, plan: Plan) -> bool:
     """Return whether joints and tips move so little that the prediction from rest holds."""
     rates = [abs(rate) for _, rate in motion.joints.values()]
-    return negligible(max([*rates, *abs(motion.tips).tolist()], default=0.0), plan)
+    return is_small(max([*rates, *abs(motion.tips).tolist()], default=0.0), plan)
 
 
-def with_motion(plan: Plan, left: float, away: Mapping[str, float], time: float) -> Plan:
+def with_motion(plan: Plan, left: float, errors: Mapping[str, float], time: float) -> Plan:
     """Return the plan with its residual from a known motion, and a warning if that is larger.
 
     Args:
         plan: that is predicted from rest.
         left: largest tip deflection after the plan's end [m].
-        away: largest error of each joint after it [rad or m].
+        errors: largest error of each joint after it [rad or m].
         time: of the known state [s].
     """
     from_rest = float(plan.summary[PREDICTED])
-    values: dict[str, Any] = {PREDICTED: left, AWAY: dict(away), FROM_REST: from_rest}
+    values: dict[str, Any] = {PREDICTED: left, ATTITUDE_ERROR: dict(errors), FROM_REST: from_rest}
     included = replace(plan, summary={**plan.summary, **values})
-    if negligible(left - from_rest, plan):
+    if is_small(left - from_rest, plan):
         return included
     return with_warning(
         included,
@@ -55,7 +55,7 @@ def with_motion(plan: Plan, left: float, away: Mapping[str, float], time: float)
     )
 
 
-def with_swing(plan: Plan, swing: float) -> Plan:
+def with_tip_motion(plan: Plan, amplitude: float) -> Plan:
     """Return the plan with a bound of its residual that includes the tips' swing before it.
 
     Free vibration keeps its amplitude without damping, and the motions of a linear plant add up:
@@ -63,16 +63,17 @@ def with_swing(plan: Plan, swing: float) -> Plan:
 
     Args:
         plan: that is predicted from rest; one with the residual from a known motion stays as it is.
-        swing: largest deflection of a tip while the plan was made [m].
+        amplitude: largest deflection of a tip while the plan was made [m].
     """
     from_rest = plan.summary.get(PREDICTED)
-    if from_rest is None or FROM_REST in plan.summary or negligible(swing, plan):
+    if from_rest is None or FROM_REST in plan.summary or is_small(amplitude, plan):
         return plan
-    bound = from_rest + swing
+    bound = from_rest + amplitude
     included = replace(plan, summary={**plan.summary, PREDICTED: bound, FROM_REST: from_rest})
     return with_warning(
         included,
-        f"the tips swing by {swing:.3g} m before the plan begins, and their state is not known: "
+        f"the tips swing by {amplitude:.3g} m before the plan begins, and their state is not "
+        "known: "
         f"the predicted residual is the bound {bound:.3g} m, {from_rest:.3g} m from rest and the "
         "swing undamped",
     )

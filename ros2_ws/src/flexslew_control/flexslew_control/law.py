@@ -7,15 +7,15 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from flexslew_plant.arrays import NOTHING, Matrix, Vector, handed_out, kept
+from flexslew_plant.arrays import EMPTY, Matrix, Vector, read_only, read_only_view
 from flexslew_plant.bench.retarget import with_schedule
-from flexslew_plant.bench.schedule import Schedule, command_delays
+from flexslew_plant.bench.schedule import Schedule, command_delay_ticks
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import Model, Testbed, believed, read_testbed
+from flexslew_plant.testbeds import Model, Testbed, design_testbed, read_testbed
 from flexslew_plant.yaml_data import load_yaml
 
 
@@ -61,7 +61,7 @@ class PlantDescription:
     effort_limit: Vector
     trust: Trust = NO_CODE
     actuator: ActuatorSettings = IDEAL
-    delay: Vector = field(default_factory=lambda: NOTHING)
+    delay: Vector = field(default_factory=lambda: EMPTY)
     schedule: Schedule = ()
 
     @cached_property
@@ -69,11 +69,11 @@ class PlantDescription:
         """In the order of the measurements."""
         return self.testbed.model().joint_names
 
-    def with_belief(self, changes: dict[str, Any] | None) -> "PlantDescription":
+    def with_design_model(self, changes: dict[str, Any] | None) -> "PlantDescription":
         """Return the plant that a law believes to be there; see believed."""
-        return replace(self, testbed=believed(self.testbed, changes, "model", self.trust))
+        return replace(self, testbed=design_testbed(self.testbed, changes, "model", self.trust))
 
-    def believed(self, changes: dict[str, Any] | None) -> Model:
+    def design_model(self, changes: dict[str, Any] | None) -> Model:
         """Return the model that a law believes in; see testbeds.believed.
 
         Args:
@@ -82,10 +82,10 @@ class PlantDescription:
         Raises:
             BadInput: an unknown key or a value that is not allowed.
         """
-        return self.with_belief(changes).testbed.model()
+        return self.with_design_model(changes).testbed.model()
 
 
-def described(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescription:
+def plant_description(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescription:
     """Return the plant that a /testbed record describes.
 
     Args:
@@ -108,7 +108,7 @@ def described(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescri
     testbed = with_schedule(testbed, schedule)  # what turns when is known beforehand
     limit = np.array(testbed.effort_limit, dtype=np.float64)
     actuator = validated(ActuatorSettings, bench.get("actuator") or {}, f"{source}: actuator")
-    delay = command_delays(schedule, testbed.model().joint_names, 0.0)
+    delay = command_delay_ticks(schedule, testbed.model().joint_names, 0.0)
     return PlantDescription(testbed, float(period), limit, trust, actuator, delay, schedule)
 
 
@@ -126,8 +126,8 @@ class Reference(NamedTuple):
     velocity: Vector  # joints, (joints,) [rad/s or m/s]
     effort: Vector  # feedforward, mean over the coming tick, (joints,) [N m or N]
     state: Vector  # nominal state [q, v] of the planner's model, (2 n,); empty where there is none
-    next_state: Vector = NOTHING  # the same one tick later; empty where there is none
-    gains: Vector = NOTHING  # of a law that takes them from the plan; empty where there is none
+    next_state: Vector = EMPTY  # the same one tick later; empty where there is none
+    gains: Vector = EMPTY  # of a law that takes them from the plan; empty where there is none
 
 
 class Estimate(NamedTuple):
@@ -141,15 +141,15 @@ class Estimate(NamedTuple):
     nis: float = 0.0  # normalised innovation squared
 
 
-def handed_out_estimate(estimate: Estimate) -> Estimate:
+def read_only_estimate(estimate: Estimate) -> Estimate:
     """Return a read-only view of an estimate, which protects the data of its estimator."""
     position, velocity, disturbance, covariance, innovation, nis = estimate
     return Estimate(
-        handed_out(position),
-        handed_out(velocity),
-        handed_out(disturbance),
-        handed_out(covariance),
-        handed_out(innovation),
+        read_only_view(position),
+        read_only_view(velocity),
+        read_only_view(disturbance),
+        read_only_view(covariance),
+        read_only_view(innovation),
         nis,
     )
 
@@ -213,7 +213,7 @@ def nominal_state(state: Vector, reference: Reference, joints: int, modes: int) 
 class MeasuredJoints:
     """The estimator of a collocated law: the joints as measured, nothing else."""
 
-    _no_matrix = kept(np.zeros((0, 0)))
+    _no_matrix = read_only(np.zeros((0, 0)))
 
     def reset(self, measurement: Measurement) -> None:
         """Nothing to start."""
@@ -223,7 +223,7 @@ class MeasuredJoints:
         return Estimate(
             measurement.joint_position,
             measurement.joint_velocity,
-            NOTHING,
+            EMPTY,
             self._no_matrix,
-            NOTHING,
+            EMPTY,
         )

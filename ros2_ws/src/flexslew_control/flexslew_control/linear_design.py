@@ -16,10 +16,10 @@ from flexslew_plant.testbeds.model import Appendages
 
 _RANK_TOLERANCE = 1e-9  # of the pair in its own units
 _RIGID = 1e-6  # of its norm: an eigenvalue below is a rigid motion's, zero
-_DUST = 1e-14  # of what the state or the effort moves most: rounding, such as cos(pi / 2)
+_ROUNDING = 1e-14  # of what the state or the effort moves most: rounding, such as cos(pi / 2)
 
 
-class Designed(Protocol):
+class LinearDesignModel(Protocol):
     """What a linear design and its filter ask of a model; see testbeds.model.Model."""
 
     @property
@@ -75,7 +75,10 @@ OperatingPoint = Annotated[
 
 
 def operating_point_of(
-    plant: PlantDescription, model: Designed, given: dict[str, float] | None, share: float = 1.0
+    plant: PlantDescription,
+    model: LinearDesignModel,
+    given: dict[str, float] | None,
+    share: float = 1.0,
 ) -> Vector:
     """Return the rest q about which a law is designed, shape (n,).
 
@@ -88,20 +91,20 @@ def operating_point_of(
     Raises:
         BadInput: a name is no joint of the model.
     """
-    own = {name: share * at for name, at in plant.testbed.operating_point.items()}
+    default = {name: share * at for name, at in plant.testbed.operating_point.items()}
     try:
-        return model.rest(own if given is None else given)
+        return model.rest(default if given is None else given)
     except BadInput as error:
         raise BadInput(f"operating_point: {error}") from None
 
 
-def state_names(model: Designed) -> tuple[str, ...]:
+def state_names(model: LinearDesignModel) -> tuple[str, ...]:
     """Return a name for each entry of [q, v]."""
     q = (*model.joint_names, *(f"mode {j + 1}" for j in range(model.modes)))
     return (*q, *(f"{name} rate" for name in q))
 
 
-def output_matrix(model: Designed, with_tip: bool) -> Matrix:
+def output_matrix(model: LinearDesignModel, with_tip: bool) -> Matrix:
     """Return C of y = C x: joint positions, joint rates and, if measured, the first tip.
 
     Shape (2 joints, 2 n), or one row more.
@@ -131,14 +134,14 @@ def require_controllable(a: Matrix, b: Matrix, names: tuple[str, ...]) -> None:
     Raises:
         BadInput: names the eigenvalue and the state that moves most in its mode.
     """
-    remedy = "move it to another operating point or add an actuator"
-    _require(_clean(a), _clean(b), names, "not controllable", remedy)
+    hint = "move it to another operating point or add an actuator"
+    _require(_clean(a), _clean(b), names, "not controllable", hint)
 
 
 def require_observable(a: Matrix, c: Matrix, names: tuple[str, ...]) -> None:
     """Check that the outputs y = C x show every mode of x' = A x; see require_controllable."""
-    remedy = "move it to another operating point or add a sensor"
-    _require(_clean(a).T, _clean(c.T), names, "not observable", remedy)
+    hint = "move it to another operating point or add a sensor"
+    _require(_clean(a).T, _clean(c.T), names, "not observable", hint)
 
 
 def require_stable(a: Matrix, names: tuple[str, ...], what: str) -> None:
@@ -148,18 +151,18 @@ def require_stable(a: Matrix, names: tuple[str, ...], what: str) -> None:
         BadInput: names the worst eigenvalue and the state that moves most in its mode.
     """
     values, vectors = eig(a)
-    worst = int(np.argmax(values.real))
-    if values[worst].real >= -1e-12 * float(abs(values).max()):
-        state = names[int(np.argmax(abs(vectors[:, worst])))]
+    largest = int(np.argmax(values.real))
+    if values[largest].real >= -1e-12 * float(abs(values).max()):
+        state = names[int(np.argmax(abs(vectors[:, largest])))]
         raise BadInput(
-            f"{what} is not stable: eigenvalue {_number(values[worst])} 1/s, mostly in {state}; "
+            f"{what} is not stable: eigenvalue {_number(values[largest])} 1/s, mostly in {state}; "
             "give other gains"
         )
 
 
-def _require(a: Matrix, b: Matrix, names: tuple[str, ...], fault: str, remedy: str) -> None:
+def _require(a: Matrix, b: Matrix, names: tuple[str, ...], fault: str, hint: str) -> None:
     """Refuse if [lambda I - A, B] loses rank at an eigenvalue lambda of A."""
-    balanced, inputs, rate = _own_units(a, b)
+    balanced, inputs, rate = _balanced_units(a, b)
     size = max(1.0, float(np.linalg.norm(balanced, 2)))
     for value in np.linalg.eigvals(balanced):
         # rigid motions are double and come out of the solver as plus and minus 1e-8
@@ -170,16 +173,16 @@ def _require(a: Matrix, b: Matrix, names: tuple[str, ...], fault: str, remedy: s
             state = names[int(np.argmax(abs(left[:, -1])))]
             raise BadInput(
                 f"the model is {fault}: eigenvalue {_number(rate * at)} 1/s, mostly in {state}; "
-                f"{remedy}"
+                f"{hint}"
             )
 
 
 def _clean(matrix: Matrix) -> Matrix:
     """Return the matrix without entries that are rounding compared with others of their column."""
-    return np.where(abs(matrix) < _DUST * abs(matrix).max(axis=0), 0.0, matrix)
+    return np.where(abs(matrix) < _ROUNDING * abs(matrix).max(axis=0), 0.0, matrix)
 
 
-def _own_units(a: Matrix, b: Matrix) -> tuple[Matrix, Matrix, float]:
+def _balanced_units(a: Matrix, b: Matrix) -> tuple[Matrix, Matrix, float]:
     """Return A and B with states, inputs and time in units in which their entries are nearest one.
 
     Least squares of the logarithms of the nonzero entries: the same for all units of a and b.

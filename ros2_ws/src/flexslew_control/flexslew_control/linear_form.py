@@ -4,7 +4,7 @@ u(k) = f(k) + kp (q_d - q) + kd (q_d' - q') + K z(k) + H y(k) + Q (q' x q') + s(
 s' = g(k) + ki (q_d - q) + G z(k) + (sat(u) - u) / T_t,
 with y the measured joints, their rates and the first of the tips, f and g from the reference alone,
 and z the state of an observer: see LinearObserver, SmallMotionForm, KalmanForm, SteadyForm and
-GainedFilter, where z is its state and then its innovation. What a law makes of the equations
+GainFilter, where z is its state and then its innovation. What a law makes of the equations
 of motion is part of z as well: see OnModelForm. The products of the rates q', which gyroscopic
 torques are of, are all that is not linear. A law on the turn about the body axes has them for its
 joints: see SharedForm.
@@ -17,9 +17,9 @@ import numpy as np
 from flexslew_control.allocation.sharing import AllocationNumbers
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.estimators.flexible_attitude_tick import FlexibleForm
-from flexslew_control.estimators.gained_filter import GainedFilter, gained
+from flexslew_control.estimators.gained_filter import GainFilter, gain_filter
 from flexslew_control.estimators.kalman import FilterMatrices, KalmanFilter
-from flexslew_control.estimators.small_motion_observer import MotionBelief
+from flexslew_control.estimators.small_motion_observer import MotionConstants
 from flexslew_control.free_platform import nominal_states
 from flexslew_control.law import Reference
 from flexslew_plant.arrays import Matrix, Vector
@@ -67,7 +67,7 @@ class OnModelForm(NamedTuple):
     u = (G B(x))^-1 [r(k) - G f(x, 0) - R x - W e].
     """
 
-    observer: KalmanForm | SteadyForm | GainedFilter
+    observer: KalmanForm | SteadyForm | GainFilter
     model: Model  # of f and B
     surface: Matrix  # G, (m, 2 n)
     reaching: Matrix  # R, (m, 2 n)
@@ -82,7 +82,7 @@ class SmallMotionForm(NamedTuple):
     """
 
     model: Model
-    belief: MotionBelief
+    belief: MotionConstants
     behind: LinearObserver
 
 
@@ -98,7 +98,7 @@ class LawForm(NamedTuple):
     demand: Matrix  # f, (ticks, m)
     integrand: Matrix  # g, (ticks, m)
     integral: bool  # whether there is s
-    unwinding: float  # 1 / T_t [1/s]
+    tracking_rate: float  # 1 / T_t [1/s]
     limit: Vector  # of the law itself, (m,); inf: none
     quadratic: Matrix = np.zeros((0, 0))  # Q, (m, m m); empty: none
 
@@ -109,7 +109,7 @@ class LawForm(NamedTuple):
 
 
 class SharedForm(NamedTuple):
-    """What makes efforts of the torque of a law on the body axes; see allocation.AllocatedLaw."""
+    """What makes efforts of the torque of a law on the body axes; see allocation.AllocationLaw."""
 
     allocation: AllocationNumbers
     position: Matrix  # q_d of the law: rotation vectors, (ticks, 3) [rad]
@@ -117,7 +117,7 @@ class SharedForm(NamedTuple):
 
 
 Observer: TypeAlias = (
-    LinearObserver | GainedFilter | KalmanForm | SteadyForm | SmallMotionForm | OnModelForm
+    LinearObserver | GainFilter | KalmanForm | SteadyForm | SmallMotionForm | OnModelForm
 )
 
 
@@ -135,7 +135,7 @@ class Integration(NamedTuple):
     """The integral s of a law, and the limit against which it stops."""
 
     integral: bool
-    unwinding: float  # 1 / T_t [1/s]
+    tracking_rate: float  # 1 / T_t [1/s]
     limit: Vector  # (m,)
 
 
@@ -231,9 +231,9 @@ def nominal_form(
     return LinearForm(form, kalman_form(estimator, len(references)))
 
 
-def kalman_form(estimator: KalmanFilter, ticks: int) -> GainedFilter | KalmanForm:
+def kalman_form(estimator: KalmanFilter, ticks: int) -> GainFilter | KalmanForm:
     """Return a filter as matrices for so many ticks."""
-    found = gained(estimator, ticks)
+    found = gain_filter(estimator, ticks)
     if found is not None:
         return found
     assert isinstance(estimator.model, Model)

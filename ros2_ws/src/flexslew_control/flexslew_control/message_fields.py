@@ -8,13 +8,13 @@ from flexslew_control.controllers.controller import Answer
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.bench.wire import Stamp, stamped_bytes
+from flexslew_plant.bench.wire import Stamp, message_bytes
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 _NO_GAINS: Matrix = np.zeros((0, 0))
-TEXTS = ("request", "summary", "versions")  # YAML in the message
+YAML_FIELDS = ("request", "summary", "versions")  # YAML in the message
 
 
 def answer_fields(answer: Answer) -> dict[str, Any]:
@@ -44,7 +44,7 @@ def answer_fields(answer: Answer) -> dict[str, Any]:
 def state_bytes(answer: Answer, at: Stamp) -> bytes:
     """Return flexslew_msgs/ControllerState as it goes over DDS, with the stamp of the question."""
     tick, epoch, *fields = answer_fields(answer).values()
-    return stamped_bytes(at, tick, epoch, fields)
+    return message_bytes(at, tick, epoch, fields)
 
 
 def plan_fields(plan: Plan, attitude: AttitudeJoints | None = None) -> dict[str, Any]:
@@ -69,11 +69,11 @@ def plan_fields(plan: Plan, attitude: AttitudeJoints | None = None) -> dict[str,
         **(
             {} if attitude is None else {"orientation": attitude.orientation(plan.position).ravel()}
         ),
-        **{name: yaml_text(getattr(plan, name)) for name in TEXTS},
+        **{name: yaml_text(getattr(plan, name)) for name in YAML_FIELDS},
     }
 
 
-def published_plan(message: Any, source: str) -> tuple[Plan, bool]:
+def received_plan(message: Any, source: str) -> tuple[Plan, bool]:
     """Return the plan in a message, and whether it was published in flight: a reset drops it.
 
     Args:
@@ -87,7 +87,7 @@ def published_plan(message: Any, source: str) -> tuple[Plan, bool]:
 
 
 def in_flight(message: Any) -> bool:
-    """Return whether a plan was published in flight; see published_plan."""
+    """Return whether a plan was published in flight; see received_plan."""
     return bool(message.stamp.sec or message.stamp.nanosec)
 
 
@@ -128,7 +128,7 @@ def plan_of(message: Any, source: str) -> Plan:
             state=rows("state", ticks + 1),
             duration=float(message.duration),
             gains=rows("gains", ticks + 1) if len(getattr(message, "gains", ())) else _NO_GAINS,
-            **{name: text(name) for name in TEXTS},
+            **{name: text(name) for name in YAML_FIELDS},
         )
         if plan.position.shape[1] != joints or plan.velocity.shape[1] != joints:
             raise ValueError("its references are not one per joint")

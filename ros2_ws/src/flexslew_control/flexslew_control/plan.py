@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.law import Reference
-from flexslew_plant.arrays import NOTHING, Matrix, Vector, handed_out, kept
+from flexslew_plant.arrays import EMPTY, Matrix, Vector, read_only, read_only_view
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # as an array, two are the same by plan_hash
@@ -50,7 +50,7 @@ class Plan:
         for item in fields(self):
             value = getattr(self, item.name)
             if isinstance(value, np.ndarray):
-                object.__setattr__(self, item.name, handed_out(value))
+                object.__setattr__(self, item.name, read_only_view(value))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a plan from another process, with arrays that are writable when they arrive."""
@@ -73,9 +73,9 @@ class Plan:
         return self.start + self.duration
 
     @cached_property
-    def extent(self) -> Matrix:
+    def position_range(self) -> Matrix:
         """Smallest and largest reference of each joint, shape (2, joints) [rad or m]."""
-        return kept(np.array((self.position.min(axis=0), self.position.max(axis=0))))
+        return read_only(np.array((self.position.min(axis=0), self.position.max(axis=0))))
 
     def reference(self, tick: int) -> Reference:
         """Return the reference of the bench's tick (counted from simulated time zero)."""
@@ -106,26 +106,26 @@ class Plan:
     def _after(self) -> Reference:
         """The last position, its nominal state with straight appendages at rest."""
         final = np.zeros(self.state.shape[1])
-        if final.size and (self._turns_one or final.size < 2 * len(self.joint_names)):
+        if final.size and (self._single_joint or final.size < 2 * len(self.joint_names)):
             final[0] = self.state[-1, 0]
         elif final.size:
             final[: len(self.joint_names)] = self.position[-1]
         return self._at_rest(self.position[-1], final, -1)
 
     @property
-    def _turns_one(self) -> bool:
+    def _single_joint(self) -> bool:
         """Whether the nominal states are those of a turn about one of many joints."""
         goal = self.request.get("goal")
         return isinstance(goal, dict) and 0 < len(goal) < len(self.joint_names)
 
     def _at_rest(self, position: Vector, state: Vector, row: int) -> Reference:
-        rest = kept(np.zeros(len(self.joint_names)))
+        rest = read_only(np.zeros(len(self.joint_names)))
         return Reference(
-            position, rest, rest, handed_out(state), handed_out(state), self._gains(row)
+            position, rest, rest, read_only_view(state), read_only_view(state), self._gains(row)
         )
 
     def _gains(self, row: int) -> Vector:
-        return self.gains[row] if len(self.gains) else NOTHING
+        return self.gains[row] if len(self.gains) else EMPTY
 
 
 def with_warning(plan: Plan, words: str) -> Plan:

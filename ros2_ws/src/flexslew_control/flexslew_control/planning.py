@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.known_motion import KnownMotion
-from flexslew_control.law import ActiveLaw, PlantDescription, described
+from flexslew_control.law import ActiveLaw, PlantDescription, plant_description
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.keys.units import number_in
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Cause, Refusal
-from flexslew_plant.testbeds import default_testbed, starts_moving, varied
+from flexslew_plant.testbeds import default_testbed, has_initial_rates, with_changes
 from flexslew_plant.yaml_data import load_yaml
 
 MOST_TICKS = 1_000_000  # of a manoeuvre
@@ -66,7 +66,7 @@ class Iteration(NamedTuple):
     norm_input: float
 
 
-class Planning:
+class PlanProcess:
     """A process that waits for requests.
 
     Args:
@@ -84,7 +84,7 @@ class Planning:
             self._start()
         self._pipe.send(request)
 
-    def news(self, wait: float = 0.0) -> list[Iteration | Plan | Refusal]:
+    def updates(self, wait: float = 0.0) -> list[Iteration | Plan | Refusal]:
         """Return what has come out since the last call; a plan or a refusal is the last word.
 
         Args:
@@ -209,26 +209,26 @@ def read_request(request: PlanRequest) -> tuple[Any, PlantDescription, Any]:
     rest, law = request.beginning
     gains = law_gains(law, plant, "the active controller")
     if rest:
-        settings, plant = _from_there(settings, plant, {**rest})
+        settings, plant = _from_reference(settings, plant, {**rest})
     return settings, plant, gains
 
 
-def _from_there(
-    settings: Any, plant: PlantDescription, begins: dict[str, float]
+def _from_reference(
+    settings: Any, plant: PlantDescription, initial: dict[str, float]
 ) -> tuple[Any, PlantDescription]:
     """Return section and bench for a plan that begins where the reference is then.
 
     A section without a key for it, as a user's own may be, begins where the bench does.
     """
-    if starts_moving(plant.testbed):  # those rates were at tick 0
+    if has_initial_rates(plant.testbed):  # those rates were at tick 0
         section: Any = plant.testbed
-        at_rest = replace(section, initial=type(plant.testbed.initial)(**begins))
+        at_rest = replace(section, initial=type(plant.testbed.initial)(**initial))
         plant = replace(plant, testbed=at_rest)
     if not hasattr(settings, "initial"):
-        testbed = varied(plant.testbed, {"initial": begins}, "plan", plant.trust)
+        testbed = with_changes(plant.testbed, {"initial": initial}, "plan", plant.trust)
         return settings, replace(plant, testbed=testbed)
     given = settings.initial is not None
-    return (settings if given else replace(settings, initial=begins)), plant
+    return (settings if given else replace(settings, initial=initial)), plant
 
 
 def _require_ticks(settings: Any, period: float) -> None:
@@ -237,15 +237,15 @@ def _require_ticks(settings: Any, period: float) -> None:
     Raises:
         BadInput: if it is too long.
     """
-    longest = MOST_TICKS * period
+    max_duration = MOST_TICKS * period
     duration = getattr(settings, "duration", None) or 0.0
-    if duration > longest:
-        raise BadInput(Refusal(f"at most {longest:g} s", "duration", duration, "plan"))
+    if duration > max_duration:
+        raise BadInput(Refusal(f"at most {max_duration:g} s", "duration", duration, "plan"))
 
 
 def _plant(request: PlanRequest) -> PlantDescription:
     limit = np.array(request.effort_limit, dtype=np.float64)
     if not request.bench:
         return PlantDescription(default_testbed(), request.period, limit, request.trust)
-    plant = described(request.bench, "/testbed", request.trust)
+    plant = plant_description(request.bench, "/testbed", request.trust)
     return replace(plant, period=request.period, effort_limit=limit)

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 Key: TypeAlias = tuple[int, int]  # epoch and tick
 
-_CONFIRMED = 3  # questions that follow a strange one, or repeat it, before it counts
+_REPEATS = 3  # questions that follow a strange one, or repeat it, before it counts
 
 
 class QuestionThread:
@@ -17,8 +17,8 @@ class QuestionThread:
 
     def __init__(self) -> None:
         self._last: Key | None = None
-        self._strange: Key | None = None  # that may be where the bench is now
-        self._confirmed = 0
+        self._candidate: Key | None = None  # that may be where the bench is now
+        self._repeats = 0
         self.resumed = False  # by the last question: its thread is another than the one before
 
     @property
@@ -30,20 +30,20 @@ class QuestionThread:
         """Return whether a question counts."""
         self.resumed = False
         last = self._last
-        if last is None or _follows(last, key) or (key[0] > last[0] and key[1] == 0):
-            self._last, self._strange = key, None
+        if last is None or _is_next(last, key) or (key[0] > last[0] and key[1] == 0):
+            self._last, self._candidate = key, None
             return True
-        if self._strange is None or not _follows(self._strange, key):
-            self._strange, self._confirmed = key, 0
+        if self._candidate is None or not _is_next(self._candidate, key):
+            self._candidate, self._repeats = key, 0
             return False
-        self._strange = key
-        self._confirmed += 1
-        if self._confirmed < _CONFIRMED:
+        self._candidate = key
+        self._repeats += 1
+        if self._repeats < _REPEATS:
             return False
-        self._last, self._strange, self.resumed = key, None, True
+        self._last, self._candidate, self.resumed = key, None, True
         return True
 
 
-def _follows(before: Key, key: Key) -> bool:
+def _is_next(before: Key, key: Key) -> bool:
     """Return whether a question is the one before again, or the next one."""
     return before[0] == key[0] and 0 <= key[1] - before[1] <= 1

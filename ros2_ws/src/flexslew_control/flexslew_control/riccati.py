@@ -39,8 +39,8 @@ def continuous_riccati(
         gain = np.linalg.solve(r, np.hstack((cross.T, b.T)))
         k = len(a)
         drift = a - b @ gain[:, :k]
-        both = np.block([[drift, -b @ gain[:, k:]], [-(q - cross @ gain[:, :k]), -drift.T]])
-        return float(abs(np.linalg.eigvals(both)).max()) or 1.0
+        matrix = np.block([[drift, -b @ gain[:, k:]], [-(q - cross @ gain[:, :k]), -drift.T]])
+        return float(abs(np.linalg.eigvals(matrix)).max()) or 1.0
 
     def scaled() -> Matrix:
         time = 1.0 / rate()
@@ -50,8 +50,10 @@ def continuous_riccati(
 
     def mismatch(p: Matrix) -> float:
         gain = p @ b + cross
-        spent = gain @ np.linalg.solve(r, gain.T)
-        return _mismatch(a.T @ p + p @ a + q - spent, 2.0 * abs(a.T) @ abs(p) + abs(q) + abs(spent))
+        effort_term = gain @ np.linalg.solve(r, gain.T)
+        return _mismatch(
+            a.T @ p + p @ a + q - effort_term, 2.0 * abs(a.T) @ abs(p) + abs(q) + abs(effort_term)
+        )
 
     return _best(lambda: _solution(solve_continuous_are, a, b, q, r, s=s), scaled, mismatch)
 
@@ -78,9 +80,11 @@ def discrete_riccati(f: Matrix, g: Matrix, q: Matrix, r: Matrix, s: Matrix | Non
 
     def mismatch(p: Matrix) -> float:
         gain = f.T @ p @ g + cross
-        spent = gain @ np.linalg.solve(r + g.T @ p @ g, gain.T)
-        moved = abs(f.T) @ abs(p) @ abs(f)
-        return _mismatch(f.T @ p @ f - p + q - spent, moved + abs(p) + abs(q) + abs(spent))
+        effort_term = gain @ np.linalg.solve(r + g.T @ p @ g, gain.T)
+        state_term = abs(f.T) @ abs(p) @ abs(f)
+        return _mismatch(
+            f.T @ p @ f - p + q - effort_term, state_term + abs(p) + abs(q) + abs(effort_term)
+        )
 
     return _best(lambda: _solution(solve_discrete_are, f, g, q, r, s=s), scaled, mismatch)
 

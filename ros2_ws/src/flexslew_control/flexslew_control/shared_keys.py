@@ -7,7 +7,7 @@ from pydantic import Field
 from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive
 
-BelievedModel: TypeAlias = Annotated[
+DesignModel: TypeAlias = Annotated[
     dict[str, Any] | None,
     Field(
         description="keys in which the model that is believed differs from the testbed with one "

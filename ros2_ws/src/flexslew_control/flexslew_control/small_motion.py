@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import Testbed, believed
+from flexslew_plant.testbeds import Testbed, design_testbed
 from flexslew_plant.testbeds.contract import Retargetable, UnitSizes, unit_sizes
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Model
 
 Indices: TypeAlias = NDArray[np.intp]
-_COUPLED = 1e-9  # of the largest entry of a row: less is no coupling
+_COUPLING_TOLERANCE = 1e-9  # of the largest entry of a row: less is no coupling
 _RANK = 1e-9  # of the largest singular value
 
 
@@ -40,14 +40,14 @@ class SmallMotion:
         rest: q at rest, shape (positions,).
         kept: coordinates that the efforts reach, shape (k,).
         units: unit sizes of the testbed's section.
-        readings: C of y = C x for the collocated joints, SI, shape (m, n).
+        outputs: C of y = C x for the collocated joints, SI, shape (m, n).
     """
 
     model: Model
     rest: Vector
     kept: Indices
     units: UnitSizes
-    readings: Matrix
+    outputs: Matrix
 
     def at(self, t: float) -> Frozen:
         """Return the equations at a time [s]."""
@@ -66,10 +66,10 @@ class SmallMotion:
         return self.at(float(np.nextafter(start, -np.inf)))
 
     @property
-    def resting_joints(self) -> Vector:
+    def rest_position(self) -> Vector:
         """Positions of the joints at rest, shape (m,) [rad or m]."""
-        still = np.zeros(self.model.coordinates)
-        return self.model.joint_state(np.concatenate((self.rest, still)))[0]
+        zero_rates = np.zeros(self.model.coordinates)
+        return self.model.joint_state(np.concatenate((self.rest, zero_rates)))[0]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -84,10 +84,10 @@ class SmallMotion:
             gains: blocks of columns (k each), shape (m, b k).
         """
         n, k = self.model.coordinates, len(self.kept)
-        wide = np.zeros((len(gains), gains.shape[1] // k, n))
+        padded = np.zeros((len(gains), gains.shape[1] // k, n))
         sizes = self.units.coordinates[self.kept]
-        wide[:, :, self.kept] = gains.reshape(len(gains), -1, k) / sizes
-        return self.units.efforts[:, None] * wide.reshape(len(gains), -1)
+        padded[:, :, self.kept] = gains.reshape(len(gains), -1, k) / sizes
+        return self.units.efforts[:, None] * padded.reshape(len(gains), -1)
 
 
 def small_motion(testbed: Testbed, until: float = 0.0) -> SmallMotion:
@@ -105,9 +105,9 @@ def small_motion(testbed: Testbed, until: float = 0.0) -> SmallMotion:
     linked = np.zeros((model.coordinates,) * 2)
     for t in (0.0, 0.3 * until, until):
         frozen = _frozen(model, rest, units, t)
-        reached |= abs(frozen.input_matrix).max(axis=1) > _COUPLED
+        reached |= abs(frozen.input_matrix).max(axis=1) > _COUPLING_TOLERANCE
         for matrix in (frozen.mass, frozen.stiffness + frozen.stiffness.T):
-            linked += abs(matrix) > _COUPLED * abs(matrix).max()
+            linked += abs(matrix) > _COUPLING_TOLERANCE * abs(matrix).max()
     for _ in range(model.coordinates):
         reached |= linked @ reached > 0.0
     columns = [
@@ -129,7 +129,7 @@ def _frozen(model: Model, rest: Vector, units: UnitSizes, t: float) -> Frozen:
     )
 
 
-def require_balancing(frozen: Frozen, motion: SmallMotion) -> None:
+def require_full_rank(frozen: Frozen, motion: SmallMotion) -> None:
     """Check that B* has full column rank, so that B*^T B* can be inverted (3-5).
 
     Raises:
@@ -140,17 +140,18 @@ def require_balancing(frozen: Frozen, motion: SmallMotion) -> None:
     if len(singular) == frozen.input_matrix.shape[1] and singular[-1] > _RANK * singular[0]:
         return
     rank = int((singular > _RANK * singular[0]).sum())
-    twin = np.argsort(-abs(right[-1]))[:2]
-    alike = " and ".join(sorted(motion.model.joint_names[k] for k in twin))
+    dependent = np.argsort(-abs(right[-1]))[:2]
+    dependent_names = " and ".join(sorted(motion.model.joint_names[k] for k in dependent))
     lost = left[:, rank:]
     free = motion.names[int(np.argmax((lost**2).sum(axis=1)))] if lost.size else "none"
     raise BadInput(
-        f"B* has rank {rank} for {frozen.input_matrix.shape[1]} efforts: {alike} are dependent; "
+        f"B* has rank {rank} for {frozen.input_matrix.shape[1]} efforts: {dependent_names} are "
+        "dependent; "
         f"the motion of {free} cannot be balanced; remove one of them or move it"
     )
 
 
-def moving(plant: PlantDescription, changes: dict[str, Any] | None) -> SmallMotion:
+def design_motion(plant: PlantDescription, changes: dict[str, Any] | None) -> SmallMotion:
     """Return the small motions that a law believes in.
 
     Args:
@@ -161,12 +162,14 @@ def moving(plant: PlantDescription, changes: dict[str, Any] | None) -> SmallMoti
         BadInput: an unknown key or a value that is not allowed.
     """
     testbed = (
-        plant.testbed if changes is None else believed(plant.testbed, changes, "model", plant.trust)
+        plant.testbed
+        if changes is None
+        else design_testbed(plant.testbed, changes, "model", plant.trust)
     )
-    return small_motion(testbed, last_turn(testbed))
+    return small_motion(testbed, last_rotation_end(testbed))
 
 
-def last_turn(testbed: Testbed) -> float:
+def last_rotation_end(testbed: Testbed) -> float:
     """Return when the last prescribed turn ends [s]; 0: there is none."""
-    turns = testbed.hinge_turns() if isinstance(testbed, Retargetable) else ()
-    return max((turn.end for turn in turns), default=0.0)
+    rotations = testbed.hinge_turns() if isinstance(testbed, Retargetable) else ()
+    return max((rotation.end for rotation in rotations), default=0.0)

@@ -96,17 +96,17 @@ class Tracking:
         if time < self.plan.start:
             return None
         if time < self.plan.end:
-            beyond = self._violation(self.path, tracked)
-            if beyond is None:
+            violation = self._violation(self.path, tracked)
+            if violation is None:
                 return None
-            words = f"at {time:g} s {beyond}; the plan is flown on, the brake would stop it"
+            words = f"at {time:g} s {violation}; the plan is flown on, the brake would stop it"
             return TrackingEnd(TrackingCode.PATH_TOLERANCE_VIOLATED, words)
-        beyond = self._violation(self.goal, tracked)
-        if beyond is None:
+        violation = self._violation(self.goal, tracked)
+        if violation is None:
             return TrackingEnd(TrackingCode.SUCCESSFUL, f"within tolerance at {time:g} s")
         if time < self.plan.end + self.goal_time and not replaced:
             return None
-        return TrackingEnd(TrackingCode.GOAL_TOLERANCE_VIOLATED, f"at {time:g} s {beyond}")
+        return TrackingEnd(TrackingCode.GOAL_TOLERANCE_VIOLATED, f"at {time:g} s {violation}")
 
     def _violation(self, allowed: Mapping[str, Tolerance], tracked: Tracked) -> str | None:
         """Return which joint is farther off than it may be, and by how much."""

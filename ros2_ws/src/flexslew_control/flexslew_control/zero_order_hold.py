@@ -22,7 +22,7 @@ def zero_order_hold(a: Matrix, b: Matrix, period: float) -> tuple[Matrix, Matrix
         of shapes (k, k) and (k, m).
     """
     k, m = b.shape
-    both = np.zeros((k + m, k + m))
-    both[:k, :k], both[:k, k:] = a, b
-    step = expm(both * period)
+    block = np.zeros((k + m, k + m))
+    block[:k, :k], block[:k, k:] = a, b
+    step = expm(block * period)
     return step[:k, :k], step[:k, k:]

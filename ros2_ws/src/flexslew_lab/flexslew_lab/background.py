@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from flexslew_plant.processes.file_lock import hold
+from flexslew_plant.processes.file_lock import lock_handle
 
 _MACHINE_CODE = "set_up.log"  # in the cache: of the set-up, which compiles for later runs
 
@@ -41,6 +41,6 @@ def wait_for(log: Path) -> None:
 def _locked(handle: int, wait: bool) -> bool:
     """Return whether an open file is locked now; see file_lock.hold."""
     try:
-        return hold(handle, wait)
+        return lock_handle(handle, wait)
     except OSError:  # a file system without locks
         return True

@@ -22,8 +22,8 @@ from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_lab.background import in_background, machine_code_log
-from flexslew_lab.run.in_process import fly
-from flexslew_lab.trial.sources import DEFAULT, read_trial, shipped_trials
+from flexslew_lab.run.in_process import run_bench
+from flexslew_lab.trial.sources import DEFAULT, example_trials, read_trial
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
@@ -50,26 +50,26 @@ def default_bench(modes: int) -> None:
     )
     plan = make_plan(requested, plant_of(trial))
     for name in CONTROLLERS:
-        _fly(replace(trial, active=name), plan)
-    Friction(plant_of(trial).testbed.model().own_motors, ActuatorSettings(), trial.period)
+        _simulate(replace(trial, active=name), plan)
+    Friction(plant_of(trial).testbed.model().resolved_motors, ActuatorSettings(), trial.period)
 
 
 def shipped_trial(name: str) -> None:
     """Plan a shipped trial and fly its first ticks."""
     trial, _ = read_trial(name, None)
-    _fly(trial, plan_of_trial(trial))
+    _simulate(trial, plan_of_trial(trial))
 
 
 def shipped_study(name: str) -> None:
     """Plan a shipped study and fly its first sample in lanes where it can."""
     from flexslew_lab.studies.cases import case_of
-    from flexslew_lab.studies.lanes.fleet import Lanes
+    from flexslew_lab.studies.lanes.fleet import BatchRunner
     from flexslew_lab.studies.run import prepare
     from flexslew_lab.studies.study import load_study, study_path
 
     ready = prepare(load_study(study_path(name)))
     cases = [case_of(ready.study, ready.samples, k) for k in range(len(ready.study.variants))]
-    for _ in Lanes(ready.study, ready.plans).fly(cases):
+    for _ in BatchRunner(ready.study, ready.plans).fly(cases):
         pass
 
 
@@ -77,12 +77,12 @@ def shipped_studies() -> list[Callable[[], None]]:
     """Return what compiles the studies; nothing where what they need is not installed yet."""
     if find_spec("pyarrow") is None:
         return []
-    from flexslew_lab.studies.study import shipped_names
+    from flexslew_lab.studies.study import example_names
 
-    return [partial(shipped_study, name) for name in shipped_names()]
+    return [partial(shipped_study, name) for name in example_names()]
 
 
-def _fly(trial: Trial, plan: Any) -> None:
+def _simulate(trial: Trial, plan: Any) -> None:
     trial = replace(trial, duration=_TICKS * trial.period)
     bench = Bench(bench_settings(trial))
     model, x = bench.model, initial_state(trial.testbed)
@@ -95,17 +95,17 @@ def _fly(trial: Trial, plan: Any) -> None:
     for controller in controllers.values():
         if plan is not None:
             controller.adopt(plan)
-    fly(bench, controllers)
+    run_bench(bench, controllers)
 
 
-def _endable() -> None:
+def _exit_on_signal() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _compile(tasks: list[Callable[[], None]]) -> None:
     """Do the tasks, side by side where there are processors for it."""
     processes = min(os.cpu_count() or 1, _MOST, len(tasks))
-    with ProcessPoolExecutor(processes, get_context("spawn"), _endable) as pool:
+    with ProcessPoolExecutor(processes, get_context("spawn"), _exit_on_signal) as pool:
         waiting = [pool.submit(task) for task in tasks]
         for number, done in enumerate(as_completed(waiting), 1):
             done.result()
@@ -114,11 +114,11 @@ def _compile(tasks: list[Callable[[], None]]) -> None:
 
 
 if __name__ == "__main__":
-    _endable()
+    _exit_on_signal()
     tasks = shipped_studies()
     if "--studies" not in sys.argv:
         shipped_trial(DEFAULT)
         tasks += [partial(default_bench, modes) for modes in (3, 1)]
-        tasks += [partial(shipped_trial, trial.name) for trial in reversed(shipped_trials())]
+        tasks += [partial(shipped_trial, trial.name) for trial in reversed(example_trials())]
     if "--wait" in sys.argv or in_background(machine_code_log()):
         _compile(tasks)

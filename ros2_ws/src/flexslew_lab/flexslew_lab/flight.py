@@ -11,10 +11,10 @@ import numpy as np
 
 from flexslew_lab.metrics import Key
 from flexslew_lab.metrics.operator_changes import changes_of
-from flexslew_lab.metrics.rows import flat, unit_among
+from flexslew_lab.metrics.rows import flat, row_unit
 from flexslew_lab.notebook_table import in_notebook
-from flexslew_lab.report.told_takeovers import told_takeovers
-from flexslew_lab.report.verdict import verdict
+from flexslew_lab.report.handover_lines import handover_lines
+from flexslew_lab.report.verdict import run_summary
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Event
@@ -41,7 +41,7 @@ class Flight:
     time: Vector  # simulated, of every tick, (ticks,) [s]
     signals: dict[str, Vector]  # by name, each (ticks,)
     units: dict[str, str]  # by name
-    own_keys: dict[str, Key] = field(default_factory=dict)  # of the trial's own metrics
+    user_keys: dict[str, Key] = field(default_factory=dict)  # of the trial's own metrics
 
     def __getitem__(self, name: str) -> Vector | Matrix:
         """Return the signal `name`, (ticks,), or all of a quantity side by side, (ticks, n).
@@ -81,7 +81,7 @@ class Flight:
         """Return the verdict and the table of the metrics, for notebooks."""
         joints = {n.partition(".")[2]: self.units[n] for n in self.signals if n[:9] == "measured."}
         rows = [
-            (name, shown(value), unit_among(name, joints, self.own_keys))
+            (name, format_value(value), row_unit(name, joints, self.user_keys))
             for name, value in flat(self.metrics).items()
             if value is not None
         ]
@@ -101,8 +101,8 @@ class Flight:
         """The main result for a user; of a law that fell silent, why."""
         tolerance = self.trial.get("goal_tolerance", Trial.goal_tolerance)
         units = {n.partition(".")[2]: u for n, u in self.units.items() if n[:9] == "position."}
-        words = verdict(self.metrics, {}, tolerance, len(changes_of(self.events)), units)
-        return "; ".join((words, *told_takeovers(self.events)))
+        words = run_summary(self.metrics, {}, tolerance, len(changes_of(self.events)), units)
+        return "; ".join((words, *handover_lines(self.events)))
 
     def xarray(self) -> xarray.Dataset:
         """Return all signals as an xarray Dataset over the time [s], with their units.
@@ -156,6 +156,6 @@ class Flight:
         return figure
 
 
-def shown(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value of the metrics in three digits."""
     return f"{value:.3g}" if isinstance(value, float) else str(value)

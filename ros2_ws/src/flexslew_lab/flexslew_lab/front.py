@@ -74,9 +74,9 @@ def analyse(
     Raises:
         BadInput: no such trial, controller or joint, or the law has no linear form.
     """
-    from flexslew_lab.analysis.analysis import analysed
+    from flexslew_lab.analysis.analysis import loop_analysis
 
-    return analysed(trial_from(what), "trial", controller, at, joints)
+    return loop_analysis(trial_from(what), "trial", controller, at, joints)
 
 
 def prove(what: What, found: Analysis) -> Proof:
@@ -89,9 +89,9 @@ def prove(what: What, found: Analysis) -> Proof:
     Raises:
         BadInput: if the loop is not stable, or its plant varies in time or is not the trial's.
     """
-    from flexslew_lab.analysis.proof import proved
+    from flexslew_lab.analysis.proof import verify_margins
 
-    return proved(trial_from(what), found)
+    return verify_margins(trial_from(what), found)
 
 
 def gains(
@@ -120,12 +120,14 @@ def gains(
     """
     required("optuna")
     from flexslew_lab.gains.ensemble import GainEnsemble, gains_of
-    from flexslew_lab.gains.search import searched
+    from flexslew_lab.gains.search import search_gains
 
     given = trial_from(what)
-    varied = gains_of(given, given.name, controller, keys)
-    ensemble = GainEnsemble(given, given.name, varied)
-    return searched(ensemble, varied, _count(trials, "trials"), octaves, margin, seed=seed)
+    selected_gains = gains_of(given, given.name, controller, keys)
+    ensemble = GainEnsemble(given, given.name, selected_gains)
+    return search_gains(
+        ensemble, selected_gains, _count(trials, "trials"), octaves, margin, seed=seed
+    )
 
 
 def compare(what: What = "m1", laws: bool = False, workers: int = 1) -> Comparison:
@@ -139,14 +141,14 @@ def compare(what: What = "m1", laws: bool = False, workers: int = 1) -> Comparis
     Raises:
         BadInput: no such trial, or it has no manoeuvre that can be compared.
     """
-    from flexslew_lab.comparison.comparison import compared
+    from flexslew_lab.comparison.comparison import compare_candidates
     from flexslew_lab.comparison.laws import laws as by_laws
     from flexslew_lab.comparison.planners import planners
 
     given = trial_from(what)
     if _count(workers, "workers") > 1:
         require_in_files(given)
-    return compared((by_laws if laws else planners)(given, given.name), workers=workers)
+    return compare_candidates((by_laws if laws else planners)(given, given.name), workers=workers)
 
 
 def identify(
@@ -205,21 +207,21 @@ def study(
     required("pyarrow")
     from flexslew_lab.run.pool import Pool
     from flexslew_lab.studies.finish import finished, keep_worst
-    from flexslew_lab.studies.lanes.check import bench_job, check_lanes
+    from flexslew_lab.studies.lanes.check import bench_job, check_batch
     from flexslew_lab.studies.run import default_folder, prepare, run_study
-    from flexslew_lab.trial.outputs import writable_folder
+    from flexslew_lab.trial.outputs import check_output_folder
 
     _count(workers, "workers")
-    asked = _study_from(what)
-    kept = writable_folder(place(folder or default_folder(asked), "folder"), "folder")
-    ready = prepare(asked)
+    request = _study_from(what)
+    kept = check_output_folder(place(folder or default_folder(request), "folder"), "folder")
+    ready = prepare(request)
     with closing(Pool(ready.job, workers)) as executor:
         store = run_study(ready, kept, executor)
-    if asked.settings.lanes:
+    if request.settings.lanes:
         with closing(Pool(bench_job(ready), workers)) as executor:
-            check_lanes(ready, store, executor)
-    found = finished(asked, store)
-    keep_worst(asked, store, lambda words: None)  # its row gives the reason for a missing log
+            check_batch(ready, store, executor)
+    found = finished(request, store)
+    keep_worst(request, store, lambda words: None)  # its row gives the reason for a missing log
     return found
 
 
@@ -240,8 +242,8 @@ def _study_from(what: str | Path | Mapping[str, Any]) -> Study:
     if not isinstance(what, Mapping):
         return load_study(study_path(str(what)), ANY_CODE)
     given, keys = what.get("trial"), dict(what)
-    flown = trial_from(given) if isinstance(given, Trial | Mapping) else None
-    if flown is not None:
-        require_in_files(flown)
-        keys["trial"] = flown.name
-    return study_of_values(plain_data(keys), "study", Path(), ANY_CODE, flown)
+    study_trial = trial_from(given) if isinstance(given, Trial | Mapping) else None
+    if study_trial is not None:
+        require_in_files(study_trial)
+        keys["trial"] = study_trial.name
+    return study_of_values(plain_data(keys), "study", Path(), ANY_CODE, study_trial)

@@ -60,8 +60,8 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
         name, settings = LINEAR.name, _linear(others.get(LINEAR.name) or {}, law)
     elif callable(law):
         _require_two_arguments(law)
-        own = _kept(id(law), lambda: _class_of(law))
-        name, settings = own.__name__, {"law": _named(own)}
+        definition = _stored_class(id(law), lambda: _class_of(law))
+        name, settings = definition.__name__, {"law": _named(definition)}
     else:
         words = "give a class, a function, a system of python-control or a name"
         raise BadInput(f"law: a {type(law).__name__} is not allowed: {words}")
@@ -69,7 +69,7 @@ def with_law(values: dict[str, Any], law: Given) -> dict[str, Any]:
     return {**values, "controllers": {**others, name: settings}, "active": name}
 
 
-def _kept(key: Hashable, make: Callable[[], type[Any]]) -> type[Any]:
+def _stored_class(key: Hashable, make: Callable[[], type[Any]]) -> type[Any]:
     """Return the class of an object, the same one for the same object; it lives on in MODULE."""
     found = _CLASSES.get(key)
     return found if found is not None else _CLASSES.setdefault(key, make())
@@ -82,8 +82,8 @@ def _is_system(law: Any) -> bool:
 
 def _linear(before: dict[str, Any], system: Any) -> dict[str, Any]:
     """Return the settings of controller `linear` that flies a system; its others stay."""
-    own = {} if law_of(LINEAR.name, before)[0] != LINEAR.name else before
-    kept = {key: value for key, value in own.items() if key not in ("file", "system")}
+    definition = {} if law_of(LINEAR.name, before)[0] != LINEAR.name else before
+    kept = {key: value for key, value in definition.items() if key not in ("file", "system")}
     return {**kept, "system": law_of_system(system, "law")}
 
 
@@ -130,12 +130,15 @@ def with_plan(
     if isinstance(plan, type):
         return {**values, "plan": {**before, "method": _named(plan)}}
     if isinstance(plan, Plan):
-        own = _kept(plan_hash(plan), lambda: _planner_of(deepcopy(plan)))
+        definition = _stored_class(plan_hash(plan), lambda: _planner_of(deepcopy(plan)))
         start = {"start": plan.start}
     else:
         rows = _positions(plan)
-        own, start = _kept((rows.shape, rows.tobytes()), lambda: _planner_of(rows)), {}
-    return {**values, "plan": {"method": _named(own), **start}}
+        definition, start = (
+            _stored_class((rows.shape, rows.tobytes()), lambda: _planner_of(rows)),
+            {},
+        )
+    return {**values, "plan": {"method": _named(definition), **start}}
 
 
 def require_in_files(trial: Trial) -> None:
@@ -144,7 +147,7 @@ def require_in_files(trial: Trial) -> None:
     Raises:
         BadInput: it names one.
     """
-    laws = [str((own or {}).get("law", "")) for own in trial.controllers.values()]
+    laws = [str((definition or {}).get("law", "")) for definition in trial.controllers.values()]
     for name in (*laws, str(getattr(trial.plan, "method", ""))):
         if name.startswith(f"{MODULE}."):
             words = f"{name.removeprefix(f'{MODULE}.')} is an object of this process"
@@ -211,14 +214,14 @@ def _planner_of(given: Plan | Matrix) -> type[Any]:
                 words = f"({ticks + 1}, {joints}): {', '.join(names)}"
                 raise BadInput(f"plan: an array of shape {given.shape} does not fit: {words}")
             rates = _rates(given, period, slew.model.attitude)
-            efforts, none, lasts = (
+            efforts, none, duration = (
                 np.zeros((ticks, joints)),
                 np.zeros((ticks + 1, 0)),
                 ticks * period,
             )
             position = given.copy()
             return Plan(
-                self.method, names, self.start, period, position, rates, efforts, none, lasts
+                self.method, names, self.start, period, position, rates, efforts, none, duration
             )
 
     return section(GivenPlan)
@@ -273,16 +276,18 @@ def _require_fit(plan: Plan, names: tuple[str, ...], period: float) -> None:
         raise BadInput(f"plan: {words}")
 
 
-def _named(thing: type[Any]) -> str:
+def _named(object_class: type[Any]) -> str:
     """Return the name under which a class is found: its own, or one of the module of objects."""
-    home = sys.modules.get(thing.__module__)
-    lasting = home is not None and home.__spec__ is not None and home.__name__ != MODULE
-    if lasting and getattr(home, thing.__name__, None) is thing:
-        return f"{thing.__module__}.{thing.__name__}"
+    home = sys.modules.get(object_class.__module__)
+    has_module = home is not None and home.__spec__ is not None and home.__name__ != MODULE
+    if has_module and getattr(home, object_class.__name__, None) is object_class:
+        return f"{object_class.__module__}.{object_class.__name__}"
     module = sys.modules.setdefault(MODULE, ModuleType(MODULE, "Objects given to a trial."))
-    name, count = thing.__name__, 1
-    while vars(module).setdefault(name, thing) is not thing:  # at once: others may have threads
+    name, count = object_class.__name__, 1
+    while (
+        vars(module).setdefault(name, object_class) is not object_class
+    ):  # at once: others may have threads
         count += 1
-        name = f"{thing.__name__}_{count}"
+        name = f"{object_class.__name__}_{count}"
     assert importlib.import_module(MODULE) is module
     return f"{MODULE}.{name}"

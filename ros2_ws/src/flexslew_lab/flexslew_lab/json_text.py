@@ -17,19 +17,19 @@ def json_text(values: Any, indent: int | None = 2) -> str:
         return json.dumps(values, indent=indent, allow_nan=False)
     except ValueError:
         return json.dumps(
-            _nulled(values, lambda x: not isfinite(x)), indent=indent, allow_nan=False
+            _replace_by_none(values, lambda x: not isfinite(x)), indent=indent, allow_nan=False
         )
 
 
 def nan_as_null(values: Any) -> Any:
     """Return plain data with None in place of every NaN, for files that people read."""
-    return _nulled(values, isnan)
+    return _replace_by_none(values, isnan)
 
 
-def _nulled(value: Any, wrong: Callable[[float], bool]) -> Any:
+def _replace_by_none(value: Any, wrong: Callable[[float], bool]) -> Any:
     """Return plain data with None in place of the numbers for which `wrong` is true."""
     if isinstance(value, dict):
-        return {key: _nulled(part, wrong) for key, part in value.items()}
+        return {key: _replace_by_none(part, wrong) for key, part in value.items()}
     if isinstance(value, list | tuple):
-        return [_nulled(part, wrong) for part in value]
+        return [_replace_by_none(part, wrong) for part in value]
     return None if isinstance(value, float) and wrong(value) else value

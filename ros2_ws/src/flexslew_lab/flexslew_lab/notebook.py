@@ -26,11 +26,11 @@ from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight as Flight
 from flexslew_lab.given_objects import Given, with_law, with_plan
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.metrics.from_bag import metrics_from, own_keys_of
+from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.outputs import bag_folder
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.sources import label_of, trial_path
 from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of, text_of
 from flexslew_plant.arrays import Matrix
@@ -74,7 +74,7 @@ def trial(
     """
     label, values = _keys(source)
     trust = source.trust if isinstance(source, Trial) else trust
-    values = overridden(values, plain_data(by_path(changes, "changes")))
+    values = override_values(values, plain_data(by_path(changes, "changes")))
     if law is not None:
         values = with_law(values, law)
     if plan is not None:
@@ -104,8 +104,8 @@ def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
     if folder is not None:
         result = run_trial(what, "notebook", place(folder, "folder"), in_process=True, warn=warn)
         return read(result.folder, what.trust)
-    with tempfile.TemporaryDirectory() as passing:
-        run = Path(passing, "run")
+    with tempfile.TemporaryDirectory() as temporary:
+        run = Path(temporary, "run")
         result = run_trial(what, "notebook", run, in_process=True, report=False, warn=warn)
         return read(result.folder, what.trust)
 
@@ -126,8 +126,8 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events
     values, units = signals.values, signals.units
-    own = own_keys_of(bag)
-    return Flight(keys, metrics_from(bag), events, signals.time, values, units, own)
+    user_keys = user_keys_of(bag)
+    return Flight(keys, metrics_from(bag), events, signals.time, values, units, user_keys)
 
 
 def linear_model(

@@ -19,10 +19,10 @@ def in_notebook(
         folded: heading under which the table opens on a click; empty: it is open.
     """
     given = iter(rows)
-    shown = [_row(row, "td") for row in islice(given, _MOST)]
+    table_rows = [_row(row, "td") for row in islice(given, _MOST)]
     left = sum(1 for _ in given)
     head = _row(columns, "th") if columns else ""
-    table = f"<table>{head}{''.join(shown)}</table>" + (f"and {left} more" if left else "")
+    table = f"<table>{head}{''.join(table_rows)}</table>" + (f"and {left} more" if left else "")
     if folded:
         table = f"<details><summary>{escape(folded)}</summary>{table}</details>"
     return f"{escape(line)}{table}"

@@ -51,17 +51,17 @@ class Sweep:
     def _repr_html_(self) -> str:
         """Return the metrics that differ from point to point, for notebooks."""
         points = product(*map(_labels, self.axes.values()))
-        differ = {
+        variable = {
             name: values.ravel().tolist()
             for name, values in self.metrics.items()
             if name not in self.axes and (values.size == 1 or len(np.unique(values)) > 1)
         }
-        numbers = zip(*differ.values(), strict=True) if differ else repeat(())
+        numbers = zip(*variable.values(), strict=True) if variable else repeat(())
         rows = (
             [*map(short, point), *(short(value, 3) for value in row)]
             for point, row in zip(points, numbers, strict=False)
         )
-        return in_notebook(repr(self), [*self.axes, *differ], rows)
+        return in_notebook(repr(self), [*self.axes, *variable], rows)
 
     def frame(self) -> pandas.DataFrame:
         """Return a row per point, as a pandas DataFrame; lists and sections stand as text.
@@ -112,20 +112,22 @@ def sweep(
     """
     grid = {path: _values(path, values) for path, values in by_path(axes, "axes").items()}
     fixed = by_path(changes, "changes")
-    _require_apart(fixed, grid)
+    _require_distinct(fixed, grid)
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     trials = [trial(source, {**fixed, **point}, **given) for point in points]
-    rows, told = [], dict[str, list[int]]()
+    rows, warning_points = [], dict[str, list[int]]()
     for number, one in enumerate(trials):
-        with tempfile.TemporaryDirectory() as passing:
-            folder = Path(passing, "run")
-            heard: list[str] = []
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = Path(temporary, "run")
+            messages: list[str] = []
             source = f"sweep point {number}"
-            found = run_trial(one, source, folder, in_process=True, report=False, warn=heard.append)
+            found = run_trial(
+                one, source, folder, in_process=True, report=False, warn=messages.append
+            )
             rows.append(_numbers(found.metrics))
-            for words in heard:
-                told.setdefault(words, []).append(number)
-    for words, numbers in told.items():
+            for words in messages:
+                warning_points.setdefault(words, []).append(number)
+    for words, numbers in warning_points.items():
         more = f" and {len(numbers) - 1} more" if len(numbers) > 1 else ""
         warnings.warn(f"sweep point {numbers[0]}{more}: {words}", stacklevel=2)
     shape = tuple(map(len, grid.values()))
@@ -136,7 +138,7 @@ def sweep(
     )
 
 
-def _require_apart(changes: Iterable[str], axes: Iterable[str]) -> None:
+def _require_distinct(changes: Iterable[str], axes: Iterable[str]) -> None:
     """Refuse an axis with a section that replaces a setting of a change or an earlier axis.
 
     Raises:
@@ -167,8 +169,8 @@ def _values(path: str, given: Any) -> tuple[Any, ...]:
 
 def _labels(values: Sequence[Any]) -> list[Any]:
     """Return what an axis is labelled with: the values, as text where one of them is no scalar."""
-    scalars = all(value is None or isinstance(value, str | int | float) for value in values)
-    return list(values) if scalars else list(map(str, values))
+    all_scalar = all(value is None or isinstance(value, str | int | float) for value in values)
+    return list(values) if all_scalar else list(map(str, values))
 
 
 def _numbers(metrics: Mapping[str, Any]) -> dict[str, float]:

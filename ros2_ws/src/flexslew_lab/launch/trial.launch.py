@@ -16,7 +16,12 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from flexslew_lab.run.launch_arguments import ARGUMENTS, LaunchValues, launch_values, within
+from flexslew_lab.run.launch_arguments import (
+    ARGUMENTS,
+    LaunchValues,
+    launch_values,
+    nested_namespace,
+)
 from flexslew_lab.run.processes import node_processes, parameter_file
 from flexslew_lab.run.run_trial import finished
 from flexslew_lab.trial.outputs import new_folder
@@ -35,14 +40,16 @@ def _nodes(context: LaunchContext) -> list[Any]:
     if values.rate is not None:
         trial = replace(trial, rate_factor=values.rate)
     if values.controllers:
-        chosen = {name: trial.controllers.get(name, {}) for name in values.controllers}
-        active = trial.active if trial.active in chosen else values.controllers[0]
-        trial = replace(trial, controllers=chosen, active=active)
+        selected = {name: trial.controllers.get(name, {}) for name in values.controllers}
+        active = trial.active if trial.active in selected else values.controllers[0]
+        trial = replace(trial, controllers=selected, active=active)
     build_controllers(trial, source)  # else their nodes end, and the plant waits for them
     folder = new_folder(trial.name, values.out)
     folder.mkdir(parents=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
-    namespace = within(context.launch_configurations.get("ros_namespace", ""), values.namespace)
+    namespace = nested_namespace(
+        context.launch_configurations.get("ros_namespace", ""), values.namespace
+    )
     processes = node_processes(
         trial, folder, values.record, {"trial_file": source}, namespace=namespace
     )
@@ -62,16 +69,16 @@ def _nodes(context: LaunchContext) -> list[Any]:
     ]
 
     def finish(_: LaunchContext) -> list[Any]:
-        said: list[Any] = []
+        log_actions: list[Any] = []
         try:
             if values.record:
                 finished(folder, trial.trust, report=values.report)
         except FlexslewError as error:
             if values.shutdown:
                 raise
-            said = [LogInfo(msg=f"error: {error}")]  # what else was launched goes on
+            log_actions = [LogInfo(msg=f"error: {error}")]  # what else was launched goes on
         if not values.shutdown:
-            return said
+            return log_actions
         return [EmitEvent(event=Shutdown(reason=f"the run is over: {folder}"))]
 
     recorder, plant = nodes[0], nodes[-1]

@@ -7,9 +7,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_plant.machine_code.cache_names import recognised
+from flexslew_plant.machine_code.cache_names import set_cache_name
 from flexslew_plant.machine_code.compile_lock import one_at_a_time
-from flexslew_plant.machine_code.processor import suit_processor
+from flexslew_plant.machine_code.processor import configure_compiler
 from flexslew_plant.machine_code.read_only import for_all_access
 
 Vector: TypeAlias = NDArray[np.float64]  # one index
@@ -17,10 +17,10 @@ Matrix: TypeAlias = NDArray[np.float64]  # two indices
 Tensor: TypeAlias = NDArray[np.float64]  # three indices
 Indices: TypeAlias = NDArray[np.int64]  # which entries of a vector
 
-NOTHING: Vector = np.zeros(0)  # of what has no numbers
-NOTHING.flags.writeable = False
+EMPTY: Vector = np.zeros(0)  # of what has no numbers
+EMPTY.flags.writeable = False
 
-suit_processor()
+configure_compiler()
 
 # An option that a function does not set comes from its first compiled caller: if that one is
 # `vectorised`, the products would be fused with sums from then on, on disk, too.
@@ -30,7 +30,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Array = TypeVar("_Array", bound=NDArray[Any])
 
 
-def kept(array: _Array) -> _Array:
+def read_only(array: _Array) -> _Array:
     """Return an array after making it one that may only be read; its maker writes no more."""
     # a third of the time of flags.writeable = False, half of that of a keyword
     array.setflags(False)  # type: ignore[call-arg]
@@ -43,9 +43,9 @@ def keep_all(arrays: Iterable[NDArray[Any]]) -> None:
         array.setflags(False)  # type: ignore[call-arg]
 
 
-def handed_out(array: _Array) -> _Array:
+def read_only_view(array: _Array) -> _Array:
     """Return an array through which its owner's may only be read."""
-    return kept(array.view()) if array.flags.writeable else array
+    return read_only(array.view()) if array.flags.writeable else array
 
 
 def compiled(function: _Function) -> _Function:
@@ -55,7 +55,7 @@ def compiled(function: _Function) -> _Function:
     inputs give the same bits in every process of one machine.
     """
     kept = numba.njit(cache=True, **_STRICT)(function)
-    return cast(_Function, one_at_a_time(recognised(kept)))
+    return cast(_Function, one_at_a_time(set_cache_name(kept)))
 
 
 def compiled_once(*written: str) -> Callable[[_Function], _Function]:
@@ -69,15 +69,15 @@ def compiled_once(*written: str) -> Callable[[_Function], _Function]:
     """
 
     def made(function: _Function) -> _Function:
-        kept = recognised(numba.njit(cache=True, **_STRICT)(function))
+        kept = set_cache_name(numba.njit(cache=True, **_STRICT)(function))
         return cast(_Function, for_all_access(one_at_a_time(kept), written))
 
     return made
 
 
-def inlined(function: _Function) -> _Function:
+def inline(function: _Function) -> _Function:
     """Return function for use inside compiled ones, where its body replaces the call."""
-    return cast(_Function, recognised(numba.njit(inline="always", **_STRICT)(function)))
+    return cast(_Function, set_cache_name(numba.njit(inline="always", **_STRICT)(function)))
 
 
 MERGED = {"forceinline": True, **_STRICT}  # Numba options of `merged`
@@ -95,7 +95,7 @@ def merged(*written: str, strided: bool = True) -> Callable[[_Function], _Functi
     """
 
     def made(function: _Function) -> _Function:
-        kept = recognised(numba.njit(**MERGED)(function))
+        kept = set_cache_name(numba.njit(**MERGED)(function))
         return cast(_Function, for_all_access(kept, written, strided))
 
     return made
@@ -106,7 +106,7 @@ def called(function: _Function) -> _Function:
 
     For what is called from many places: `inlined` would compile its body for each of them.
     """
-    return cast(_Function, recognised(numba.njit(**_STRICT)(function)))
+    return cast(_Function, set_cache_name(numba.njit(**_STRICT)(function)))
 
 
 @called
@@ -123,4 +123,4 @@ def vectorised(function: _Function) -> _Function:
     lane is still computed alike, wherever it stands.
     """
     options = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
-    return cast(_Function, one_at_a_time(recognised(numba.njit(**options)(function))))
+    return cast(_Function, one_at_a_time(set_cache_name(numba.njit(**options)(function))))

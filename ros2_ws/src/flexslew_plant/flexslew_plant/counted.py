@@ -1,7 +1,7 @@
 """Numbers of things, in words."""
 
 
-def counted(number: int, one: str, many: str = "") -> str:
+def count_text(number: int, one: str, many: str = "") -> str:
     """Return a number with its noun: 1 mode, 3 modes, 0 entries.
 
     Args:

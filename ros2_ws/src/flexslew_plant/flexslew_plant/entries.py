@@ -41,10 +41,10 @@ def table(names: Mapping[str, object], kind: type[E]) -> dict[str, E]:
 def union(sections: Iterable[type[Any]]) -> Any:
     """Return the union of sections, for pydantic."""
     first, *others = sections
-    joined: Any = first
+    combined: Any = first
     for section in others:
-        joined = joined | section
-    return joined
+        combined = combined | section
+    return combined
 
 
 def default_of(section: type[Any], key: str) -> str:

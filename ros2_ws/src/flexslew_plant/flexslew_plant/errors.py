@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from flexslew_plant.refusal import NOTHING, Refusal, one_line
+from flexslew_plant.refusal import NO_VALUE, Refusal, one_line
 
 
 class FlexslewError(Exception):
@@ -28,7 +28,7 @@ class BadInput(FlexslewError):
     why: Refusal | str = ""
     source: object = ""
     key: str = ""
-    value: Any = NOTHING
+    value: Any = NO_VALUE
 
     def __str__(self) -> str:
         """Return the refusal in one line; see FlexslewError."""

@@ -23,7 +23,7 @@ WITH_PIP = "control"  # what `pip install .` brings without an extra
 LOCK = "requirements.extra.{}.lock.txt"  # in setup/, for `./flexslew extras NAME`
 
 
-def how_to_install(package: str) -> str:
+def install_command(package: str) -> str:
     """Return the command that installs a package of EXTRAS: of a checkout, or of pip."""
     extra = EXTRAS[package]
     for folder in Path(__file__).resolve().parents:
@@ -43,5 +43,5 @@ def required(package: str) -> ModuleType:
     except ModuleNotFoundError as error:
         if error.name != package:
             raise
-        words = f"{package} is not installed: {how_to_install(package)}"
+        words = f"{package} is not installed: {install_command(package)}"
         raise ModuleNotFoundError(words, name=package) from None

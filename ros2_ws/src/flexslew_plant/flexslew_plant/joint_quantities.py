@@ -28,21 +28,24 @@ def require_units_of_joints(kind: Any, values: Any, testbed: Testbed, source: st
         BadInput: the first that is, with the units that are allowed.
     """
     model: Model | None = None
-    for path, value, beside in _quantities(values, (), {}):
+    for path, value, context in _quantities(values, (), {}):
         named = units_at(kind, path)
         pairs = [pair for pair in _KINDS if set(pair) <= set(named)]
         if not pairs:
             continue
         model = model or testbed.model()
         units = model.units_by_joint
-        told = [*reversed(path), *(name for name in beside.values() if isinstance(name, str))]
-        joint = next((name for name in told if name in units), None)
-        if "channel" in beside:
-            allowed = _read_by(model, str(beside["channel"]), str(beside.get("of")))
+        candidate_names = [
+            *reversed(path),
+            *(name for name in context.values() if isinstance(name, str)),
+        ]
+        joint = next((name for name in candidate_names if name in units), None)
+        if "channel" in context:
+            allowed = _read_by(model, str(context["channel"]), str(context.get("of")))
         else:
-            meant = units.values() if joint is None else (units[joint],)
-            kinds = sorted({unit == "m" for unit in meant})
-            allowed = [pair[slides] for pair in pairs for slides in kinds]
+            joint_units = units.values() if joint is None else (units[joint],)
+            kinds = sorted({unit == "m" for unit in joint_units})
+            allowed = [pair[is_linear] for pair in pairs for is_linear in kinds]
         try:
             in_si(value, allowed)
         except BadInput as error:
@@ -62,12 +65,12 @@ def _read_by(model: Model, channel: str, of: str) -> list[str]:
 
 
 def _quantities(
-    values: Any, path: tuple[str, ...], beside: Mapping[str, Any]
+    values: Any, path: tuple[str, ...], context: Mapping[str, Any]
 ) -> Iterator[tuple[tuple[str, ...], str, Mapping[str, Any]]]:
     """Yield where a text names a number with a unit, and the section that it stands in."""
-    inside = values.items() if isinstance(values, dict) else enumerate(values)
-    for key, value in inside:
-        place, section = (*path, str(key)), values if isinstance(values, dict) else beside
+    items = values.items() if isinstance(values, dict) else enumerate(values)
+    for key, value in items:
+        place, section = (*path, str(key)), values if isinstance(values, dict) else context
         if isinstance(value, dict | list):
             yield from _quantities(value, place, section)
         elif is_quantity(value):

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final, TypeAlias, TypeVar, get_args
 from pydantic.dataclasses import is_pydantic_dataclass
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 
 _T = TypeVar("_T")
 
@@ -22,7 +22,7 @@ _ALWAYS = ("goal", "initial")  # keys of a plan that are by joint in a user's ow
 
 def unknown_joint(name: str, joints: Sequence[str]) -> str:
     """Return why a name is refused, with the names that are allowed."""
-    hint = did_you_mean(name, joints)
+    hint = spelling_hint(name, joints)
     return f"{name} is not a joint of the testbed; {hint}allowed: {', '.join(joints)}"
 
 
@@ -64,7 +64,7 @@ def require_joints_of(
 
 
 def _mappings(
-    value: Any, marked: bool, path: tuple[str, ...]
+    value: Any, is_by_joint: bool, path: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, ...], dict[str, Any]]]:
     """Yield the mappings by joint, and where they stand."""
     if is_pydantic_dataclass(type(value)):
@@ -72,11 +72,11 @@ def _mappings(
             by_joint = _BY_JOINT in field.metadata or _is_by_joint(field.annotation)
             by_joint |= name in _ALWAYS and len(path) == 1
             yield from _mappings(getattr(value, name), by_joint, (*path, name))
-    elif isinstance(value, dict) and marked:
+    elif isinstance(value, dict) and is_by_joint:
         yield path, value
     elif isinstance(value, dict | list | tuple):
         for key, part in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _mappings(part, marked, (*path, str(key)))
+            yield from _mappings(part, is_by_joint, (*path, str(key)))
 
 
 def _is_by_joint(kind: Any) -> bool:

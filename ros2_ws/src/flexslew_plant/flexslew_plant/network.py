@@ -12,11 +12,14 @@ SETTING = "FLEXSLEW_NETWORK"
 PROFILES = Path(__file__).with_name("profiles")
 LOOPBACK, NETWORK = PROFILES / "loopback.xml", PROFILES / "network.xml"
 # where Fast DDS searches for the file; on Jazzy it supports the older name alone
-NEWER, OLDER = "FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"
+PROFILE_VARIABLE, OLD_PROFILE_VARIABLE = (
+    "FASTDDS_DEFAULT_PROFILES_FILE",
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+)
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 # each leads a node to other machines, or adds a transport that is bound to 0.0.0.0
 TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
-ELSEWHERE = (
+REMOTE_VARIABLES = (
     TRANSPORTS, "FASTDDS_ENVIRONMENT_FILE", "ROS2_EASY_MODE",
     "ROS_DISCOVERY_SERVER", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_SUPER_CLIENT",
 )  # fmt: skip
@@ -44,20 +47,24 @@ def prepare(environment: MutableMapping[str, str]) -> None:
             every network without a warning.
     """
     jazzy = environment.get("ROS_DISTRO") == "jazzy"
-    name, other = (OLDER, NEWER) if jazzy else (NEWER, OLDER)
+    name, other = (
+        (OLD_PROFILE_VARIABLE, PROFILE_VARIABLE)
+        if jazzy
+        else (PROFILE_VARIABLE, OLD_PROFILE_VARIABLE)
+    )
     loopback, network = (of_jazzy(p) if jazzy else p for p in (LOOPBACK, NETWORK))
     if on_network(environment):
         # of a shell that stayed on the loopback, by whichever link
         if os.path.realpath(environment.get(name, "")) == os.path.realpath(loopback):
-            for own in (name, RANGE, SKIP):
-                environment.pop(own, None)
+            for local in (name, RANGE, SKIP):
+                environment.pop(local, None)
         environment.setdefault(name, str(network))
         if os.path.realpath(environment[name]) == os.path.realpath(network):
             environment[TRANSPORTS] = environment.get(TRANSPORTS) or "UDPv4"  # see loopback.xml
         return
     if not loopback.is_file():
         raise BadInput(f"{loopback}: is missing; without it DDS would use every network")
-    for leading in (*ELSEWHERE, other):
+    for leading in (*REMOTE_VARIABLES, other):
         environment.pop(leading, None)
     environment.update({name: str(loopback), RANGE: "SYSTEM_DEFAULT", SKIP: "1"})
 
@@ -67,7 +74,7 @@ def of_jazzy(profile: Path) -> Path:
     return profile.with_suffix(".jazzy.xml")
 
 
-def demand_loopback() -> None:
+def require_loopback() -> None:
     """Refuse a process that other machines could send to; call it when its first node is there.
 
     Raises:
@@ -85,10 +92,10 @@ def demand_loopback() -> None:
 
 def reachable_sockets(pid: int) -> list[str]:
     """Return the UDP sockets of a process that are not bound to the loopback, as in /proc/net."""
-    own = set()
+    local = set()
     for handle in Path(f"/proc/{pid}/fd").iterdir():
         try:
-            own.add(os.readlink(handle))
+            local.add(os.readlink(handle))
         except OSError:  # closed since
             continue
     found = []
@@ -100,13 +107,13 @@ def reachable_sockets(pid: int) -> list[str]:
         for fields in map(str.split, lines):
             address, _, port = fields[1].partition(":")
             # port 0: a socket that only sends; it is bound to no address either
-            if f"socket:[{fields[9]}]" in own and address != loopback:
+            if f"socket:[{fields[9]}]" in local and address != loopback:
                 found.append(f"{kind} {address}:{int(port, 16)}")
     return found
 
 
 @cache  # once per process
-def tell() -> None:
+def report_network() -> None:
     """Print in one line what the network may do here, if it may do anything."""
     if on_network(os.environ):
         print(

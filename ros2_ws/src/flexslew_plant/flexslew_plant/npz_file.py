@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 LARGEST = 256 << 20  # of all arrays of a file together [B]
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-_DAMAGED = (OSError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error)
+_READ_ERRORS = (
+    OSError,
+    EOFError,
+    NotImplementedError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 
 def read_npz(source: Path | BytesIO) -> dict[str, NDArray[Any]]:
@@ -30,7 +37,7 @@ def read_npz(source: Path | BytesIO) -> dict[str, NDArray[Any]]:
             file.seek(0)
             with np.load(file, allow_pickle=False) as arrays:
                 return {name: _array(arrays, name) for name in arrays.files}
-        except _DAMAGED as error:
+        except _READ_ERRORS as error:
             raise ValueError(str(error) or "it is cut off") from None
 
 
@@ -58,9 +65,9 @@ def _check_sizes(archive: zipfile.ZipFile) -> None:
             if read is None:
                 raise ValueError(f"{entry.filename}: is no array of plain numbers")
             shape, _, kind = read(file)
-        claimed = math.prod(shape) * kind.itemsize
-        if min(shape, default=0) < 0 or claimed > entry.file_size:
+        declared = math.prod(shape) * kind.itemsize
+        if min(shape, default=0) < 0 or declared > entry.file_size:
             raise ValueError(
-                f"{entry.filename}: claims {claimed:,} bytes of numbers and holds "
+                f"{entry.filename}: claims {declared:,} bytes of numbers and holds "
                 f"{entry.file_size:,}"
             )

@@ -24,7 +24,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.refusal import Refusal
 
 ALL = "all"  # trusts every name
@@ -42,13 +42,13 @@ class Trust:
 
     Attributes:
         names: trusted names of classes, and of files where they may not be read otherwise.
-        everything: whether every name is trusted.
+        trust_all: whether every name is trusted.
         files: whether files may be read that values name; None: those that values of a person or a
             request name, not those that a log names.
     """
 
     names: frozenset[str] = frozenset()
-    everything: bool = False
+    trust_all: bool = False
     files: bool | None = None
 
     @classmethod
@@ -56,13 +56,13 @@ class Trust:
         """Return the trust in these names; `all` stands for every one."""
         return ANY_CODE if ALL in names else cls(frozenset(names))
 
-    def allows(self, name: str) -> bool:
+    def is_allowed(self, name: str) -> bool:
         """Return whether the class of this name may be loaded."""
-        return self.everything or name in self.names
+        return self.trust_all or name in self.names
 
-    def allows_file(self, path: str) -> bool:
+    def is_file_allowed(self, path: str) -> bool:
         """Return whether the file of this name may be read."""
-        return self.files is not False or self.allows(path)
+        return self.files is not False or self.is_allowed(path)
 
     def for_log(self) -> "Trust":
         """Return the trust in the values of a log: by default, it names no files."""
@@ -73,7 +73,7 @@ class Trust:
         return replace(self, files=True)
 
 
-NO_CODE, ANY_CODE = Trust(), Trust(everything=True)
+NO_CODE, ANY_CODE = Trust(), Trust(trust_all=True)
 # by class and name: what code_hash returns
 _FOUND: WeakKeyDictionary[type[Any], dict[str, str]] = WeakKeyDictionary()
 
@@ -97,7 +97,7 @@ def require_file(trust: Trust, path: str, source: str) -> None:
     Raises:
         Untrusted: if it may not.
     """
-    if not trust.allows_file(path):
+    if not trust.is_file_allowed(path):
         words = f"{source}: refused to read {path:.200}, which a log names"
         raise Untrusted(f"{words}; {allow_words(path)}", path)
 
@@ -107,7 +107,7 @@ def allow_words(name: str) -> str:
     return f"allow it with --trust {shlex.quote(name)}"
 
 
-def is_own_code(name: str) -> bool:
+def is_user_code(name: str) -> bool:
     """Return whether a name stands for a file or a module: `my_law.py:MyLaw`, `package.MyLaw`."""
     return ".py:" in name or "." in name
 
@@ -166,8 +166,8 @@ def find_class(
         BadInput: there is no such class, or its module cannot be imported.
     """
     installed = _installed(group)
-    if name not in installed and is_own_code(name):
-        _demand(trust, name, source)
+    if name not in installed and is_user_code(name):
+        _require_trust(trust, name, source)
     try:
         if name in installed:
             found = installed[name].load()
@@ -182,7 +182,7 @@ def find_class(
         else:
             allowed = ", ".join(sorted({*known, *installed}))
             kind = what.title().replace(" ", "")
-            hint = did_you_mean(name, {*known, *installed})
+            hint = spelling_hint(name, {*known, *installed})
             raise BadInput(
                 f"{name} is not a {what}; {hint}allowed: {allowed}, my_{what}.py:My{kind}, "
                 f"package.module.My{kind}",
@@ -202,20 +202,20 @@ def _installed(group: str) -> dict[str, EntryPoint]:
 
     What each package offers is read again where a folder of sys.path has changed.
     """
-    stamps = []
+    folder_times = []
     for folder in sys.path:
         with suppress(OSError):
-            stamps.append((folder, os.stat(folder or ".").st_mtime_ns))
-    return _offered(group, tuple(stamps))
+            folder_times.append((folder, os.stat(folder or ".").st_mtime_ns))
+    return _cached_entry_points(group, tuple(folder_times))
 
 
 @lru_cache(maxsize=16)
-def _offered(group: str, _: tuple[tuple[str, int], ...]) -> dict[str, EntryPoint]:
+def _cached_entry_points(group: str, _: tuple[tuple[str, int], ...]) -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=group)}
 
 
-def _demand(trust: Trust, name: str, source: str) -> None:
-    if trust.allows(name):
+def _require_trust(trust: Trust, name: str, source: str) -> None:
+    if trust.is_allowed(name):
         return
     path, digest = file_of(name), code_hash(name)
     if path is None:
@@ -235,8 +235,8 @@ def module_at(path: Path) -> ModuleType:
     Raises:
         ImportError: not a Python file.
     """
-    stem = f"flexslew_user_{path.stem}"
-    loaded = sys.modules.get(stem)
+    module_name = f"flexslew_user_{path.stem}"
+    loaded = sys.modules.get(module_name)
     try:
         stat = path.stat()
         stamp = (str(path.resolve()), stat.st_mtime_ns, stat.st_size)
@@ -247,17 +247,17 @@ def module_at(path: Path) -> ModuleType:
     if path.suffix != ".py":
         raise ImportError(f"{path} is not a Python file")
     spec = importlib.util.spec_from_file_location(
-        stem, path, loader=_UncachedLoader(stem, str(path))
+        module_name, path, loader=_UncachedLoader(module_name, str(path))
     )
     if spec is None or spec.loader is None:
         raise ImportError(f"{path} cannot be imported")
     module = importlib.util.module_from_spec(spec)
     module.__dict__["_flexslew_stamp"] = stamp
-    sys.modules[stem] = module  # pickling and Numba look a function's module up by its name
+    sys.modules[module_name] = module  # pickling and Numba look a function's module up by its name
     try:
         spec.loader.exec_module(module)
     except BaseException:
-        del sys.modules[stem]
+        del sys.modules[module_name]
         raise
     return module
 
@@ -280,16 +280,16 @@ def one_line(error: Exception) -> str:
     words = f"{type(error).__name__}: {text}" if text else type(error).__name__
     if isinstance(error, SyntaxError):  # its own words name the place
         return words
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if not _ours(f.filename)]
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not _is_internal(f.filename)]
     if not frames:
         return words
     place = next(f for f in reversed(frames) if f.filename == frames[0].filename)
     path = Path(place.filename)
-    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
-    return f"{words} ({shown}, line {place.lineno})"
+    display_path = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return f"{words} ({display_path}, line {place.lineno})"
 
 
-def _ours(filename: str) -> bool:
+def _is_internal(filename: str) -> bool:
     """Return whether a frame is of the bench or of the machinery that imports modules."""
     if filename.startswith("<frozen") or "importlib" in filename:
         return True

@@ -39,14 +39,14 @@ class Cause(StrEnum):
     CANCELED = "canceled"
 
 
-class _Nothing(Enum):
+class _NoValue(Enum):
     """The value of a refusal that is about none; an enum, for it goes from process to process."""
 
-    NOTHING = auto()
+    NO_VALUE = auto()
 
 
-NOTHING: Final = _Nothing.NOTHING
-_LONGEST = 60  # characters of a value
+NO_VALUE: Final = _NoValue.NO_VALUE
+_MAX_VALUE_LENGTH = 60  # characters of a value
 _WORD, _LINE = 300, 3000  # characters of a message
 
 
@@ -64,15 +64,15 @@ class Refusal:
 
     why: str
     key: str = ""
-    value: Any = NOTHING
+    value: Any = NO_VALUE
     source: str = ""
     cause: Cause = Cause.NOT_ALLOWED
 
     def __str__(self) -> str:
         """Return `source: key: value is not allowed: why`, without the parts that there are not."""
         why = self.why
-        if self.value is not NOTHING:
-            why = f"{_shortened(self.value)} is not allowed: {why}"
+        if self.value is not NO_VALUE:
+            why = f"{_value_text(self.value)} is not allowed: {why}"
         return one_line(": ".join(part for part in (self.source, self.key, why) if part))
 
     def within(self, key: str = "", source: str = "") -> "Refusal":
@@ -95,25 +95,25 @@ def one_line(text: str) -> str:
     Words of more than 300 characters and a line of more than 3,000 are shortened in their middle.
     """
     if len(text) > _WORD:
-        text = _shorter(re.sub(rf"\S{{{_WORD},}}", lambda word: _shorter(word[0], _WORD), text))
-    return text if text.isprintable() else _shorter("".join(map(_escaped, text)))
+        text = _truncate(re.sub(rf"\S{{{_WORD},}}", lambda word: _truncate(word[0], _WORD), text))
+    return text if text.isprintable() else _truncate("".join(map(_escaped, text)))
 
 
-def _shorter(text: str, longest: int = _LINE) -> str:
+def _truncate(text: str, max_length: int = _LINE) -> str:
     """Return a text of at most this many characters, with how many are left out of its middle."""
-    left_out = len(text) - longest
+    left_out = len(text) - max_length
     if left_out <= 0:
         return text
-    return f"{text[: longest // 2]}...({left_out:,} characters)...{text[-(longest // 3) :]}"
+    return f"{text[: max_length // 2]}...({left_out:,} characters)...{text[-(max_length // 3) :]}"
 
 
 def _escaped(letter: str) -> str:
     return letter if letter.isprintable() else ascii(letter)[1:-1]
 
 
-def _shortened(value: Any) -> str:
+def _value_text(value: Any) -> str:
     """Return a value as Python writes it, at most 60 characters of it."""
     if isinstance(value, str | bytes):
-        value = value[: _LONGEST + 1]
+        value = value[: _MAX_VALUE_LENGTH + 1]
     text = repr(value.tolist() if hasattr(value, "tolist") else value)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+    return text if len(text) <= _MAX_VALUE_LENGTH else f"{text[: _MAX_VALUE_LENGTH - 3]}..."

@@ -10,7 +10,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.keys.refused_keys import quantities, refusal_of, untrusted
-from flexslew_plant.keys.units import replaced
+from flexslew_plant.keys.units import convert_quantities
 from flexslew_plant.own_code import NO_CODE, Trust, Untrusted
 from flexslew_plant.yaml_data import yaml_text
 
@@ -70,7 +70,7 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
             places = quantities(error, values)
             if not places:
                 raise
-            values = replaced(kind, values, places, source)
+            values = convert_quantities(kind, values, places, source)
             result = _adapter(kind).validate_python(values, context=trust)
     except (PydanticUserError, PydanticUndefinedAnnotation) as error:
         name, why = getattr(kind, "__name__", kind), " ".join(str(error).split())

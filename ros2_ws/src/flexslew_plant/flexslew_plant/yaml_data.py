@@ -13,9 +13,9 @@ _MOST = 1_000_000  # values and characters of a YAML text, with its aliases writ
 _MERGED = 10_000  # keys that the merges (<<) of a text copy
 _BITS = 1023  # of a whole number that is a finite float, too
 _SHORT = 10_000  # characters that cannot nest too deep for the stack
-DEEPEST = 32  # lists and keys in one another
+MAX_DEPTH = 32  # lists and keys in one another
 _MERGE = "tag:yaml.org,2002:merge"
-LONGEST = 1 << 20  # of a YAML or JSON text that a log can hold [characters]
+MAX_LENGTH = 1 << 20  # of a YAML or JSON text that a log can hold [characters]
 
 
 def load_yaml(text: str, source: str) -> Any:
@@ -45,8 +45,8 @@ def require_short(text: str, source: str) -> None:
     Raises:
         BadInput: it has more than LONGEST characters.
     """
-    if len(text) > LONGEST:
-        words = f"has {len(text):,} characters; a log holds at most {LONGEST:,}"
+    if len(text) > MAX_LENGTH:
+        words = f"has {len(text):,} characters; a log holds at most {MAX_LENGTH:,}"
         raise BadInput(words, source)
 
 
@@ -76,8 +76,8 @@ def _events(text: str, source: str) -> Iterator[yaml.Event]:
     for event in yaml.parse(text, Loader=yaml.CSafeLoader):
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > DEEPEST:
-            raise BadInput(f"is nested more than {DEEPEST} deep", source)
+        if depth > MAX_DEPTH:
+            raise BadInput(f"is nested more than {MAX_DEPTH} deep", source)
         yield event
 
 
@@ -103,14 +103,14 @@ def bounded(value: Any, source: str, length: int) -> Any:
             return (len(part) or 1) if isinstance(part, str) else 1, 0
         if id(part) not in known:
             known[id(part)] = inf, inf  # where it holds itself
-            inside = [*part, *part.values()] if isinstance(part, dict) else part
-            sizes, depths = zip((0, 0), *map(measure, inside), strict=True)
+            children = [*part, *part.values()] if isinstance(part, dict) else part
+            sizes, depths = zip((0, 0), *map(measure, children), strict=True)
             known[id(part)] = sum(sizes), 1 + max(depths)
         return known[id(part)]
 
     size, depth = measure(value)
-    if depth > DEEPEST:
-        raise BadInput(f"is nested more than {DEEPEST} deep, or is recursive", source)
+    if depth > MAX_DEPTH:
+        raise BadInput(f"is nested more than {MAX_DEPTH} deep, or is recursive", source)
     if size > max(_MOST, length):
         words = f"holds more than {_MOST} values and characters, aliases written out"
         raise BadInput(words, source)

@@ -65,7 +65,7 @@ class Charge:
         self._awaited.append(self._bench.second.begin(srv.SwitchController, service, **asked))
         return f"{name} at {at:g} s"
 
-    def answers(self) -> str:
+    def responses(self) -> str:
         """Nobody is left waiting for a switch."""
         for asked in self._awaited:
             self._bench.second.until(asked.done, lambda: self._desk.diary)

@@ -49,7 +49,7 @@ class RandomOperator:
         self._plans.end_all()
         if self._bench.state.state == PAUSED:
             self._desk.do(self._run.start)
-        self._desk.do(self._charge.answers)
+        self._desk.do(self._charge.responses)
         if not self._all_ready():  # a planner that was started in flight knows no plan of it
             self._desk.do(self._run.reset)
             self._desk.do(self._run.start)

@@ -15,10 +15,10 @@ from flexslew_control.analysis.rest import rest_of
 from flexslew_control.analysis.save_law import save_law
 from flexslew_control.controllers import CONTROLLERS, build_controller, with_file
 from flexslew_control.controllers.host import merged
-from flexslew_control.controllers.linear.linear_law import LinearSettings, StateSpace, discretised
+from flexslew_control.controllers.linear.linear_law import LinearSettings, StateSpace, to_discrete
 from flexslew_control.law import Reference
 from flexslew_control.linear_form import LinearObserver
-from flexslew_lab.analysis.analysis import analysed
+from flexslew_lab.analysis.analysis import loop_analysis
 from flexslew_lab.notebook import fly, trial
 from flexslew_lab.replay.resim import resim
 from flexslew_plant.errors import BadInput
@@ -161,7 +161,7 @@ def test_continuous_systems_are_discretised_as_by_python_control(
 ) -> None:
     rng = np.random.default_rng(2)
     a, b, c, d = (rng.standard_normal(shape) for shape in ((3, 3), (3, 2), (2, 3), (2, 2)))
-    ours = discretised(LinearSettings(method=method, prewarping=prewarping), a, b, c, d, 0.01)
+    ours = to_discrete(LinearSettings(method=method, prewarping=prewarping), a, b, c, d, 0.01)
     kind = "zoh" if method == "hold" else "bilinear"
     theirs = control.sample_system(control.ss(a, b, c, d), 0.01, kind, prewarp_frequency=prewarping)
     z = np.exp(1j * 0.01 * np.array([0.3, 3.0, 100.0]))
@@ -282,7 +282,7 @@ def test_an_observer_whose_error_grows_is_not_stable_though_no_effort_moves_it()
     wild = {**told_the_efforts(-0.05), "allow_unstable": True}
     what = trial("m1", {"plan": None, "testbed.modes": 1, "testbed.damping_ratio": 0.01,
                         "controllers": {"linear": wild}, "active": "linear"})  # fmt: skip
-    found = analysed(what, "it")
+    found = loop_analysis(what, "it")
     assert not found.stable
     assert min(pole.damping for pole in found.poles) < 0.0
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_control.controllers.probing.at_rest import moves
+from flexslew_control.controllers.probing.at_rest import plan_motion_error
 from flexslew_control.plan import Plan
 
 
@@ -14,6 +14,6 @@ def to(goal: float) -> Plan:
 
 
 def test_a_slew_by_an_arcsecond_moves_wherever_it_starts() -> None:
-    assert moves(None, np.ones(1)) == ""
-    assert moves(to(1.0), np.ones(1)) == ""
-    assert "moving" in moves(to(1.0 + np.deg2rad(1.0 / 3600.0)), np.ones(1))
+    assert plan_motion_error(None, np.ones(1)) == ""
+    assert plan_motion_error(to(1.0), np.ones(1)) == ""
+    assert "moving" in plan_motion_error(to(1.0 + np.deg2rad(1.0 / 3600.0)), np.ones(1))

@@ -266,7 +266,7 @@ def test_a_filter_that_forgets_within_months_has_a_form(period: float) -> None:
     it, rest = build_controller("it", "proportional_integral", {}, bench, "h"), rest_of(testbed)
     found = running_law(it, rest, bench.effort_limit)
     assert found.mismatch < 1e-10
-    estimator: Any = found.rested.estimator
+    estimator: Any = found.steady_controller.estimator
     c, p = estimator.matrices.c, estimator._prior
     own = p @ c.T @ np.linalg.inv(c @ p @ c.T + np.diag(estimator.matrices.r))
     # the least that forgets is 2e-9 a tick, which the solver of the Riccati equation loses

@@ -13,7 +13,7 @@ from flexslew_control.controllers.retargeting.disturbance_accommodating import (
     integral_gains,
 )
 from flexslew_control.controllers.retargeting.modal_space import modal_gains, space_gains
-from flexslew_control.controllers.retargeting.sampled_regulator import held_regulator
+from flexslew_control.controllers.retargeting.sampled_regulator import sampled_gain
 from flexslew_control.controllers.retargeting.small_motion_laws import (
     IntegralFeedback,
     integral_form,
@@ -25,9 +25,9 @@ from flexslew_control.estimators.small_motion_observer import (
 )
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.linear_form import SmallMotionForm
-from flexslew_control.small_motion import Frozen, moving
-from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_plant.arrays import NOTHING
+from flexslew_control.small_motion import Frozen, design_motion
+from flexslew_lab.reproduce.scole_flights import example_trial
+from flexslew_plant.arrays import EMPTY
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 
@@ -106,12 +106,12 @@ def test_a_held_regulator_tends_to_the_continuous_one() -> None:
     frozen = random_plant(7)
     a, b = frozen.state_matrix, frozen.state_input_matrix
     q, r = np.eye(8), 0.1 * np.eye(4)
-    gain = held_regulator(a, b, q, r, 1e-5, "sampled")
+    gain = sampled_gain(a, b, q, r, 1e-5, "sampled")
     np.testing.assert_allclose(gain, regulator(a, b, q, r)[0], rtol=2e-3, atol=2e-3)
 
 
 def test_a_continuous_regulator_that_a_tick_makes_unstable_is_refused() -> None:
-    testbed = shipped("antenna_4").testbed
+    testbed = example_trial("antenna_4").testbed
     with pytest.raises(BadInput, match=r"continuous is not stable .* 0.05 s: .* take sampled"):
         build_controller(
             "a", "disturbance_minimisation", {}, plant(0.05, [4e3] * 4, testbed), "trial"
@@ -120,7 +120,7 @@ def test_a_continuous_regulator_that_a_tick_makes_unstable_is_refused() -> None:
 
 def test_efforts_that_do_the_same_are_refused_by_name() -> None:
     twin = {"kind": "force", "direction": [0.0, 1.0, 0.0], "appendage": None, "mode": None}
-    testbed = shipped("antenna_4", {"testbed": {"actuators": {"beam_mode": twin}}}).testbed
+    testbed = example_trial("antenna_4", {"testbed": {"actuators": {"beam_mode": twin}}}).testbed
     with pytest.raises(
         BadInput, match=r"beam_mode and y are dependent; the motion of mode 1 cannot"
     ):
@@ -130,7 +130,7 @@ def test_efforts_that_do_the_same_are_refused_by_name() -> None:
 
 
 def test_planned_gains_wait_for_a_plan_that_has_some() -> None:
-    testbed = shipped("antenna_3").testbed
+    testbed = example_trial("antenna_3").testbed
     assert "planned_gains" in CONTROLLERS
     controller = build_controller("a", "planned_gains", {}, plant(0.01, [1e3], testbed), "trial")
     assert (
@@ -142,16 +142,15 @@ def test_planned_gains_wait_for_a_plan_that_has_some() -> None:
 @pytest.mark.parametrize("planned", [False, True], ids=["constant", "planned"])
 def test_an_integral_on_an_observer_is_its_matrices_tick_by_tick(planned: bool) -> None:
     """With gains of every tick, and efforts at their limits some of the time."""
-    testbed = shipped("antenna_1").testbed
+    testbed = example_trial("antenna_1").testbed
     estimator = observer(
-        moving(plant(0.01, testbed.effort_limit, testbed), None), ObserverSettings(), 0.01
+        design_motion(plant(0.01, testbed.effort_limit, testbed), None), ObserverSettings(), 0.01
     )
     assert isinstance(estimator, SmallMotionObserver)
     (n, m), rng = (16, 10), np.random.default_rng(9)
     gains, none = rng.standard_normal((21, m, 3 * n)), np.zeros(m)
     references = [
-        Reference(none, none, rng.standard_normal(m), NOTHING, gains=own.ravel())
-        for own in gains[1:]
+        Reference(none, none, rng.standard_normal(m), EMPTY, gains=own.ravel()) for own in gains[1:]
     ]
     law = IntegralFeedback(gains[0], none, np.full(m, 4.0), 0.5, 0.01, planned)
     form = integral_form(estimator, law, references)
@@ -166,8 +165,8 @@ def test_an_integral_on_an_observer_is_its_matrices_tick_by_tick(planned: bool) 
             s = a @ s + e @ y[k - 1] + c + d @ efforts[k - 1]
         own = form.law.from_state[min(k, len(form.law.from_state) - 1)]
         efforts[k] = np.clip(form.law.demand[k] + own @ np.concatenate((y[k], s)), -4.0, 4.0)
-        measured = Measurement(k, 0, 0.01 * k, "", none, none, NOTHING, NOTHING, none)
-        estimate = Estimate(y[k, :n], y[k, n:], NOTHING, np.zeros((0, 0)), NOTHING)
+        measured = Measurement(k, 0, 0.01 * k, "", none, none, EMPTY, EMPTY, none)
+        estimate = Estimate(y[k, :n], y[k, n:], EMPTY, np.zeros((0, 0)), EMPTY)
         expected = law.update(measured, estimate, reference)
         np.testing.assert_allclose(efforts[k], expected, rtol=1e-10, atol=1e-10)
     assert 0.2 < np.mean(np.abs(efforts) == 4.0) < 0.8

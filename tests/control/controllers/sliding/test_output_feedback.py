@@ -197,7 +197,7 @@ def own_covariance(observer: Any) -> Any:
 
     def ahead(z: Any, y: Any) -> Any:
         still = np.zeros(system.b.shape[1])
-        return observed.advanced(rest + z, c @ rest + y, still, gain, None)
+        return observed.propagate(rest + z, c @ rest + y, still, gain, None)
 
     d = 1e-6
     f = np.array(

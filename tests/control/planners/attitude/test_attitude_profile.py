@@ -13,8 +13,8 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
-from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.reproduce.scole_flights import example_trial
+from flexslew_lab.run.in_process import run_bench
 from flexslew_plant.bench.bench import Bench, BenchSettings, Truth
 from flexslew_plant.errors import BadInput, PlanFailed
 
@@ -139,7 +139,7 @@ PERIOD = 0.05
 
 @pytest.mark.parametrize(("law", "ends"), products(LAWS, ["in a profile", "in a spin"]))
 def test_a_craft_with_panels_and_wheels_flies_it_under_feedback(law: str, ends: str) -> None:
-    testbed = shipped("three_axes").testbed
+    testbed = example_trial("three_axes").testbed
     bench = PlantDescription(testbed, PERIOD, np.array(testbed.effort_limit))
     rng = np.random.default_rng(len(law))
     keys: dict[str, Any] = {"points": turns(rng, 0.05)[:2]}
@@ -152,7 +152,7 @@ def test_a_craft_with_panels_and_wheels_flies_it_under_feedback(law: str, ends: 
     it = build_controller(law, law, own, bench, "here")
     assert it.adopt(plan) is None
     off = _Off(plan, flying)
-    fly(flying, {it.name: it}, off)
+    run_bench(flying, {it.name: it}, off)
     assert off.attitude < 1e-5  # drift of the hold
 
 
@@ -167,7 +167,7 @@ def test_a_rigid_craft_is_kept_on_its_spin_under_feedback(gyroscopic: bool) -> N
     it = build_controller("pd_feedforward", "pd_feedforward", values, bench, "here")
     assert it.adopt(plan) is None
     off = _Off(plan, flying)
-    fly(flying, {it.name: it}, off)
+    run_bench(flying, {it.name: it}, off)
     assert off.attitude < 1e-5
 
 

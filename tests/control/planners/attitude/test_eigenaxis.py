@@ -13,9 +13,9 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
-from flexslew_control.planners.prediction import WATCHED
-from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.run.in_process import fly
+from flexslew_control.planners.prediction import MIN_MONITOR_TIME
+from flexslew_lab.reproduce.scole_flights import example_trial
+from flexslew_lab.run.in_process import run_bench
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings, Truth
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -198,7 +198,7 @@ def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int)
         name: {"axis": axis, "inertia": 0.02, "limit": 0.5, "momentum_limit": 10.0}
         for name, axis in zip(NAMES, np.eye(3).tolist(), strict=True)
     }
-    testbed = shipped("own_spacecraft", {"testbed": {"wheels": wheels}}).testbed
+    testbed = example_trial("own_spacecraft", {"testbed": {"wheels": wheels}}).testbed
     bench = PlantDescription(testbed, 0.1, np.array(testbed.effort_limit))
     gains = {"kp": [12.0], "kd": [60.0]}
     axis = np.random.default_rng(seed).standard_normal(3).tolist()
@@ -208,12 +208,12 @@ def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int)
         "goal": {"axis": axis, "angle": "30 deg"},
     }
     plan = make_plan(plan_settings(values, "here"), bench, law=ActiveLaw("pd_feedforward", gains))
-    duration = float(np.ceil(plan.end + WATCHED))
+    duration = float(np.ceil(plan.end + MIN_MONITOR_TIME))
     flying = Bench(BenchSettings(testbed=testbed, period=bench.period, duration=duration))
     it = build_controller("pd_feedforward", "pd_feedforward", gains, bench, "here")
     assert it.adopt(plan) is None
     left = _Left(plan, flying)
-    fly(flying, {it.name: it}, left)
+    run_bench(flying, {it.name: it}, left)
     predicted = plan.summary["predicted_residual_attitude_error"]
     assert left.tip == pytest.approx(plan.summary["predicted_residual_tip_deflection"], abs=1e-8)
     np.testing.assert_allclose(left.away, [predicted[name] for name in NAMES], atol=1e-8)
@@ -237,7 +237,7 @@ def test_a_joint_that_does_not_turn_the_craft_does_not_go_along() -> None:
 
 
 def test_a_period_that_is_long_for_the_modes_is_refused_with_the_remedy() -> None:
-    testbed = shipped("observatory", {}).testbed
+    testbed = example_trial("observatory", {}).testbed
     law = ActiveLaw("pd_feedforward", {"kp": [12.0], "allocation": {"kind": "thrusters"}})
     goal = {"axis": [1.0, 2.0, 0.5], "angle": 0.5}
     settings = plan_settings({"method": "input_shaping", "duration": 120.0, "goal": goal}, "here")

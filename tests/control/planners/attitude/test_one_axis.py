@@ -12,7 +12,7 @@ from tests.representatives import products, representatives
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import feedback_of, plan_of_trial, plant_of
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -21,7 +21,7 @@ from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 
 def planned(name: str, **changes: Any) -> Any:
-    trial = shipped(name, {"plan": changes})
+    trial = example_trial(name, {"plan": changes})
     return present(plan_of_trial(trial))
 
 
@@ -47,7 +47,7 @@ def test_the_reference_may_swing_on_after_the_end() -> None:
 
 
 def test_equal_panels_swing_together_in_the_planners_model() -> None:
-    testbed = shipped("own_spacecraft").testbed
+    testbed = example_trial("own_spacecraft").testbed
     assert isinstance(testbed, SpacecraftTestbed)
     one = testbed.turning("roll", 1)
     assert {name: part.only_modes for name, part in one.appendages.items()} == {
@@ -72,7 +72,7 @@ def test_functions_too_long_for_a_mode_are_told_with_a_number_that_is_enough() -
 
 @pytest.mark.parametrize("name", ["own_spacecraft", "three_axes"])
 def test_a_step_of_a_free_platform_promises_nothing_and_flies(name: str, tmp_path: Path) -> None:
-    trial = shipped(name)
+    trial = example_trial(name)
     settings = plan_settings({"method": "none", "goal": {"roll": 1e-3}, "duration": 1.0}, "test")
     plan = make_plan(settings, plant_of(trial), feedback_of(trial))
     assert not [key for key in plan.summary if key.startswith("predicted")]

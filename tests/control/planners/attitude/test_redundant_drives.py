@@ -37,7 +37,7 @@ def test_a_plan_ends_where_its_goal_asks_the_named_joints_to_be(
     attitude = trial.testbed.model().attitude
     assert attitude is not None
     for position in plan.position[[0, -1]]:  # one attitude has them all
-        turn = attitude.turn_of(position)
+        turn = attitude.rotation_vector_of(position)
         np.testing.assert_allclose(attitude.axes @ turn, position, atol=1e-12)
     end = dict(zip(plan.joint_names, plan.position[-1].tolist(), strict=True))
     assert {name: end[name] for name in goal} == pytest.approx(goal, abs=1e-12)

@@ -160,7 +160,7 @@ def test_the_efforts_and_their_sensitivities_are_those_of_the_flight() -> None:
     member, at = asked.members[0], asked.maps[0]
     weights = 30.0 * np.random.default_rng(0).standard_normal(18)
     at.terminal_error(weights)
-    peak = member.flown(asked.basis, weights.reshape(2, -1).T).peak
+    peak = member.simulate(asked.basis, weights.reshape(2, -1).T).peak
     np.testing.assert_allclose(np.abs(at.efforts(weights)).max(axis=0), peak, rtol=0.3)
     whole = at.sensitivity()
     g, slopes, turns = at.sensitivities()

@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_control.planners.input_shaping.shapers import ShaperName, convolved, make_shaper
+from flexslew_control.planners.input_shaping.shapers import ShaperName, convolve, make_shaper
 from flexslew_plant.errors import BadInput
 
 W = 0.468949
@@ -53,7 +53,7 @@ def test_zero_vibration_leaves_an_exact_mode_at_rest() -> None:
 
 
 def test_several_modes_are_shaped_by_convolution() -> None:
-    both = convolved([make_shaper("zv", 0.34), make_shaper("zvd", 2.12, 0.01)])
+    both = convolve([make_shaper("zv", 0.34), make_shaper("zvd", 2.12, 0.01)])
     assert both.residual(0.34)[0] < 1e-12
     assert both.residual(2.12, 0.01)[0] < 1e-12
 

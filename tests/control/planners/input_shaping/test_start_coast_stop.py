@@ -9,8 +9,8 @@ from tests.present import present
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.input_shaping.start_coast_stop import (
     StartCoastStop,
-    pulses,
-    two_impulses,
+    pulse_pair,
+    two_impulse_gains,
 )
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
@@ -27,21 +27,21 @@ def planned(pitch: float = 0.0, limit: Any = (150.0, 150.0), **changes: Any) -> 
 
 
 def test_pulses_turn_a_rigid_body_by_the_angle() -> None:
-    motion = pulses(0.5, 100.0, 0.4, 7000.0)
+    motion = pulse_pair(0.5, 100.0, 0.4, 7000.0)
     t = np.linspace(0.0, motion.duration, 20001)
     np.testing.assert_allclose(np.trapezoid(motion.rate(t), t), 0.5, rtol=1e-8)
     np.testing.assert_allclose(motion.rate(t).max(), 100.0 * motion.length / 14000.0)
 
 
 def test_a_short_turn_weakens_the_pulses_instead_of_overlapping_them() -> None:
-    motion = pulses(-0.01, 100.0, 0.4, 7000.0)
+    motion = pulse_pair(-0.01, 100.0, 0.4, 7000.0)
     t = np.linspace(0.0, motion.duration, 20001)
     assert motion.stop == pytest.approx(motion.length)
     np.testing.assert_allclose(np.trapezoid(motion.rate(t), t), -0.01, rtol=1e-6)
 
 
 def test_two_impulses_cancel_a_damped_mode() -> None:
-    a1, a2, delay = two_impulses(0.7, 0.1)
+    a1, a2, delay = two_impulse_gains(0.7, 0.1)
     pole = -0.1 * 0.7 + 1j * 0.7 * np.sqrt(1.0 - 0.01)
     assert abs(a1 + a2 * np.exp(-pole * delay)) < 1e-12
     assert a1 + a2 == pytest.approx(1.0)

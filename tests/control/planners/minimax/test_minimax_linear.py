@@ -170,7 +170,7 @@ def test_the_answer_of_a_linear_member_is_affine_and_that_of_its_flight() -> Non
     members = members_of(settings.ensemble, slew)
     program = convex_program(question, members)
     weights = np.random.default_rng(0).standard_normal(program.grid.size)
-    efforts, nominal = program.grid.held(weights), [np.zeros(4)]
+    efforts, nominal = program.grid.tick_efforts(weights), [np.zeros(4)]
     for u in efforts:
         nominal.append(slew.model.advance(nominal[-1], u, 0.05))
     for member, response in zip(members[:3], program.responses, strict=False):
@@ -180,7 +180,7 @@ def test_the_answer_of_a_linear_member_is_affine_and_that_of_its_flight() -> Non
             u = (0.0 if over else efforts[k]) + 0.5 * (y[:1] - x[:1]) + 1.0 * (y[2:3] - x[2:3])
             rows.append([x[1], u[0], x[0], x[2]])
             x = member.model.advance(x, u, 0.05)
-        flown = response.flown(weights)[: len(rows)]
+        flown = response.simulate(weights)[: len(rows)]
         np.testing.assert_allclose(flown, rows, atol=1e-11)
         for channel in range(4):
             slopes, offsets = response.rows([0, 8, 9, 61, 62, 70], channel)

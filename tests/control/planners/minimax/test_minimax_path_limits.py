@@ -147,7 +147,7 @@ def test_without_anything_to_spare_the_cones_are_kept_out_of_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What the search misses on the way is found between the ticks, and it goes on tighter."""
-    monkeypatch.setattr(minimax_feedforward, "SPARE", 0.0)
+    monkeypatch.setattr(minimax_feedforward, "PATH_MARGIN", 0.0)
     plant, goal = turn_past(0, 1)
     values = {**QUICK, "goal": goal, "duration": 16.5}
     plan = make_plan(plan_settings(values, "here"), plant, GAINS, law=LAW)

@@ -18,12 +18,12 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import question_of
-from flexslew_control.planners.minimax.nonlinear_path import channels, deviation, tabled
+from flexslew_control.planners.minimax.nonlinear_path import affine_path, channels, deviation
 from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.search import search_of, smooth
 from flexslew_control.planners.minimax.turning_motion import platform_of
 from flexslew_control.planners.slew import Feedback, slew_of
-from flexslew_control.planners.whole_bench import flown_on_bench, not_counted
+from flexslew_control.planners.whole_bench import ignored_settings, simulate_on_bench
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed
 
@@ -83,7 +83,7 @@ def test_random_turns_keep_their_promise_on_members_and_between(seed: int) -> No
     found = []
     for error in (-0.2, -0.1, 0.0, 0.03, 0.1, 0.2):
         other = replace(bench(), testbed=bench().testbed.scaled(stiffness=1.0 + error))
-        found.append(present(flown_on_bench(plan, other, LAW)))
+        found.append(present(simulate_on_bench(plan, other, LAW)))
     worst = max(one.tip_deflection for one in found)
     assert worst < 1.1 * promised + 1e-5
     assert abs(found[2].tip_deflection - plan.summary["predicted_residual_tip_deflection"]) < 1e-9
@@ -117,8 +117,8 @@ def derivatives_and_flights(
     weights = 0.5 * LIMIT * np.random.default_rng(0).standard_normal(grid.size)
 
     def flown(weights: Any) -> Any:
-        first = motion.flight(slew.model, grid.held(weights), gains, None, motors)
-        return first, motion.flight(member, grid.held(weights), gains, first.states, motors)
+        first = motion.flight(slew.model, grid.tick_efforts(weights), gains, None, motors)
+        return first, motion.flight(member, grid.tick_efforts(weights), gains, first.states, motors)
 
     def beside(k: int, by: float) -> tuple[Any, Any]:
         step = by * np.eye(grid.size)[k]
@@ -126,8 +126,8 @@ def derivatives_and_flights(
 
     first, other = flown(weights)
     fixed = gains, motors, grid, weights, limited
-    about = tabled(motion, slew.model, first, None, *fixed)
-    return tabled(motion, member, other, about, *fixed).path, beside
+    about = affine_path(motion, slew.model, first, None, *fixed)
+    return affine_path(motion, member, other, about, *fixed).path, beside
 
 
 def test_the_derivatives_of_a_turn_are_those_of_its_flight() -> None:
@@ -220,7 +220,7 @@ def test_what_makes_no_sense_in_three_axes_is_refused(more: Any, words: str) -> 
 def test_what_a_law_does_beyond_the_gains_that_a_plan_counts_with_is_named(
     law: str, settings: dict[str, Any], words: str
 ) -> None:
-    assert not_counted(ActiveLaw(law, settings)) == words
+    assert ignored_settings(ActiveLaw(law, settings)) == words
 
 
 @pytest.mark.slow

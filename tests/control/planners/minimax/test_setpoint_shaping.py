@@ -10,7 +10,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.minimax.minimax_feedforward import MinimaxFeedforward
 from flexslew_control.planners.prediction import predicted
 from flexslew_control.planners.slew import slew_of
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.sources import read_trial, trial_path
 from flexslew_lab.trial.trial import feedback_of, parse_trial, plant_of
 from flexslew_plant.yaml_data import load_yaml, yaml_text
@@ -40,7 +40,7 @@ def test_at_most_an_arcsecond_of_vibration_is_left_on_any_stiffness(
     assert plan.duration == 27.0
     for factor in np.random.default_rng(30).uniform(0.8, 1.2, 12).tolist():
         softer = {f"testbed.appendages.{arm}.stiffness": factor for arm in ARMS}
-        text = yaml_text(overridden(source, softer))
+        text = yaml_text(override_values(source, softer))
         bench = plant_of(parse_trial(text, "setpoint_shaping"))
         left = predicted(plan, slew_of(trial.plan, bench, feedback))
         assert left.tip_deflection < 1.1 * plan.summary["worst_residual"]

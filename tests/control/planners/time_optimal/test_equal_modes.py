@@ -12,9 +12,9 @@ from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.time_optimal import structures
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
-from flexslew_control.planners.time_optimal.reachable import NOTHING, reachable_combinations
+from flexslew_control.planners.time_optimal.reachable import REACH_FLOOR, reachable_combinations
 from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.trial.trial import feedback_of, plant_of
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.settings import validated
@@ -36,12 +36,12 @@ def section(**values: Any) -> TimeOptimal:
     "goal", representatives([0.05, 0.1, 0.2, 0.3, 0.6, 1.0, 1.5, -0.4], 0.05, -0.4)
 )
 def test_the_shipped_spacecraft_is_slewed_in_the_least_time(goal: float) -> None:
-    trial = shipped("own_spacecraft")
+    trial = example_trial("own_spacecraft")
     asked = section(goal={"roll": goal}, structure="optimal")
     plan = make_plan(asked, plant_of(trial), feedback_of(trial))
     assert isinstance(trial.testbed, SpacecraftTestbed)
     model = trial.testbed.turning("roll", 1).model()
-    least = least_time(model, goal, 0.5, NOTHING)
+    least = least_time(model, goal, 0.5, REACH_FLOOR)
     assert plan.summary["optimal"]
     assert plan.duration == pytest.approx(least, rel=0.01)
     assert plan.summary["residual_tip_deflection_on_model"] < 1e-6
@@ -94,8 +94,8 @@ def test_slews_of_random_craft_take_the_least_time(alike: str, joint: str, seed:
     model = testbed.turning(joint).model()
     plant = PlantDescription(testbed, 0.01, limit)
     plan = make_plan(section(goal={joint: goal}, model={}, structure="optimal"), plant)
-    assert plan.duration == pytest.approx(least_time(model, goal, limit[0], NOTHING), rel=0.01)
-    assert plan.summary["predicted_residual_tip_deflection"] < 10.0 * NOTHING
+    assert plan.duration == pytest.approx(least_time(model, goal, limit[0], REACH_FLOOR), rel=0.01)
+    assert plan.summary["predicted_residual_tip_deflection"] < 10.0 * REACH_FLOOR
 
 
 @pytest.mark.parametrize(("alike", "count"), [("equal", 1), ("nearly", 1), ("distinct", 2)])
@@ -121,7 +121,7 @@ def test_the_remedy_of_a_refusal_leads_to_a_slew(
         return known(slew, structure)
 
     monkeypatch.setattr(structures, "found_durations", narrow)
-    trial = shipped("own_spacecraft")
+    trial = example_trial("own_spacecraft")
     asked = section(goal={"roll": 0.2}, robust=robust, amplitude=0.3 if robust else 0.5)
     with pytest.raises(PlanFailed) as refused:
         make_plan(asked, plant_of(trial), feedback_of(trial))

@@ -12,13 +12,13 @@ from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.linear.linear_time_optimal import linear_optimum
 from flexslew_control.planners.time_optimal.optimal_switching import (
     extremal_durations,
-    shortest_durations,
+    minimum_durations,
 )
 from flexslew_control.planners.time_optimal.pontryagin import switching_function
 from flexslew_control.planners.time_optimal.switching import (
     continued_durations,
-    fewest_durations,
     linear_durations,
+    minimum_switch_durations,
 )
 from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -140,7 +140,7 @@ def test_the_sensitivities_to_the_durations_are_exact() -> None:
     d, h = linear_durations(of), 1e-5
     for i, unit in enumerate(np.eye(d.size)):
         slope = (of.residual(d + h * unit) - of.residual(d - h * unit)) / (2 * h)
-        assert of.linearised(d)[1][:, i] == pytest.approx(slope, abs=1e-5)
+        assert of.residual_jacobian(d)[1][:, i] == pytest.approx(slope, abs=1e-5)
 
 
 def test_pontryagins_condition_fails_on_arcs_that_are_not_extremal() -> None:
@@ -211,7 +211,7 @@ def test_the_optimum_of_the_robust_hub_slew_has_fifteen_switches() -> None:
     assert (arcs.size - 1, arcs.sum()) == (15, pytest.approx(6.319994, abs=1e-6))
     assert switching_function(of, arcs).holds
     with_hub = replace(of, insensitive="state")
-    arcs = present(shortest_durations(with_hub, arcs))
+    arcs = present(minimum_durations(with_hub, arcs))
     assert (arcs.size - 1, arcs.sum()) == (15, pytest.approx(6.328065, abs=1e-6))
     assert switching_function(with_hub, arcs).holds
 
@@ -327,7 +327,7 @@ def test_where_no_three_switches_lead_to_the_goal_five_do() -> None:
     start = np.zeros(2 * model.coordinates)
     slew = BangBang(model, 0, start, 0.9512350346907495, 6.319002605058413, False)
     assert continued_durations(slew) is None
-    durations = fewest_durations(slew)
+    durations = minimum_switch_durations(slew)
     assert durations is not None
     assert durations.size == 6
     assert np.abs(slew.residual(durations)).max() < 1e-7

@@ -14,7 +14,7 @@ import pytest
 import zstandard
 from mcap.records import Channel, Metadata, Schema
 
-from flexslew_lab.log.bag_layout import TOPICS, sealed
+from flexslew_lab.log.bag_layout import TOPICS, with_checksum
 from flexslew_lab.log.files.mcap_file import McapFile, record_bytes
 from flexslew_lab.log.files.mcap_scan import chunk_content
 from flexslew_lab.log.files.read_limits import read_at_most
@@ -143,7 +143,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
 def test_no_file_takes_much_memory_and_each_is_refused_in_one_line(tmp_path: Any) -> None:
     for name, (records, _) in BOMBS.items():
         file = McapFile(tmp_path / f"{name}.mcap")
-        file.add_metadata("flexslew", sealed({"trial": "name: bomb"}))
+        file.add_metadata("flexslew", with_checksum({"trial": "name: bomb"}))
         file._write(records())
         file.close()
     words = [sys.executable, "-c", READ, *map(str, tmp_path.glob("*.mcap"))]

@@ -10,7 +10,7 @@ import pytest
 from tests.present import present
 
 from flexslew_lab.log.bag_index import BagIndex
-from flexslew_lab.log.bag_layout import TOPICS, sealed
+from flexslew_lab.log.bag_layout import TOPICS, with_checksum
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.export import export_log
 from flexslew_lab.log.files.mcap_file import McapFile
@@ -68,7 +68,7 @@ BOMBS: dict[str, Callable[[], bytes]] = {
 
 def file_of(path: Path, records: bytes) -> Path:
     file = McapFile(path)
-    file.add_metadata("flexslew", sealed({"trial": "name: bomb"}))
+    file.add_metadata("flexslew", with_checksum({"trial": "name: bomb"}))
     file._write(records)
     file.close()
     return path

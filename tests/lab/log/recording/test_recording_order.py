@@ -9,7 +9,7 @@ import pytest
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.log.recording.open_ticks import PATIENCE
-from flexslew_lab.log.recording.recording_order import _SURE, Ordered, RecordingOrder
+from flexslew_lab.log.recording.recording_order import _SILENCE_TIMEOUT, Ordered, RecordingOrder
 
 PERIOD = 10_000_000  # [ns]
 TICKS = 150
@@ -117,10 +117,10 @@ def test_a_tick_that_never_comes_is_given_up_and_the_next_gap_is_waited_for_agai
     write(order, message("/measurement", 0), *answers(0))
     for tick in (1, 2, 4, 5, 8, 9):  # 3, 6 and 7 are lost
         order.take([message(topic, tick) for topic in ("/measurement", "/truth", *ANSWERS)], 0.0)
-    assert write(order, now=_SURE) == []
-    assert {tick for _, tick in write(order, now=_SURE + 0.1)} == {4, 5}
-    assert write(order, now=2.0 * _SURE) == []
-    assert {tick for _, tick in write(order, now=2.0 * _SURE + 0.2)} == {8, 9}
+    assert write(order, now=_SILENCE_TIMEOUT) == []
+    assert {tick for _, tick in write(order, now=_SILENCE_TIMEOUT + 0.1)} == {4, 5}
+    assert write(order, now=2.0 * _SILENCE_TIMEOUT) == []
+    assert {tick for _, tick in write(order, now=2.0 * _SILENCE_TIMEOUT + 0.2)} == {8, 9}
 
 
 def test_an_epoch_begins_with_the_first_tick_that_is_heard_of_it() -> None:
@@ -228,7 +228,7 @@ def test_a_message_with_which_no_reader_takes_the_log_is_left_out(odd: Message) 
     arrived = [message("/truth", 0), odd, message("/measurement", 0)]
     done = order.take(arrived, 0.0, last=True)
     assert [one.topic for one in done] == ["/measurement", "/truth"]
-    assert order.garbled == {odd[0]}
+    assert order.invalid_topics == {odd[0]}
 
 
 def test_a_status_stands_in_the_epoch_that_it_tells() -> None:

@@ -13,7 +13,7 @@ from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.log.recording.recording import Recording
 from flexslew_lab.log.recording.recording_order import Ordered
-from flexslew_lab.log.recording.unfinished import begun_bag
+from flexslew_lab.log.recording.unfinished import open_bag
 from flexslew_plant.errors import BadInput
 
 RUN = {"trial": "name: one"}
@@ -33,7 +33,7 @@ def recording(folder: Path, metadata: Mapping[str, str] = RUN) -> Recording:
     def failed(words: str) -> None:
         raise RecordingStopped(words)
 
-    return Recording(begun_bag(folder, metadata), failed)
+    return Recording(open_bag(folder, metadata), failed)
 
 
 def killed(folder: Path, ticks: range) -> None:
@@ -49,7 +49,7 @@ def killed(folder: Path, ticks: range) -> None:
 
 
 def ticks(folder: Path) -> list[int]:
-    return [m.tick for _, _, m in BagReader(folder).decoded([MEASUREMENT])]
+    return [m.tick for _, _, m in BagReader(folder).decode_messages([MEASUREMENT])]
 
 
 def test_nothing_of_what_was_left_is_lost_and_nothing_stands_there_twice(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_any_other_bag_stays_as_it_is(how: str, tmp_path: Path) -> None:
         (folder / "bag_0.mcap").write_bytes(b"something else")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     with pytest.raises(BadInput, match="holds a bag already"):
-        begun_bag(folder, {"trial": "name: two"} if how == "of another trial" else RUN)
+        open_bag(folder, {"trial": "name: two"} if how == "of another trial" else RUN)
     assert {path.name: path.read_bytes() for path in folder.glob("bag*")} == {
         name: data for name, data in before.items() if name.startswith("bag")
     }

@@ -7,20 +7,20 @@ import pytest
 from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.execution.cluster import Cluster
-from flexslew_lab.studies.flight import Flown
-from flexslew_lab.studies.run import Preparation
+from flexslew_lab.studies.flight import FlightResult
+from flexslew_lab.studies.run import PreparedStudy
 from flexslew_plant.errors import BadInput, RunFault
 
 
 @pytest.mark.slow
-def test_a_cluster_that_loses_its_workers_flies_the_same(ready: Preparation) -> None:
+def test_a_cluster_that_loses_its_workers_flies_the_same(ready: PreparedStudy) -> None:
     cases = [case_of(ready.study, ready.samples, k) for k in range(ready.trials)]
     alone = {r.number: r for results in InThisProcess(ready.job).fly(iter(cases)) for r in results}
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
     ) as local:
         cluster = Cluster(ready.job, local.scheduler_address)
-        found: dict[int, Flown] = {}
+        found: dict[int, FlightResult] = {}
         for results in cluster.fly(iter(cases)):
             if not found:
                 for worker in local.workers.values():
@@ -31,7 +31,7 @@ def test_a_cluster_that_loses_its_workers_flies_the_same(ready: Preparation) -> 
 
 
 def test_a_cluster_flies_the_same_until_its_scheduler_goes_away(
-    ready: Preparation, monkeypatch: pytest.MonkeyPatch
+    ready: PreparedStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("flexslew_lab.studies.execution.cluster._CONNECT", 5.0)
     cases = [case_of(ready.study, ready.samples, k) for k in range(ready.trials)]
@@ -57,7 +57,7 @@ def test_a_cluster_flies_the_same_until_its_scheduler_goes_away(
 
 
 def test_nobody_at_the_address_is_one_line(
-    ready: Preparation, monkeypatch: pytest.MonkeyPatch
+    ready: PreparedStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("flexslew_lab.studies.execution.cluster._CONNECT", 0.5)
     with pytest.raises(BadInput, match=r"127\.0\.0\.1:9: no scheduler answers") as error:

@@ -7,7 +7,7 @@ import pytest
 
 from flexslew_lab.run.pool import CHUNK_TIME, Chunks
 from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.execution.pace import Pace
+from flexslew_lab.studies.execution.pace import RemainingTime
 
 
 def reports(
@@ -30,7 +30,7 @@ def reports(
     while free:
         now, since, count, k = heapq.heappop(free)
         if count:
-            chunks.learn(count, now - since)
+            chunks.update_rate(count, now - since)
             done += count
             found.append((now, done))
         chunk = chunks.next(numbers, workers)
@@ -58,7 +58,7 @@ def test_every_estimate_is_within_a_factor_of_two(
 ) -> None:
     rng = np.random.default_rng([8, seed])
     found = reports(rng, trials, workers, cost, overhead, start)
-    end, pace, said = found[-1][0], Pace(), []
+    end, pace, said = found[-1][0], RemainingTime(), []
     pace.take(0, 0.0)
     for now, done in found:
         pace.take(done, now)
@@ -74,7 +74,7 @@ def test_every_estimate_is_within_a_factor_of_two(
 
 
 def test_nothing_is_said_before_there_is_a_pace() -> None:
-    pace = Pace()
+    pace = RemainingTime()
     pace.take(100, 0.0)  # of an earlier run
     assert pace.left(1000) is None
     for k in range(25):

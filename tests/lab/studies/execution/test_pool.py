@@ -15,11 +15,11 @@ import pytest
 
 from flexslew_lab.run.pool import Chunks, Executor, InThisProcess, Pool, _without_script
 from flexslew_lab.studies.cases import Case, case_of
-from flexslew_lab.studies.flight import Flown
-from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.flight import FlightResult
+from flexslew_lab.studies.run import PreparedStudy, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_plant.errors import RunFault
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 
 LAW = '''
 import os, signal
@@ -46,10 +46,10 @@ class Odd:
 '''
 
 
-def flown(ready: Preparation, executor: Executor[Case, Flown]) -> dict[int, Flown]:
+def flown(ready: PreparedStudy, executor: Executor[Case, FlightResult]) -> dict[int, FlightResult]:
     """Return the results by number; every trial exactly once."""
     cases = (case_of(ready.study, ready.samples, k) for k in range(ready.trials))
-    found: dict[int, Flown] = {}
+    found: dict[int, FlightResult] = {}
     try:
         for results in executor.fly(cases):
             for result in results:
@@ -62,11 +62,11 @@ def flown(ready: Preparation, executor: Executor[Case, Flown]) -> dict[int, Flow
 
 
 @pytest.fixture
-def odd(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., Preparation]:
+def odd(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., PreparedStudy]:
     """Return a function that gives a study whose trials do odd things."""
     (tmp_path / "odd.py").write_text(LAW)
 
-    def make(acts: list[int], **keys: Any) -> Preparation:
+    def make(acts: list[int], **keys: Any) -> PreparedStudy:
         rows = "\n".join(["controllers.odd.act", *map(str, acts)])
         (tmp_path / "acts.csv").write_text(rows + "\n")
         law = {"law": f"{tmp_path / 'odd.py'}:Odd", "act": 0.0, "mark": str(tmp_path / "mark")}
@@ -84,11 +84,11 @@ def odd(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., Prepara
 
 @pytest.mark.slow
 def test_processes_fly_what_one_flies_even_if_some_are_killed_from_outside(
-    ready: Preparation,
+    ready: PreparedStudy,
 ) -> None:
     pool = Pool(ready.job, 2)
     cases = (case_of(ready.study, ready.samples, k) for k in range(ready.trials))
-    found: dict[int, Flown] = {}
+    found: dict[int, FlightResult] = {}
     for results in pool.fly(cases):
         if not found:
             os.kill(pool.pids()[0], signal.SIGKILL)
@@ -99,7 +99,7 @@ def test_processes_fly_what_one_flies_even_if_some_are_killed_from_outside(
 
 @pytest.mark.slow
 def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is(
-    odd: Callable[..., Preparation],
+    odd: Callable[..., PreparedStudy],
 ) -> None:
     """One trial kills its process every time (1), one only once (2), one hangs, one raises."""
     ready = odd([0, 2, 0, 1, 0, 4, 0, 3, 0], limit=8.0)
@@ -112,7 +112,7 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
 
 
 def test_processes_do_not_run_the_script_that_flies_a_study(
-    ready: Preparation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ready: PreparedStudy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A script without a guard would fly its study again in each of them, and fail there."""
     script, mark = tmp_path / "script.py", tmp_path / "mark"
@@ -146,7 +146,7 @@ def test_threads_that_start_processes_leave_the_script_where_it_was(
 
 def test_processes_that_do_not_get_ready_are_no_fault_of_a_trial() -> None:
     broken: Any = SimpleNamespace(limit=9.0, at_once=1)  # says nothing of what flies its cases
-    pool = Pool[Case, Flown](broken, 1)
+    pool = Pool[Case, FlightResult](broken, 1)
     try:
         with pytest.raises(RunFault, match=r"3 processes, .* ended \(exit code 1\) before their"):
             list(pool.fly(iter([Case(0, 0, 0, 0, ())])))
@@ -184,15 +184,15 @@ def test_a_job_travels_with_classes_of_the_users_own_that_its_receiver_has_not_l
 
 
 def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:
-    chunks, rate = Chunks(LANES), 2000.0  # trials / s
+    chunks, rate = Chunks(BATCH_WIDTH), 2000.0  # trials / s
     endless = (Case(k, k, 0, 0, ()) for k in count())
     for _ in range(8):  # it learns that a chunk of seconds holds thousands
         chunk = chunks.next(endless)
-        chunks.learn(len(chunk), len(chunk) / rate)
+        chunks.update_rate(len(chunk), len(chunk) / rate)
     assert len(chunks.next(endless)) == 4096
     left = iter([Case(k, k, 0, 0, ()) for k in range(1024)])
     sizes = list(map(len, iter(lambda: chunks.next(left, 2), [])))
     assert sum(sizes) == 1024
     assert sizes[0] == 256
-    assert all(size % LANES == 0 for size in sizes)
+    assert all(size % BATCH_WIDTH == 0 for size in sizes)
     assert sizes == sorted(sizes, reverse=True)

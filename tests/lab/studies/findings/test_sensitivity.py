@@ -5,7 +5,7 @@ import pytest
 
 from flexslew_lab.studies.findings.sensitivity import Index, indices
 from flexslew_lab.studies.sampling.distributions import Distribution
-from flexslew_lab.studies.sampling.methods import Sampling, drawn
+from flexslew_lab.studies.sampling.methods import Sampling, draw_samples
 from flexslew_plant.arrays import Vector
 
 NAMES = ["x1", "x2", "x3"]
@@ -20,7 +20,7 @@ WHOLE = ((V1 + V13) / TOTAL, V2 / TOTAL, V13 / TOTAL)
 
 def sample(n: int, seed: int) -> Vector:
     """Return the function's values in the order of a Saltelli sample."""
-    unit = drawn(
+    unit = draw_samples(
         Sampling(method="saltelli", n=n), [Distribution("uniform", (0.0, 1.0))] * 3, seed
     ).unit
     x = np.pi * (2.0 * unit.T - 1.0)
@@ -60,7 +60,7 @@ def test_bounds_of_replicates_hold_of_a_pure_interaction_too() -> None:
     truth = np.array([[0.0] * 4, [1.0, 1.0, 0.0, 0.0]])
     inside = []
     for seed in range(60):
-        unit = drawn(Sampling(method="saltelli", n=256, replicates=8), four, seed).unit - 0.5
+        unit = draw_samples(Sampling(method="saltelli", n=256, replicates=8), four, seed).unit - 0.5
         rows, _ = indices(unit[:, 0] * unit[:, 1], list("abcd"), 0.9, seed, 8)
         ends = np.array([(row.first, row.total) for row in rows]).swapaxes(0, 1)
         inside.append((ends[..., 0] <= truth) & (truth <= ends[..., 2]))
@@ -80,7 +80,7 @@ def test_one_missing_number_leaves_no_index() -> None:
 @pytest.mark.parametrize("n", [2, 64])
 def test_one_value_has_all_of_the_variance(n: int) -> None:
     one = Distribution("uniform", (0.0, 1.0))
-    values = np.sin(2.0 * drawn(Sampling(method="saltelli", n=n), [one], 1).unit[:, 0])
+    values = np.sin(2.0 * draw_samples(Sampling(method="saltelli", n=n), [one], 1).unit[:, 0])
     rows, why = indices(values, ["x"], 0.9, 1)
     assert (len(rows), why) == (1, "")
     if n > 2:
@@ -91,7 +91,7 @@ def test_one_value_has_all_of_the_variance(n: int) -> None:
 @pytest.mark.filterwarnings("error")
 def test_a_value_without_effect_has_no_share_and_bounds_of_it() -> None:
     two = [Distribution("uniform", (0.0, 1.0))] * 2
-    values = np.sin(2.0 * drawn(Sampling(method="saltelli", n=64), two, 1).unit[:, 0])
+    values = np.sin(2.0 * draw_samples(Sampling(method="saltelli", n=64), two, 1).unit[:, 0])
     rows, _ = indices(values, ["x", "y"], 0.9, 1)
     assert rows[1] == Index("y", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert rows[0].first[0] < rows[0].first[1] < rows[0].first[2]

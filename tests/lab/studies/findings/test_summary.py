@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from flexslew_lab.cli.study_words import tell
+from flexslew_lab.cli.study_words import print_summary
 from flexslew_lab.studies.cases import sample_table
-from flexslew_lab.studies.findings.criteria import Verdict, needed, verdict_of
+from flexslew_lab.studies.findings.criteria import Decision, decide, needed
 from flexslew_lab.studies.findings.figures import distribution
 from flexslew_lab.studies.findings.page import study_page
 from flexslew_lab.studies.findings.population import Population
@@ -25,10 +25,10 @@ from flexslew_lab.studies.findings.statistics import (
     success_bounds,
     trials_needed,
 )
-from flexslew_lab.studies.findings.stopping import at_every_look, interim_sizes, settled
+from flexslew_lab.studies.findings.stopping import interim_sizes, joint_confidence, stop_result
 from flexslew_lab.studies.findings.summary import passed, summary
-from flexslew_lab.studies.findings.tables import metric_tables, overall_rows, pair_rows
-from flexslew_lab.studies.flight import Flown, failed
+from flexslew_lab.studies.findings.tables import metric_tables, pair_rows, total_rows
+from flexslew_lab.studies.flight import FlightResult, failed
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.study_settings import Criterion
@@ -106,8 +106,8 @@ def stored(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., Any]
     return make
 
 
-def result(number: int, value: float | None) -> Flown:
-    return Flown(number, {NAME: value}, None, "ok", "", Way.BENCH)
+def result(number: int, value: float | None) -> FlightResult:
+    return FlightResult(number, {NAME: value}, None, "ok", "", Way.BENCH)
 
 
 @pytest.mark.parametrize("loss", LOSSES)
@@ -227,7 +227,7 @@ def test_the_terminal_tells_how_many_trials_have_no_number(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "200")  # a narrow one folds the name
     study, store = told([{NAME: 0.1}, {NAME: None}, {NAME: None}, None])
-    tell(summary(study, store, {"wall_time": 1.0, "trials_per_second": 4.0}), False)
+    print_summary(summary(study, store, {"wall_time": 1.0, "trials_per_second": 4.0}), False)
     (line,) = (one for one in capsys.readouterr().out.splitlines() if one.strip().startswith(NAME))
     assert line.split()[-2:] == ["1", "2"]  # failed, missing
 
@@ -250,11 +250,11 @@ def test_129_of_200_refute_a_probability_of_nine_tenths() -> None:
     below = Criterion(below=0.5, probability=0.9, confidence=0.9)
     kept = np.arange(200) < 129
     bound = Population(np.zeros(200)).success(kept, 0.9)
-    assert verdict_of(below, kept, bound, 200) is Verdict.REFUTED
-    for successes, verdict in ((179, Verdict.UNDECIDED), (200, Verdict.PASSED)):
+    assert decide(below, kept, bound, 200) is Decision.REJECTED
+    for successes, verdict in ((179, Decision.UNKNOWN), (200, Decision.PASSED)):
         kept = np.arange(200) < successes
         bound = Population(np.zeros(200)).success(kept, 0.9)
-        assert verdict_of(below, kept, bound, 200) is verdict
+        assert decide(below, kept, bound, 200) is verdict
 
 
 @pytest.mark.parametrize("side", ["below", "above"])
@@ -297,7 +297,9 @@ def told(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., tuple[
         store.create(identity, sample_table(study))
         store.add(
             [
-                failed(k, "lost") if row is None else Flown(k, row, None, "ok", "", Way.BENCH)
+                failed(k, "lost")
+                if row is None
+                else FlightResult(k, row, None, "ok", "", Way.BENCH)
                 for k, row in enumerate(rows)
             ]
         )
@@ -382,7 +384,7 @@ def test_a_metric_that_no_trial_has_is_in_no_table(
         found = summary(study, store, {})
         (shown,) = metric_tables(found).values()
         assert [row.name for row in shown] == [NAME]
-        assert [row.name for row in overall_rows(found)] == [NAME]
+        assert [row.name for row in total_rows(found)] == [NAME]
         rmtree(store.folder)
     study, store = told([*rows, nobody | {NAME: 1.0, "goal_error": 0.1}])
     (shown,) = metric_tables(summary(study, store, {})).values()
@@ -395,7 +397,7 @@ def test_a_study_looks_for_its_stop_at_the_bounds_that_it_reports(
     rng = np.random.default_rng(3)
     rows = [{NAME: None if k % 3 == 0 else float(rng.random())} for k in range(128)]
     study, store = told(rows, stop={"metric": NAME, "quantile": 0.5, "half_width": 0.5})
-    found = settled(study, store, store.samples, 128)
+    found = stop_result(study, store, store.samples, 128)
     assert found is not None
     reported = summary(study, store, {})["metrics"][NAME]["quantiles"]["0.5"]
     assert found["bounds"] == {"": reported}
@@ -430,7 +432,7 @@ def test_a_study_that_stops_errs_no_more_often_than_its_criterion_says(
     study = study_of(sampling={"method": "random", "n": 4096}, stop=stop)
     samples = pa.table({"replicate": np.zeros(4096, dtype=np.int32)})
     looks, probability = interim_sizes(study, samples), 0.995
-    each, joint = at_every_look(study, samples, 0.9), 1.0 - 0.1 / len(looks)
+    each, joint = joint_confidence(study, samples, 0.9), 1.0 - 0.1 / len(looks)
     rng, runs, wrong, alone = np.random.default_rng(2), 1500, 0, 0
     for _ in range(runs):
         values = np.where(rng.random(4096) < 1.0 - probability, 10.0, 0.0)

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.flight import flown
-from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.run import Preparation
+from flexslew_lab.studies.flight import simulate_case
+from flexslew_lab.studies.lanes.fleet import BatchRunner
+from flexslew_lab.studies.run import PreparedStudy
 from flexslew_lab.studies.ways import Way
 
 CRAFT: dict[str, Any] = {
@@ -32,14 +32,14 @@ CRAFT: dict[str, Any] = {
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 
 
-def require_equal(ready: Preparation, numbers: list[int], status: str = "ok") -> None:
+def require_equal(ready: PreparedStudy, numbers: list[int], status: str = "ok") -> None:
     """Fly the trials both ways and compare every metric; `failed`: and why they have none."""
     cases = [case_of(ready.study, ready.samples, k) for k in numbers]
-    results = [r for some, _ in Lanes(ready.study, ready.plans).fly(cases) for r in some]
+    results = [r for some, _ in BatchRunner(ready.study, ready.plans).fly(cases) for r in some]
     results.sort(key=lambda result: result.number)
     assert [r.number for r in results] == numbers
     for result, case in zip(results, cases, strict=True):
-        bench = flown(ready.study, case, ready.plans)
+        bench = simulate_case(ready.study, case, ready.plans)
         assert (result.status, result.way) == (status, "lanes")
         assert (bench.status, bench.reason) == (status, result.reason)
         for name, value in bench.metrics.items():
@@ -50,11 +50,11 @@ def require_equal(ready: Preparation, numbers: list[int], status: str = "ok") ->
                 assert ours == pytest.approx(value, rel=TOLERANCE, abs=TOLERANCE), name
 
 
-def ways_of(ready: Preparation, count: int) -> list[Way]:
+def ways_of(ready: PreparedStudy, count: int) -> list[Way]:
     """Return how the first trials are flown."""
     cases = [case_of(ready.study, ready.samples, k) for k in range(count)]
     ways: dict[int, Way] = {}
-    for some, others in Lanes(ready.study, ready.plans).fly(cases):
+    for some, others in BatchRunner(ready.study, ready.plans).fly(cases):
         ways |= {one.number: Way.LANES for one in some}
         ways |= {one.case.number: one.way for one in others}
     return [ways[k] for k in range(count)]

@@ -11,8 +11,8 @@ from tests.lab.studies.lanes.both_ways import CRAFT, require_equal
 from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.flight import flown
-from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.flight import simulate_case
+from flexslew_lab.studies.lanes.fleet import BatchRunner
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -65,7 +65,9 @@ def test_time_in_which_two_drives_are_at_their_limits_counts_once(
     vary = {"testbed.parameters.bending_stiffness": {"relative": {"uniform": [-0.2, 0.2]}}}
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     require_equal(ready, [0, 1])
-    metrics = flown(ready.study, case_of(ready.study, ready.samples, 0), ready.plans).metrics
+    metrics = simulate_case(
+        ready.study, case_of(ready.study, ready.samples, 0), ready.plans
+    ).metrics
     assert (metrics["saturated_time"] or 0.0) > 1.0  # both are from the start
 
 
@@ -176,7 +178,7 @@ def test_benches_with_limits_of_their_own_fly_beside_each_other(
     ready = prepare(study_of(flown={"duration": 4.0, "plan": step}, lanes=True, vary=limit))
     cases = [case_of(ready.study, ready.samples, k) for k in range(4)]
     groups = [
-        [one.number for one in some] for some, _ in Lanes(ready.study, ready.plans).fly(cases)
+        [one.number for one in some] for some, _ in BatchRunner(ready.study, ready.plans).fly(cases)
     ]
     assert groups == [[0, 1, 2, 3]]
     require_equal(ready, [0, 1, 2, 3])
@@ -249,7 +251,7 @@ def test_a_metric_that_raises_leaves_its_trial_alone_to_the_bench(
 ) -> None:
     ready = prepare(travelling(study_of, tmp_path, 0.25))
     cases = [case_of(ready.study, ready.samples, k) for k in range(12)]
-    flown, lost = next(Lanes(ready.study, ready.plans).fly(cases))
+    flown, lost = next(BatchRunner(ready.study, ready.plans).fly(cases))
     assert flown
     assert {one.way for one in lost} == {Way.METRICS}
     assert len(flown) + len(lost) == len(cases)

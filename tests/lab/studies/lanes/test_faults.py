@@ -11,8 +11,8 @@ from tests.lab.studies.lanes.both_ways import CRAFT, require_equal, ways_of
 from tests.representatives import representatives, seeds
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.flight import flown
-from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.flight import simulate_case
+from flexslew_lab.studies.lanes.fleet import BatchRunner
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -150,7 +150,7 @@ def test_who_falls_silent_is_followed_by_a_fallback_as_on_the_bench(
     flies = [k for k, way in enumerate(ways_of(ready, 12)) if way is Way.LANES]
     assert len(flies) >= 3
     require_equal(ready, flies[:4])
-    bench = flown(ready.study, case_of(ready.study, ready.samples, flies[0]), ready.plans)
+    bench = simulate_case(ready.study, case_of(ready.study, ready.samples, flies[0]), ready.plans)
     assert (bench.metrics["fallbacks"] or 0.0) >= 1.0
 
 
@@ -222,7 +222,7 @@ def test_who_was_blind_when_the_brake_took_over_is_told_though_all_see_again(
     study_of: Callable[..., Study],
 ) -> None:
     ready = prepare(faulty(study_of, [], switches=[blind(0.9, 1.1)]))
-    found = flown(ready.study, case_of(ready.study, ready.samples, 0), ready.plans)
+    found = simulate_case(ready.study, case_of(ready.study, ready.samples, 0), ready.plans)
     assert found.reason == "pd is silent: the brake takes over; pd: its estimate is not finite"
 
 
@@ -236,7 +236,7 @@ def test_faults_of_one_study_fly_beside_each_other(study_of: Callable[..., Study
     study = faulty(study_of, [KINDS[0], KINDS[3], KINDS[6], KINDS[12]], max_missed=100)
     ready = prepare(study)
     cases = [case_of(ready.study, ready.samples, k) for k in range(12)]
-    groups = [len(some) for some, _ in Lanes(ready.study, ready.plans).fly(cases) if some]
+    groups = [len(some) for some, _ in BatchRunner(ready.study, ready.plans).fly(cases) if some]
     assert groups == [12]
 
 
@@ -324,11 +324,11 @@ def test_what_the_drive_finds_implausible_is_left_to_the_bench_and_nothing_else(
     allowed = {"plausibility.rate_difference": {"loguniform": [1e-3, 1.0]}}
     ready = prepare(faulty(study_of, [jump, frozen], vary=allowed, **judged))
     ways = ways_of(ready, 12)
-    assert set(ways) == {Way.LANES, Way.JUDGED}
+    assert set(ways) == {Way.LANES, Way.MONITORED}
     for k, way in enumerate(ways):
         case = case_of(ready.study, ready.samples, k)
-        found = flown(ready.study, case, ready.plans)
+        found = simulate_case(ready.study, case, ready.plans)
         left = found.status != "ok" or bool(found.metrics["fallbacks"])  # the brake at last
         assert found.status == "ok" or "uses implausible sensors" in found.reason
-        assert left == (way is Way.JUDGED), k
+        assert left == (way is Way.MONITORED), k
     require_equal(ready, [k for k, way in enumerate(ways) if way is Way.LANES])

@@ -11,14 +11,14 @@ from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.execution.worker import Job
-from flexslew_lab.studies.flight import Flown, flown
-from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.lanes.groups.lane_trial import LaneIntake, LaneTrial
-from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.flight import FlightResult, simulate_case
+from flexslew_lab.studies.lanes.fleet import BatchRunner
+from flexslew_lab.studies.lanes.groups.lane_trial import BatchBuilder, BatchTrial
+from flexslew_lab.studies.run import PreparedStudy, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine, turned
+from flexslew_plant.testbeds.compiled.sine_cosine import angle_sum, sine_cosine
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 from flexslew_plant.testbeds.csa import CsaTestbed
 
@@ -53,10 +53,12 @@ STEADY = {"mode": "tracking_b", "observer": "steady"}
 
 
 @pytest.fixture
-def prepared(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
+def prepared(study_of: Callable[..., Study]) -> Callable[..., PreparedStudy]:
     """Return a function that gives a study in lanes with another trial."""
 
-    def make(vary: dict[str, Any] | None = None, replan: bool = False, **trial: Any) -> Preparation:
+    def make(
+        vary: dict[str, Any] | None = None, replan: bool = False, **trial: Any
+    ) -> PreparedStudy:
         whole = {"duration": 9.0, "testbed": {"modes": 3, "damping_ratio": 0.01}, "plan": PLAN}
         keys = {} if vary is None else {"vary": vary}
         return prepare(study_of(flown=whole | trial, lanes=True, replan=replan, **keys))
@@ -70,7 +72,7 @@ def prepared(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
     representatives(LAWS, "proportional_integral", "output_feedback, on the equations of motion"),
 )
 def test_every_linear_law_flies_as_on_the_bench(
-    prepared: Callable[..., Preparation], law: str
+    prepared: Callable[..., PreparedStudy], law: str
 ) -> None:
     name = law.split(",", maxsplit=1)[0]
     ready = prepared(controllers={name: LAWS[law]}, active=name, sensors=NOISE, schedule=DISTURBED)
@@ -83,7 +85,7 @@ def test_every_linear_law_flies_as_on_the_bench(
     ids=["linear", "equations"],
 )
 def test_what_a_law_believes_of_each_bench_is_its_own(
-    prepared: Callable[..., Preparation], law: dict[str, Any]
+    prepared: Callable[..., PreparedStudy], law: dict[str, Any]
 ) -> None:
     belief = {"model": {"damping_ratio": 0.02}}  # all else as on the bench that it meets
     keys: dict[str, Any] = {"controllers": {"output_feedback": law | belief}}
@@ -91,12 +93,12 @@ def test_what_a_law_believes_of_each_bench_is_its_own(
     require_equal(prepared(replan=True, **keys), [0, 5])
     ready = prepared(**keys)  # one plan for all: they fly beside each other
     cases = [case_of(ready.study, ready.samples, k) for k in (0, 5)]
-    assert [len(some) for some, _ in Lanes(ready.study, ready.plans).fly(cases)] == [2]
+    assert [len(some) for some, _ in BatchRunner(ready.study, ready.plans).fly(cases)] == [2]
     require_equal(ready, [0, 5])
 
 
 @pytest.mark.slow
-def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Preparation]) -> None:
+def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., PreparedStudy]) -> None:
     ready = prepared(
         testbed={"modes": 1, "variant": "printed", "effort_limit": [20.0, 10.0]},
         plan=PLAN | {"method": "none"},
@@ -104,7 +106,7 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
     )
     require_equal(ready, [0, 1, 2])
     case = case_of(ready.study, ready.samples, 0)
-    assert (flown(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
+    assert (simulate_case(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
 
 
 @pytest.mark.parametrize(
@@ -120,7 +122,7 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
             },
         ),
         (
-            Way.JUDGED,
+            Way.MONITORED,
             {
                 "controllers": {
                     "output_feedback": {"mode": "tracking_b", "observer": "steady", "monitor": {}}
@@ -131,61 +133,63 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
     ],
 )
 def test_what_lanes_do_not_know_is_left_to_the_bench_which_says_why(
-    prepared: Callable[..., Preparation], way: Way, trial: dict[str, Any]
+    prepared: Callable[..., PreparedStudy], way: Way, trial: dict[str, Any]
 ) -> None:
     ready = prepared(vary={"testbed.damping_ratio": {"uniform": [0.0, 0.1]}}, **trial)
     cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
-    found = list(Lanes(ready.study, ready.plans).fly(cases))
+    found = list(BatchRunner(ready.study, ready.plans).fly(cases))
     assert found == [([], [(case, way) for case in cases])]
-    results: list[Flown] = []
+    results: list[FlightResult] = []
     Job(ready.study, ready.plans).flyer().fly(cases[:1], results.extend)
     assert [result.way for result in results] == [way]
 
 
 def test_a_step_to_the_goal_is_one_plan_for_all_benches(
-    prepared: Callable[..., Preparation],
+    prepared: Callable[..., PreparedStudy],
 ) -> None:
     step = {"method": "none", "goal": {"base_yaw": 0.1}, "duration": 5.0}
     stiffness = {"testbed.parameters.bending_stiffness": {"relative": {"uniform": [-0.2, 0.2]}}}
     ready = prepared(vary=stiffness, plan=step)
     assert len(ready.plans.made) == 1
     require_equal(ready, [0, 1, 2])
-    intake = LaneIntake(ready.study)
-    trials = [intake.lane_trials([case_of(ready.study, ready.samples, k)])[0] for k in range(3)]
-    assert len({trial.law for trial in trials if isinstance(trial, LaneTrial)}) == 1
+    intake = BatchBuilder(ready.study)
+    trials = [intake.batch_trials([case_of(ready.study, ready.samples, k)])[0] for k in range(3)]
+    assert len({trial.law for trial in trials if isinstance(trial, BatchTrial)}) == 1
 
 
 @pytest.mark.slow
 def test_steps_from_places_of_their_own_are_measured_as_on_the_bench(
-    prepared: Callable[..., Preparation],
+    prepared: Callable[..., PreparedStudy],
 ) -> None:
     step = {"method": "none", "goal": {"base_yaw": 0.1, "hub_pitch": 0.0}, "duration": 5.0}
     place = {"testbed.initial.base_yaw": {"uniform": [-0.2, 0.05]}}
     soft = {"pd_feedforward": {"kp": 460.0, "kd": 100.0}}
     ready = prepared(vary=place, plan=step, controllers=soft)
     require_equal(ready, [0, 1, 2])
-    first = flown(ready.study, case_of(ready.study, ready.samples, 0), ready.plans)
+    first = simulate_case(ready.study, case_of(ready.study, ready.samples, 0), ready.plans)
     assert first.metrics["overshoot"] == first.metrics["overshoot.base_yaw"]
     assert (first.metrics["overshoot"] or 0.0) > 0.0
     assert first.metrics["overshoot.hub_pitch"] is None
 
 
 def test_a_manoeuvre_that_never_begins_has_no_overshoot_and_does_not_settle(
-    prepared: Callable[..., Preparation],
+    prepared: Callable[..., PreparedStudy],
 ) -> None:
     ready = prepared(duration=0.5, plan=PLAN | {"start": 0.51})
     require_equal(ready, [0, 1])
-    alone = flown(ready.study, case_of(ready.study, ready.samples, 0), ready.plans)
+    alone = simulate_case(ready.study, case_of(ready.study, ready.samples, 0), ready.plans)
     assert alone.metrics["overshoot.base_yaw"] is None
     assert alone.metrics["settling_time.hub_pitch"] is None
     require_equal(prepared(duration=0.51, plan=PLAN | {"start": 0.51}), [0])
 
 
-def test_a_result_does_not_depend_on_its_neighbours(prepared: Callable[..., Preparation]) -> None:
+def test_a_result_does_not_depend_on_its_neighbours(prepared: Callable[..., PreparedStudy]) -> None:
     ready = prepared()
     cases = [case_of(ready.study, ready.samples, k) for k in range(12)]
-    together = [r for some, _ in Lanes(ready.study, ready.plans).fly(cases) for r in some]
-    alone = [next(Lanes(ready.study, ready.plans).fly([case]))[0][0] for case in reversed(cases)]
+    together = [r for some, _ in BatchRunner(ready.study, ready.plans).fly(cases) for r in some]
+    alone = [
+        next(BatchRunner(ready.study, ready.plans).fly([case]))[0][0] for case in reversed(cases)
+    ]
     assert together == alone[::-1]
 
 
@@ -313,8 +317,10 @@ def test_a_design_that_the_bench_refuses_is_left_to_it(
     vary = kd if what == "gains" else inertia
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     cases = [case_of(ready.study, ready.samples, k) for k in range(12)]
-    refused = [c.number for c in cases if flown(ready.study, c, ready.plans).status == "failed"]
-    parts = list(Lanes(ready.study, ready.plans).fly(cases))
+    refused = [
+        c.number for c in cases if simulate_case(ready.study, c, ready.plans).status == "failed"
+    ]
+    parts = list(BatchRunner(ready.study, ready.plans).fly(cases))
     assert 0 < len(refused) < len(cases)
     assert [one.case.number for _, lost in parts for one in lost] == refused
     assert {one.way for _, lost in parts for one in lost} == {Way.NOT_ALLOWED}
@@ -384,7 +390,7 @@ def test_laws_of_small_motions_fly_in_lanes_each_with_its_own_gains(
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     require_equal(ready, [0, 1, 3])
     case = case_of(ready.study, ready.samples, 0)
-    assert (flown(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
+    assert (simulate_case(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
 
 
 @pytest.mark.parametrize("mode", representatives(["tracking_a", "tracking_b"], "tracking_b"))
@@ -445,6 +451,6 @@ def test_sine_and_cosine_are_right_to_the_last_digit() -> None:
 def test_what_an_angle_has_turned_gives_its_sine_and_cosine() -> None:
     rng = np.random.default_rng(3)
     for start, by in zip(rng.uniform(-60.0, 60.0, 2000), rng.uniform(-0.7, 0.7, 2000), strict=True):
-        sine, cosine = turned(np.sin(start), np.cos(start), by)
+        sine, cosine = angle_sum(np.sin(start), np.cos(start), by)
         assert abs(sine - np.sin(start + by)) < 1e-14  # of start + by, whose last digit is 7e-15
         assert abs(cosine - np.cos(start + by)) < 1e-14

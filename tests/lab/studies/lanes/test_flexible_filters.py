@@ -8,9 +8,9 @@ import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
 from tests.representatives import representatives
 
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.studies.cases import case_of, case_trial
-from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.lanes.fleet import BatchRunner
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -34,7 +34,7 @@ def trial_of(
         "sun": {"kind": "sun_sensor", "sun": [0.2, 0.1, 1.0], "noise": 1e-3, "half_angle": 0.6},
     }
     goal = {"axis": [1.0, -2.0, 0.5], "angle": 0.02}
-    return shipped_values("three_axes", {"testbed": {"sensors": sensors}}) | {
+    return example_values("three_axes", {"testbed": {"sensors": sensors}}) | {
         "period": 0.05,
         "duration": 7.0,
         "plan": {"method": "reference_only", "goal": goal, "duration": 5.0},
@@ -101,7 +101,9 @@ def test_laws_whose_filters_differ_are_left_to_the_bench(
     trial = trial_of({"pid": PID, "pd_feedforward": own}, {}, schedule=switch)
     ready = prepare(study_of(flown=trial, lanes=True, vary=MASS))
     case = case_of(ready.study, ready.samples, 0)
-    left = [one.way for _, others in Lanes(ready.study, ready.plans).fly([case]) for one in others]
+    left = [
+        one.way for _, others in BatchRunner(ready.study, ready.plans).fly([case]) for one in others
+    ]
     assert left == [Way.SWITCH]
 
 
@@ -116,6 +118,8 @@ def test_crafts_fly_beside_each_other_where_their_trackers_are_equally_late(
     testbeds = [plain(case_trial(ready.study, case).testbed) for case in cases]
     delays = [testbed["sensors"]["tracker"]["delay"] for testbed in testbeds]
     assert len(set(delays)) == 2
-    flown = [[r.number for r in some] for some, _ in Lanes(ready.study, ready.plans).fly(cases)]
+    flown = [
+        [r.number for r in some] for some, _ in BatchRunner(ready.study, ready.plans).fly(cases)
+    ]
     expected = [[k for k in range(4) if delays[k] == delay] for delay in dict.fromkeys(delays)]
     assert flown == expected

@@ -9,7 +9,7 @@ from tests.lab.studies.lanes.both_ways import CRAFT, require_equal
 from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.lanes.fleet import BatchRunner
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 
@@ -58,7 +58,7 @@ def test_lanes_that_hold_positions_of_their_own_fly_beside_each_other(
     bias = {"sensors.joint_position.bias": {"uniform": [-1e-2, 1e-2]}}
     ready = prepare(study_of(flown=held(law, sensors=NOISE), lanes=True, vary=bias))
     cases = [case_of(ready.study, ready.samples, k) for k in range(8)]
-    groups = [len(some) for some, _ in Lanes(ready.study, ready.plans).fly(cases)]
+    groups = [len(some) for some, _ in BatchRunner(ready.study, ready.plans).fly(cases)]
     assert groups == [8]
     require_equal(ready, [0, 1, 2, 3])
 

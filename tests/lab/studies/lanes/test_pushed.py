@@ -10,9 +10,9 @@ from tests.lab.studies.lanes.both_ways import require_equal
 from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import Cases, case_of
-from flexslew_lab.studies.flight import flown
-from flexslew_lab.studies.lanes.groups.lane_trial import LaneIntake, LaneTrial
-from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.flight import simulate_case
+from flexslew_lab.studies.lanes.groups.lane_trial import BatchBuilder, BatchTrial
+from flexslew_lab.studies.run import PreparedStudy, prepare
 from flexslew_lab.studies.study import Study
 
 AXES = {"roll": [1.0, 0.0, 0.0], "pitch": [0.0, 1.0, 0.0], "yaw": [0.0, 0.0, 1.0]}
@@ -55,12 +55,12 @@ OF_CRAFT: dict[str, Any] = {
 
 
 @pytest.fixture
-def surrounded(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
+def surrounded(study_of: Callable[..., Study]) -> Callable[..., PreparedStudy]:
     """Return a function that gives a study with an orbit, with wheels that shake, or both."""
 
     def make(
         orbit: bool, shaking: bool, more: dict[str, Any] | None = None, **law: Any
-    ) -> Preparation:
+    ) -> PreparedStudy:
         testbed = deepcopy(CRAFT) | ({"orbit": ORBIT} if orbit else {})
         for name, imbalance in SHAKING.items() if shaking else ():
             testbed["wheels"][name] |= imbalance
@@ -87,27 +87,27 @@ def surrounded(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
     ),
 )
 def test_what_acts_from_outside_acts_in_lanes_as_on_the_bench(
-    surrounded: Callable[..., Preparation], orbit: bool, shaking: bool, law: dict[str, Any]
+    surrounded: Callable[..., PreparedStudy], orbit: bool, shaking: bool, law: dict[str, Any]
 ) -> None:
     ready = surrounded(orbit, shaking, **law)
     require_equal(ready, [0, 1, 3])
     alone = surrounded(False, False, **law)
     ends = []
     for one in (ready, alone):
-        found = flown(one.study, case_of(one.study, one.samples, 0), one.plans)
+        found = simulate_case(one.study, case_of(one.study, one.samples, 0), one.plans)
         ends.append(found.metrics["goal_error"] or 0.0)
     assert abs(ends[0] - ends[1]) > 1e-5  # 10^4 times what lanes may be wrong by
 
 
 def test_only_lanes_with_equally_many_harmonics_stand_beside_each_other(
-    surrounded: Callable[..., Preparation],
+    surrounded: Callable[..., PreparedStudy],
 ) -> None:
     key = "testbed.wheels.yaw.dynamic_imbalance"
     ready = surrounded(True, True, {key: {"choice": [0.0, 1e-4]}})
-    intake, groups = LaneIntake(ready.study), set()
+    intake, groups = BatchBuilder(ready.study), set()
     for case in Cases(ready.study, ready.samples, range(8)):
-        lane = intake.lane_trials([case])[0]
-        assert isinstance(lane, LaneTrial)
+        lane = intake.batch_trials([case])[0]
+        assert isinstance(lane, BatchTrial)
         assert lane.model.outside is not None
         groups.add((lane.together, lane.model.outside.numbers.size))
     assert len(groups) == len({together for together, _ in groups}) == 2

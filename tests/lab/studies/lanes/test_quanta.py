@@ -8,7 +8,7 @@ import pytest
 from tests.lab.studies.lanes.both_ways import require_equal, ways_of
 from tests.representatives import seeds
 
-from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.run import PreparedStudy, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 
@@ -18,7 +18,7 @@ CHANNELS = ("joint_position", "joint_velocity", "tip_deflection")
 
 def in_quanta(
     study_of: Callable[..., Study], law: str, quanta: dict[str, float], **keys: Any
-) -> Preparation:
+) -> PreparedStudy:
     """Return a study of csa in which quanta differ from trial to trial."""
     sensors: dict[str, Any] = {name: {"bias": 1e-5} for name in CHANNELS}
     actuator: dict[str, Any] = {}

@@ -8,9 +8,9 @@ from tests.lab.studies.lanes.both_ways import require_equal
 from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.flight import flown
-from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.flight import simulate_case
+from flexslew_lab.studies.lanes.fleet import BatchRunner
+from flexslew_lab.studies.run import PreparedStudy, prepare
 from flexslew_lab.studies.study import Study
 
 AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
@@ -73,10 +73,10 @@ LAWS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
 
 
 @pytest.fixture
-def turning(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
+def turning(study_of: Callable[..., Study]) -> Callable[..., PreparedStudy]:
     """Return a function that gives a study of a law while the beam turns."""
 
-    def make(law: str, vary: str, limit: float = 100.0, sensors: Any = NOISE) -> Preparation:
+    def make(law: str, vary: str, limit: float = 100.0, sensors: Any = NOISE) -> PreparedStudy:
         settings, plan, _ = LAWS[law]
         trial = {
             "duration": 0.5,
@@ -97,23 +97,23 @@ def turning(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
 @pytest.mark.parametrize("sensors", representatives([{}, NOISE], NOISE), ids=["exact", "noisy"])
 @pytest.mark.parametrize("law", LAWS)
 def test_a_law_on_fewer_readings_than_motions_flies_as_on_the_bench(
-    turning: Callable[..., Preparation], law: str, sensors: dict[str, Any]
+    turning: Callable[..., PreparedStudy], law: str, sensors: dict[str, Any]
 ) -> None:
     """Beside others that have gains of their own."""
     ready = turning(law, f"controllers.{law}.{LAWS[law][2]}", sensors=sensors)
     require_equal(ready, [0, 1, 3])
     cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
-    assert len(list(Lanes(ready.study, ready.plans).fly(cases))) == 1
+    assert len(list(BatchRunner(ready.study, ready.plans).fly(cases))) == 1
 
 
 def test_an_integral_on_an_observer_stops_at_the_limits_as_on_the_bench(
-    turning: Callable[..., Preparation],
+    turning: Callable[..., PreparedStudy],
 ) -> None:
     law = "disturbance_accommodating"
     ready = turning(law, f"controllers.{law}.{LAWS[law][2]}", limit=40.0)
     require_equal(ready, [0, 1, 3])
     case = case_of(ready.study, ready.samples, 0)
-    assert (flown(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
+    assert (simulate_case(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_an_integral_on_an_observer_stops_at_the_limits_as_on_the_bench(
     representatives(["testbed", "controllers.disturbance_accommodating.model"], "testbed"),
 )
 def test_an_observer_is_as_wrong_about_its_bench_in_lanes(
-    turning: Callable[..., Preparation], who: str
+    turning: Callable[..., PreparedStudy], who: str
 ) -> None:
     """Benches differ from what all observers believe, or each believes in another bench."""
     ready = turning("disturbance_accommodating", f"{who}.platform.mass")

@@ -10,7 +10,7 @@ from tests.lab.studies.lanes.both_ways import require_equal
 from tests.representatives import seeds
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.lanes.fleet import BatchRunner
 from flexslew_lab.studies.lanes.groups.charge import Charge, charge_of
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
@@ -99,7 +99,7 @@ def test_each_lane_has_gains_and_a_craft_of_its_own_on_every_leg(
     observatory, _ = read_trial("observatory", None)
     charge = charge_of(observatory)
     assert isinstance(charge, Charge)
-    assert charge.legs == ((0, "slewing"), (4200, "settling"), (9000, "pointing"))
+    assert charge.segments == ((0, "slewing"), (4200, "settling"), (9000, "pointing"))
     trial = plain(observatory) | {
         "duration": 30.0,
         "plan": {"method": "reference_only", "goal": {"to": [0.1, -0.06, 0.99]}, "duration": 20.0},
@@ -113,7 +113,7 @@ def test_each_lane_has_gains_and_a_craft_of_its_own_on_every_leg(
     }
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     cases = [case_of(ready.study, ready.samples, k) for k in range(4)]
-    flown, others = zip(*Lanes(ready.study, ready.plans).fly(cases), strict=True)
+    flown, others = zip(*BatchRunner(ready.study, ready.plans).fly(cases), strict=True)
     assert ([*map(len, flown)], others) == ([4], ([],))  # beside each other
     require_equal(ready, [0, 3])
 
@@ -142,5 +142,7 @@ def test_what_only_the_bench_knows_is_left_to_it(
     trial["controllers"] |= {"own": own, "rests": {"law": "modal_space"}}
     ready = prepare(study_of(flown=trial, lanes=True))
     case = case_of(ready.study, ready.samples, 0)
-    left = [one.way for _, others in Lanes(ready.study, ready.plans).fly([case]) for one in others]
+    left = [
+        one.way for _, others in BatchRunner(ready.study, ready.plans).fly([case]) for one in others
+    ]
     assert left == [way]

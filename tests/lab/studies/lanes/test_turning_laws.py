@@ -7,9 +7,9 @@ import pytest
 from tests.lab.studies.lanes.both_ways import require_equal
 from tests.representatives import representatives
 
-from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.reproduce.scole_flights import example_values
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.lanes.fleet import BatchRunner
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -24,7 +24,7 @@ LAWS: dict[str, dict[str, Any]] = {
 
 def trial_of(controllers: dict[str, Any], active: str, *events: dict[str, Any]) -> dict[str, Any]:
     """Return a turn of the craft of three_axes, disturbed and measured with noise."""
-    trial = shipped_values("three_axes")
+    trial = example_values("three_axes")
     trial["plan"] |= {"method": "reference_only", "duration": 14.0, "goal": {"to": [0.2, -0.1, 1]}}
     trial["plan"].pop("reserve")
     return trial | {
@@ -68,7 +68,7 @@ def test_crafts_under_one_law_fly_beside_each_other(study_of: Callable[..., Stud
     vary = {"testbed.platform.mass": {"uniform": [190.0, 210.0]}}
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
-    flown = [some for some, _ in Lanes(ready.study, ready.plans).fly(cases)]
+    flown = [some for some, _ in BatchRunner(ready.study, ready.plans).fly(cases)]
     assert [*map(len, flown)] == [3]
     require_equal(ready, [0, 2])
 
@@ -81,7 +81,7 @@ def test_laws_with_a_filter_each_are_left_to_the_bench_after_the_first(
     vary = {"controllers.lqr.filter.rate_sigma": {"uniform": [1e-4, 1e-3]}}
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
-    flown = [*Lanes(ready.study, ready.plans).fly(cases)]
+    flown = [*BatchRunner(ready.study, ready.plans).fly(cases)]
     assert [result.number for some, _ in flown for result in some] == [0]
     left = [(one.case.number, one.way) for _, others in flown for one in others]
     assert left == [(1, Way.ALONG), (2, Way.ALONG)]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from flexslew_lab.metrics import METRICS
-from flexslew_lab.studies.lanes.benches.lane_faults import is_known
+from flexslew_lab.studies.lanes.benches.lane_faults import is_supported
 from flexslew_lab.studies.lanes.groups.lane_trial import way_of_testbed
-from flexslew_lab.studies.lanes.lane_metrics import COUNTED
+from flexslew_lab.studies.lanes.lane_metrics import LOOP_METRICS
 from flexslew_lab.studies.ways import Way
 from flexslew_plant.faults import FAULTS
 from flexslew_plant.testbeds import read_testbed
@@ -43,9 +43,9 @@ def test_a_sensor_that_batches_do_not_know_goes_to_the_bench() -> None:
 def test_shipped_faults_fly_in_batches_and_their_heirs_do_not(name: str) -> None:
     kind = FAULTS[name].settings
     heir = type("Heir", (kind,), {})
-    assert is_known(object.__new__(kind))
-    assert not is_known(object.__new__(heir))
+    assert is_supported(object.__new__(kind))
+    assert not is_supported(object.__new__(heir))
 
 
 def test_shipped_metrics_are_counted_in_batches() -> None:
-    assert METRICS.keys() == COUNTED
+    assert METRICS.keys() == LOOP_METRICS

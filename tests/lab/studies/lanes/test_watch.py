@@ -9,7 +9,7 @@ from tests.lab.studies.lanes.both_ways import require_equal, ways_of
 from tests.representatives import representatives
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.flight import flown
+from flexslew_lab.studies.flight import simulate_case
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -58,9 +58,9 @@ def test_what_a_monitor_doubts_is_left_to_the_bench_and_nothing_else(
     vary = {"schedule.0.fault.bias": {"loguniform": [1e-4, 1e-1]}}
     ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
     ways = ways_of(ready, 12)
-    assert set(ways) == {Way.LANES, Way.JUDGED}
+    assert set(ways) == {Way.LANES, Way.MONITORED}
     for k, way in enumerate(ways):
-        found = flown(ready.study, case_of(ready.study, ready.samples, k), ready.plans)
+        found = simulate_case(ready.study, case_of(ready.study, ready.samples, k), ready.plans)
         doubted = found.status != "ok" or bool(found.metrics["missed_ticks"])
-        assert doubted == (way is Way.JUDGED), k
+        assert doubted == (way is Way.MONITORED), k
     require_equal(ready, [k for k, way in enumerate(ways) if way is Way.LANES])

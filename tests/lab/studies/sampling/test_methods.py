@@ -4,7 +4,7 @@ from scipy import stats
 from scipy.stats import qmc
 
 from flexslew_lab.studies.sampling.distributions import FAMILIES, Distribution, distribution_of
-from flexslew_lab.studies.sampling.methods import METHODS, Sampling, drawn, replicates_of
+from flexslew_lab.studies.sampling.methods import METHODS, Sampling, draw_samples, replicates_of
 from flexslew_plant.settings import validated
 
 UNIT = Distribution("uniform", (0.0, 1.0))
@@ -42,14 +42,14 @@ def test_every_family_is_the_inverse_of_its_distribution(family: str) -> None:
 @pytest.mark.parametrize("method", ["random", "lhs", "sobol", "grid", "saltelli"])
 def test_the_same_seed_draws_the_same_samples_and_another_one_others(method: str) -> None:
     s = validated(Sampling, {"method": method, "n": 16}, "test")
-    first, again, other = (drawn(s, [UNIT] * 3, seed) for seed in (5, 5, 6))
+    first, again, other = (draw_samples(s, [UNIT] * 3, seed) for seed in (5, 5, 6))
     assert np.array_equal(first.unit, again.unit)
     assert method == "grid" or not np.array_equal(first.unit, other.unit)
 
 
 @pytest.mark.parametrize("replicates", [1, 4, 8])
 def test_every_replicate_of_sobol_is_balanced_and_so_is_each_beginning(replicates: int) -> None:
-    found = drawn(Sampling(method="sobol", n=256, replicates=replicates), [UNIT] * 3, 2)
+    found = draw_samples(Sampling(method="sobol", n=256, replicates=replicates), [UNIT] * 3, 2)
     for k in range(replicates):
         part = found.unit[found.replicate == k]
         for first in (8, 32):
@@ -62,7 +62,7 @@ def test_every_replicate_of_sobol_is_balanced_and_so_is_each_beginning(replicate
 
 def test_every_replicate_of_lhs_is_a_latin_hypercube() -> None:
     s = Sampling(method="lhs", n=103)
-    found = drawn(s, [UNIT] * 2, 2)
+    found = draw_samples(s, [UNIT] * 2, 2)
     assert replicates_of(s) == 16
     for k in range(16):
         part = found.unit[found.replicate == k]
@@ -71,14 +71,14 @@ def test_every_replicate_of_lhs_is_a_latin_hypercube() -> None:
 
 
 def test_a_grid_holds_every_pair_of_levels() -> None:
-    found = drawn(Sampling(method="grid", n=4), [UNIT, Distribution("choice", (1, 2))], 0)
+    found = draw_samples(Sampling(method="grid", n=4), [UNIT, Distribution("choice", (1, 2))], 0)
     pairs = set(zip(*(c.tolist() for c in found.values), strict=True))
     assert len(pairs) == 8
     assert {x for x, _ in pairs} == {0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0}
 
 
 def test_saltelli_exchanges_one_column_after_the_other() -> None:
-    found = drawn(Sampling(method="saltelli", n=8), [UNIT] * 3, 1).unit.reshape(5, 8, 3)
+    found = draw_samples(Sampling(method="saltelli", n=8), [UNIT] * 3, 1).unit.reshape(5, 8, 3)
     a, b = found[:2]
     for j in range(3):
         assert np.array_equal(found[2 + j][:, j], b[:, j])
@@ -87,8 +87,8 @@ def test_saltelli_exchanges_one_column_after_the_other() -> None:
 
 
 def test_sobol_is_more_even_than_random() -> None:
-    random = drawn(Sampling(method="random", n=256), [UNIT] * 2, 1)
-    sobol = drawn(Sampling(method="sobol", n=256, replicates=1), [UNIT] * 2, 1)
+    random = draw_samples(Sampling(method="random", n=256), [UNIT] * 2, 1)
+    sobol = draw_samples(Sampling(method="sobol", n=256, replicates=1), [UNIT] * 2, 1)
     assert qmc.discrepancy(sobol.unit) < 0.1 * qmc.discrepancy(random.unit)
 
 

@@ -2,17 +2,17 @@ from typing import Any
 
 import pytest
 
-from flexslew_plant.bench.operation.pacing import REPEAT_AFTER, Pacing
+from flexslew_plant.bench.operation.pacing import REPEAT_AFTER, TickTimer
 
 
 def paced(rate_factor: float = 2.0) -> Any:
-    pacing = Pacing(0.01, rate_factor, 2.0)
+    pacing = TickTimer(0.01, rate_factor, 2.0)
     pacing.start(100.0)
     return pacing
 
 
 def fast() -> Any:
-    pacing = Pacing(0.01, 0.0, 2.0)
+    pacing = TickTimer(0.01, 0.0, 2.0)
     pacing.start(100.0)
     return pacing
 
@@ -45,7 +45,7 @@ def test_a_paced_tick_ends_with_its_period_whether_answered_or_not() -> None:
 
 def test_every_question_has_its_full_period_however_late_it_was_asked() -> None:
     pacing = paced()
-    pacing.asked(100.009)  # the second, 4 ms late
+    pacing.request(100.009)  # the second, 4 ms late
     assert not pacing.tick_over(100.0139, False, 0)
     assert pacing.tick_over(100.0141, False, 0)
 
@@ -68,10 +68,10 @@ def test_a_stall_as_fast_as_it_goes_is_no_silence() -> None:
 
 def test_too_far_behind_a_new_schedule_begins_instead_of_a_burst() -> None:
     pacing = paced()
-    assert pacing.fall_behind(100.03) == 0.0  # 25 ms: caught up
-    late = pacing.fall_behind(100.505)
+    assert pacing.shift_schedule(100.03) == 0.0  # 25 ms: caught up
+    late = pacing.shift_schedule(100.505)
     assert late == pytest.approx(0.5)
-    pacing.asked(100.505)
+    pacing.request(100.505)
     assert not pacing.tick_over(100.5099, True, 0)
     assert pacing.tick_over(100.5101, True, 0)
 
@@ -87,14 +87,14 @@ def test_another_rate_counts_from_its_change_on() -> None:
 
 def test_paced_ticks_do_not_drift_when_one_is_late() -> None:
     pacing = paced()
-    pacing.asked(100.009)  # the first was 4 ms late
+    pacing.request(100.009)  # the first was 4 ms late
     assert not pacing.tick_over(100.0099, True, 0)
     assert pacing.tick_over(100.0101, True, 0)
 
 
 def test_a_pause_is_not_caught_up() -> None:
     pacing = paced()
-    pacing.asked(100.005)
+    pacing.request(100.005)
     pacing.start(500.0)
     assert not pacing.tick_over(500.0049, True, 0)
     assert pacing.tick_over(500.0051, True, 0)
@@ -102,11 +102,11 @@ def test_a_pause_is_not_caught_up() -> None:
 
 def test_a_question_is_repeated_at_its_interval() -> None:
     pacing = fast()
-    assert not pacing.repeat_due(100.0 + 0.5 * REPEAT_AFTER)
-    assert pacing.repeat_due(100.0 + 1.01 * REPEAT_AFTER)
-    assert not pacing.repeat_due(100.0 + 1.5 * REPEAT_AFTER)
-    pacing.asked(103.0)
-    assert not pacing.repeat_due(103.0 + 0.9 * REPEAT_AFTER)
+    assert not pacing.check_repeat(100.0 + 0.5 * REPEAT_AFTER)
+    assert pacing.check_repeat(100.0 + 1.01 * REPEAT_AFTER)
+    assert not pacing.check_repeat(100.0 + 1.5 * REPEAT_AFTER)
+    pacing.request(103.0)
+    assert not pacing.check_repeat(103.0 + 0.9 * REPEAT_AFTER)
 
 
 @pytest.mark.parametrize("pacing", [paced(), fast()])
@@ -114,5 +114,5 @@ def test_the_wait_ends_when_something_is_due(pacing: Any) -> None:
     wait = pacing.wait(100.001)
     assert 0.0 < wait <= REPEAT_AFTER
     later = 100.001 + wait + 1e-9
-    assert pacing.tick_over(later, False, 0) or pacing.repeat_due(later)
+    assert pacing.tick_over(later, False, 0) or pacing.check_repeat(later)
     assert pacing.wait(1000.0) == 0.0

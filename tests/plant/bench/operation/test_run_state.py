@@ -31,7 +31,7 @@ def test_steps_are_counted_and_then_it_rests() -> None:
     run = RunState(autostart=False)
     assert run.step(3).ok
     run.begin(0.0)
-    assert [run.ticked(0.1) for _ in range(3)] == [False, False, True]
+    assert [run.count_tick(0.1) for _ in range(3)] == [False, False, True]
     assert run.state == PAUSED
     assert run.step(0).message == "flying 1 tick"
 
@@ -41,15 +41,15 @@ def test_what_is_left_of_a_step_is_forgotten(act: str) -> None:
     run = RunState(autostart=False)
     run.step(100)
     run.begin(0.0)
-    run.ticked(0.1)
-    assert run.stepping
+    run.count_tick(0.1)
+    assert run.has_steps_left
     {"pause": lambda: run.pause(0.2), "start": run.start, "reset": run.reset}[act]()
-    assert not run.stepping
+    assert not run.has_steps_left
     if act != "start":
         assert run.start().ok
         run.begin(0.3)
     assert run.state == RUNNING
-    assert not any(run.ticked(0.4) for _ in range(1000))
+    assert not any(run.count_tick(0.4) for _ in range(1000))
 
 
 def test_the_wall_time_is_that_of_the_run_without_its_pauses() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest, Truth
-from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat
+from flexslew_plant.bench.operation.presence import HEARTBEAT_PERIOD, Heartbeat
 from flexslew_plant.bench.operation.run_state import PAUSED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.events import Event
@@ -27,31 +27,31 @@ class Lab:
         self.dead: set[Any] = set()
         self.stopped: set[Any] = set()
         self.waiting: list[EffortCommand] = []
-        self.questions: list[Any] = []
-        self.truths: list[Any] = []
+        self.measurements: list[Any] = []
+        self.truth_log: list[Any] = []
         self.events: list[Any] = []
         bench = Bench(BenchSettings(**values))
-        self.it = Session(bench, (), rate, 2.0, True, lambda: [], self.arrived)
+        self.it = Session(bench, (), rate, 2.0, True, lambda: [], self.received)
         self.names, self.next_beat = controllers, 0.0
         for name in controllers:
             self.it.reasons[name] = None
 
-    def arrived(self) -> Any:
+    def received(self) -> Any:
         waiting, self.waiting = self.waiting, []
         return waiting
 
-    def beat(self) -> None:
+    def heartbeat(self) -> None:
         if self.now >= self.next_beat:
-            self.next_beat = self.now + BEAT_EVERY
+            self.next_beat = self.now + HEARTBEAT_PERIOD
             for number, name in enumerate(self.names):
                 if name not in self.dead:
                     role = "recorder" if name == "recorder" else "controller"
-                    self.it.presence.hear(Beat(name, role, number, number), self.now)
+                    self.it.heartbeats.receive(Heartbeat(name, role, number, number), self.now)
 
     def poll(self) -> None:
         """Let the session work once and the time pass until it wants to work again."""
-        self.beat()
-        for command in self.arrived():
+        self.heartbeat()
+        for command in self.received():
             self.it.take(command, self.now)
         wait = self.it.poll(self.now)
         self.send()
@@ -59,16 +59,16 @@ class Lab:
 
     def send(self) -> None:
         """Take what the session says; questions are answered by those who live."""
-        while self.it.outbox:
-            record = self.it.outbox.popleft()
+        while self.it.outgoing:
+            record = self.it.outgoing.popleft()
             if isinstance(record, Measurement):
-                self.questions.append(record)
+                self.measurements.append(record)
                 if record.controller and record.controller not in self.dead | self.stopped:
                     self.waiting.append(
                         EffortCommand(record.tick, record.epoch, record.controller, ZERO)
                     )
             else:
-                (self.truths if isinstance(record, Truth) else self.events).append(record)
+                (self.truth_log if isinstance(record, Truth) else self.events).append(record)
 
     def die(self, name: Any) -> None:
         """Let a second pass in which it is not heard; the bench waits for an answer meanwhile."""
@@ -92,8 +92,8 @@ class Lab:
 
 def test_it_runs_to_the_end_asks_every_tick_and_says_how_long_it_took() -> None:
     lab = Lab(rate=1.0, duration=0.5).until(50)
-    assert [q.tick for q in lab.questions] == list(range(50))
-    assert [t.tick for t in lab.truths] == list(range(51))
+    assert [q.tick for q in lab.measurements] == list(range(50))
+    assert [t.tick for t in lab.truth_log] == list(range(51))
     assert lab.kinds("missed", "late") == []
     (done,) = [e for e in lab.events if e.kind == "finished"]
     assert done.data["wall_time"] == pytest.approx(0.5, abs=0.01)
@@ -120,13 +120,13 @@ def test_a_dead_controller_is_not_ready_within_a_second_and_a_switch_to_it_is_re
 def test_one_that_is_started_again_is_ready_when_it_says_so_itself() -> None:
     lab = Lab(rate=1.0).until(10)
     it, (first, second) = lab.it, (1, 7)
-    it.hear("b", True, "", first)
+    it.receive("b", True, "", first)
     assert it.reason("b", lab.now) is None
     lab.dead.add("b")
     lab.until(110)
-    it.presence.hear(Beat("b", "controller", second, second), lab.now)
+    it.heartbeats.receive(Heartbeat("b", "controller", second, second), lab.now)
     assert str(it.reason("b", lab.now)) == "it has just come"
-    it.hear("b", True, "", second)
+    it.receive("b", True, "", second)
     assert it.reason("b", lab.now) is None
 
 
@@ -134,10 +134,10 @@ def test_one_that_is_started_again_is_ready_when_it_says_so_itself() -> None:
 def test_who_has_just_become_ready_takes_over(rate: float) -> None:
     lab = Lab(rate).until(10)
     it = lab.it
-    it.hear("b", False, "no testbed announced yet", 1)
+    it.receive("b", False, "no testbed announced yet", 1)
     while not lab.kinds("not_ready"):
         lab.poll()
-    it.hear("b", True, "", 1)
+    it.receive("b", True, "", 1)
     assert it.switch(SwitchRequest("b", it.bench.tick + 1), lab.now) is None
     lab.until(it.bench.tick + 3)
     assert lab.kinds("switched", "switch_dropped") == ["switched"]
@@ -151,8 +151,8 @@ def test_of_two_with_one_name_the_answers_of_the_older_count(
     rate: float, older: bool, told: bool
 ) -> None:
     lab = Lab(rate, controllers=("b", "a")).until(3)
-    mine = lab.it.presence.alive(lab.now)["a"].instance
-    lab.it.presence.hear(Beat("a", "controller", 77, -1 if older else 99), lab.now)
+    mine = lab.it.heartbeats.alive(lab.now)["a"].instance
+    lab.it.heartbeats.receive(Heartbeat("a", "controller", 77, -1 if older else 99), lab.now)
     for _ in range(5):
         lab.poll()
     lab.stopped.add("a")
@@ -297,7 +297,7 @@ def test_paced_a_dead_controller_loses_the_bench_within_half_a_second(rate: floa
 
 def test_the_recorder_s_death_is_an_event_within_two_seconds_and_nobody_waits_for_it() -> None:
     lab = Lab(controllers=("a", "recorder")).until(10)
-    lab.it.backlog.heard("recorder", 0, 0)
+    lab.it.node_progress.received("recorder", 0, 0)
     lab.dead.add("recorder")
     died = lab.now
     lab.until(3000)
@@ -313,7 +313,7 @@ def test_the_recorder_s_death_is_an_event_within_two_seconds_and_nobody_waits_fo
 def test_as_fast_as_it_goes_a_starved_recorder_is_waited_for_and_not_for_ever() -> None:
     lab = Lab(controllers=("a", "recorder")).until(10)
     for seen in (10, 70):
-        lab.it.backlog.heard("recorder", seen, 0, recorder=True)
+        lab.it.node_progress.received("recorder", seen, 0, recorder=True)
         lab.dead.add("recorder")  # not a beat
         end = lab.now + 1.9
         while lab.now < end:
@@ -326,15 +326,15 @@ def test_as_fast_as_it_goes_a_starved_recorder_is_waited_for_and_not_for_ever() 
 @pytest.mark.parametrize("rate", [1.0, 20.0])
 def test_paced_the_plant_falls_behind_its_schedule_before_the_log_has_a_gap(rate: float) -> None:
     lab = Lab(rate, controllers=("a", "recorder")).until(10)
-    lab.it.backlog.heard("recorder", 10, 0, recorder=True)
-    lab.it.backlog.heard("a", 10, 0)  # nobody else is waited for
+    lab.it.node_progress.received("recorder", 10, 0, recorder=True)
+    lab.it.node_progress.received("a", 10, 0)  # nobody else is waited for
     lab.until(1010)
     held = lab.now
     lab.dead.add("recorder")  # starved: not a beat either
     while lab.now < held + 1.9:
         lab.poll()
     assert lab.it.bench.tick == 1010
-    lab.it.backlog.heard("recorder", 900, 0, recorder=True)
+    lab.it.node_progress.received("recorder", 900, 0, recorder=True)
     lab.until(1900)
     assert lab.kinds("late") == ["late"]
     assert lab.it.bench.drive.missed == 0
@@ -354,8 +354,8 @@ def test_a_recorder_that_has_ended_holds_nobody_back() -> None:
     lab = Lab(20.0, controllers=("a", "recorder")).until(10)
     lab.dead.add("recorder")
     lab.until(900)
-    lab.it.presence.ended(Beat("recorder", "recorder", 1, 1))
-    lab.it.backlog.forget("recorder")
+    lab.it.heartbeats.ended(Heartbeat("recorder", "recorder", 1, 1))
+    lab.it.node_progress.clear("recorder")
     lab.until(5000)
     assert lab.kinds("late") == []
 
@@ -405,7 +405,7 @@ def test_a_rate_that_is_none_is_refused(rate: Any) -> None:
     reply = lab.it.set_rate(rate, lab.now)
     assert not reply.ok
     assert "rate_factor" in reply.message
-    assert not lab.it.pacing.paced
+    assert not lab.it.tick_timer.paced
 
 
 def test_an_empty_remark_is_refused() -> None:
@@ -436,7 +436,7 @@ def test_repeated_questions_make_no_rejections_in_a_healthy_run() -> None:
     lab.stopped.add("a")
     for _ in range(20):
         lab.poll()
-    asked = [q for q in lab.questions if q.tick == lab.it.bench.tick]
+    asked = [q for q in lab.measurements if q.tick == lab.it.bench.tick]
     assert len(asked) > 2
     lab.stopped.clear()
     for question in asked:  # every repetition is answered, the later ones too late
@@ -485,7 +485,7 @@ def test_a_question_that_was_answered_before_a_rest_or_in_it_is_not_asked_again_
     assert it.bench.answered
     assert it.start().ok
     lab.until(60)
-    asked = [question.tick for question in lab.questions]
+    asked = [question.tick for question in lab.measurements]
     assert asked == sorted({*asked})  # who has come since would take the first for its own
 
 
@@ -494,21 +494,21 @@ def test_a_controller_that_is_started_again_on_a_paused_bench_goes_on_with_it(ra
     lab = Lab(rate=rate).until(1500)
     it = lab.it
     for name in ("a", "b"):
-        it.backlog.heard(name, 1500, 0)
+        it.node_progress.received(name, 1500, 0)
     assert it.pause(lab.now).ok
     lab.poll()
     for name in ("a", "b"):  # a new process has seen nothing, and the bench is far beyond
-        it.backlog.heard(name, 0, 0)
+        it.node_progress.received(name, 0, 0)
     assert it.switch(SwitchRequest("b", it.bench.tick + 2), lab.now) is None
     assert it.start().ok
     lab.poll()
     assert it.run.running
     assert it.waiting_for == []
     for name in ("a", "b"):
-        it.backlog.heard(name, it.bench.tick, 0)
+        it.node_progress.received(name, it.bench.tick, 0)
     lab.until(1600)
     assert lab.kinds("switched", "switch_dropped", "missed") == ["switched"]
-    it.backlog.heard("a", 200, 0)  # one that is slow, and has questions to work off
+    it.node_progress.received("a", 200, 0)  # one that is slow, and has questions to work off
     assert it.pause(lab.now).ok
     assert it.reason("a", lab.now).cause is Cause.BEHIND
 
@@ -531,7 +531,7 @@ def test_who_cannot_go_on_after_a_rest_is_not_waited_for_where_it_is_relieved_at
     if rest == "reset":
         assert lab.it.reset().ok
     if why == "no plan yet":
-        lab.it.hear("a", False, why)
+        lab.it.receive("a", False, why)
         lab.stopped.add("a")
     else:
         lab.dead.add("a")

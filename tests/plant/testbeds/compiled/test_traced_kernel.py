@@ -11,12 +11,12 @@ from tests.representatives import representatives
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds import Model, read_testbed
-from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
-from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH, BatchKernel
 from flexslew_plant.testbeds.compiled.nystrom import NYSTROM
-from flexslew_plant.testbeds.compiled.tape import Tape, Untraceable
+from flexslew_plant.testbeds.compiled.scalar_kernel import scalar_kernel
+from flexslew_plant.testbeds.compiled.tape import Tape, TraceError
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
-from flexslew_plant.testbeds.compiled.written import BlockLayout, needed, turns_of, written
+from flexslew_plant.testbeds.compiled.written import BlockLayout, needed, sine_numbers_of, written
 
 SECTIONS: dict[str, dict[str, Any]] = {
     "complete csa": {"kind": "csa", "modes": 3, "damping_ratio": 0.02},
@@ -37,21 +37,21 @@ def some(model: Model, rng: np.random.Generator) -> tuple[Vector, Vector]:
     return x, rng.standard_normal(model.efforts)
 
 
-def require_steps_of_the_model(model: Model, kernel: LaneKernel) -> None:
+def require_steps_of_the_model(model: Model, kernel: BatchKernel) -> None:
     """Step random states in all lanes and compare some with the model's own step."""
     rng = np.random.default_rng(2)
-    states, efforts = zip(*(some(model, rng) for _ in range(LANES)), strict=True)
+    states, efforts = zip(*(some(model, rng) for _ in range(BATCH_WIDTH)), strict=True)
     x, u = np.array(states).T, np.array(efforts).T
-    w = kernel.place(np.repeat(model.packed[:, None], LANES, axis=1))
+    w = kernel.place(np.repeat(model.packed[:, None], BATCH_WIDTH, axis=1))
     w[: x.size], w[x.size : x.size + u.size] = x.ravel(), u.ravel()
-    kernel.read(LANES, w)
+    kernel.read(BATCH_WIDTH, w)
     joints = [
-        w[at : at + model.joints * LANES].reshape(-1, LANES)
+        w[at : at + model.joints * BATCH_WIDTH].reshape(-1, BATCH_WIDTH)
         for at in (kernel.rows.position, kernel.rows.rate)
     ]
     joints = [part.copy() for part in joints]
-    kernel.advance(0.3, 0.01, 1, LANES, w)
-    for k in range(0, LANES, 7):
+    kernel.advance(0.3, 0.01, 1, BATCH_WIDTH, w)
+    for k in range(0, BATCH_WIDTH, 7):
         expected = model.advance(x[:, k].copy(), u[:, k].copy(), 0.01, t=0.3)
         found = w[: x.size].reshape(x.shape)[:, k]
         assert np.abs(found - expected).max() <= TOLERANCE * max(1.0, np.abs(expected).max())
@@ -95,7 +95,7 @@ def test_later_passes_read_what_earlier_ones_have_written() -> None:
     first, second, p = tape.input("x", 0), tape.input("x", 1), tape.parameters()
     turn = tape.operation("sine", first * p[0])
     kept, results = [turn + second, 2.0], [turn * p[1], (turn + second) / (first + p[1])]
-    assert [node.index for node in turns_of(tape, results)] == [turn.index]
+    assert [node.index for node in sine_numbers_of(tape, results)] == [turn.index]
     constants = needed(tape, [*kept, *results]).constants
     layout = BlockLayout({"x": 0, "constants": 4}, constants, 2)
     w = np.zeros(14)
@@ -176,7 +176,7 @@ def pendulum(t: float, q: float, v: float) -> float:
 def test_equations_that_branch_on_time_step_lane_by_lane() -> None:
     model = read_trial("antenna_1")[0].testbed.model()
     assert traced_kernel(model, False) is None
-    require_steps_of_the_model(model, lane_by_lane(model))
+    require_steps_of_the_model(model, scalar_kernel(model))
 
 
 def halfway(p: Vector, t: float) -> float:
@@ -190,7 +190,7 @@ def test_steps_that_do_not_go_across_jumps_go_lane_by_lane() -> None:
     assert traced_kernel(smooth, False) is not None
     model = replace(smooth, kernels=replace(smooth.kernels, next_jump=halfway))
     assert traced_kernel(model, False) is None
-    require_steps_of_the_model(model, lane_by_lane(model))
+    require_steps_of_the_model(model, scalar_kernel(model))
 
 
 def test_a_tape_folds_what_is_known_and_notes_nothing_twice() -> None:
@@ -201,7 +201,7 @@ def test_a_tape_folds_what_is_known_and_notes_nothing_twice() -> None:
     assert (x + p[0]).index == (x + p[0]).index
     assert int(p[0]) == 2
     assert tape.fixed == {0}
-    with pytest.raises(Untraceable):
+    with pytest.raises(TraceError):
         bool(x < p[0] * x)
 
 
@@ -210,6 +210,6 @@ def test_what_depends_on_packed_numbers_alone_is_evaluated_for_every_lane() -> N
     tape = Tape(rng.uniform(1.5, 2.5, 3))
     a, b, c = tape.parameters()
     node = (a * b - c) / (a + 2.0)
-    packed = rng.uniform(1.5, 2.5, (3, LANES))
+    packed = rng.uniform(1.5, 2.5, (3, BATCH_WIDTH))
     expected = (packed[0] * packed[1] - packed[2]) / (packed[0] + 2.0)
     assert np.allclose(tape.evaluated(packed, [node.index])[0], expected, rtol=1e-14)

@@ -9,12 +9,16 @@ from numpy.polynomial.legendre import leggauss
 from tests.plant.testbeds.spacecraft.crafts import fly
 from tests.present import present
 
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.trial.trial import plan_of_trial
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.testbeds.csa import CsaVariant
 from flexslew_plant.testbeds.csa.testbed import CsaTestbed, beam
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, CraftDrive, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import (
+    Appendage,
+    Spacecraft,
+    SpacecraftActuator,
+)
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of, second_of
@@ -38,7 +42,7 @@ def craft(testbed: CsaTestbed, second_order: bool) -> Spacecraft:
     mass = (p.linear_density * h * w / 2.0).ravel()
     place, shape = np.zeros((s.size, 3)), np.zeros((s.size, 3, modes))
     place[:, 0], shape[:, 1] = p.hub_radius + s, b.shape(s).T
-    both = Points(place, mass, shape, drawn).joined(Points(-place, mass, -shape, -drawn))
+    both = Points(place, mass, shape, drawn).extend(Points(-place, mass, -shape, -drawn))
     whole = integrals_of(both)
     i = whole if second_order else whole.first_order()
     own = np.diag([p.hub_inertia_1, p.hub_inertia_2, p.hub_inertia_1])
@@ -57,7 +61,10 @@ def craft(testbed: CsaTestbed, second_order: bool) -> Spacecraft:
     )
     yaw = np.array([0.0, 0.0, 1.0])
     base = np.diag([1.0, 1.0, p.base_inertia])
-    drives = (CraftDrive("base_yaw", at.TORQUE, -1, yaw), CraftDrive("hub_pitch", at.HINGE, 0))
+    drives = (
+        SpacecraftActuator("base_yaw", at.TORQUE, -1, yaw),
+        SpacecraftActuator("hub_pitch", at.HINGE, 0),
+    )
     return Spacecraft(1.0, np.zeros(3), base, (hub,), (), drives, at.PIVOT, yaw, np.zeros(3))
 
 
@@ -69,7 +76,7 @@ def flown(variant: CsaVariant, second_order: bool) -> tuple[Matrix, Matrix, floa
         variant: that flies them first.
         second_order: whether the same as a spacecraft, which flies them next, has such terms.
     """
-    trial = shipped("m1")
+    trial = example_trial("m1")
     plan = present(plan_of_trial(trial))
     assert isinstance(trial.testbed, CsaTestbed)
     model = replace(trial.testbed, variant=variant).model()

@@ -4,13 +4,13 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix
 from flexslew_plant.testbeds.spacecraft.assembly.craft import (
     Appendage,
-    CraftDrive,
     MomentGyro,
-    PrescribedTurn,
+    PrescribedRotation,
     Spacecraft,
+    SpacecraftActuator,
     Wheel,
 )
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
@@ -18,7 +18,7 @@ from flexslew_plant.testbeds.spacecraft.equations.actuation import actuation
 from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, potential
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of
-from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
+from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint
 
 
 def direction(rng: np.random.Generator) -> Vector:
@@ -29,7 +29,7 @@ def direction(rng: np.random.Generator) -> Vector:
 
 def random_axes(rng: np.random.Generator) -> Matrix:
     """Return random direction cosines."""
-    return turn(direction(rng), rng.uniform(0.0, 2.0 * np.pi))
+    return rotation_matrix(direction(rng), rng.uniform(0.0, 2.0 * np.pi))
 
 
 def random_points(rng: np.random.Generator, modes: int, count: int = 15) -> Points:
@@ -50,11 +50,11 @@ def random_appendage(rng: np.random.Generator, hinge: int, name: str) -> Appenda
     modes = int(rng.integers(0, 5))
     points = random_points(rng, modes)
     half = rng.standard_normal((modes, modes))
-    manoeuvres: tuple[PrescribedTurn, ...] = ()
+    manoeuvres: tuple[PrescribedRotation, ...] = ()
     if hinge == at.PRESCRIBED:
         manoeuvres = (
-            PrescribedTurn(0.1, 1.3, rng.uniform(-2, 2), direction(rng), at.SMOOTH),
-            PrescribedTurn(1.6, 0.9, rng.uniform(-2, 2), direction(rng), at.BANG_BANG),
+            PrescribedRotation(0.1, 1.3, rng.uniform(-2, 2), direction(rng), at.SMOOTH),
+            PrescribedRotation(1.6, 0.9, rng.uniform(-2, 2), direction(rng), at.BANG_BANG),
         )
     return Appendage(
         name,
@@ -85,15 +85,19 @@ def random_craft(
     )
     wheels = (Wheel("wheel", direction(rng), 0.05, np.inf),)
     drives = [
-        CraftDrive("force", at.FORCE, -1, direction(rng), _spot(rng, 0)),
-        CraftDrive("torque", at.TORQUE, -1, direction(rng)),
-        CraftDrive("spin", at.WHEEL, 0),
+        SpacecraftActuator("force", at.FORCE, -1, direction(rng), _spot(rng, 0)),
+        SpacecraftActuator("torque", at.TORQUE, -1, direction(rng)),
+        SpacecraftActuator("spin", at.WHEEL, 0),
     ]
     for k, a in enumerate(parts):
-        drives.append(CraftDrive(f"f{k}", at.POINT_FORCE, k, direction(rng), _spot(rng, a.modes)))
-        drives.append(CraftDrive(f"t{k}", at.TIP_TORQUE, k, direction(rng), _spot(rng, a.modes)))
+        drives.append(
+            SpacecraftActuator(f"f{k}", at.POINT_FORCE, k, direction(rng), _spot(rng, a.modes))
+        )
+        drives.append(
+            SpacecraftActuator(f"t{k}", at.TIP_TORQUE, k, direction(rng), _spot(rng, a.modes))
+        )
         if a.hinge == at.DRIVEN:
-            drives.append(CraftDrive(f"h{k}", at.HINGE, k))
+            drives.append(SpacecraftActuator(f"h{k}", at.HINGE, k))
     return Spacecraft(
         20.0 * whole.mass,
         20.0 * whole.first,
@@ -113,9 +117,9 @@ def random_gyro(rng: np.random.Generator) -> MomentGyro:
     return MomentGyro("gyro", axes[0], axes[1], rng.uniform(0.5, 2.0))
 
 
-def _spot(rng: np.random.Generator, modes: int) -> Spot:
+def _spot(rng: np.random.Generator, modes: int) -> AppendagePoint:
     draw = rng.standard_normal
-    return Spot(draw(3), draw((3, modes)), draw((3, modes)), np.zeros((2, modes)))
+    return AppendagePoint(draw(3), draw((3, modes)), draw((3, modes)), np.zeros((2, modes)))
 
 
 def random_state(craft: Spacecraft, seed: int, size: float = 0.3) -> Vector:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from flexslew_lab.trial.sources import shipped_trials
+from flexslew_lab.trial.sources import example_trials
 from flexslew_lab.trial.trial import load_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
@@ -216,6 +216,6 @@ def test_modes_that_move_more_than_the_mass_of_a_light_appendage_are_reported(
 
 
 def test_shipped_spacecraft_raise_no_doubts() -> None:
-    for shipped in shipped_trials():
+    for shipped in example_trials():
         bench = load_trial(shipped.path).testbed
         assert not isinstance(bench, HasDoubts) or not bench.doubts(), shipped.name

@@ -10,7 +10,7 @@ from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix
 from flexslew_plant.testbeds.spacecraft.equations import layout
 
 BOOM = {
@@ -74,17 +74,19 @@ def place_of(model: Any, testbed: Any, x: Any, name: str, t: float) -> Any:
     if body.motion == layout.FREE:
         place, turned = x[:3], attitude(x[3:7])
     if body.motion == layout.PIVOT:
-        turned = turn(body.pivot_axis, x[0]).T
+        turned = rotation_matrix(body.pivot_axis, x[0]).T
         place = body.pivot_place - turned @ body.pivot_place
     if name == "hub":
         return place + turned @ np.array(SENSORS["hub"]["place"]), turned
     a = body.appendages[0]
     axes = a.axes
     if a.hinge == layout.DRIVEN:
-        axes = turn(a.axis, x[own - 1]) @ axes
+        axes = rotation_matrix(a.axis, x[own - 1]) @ axes
     for m in a.manoeuvres:  # smooth, from t = 0 on
         s = t / m.duration
-        axes = turn(m.axis, m.angle * (s - np.sin(2.0 * np.pi * s) / (2.0 * np.pi))) @ axes
+        axes = (
+            rotation_matrix(m.axis, m.angle * (s - np.sin(2.0 * np.pi * s) / (2.0 * np.pi))) @ axes
+        )
     moved = a.shape.tip.place + a.shape.tip.displacement @ x[own : model.positions]
     return place + turned @ (a.place + axes.T @ moved), turned @ axes.T
 
@@ -101,7 +103,7 @@ def test_an_accelerometer_reads_the_second_derivative_of_its_place(
     x, h, t = moving(model), 1e-4, 0.7
     effort = np.random.default_rng(2).standard_normal(model.efforts)
     tips = model.appendages
-    read = tips.felt(x, model.derivative(x, effort, t), t)[tips.names.index(name)]
+    read = tips.exact_reading(x, model.derivative(x, effort, t), t)[tips.names.index(name)]
     ahead, behind = (model.advance(x, effort, dt, t=t) for dt in (h, -h))
     places = [
         place_of(model, testbed, at, name, t + dt)
@@ -123,7 +125,7 @@ def test_displacement_rate_and_strain_are_those_of_the_bent_beam() -> None:
     line = testbed.craft.appendages[0].shape.along
 
     def bent(s: float, modes: Any) -> Any:
-        return line.spot(s).displacement @ modes
+        return line.point(s).displacement @ modes
 
     assert found["middle"] == pytest.approx(bent(1.0, q)[2])
     assert found["middle_rate"] == pytest.approx(bent(1.0, v)[2])

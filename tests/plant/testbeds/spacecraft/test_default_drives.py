@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from flexslew_plant.settings import plain
-from flexslew_plant.testbeds import read_testbed, varied
+from flexslew_plant.testbeds import read_testbed, with_changes
 
 WHEEL = {"axis": [1.0, 0.0, 0.0], "inertia": 0.01, "limit": 1.0}
 GYRO = {"axis": [0.0, 0.0, 1.0], "rotor": [0.0, 1.0, 0.0], "momentum": 1.0}
@@ -36,6 +36,6 @@ def test_a_model_that_takes_a_joint_away_takes_its_initial_position_along() -> N
     given = {"appendages": {"boom": HINGED}, "wheels": {"w": WHEEL}}
     start = {"boom_hinge": 0.2, "w": 0.1}
     testbed = read_testbed({"kind": "spacecraft", **given, "initial": start}, "test")
-    fixed = varied(testbed, {"appendages": {"boom": {"hinge": {"kind": "fixed"}}}}, "test")
+    fixed = with_changes(testbed, {"appendages": {"boom": {"hinge": {"kind": "fixed"}}}}, "test")
     assert fixed.initial == {"w": 0.1}
-    assert varied(testbed, {"initial": {"w": 0.3}}, "test").initial == {**start, "w": 0.3}
+    assert with_changes(testbed, {"initial": {"w": 0.3}}, "test").initial == {**start, "w": 0.3}

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from tests.plant.testbeds.spacecraft.crafts import random_axes
 
-from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, PrescribedTurn, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix
+from flexslew_plant.testbeds.spacecraft.assembly.craft import (
+    Appendage,
+    PrescribedRotation,
+    Spacecraft,
+)
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.hinge_motion import prescribed
@@ -23,7 +27,9 @@ def test_the_rates_of_every_profile_are_derivatives_of_the_direction_cosines() -
     axes, motions, begin = random_axes(rng), [], 0.3
     for profile in (at.SMOOTH, at.BANG_BANG, at.TABLE):
         axis = rng.standard_normal(3)
-        motions.append(PrescribedTurn(begin, 1.7, 0.9, axis / np.linalg.norm(axis), profile, TABLE))
+        motions.append(
+            PrescribedRotation(begin, 1.7, 0.9, axis / np.linalg.norm(axis), profile, TABLE)
+        )
         begin += 2.0
     i = integrals_of(random_points(rng, 0))
     a = Appendage(
@@ -55,14 +61,14 @@ def test_the_rates_of_every_profile_are_derivatives_of_the_direction_cosines() -
         np.testing.assert_allclose((after - before) / (2 * h), acceleration, atol=1e-7)
     end = axes
     for m in motions:
-        end = turn(m.axis, m.angle) @ end
+        end = rotation_matrix(m.axis, m.angle) @ end
     np.testing.assert_allclose(cosines(10.0), end, atol=1e-14)
 
 
 @pytest.mark.parametrize("profile", [at.SMOOTH, at.BANG_BANG])
 def test_the_profiles_peak_accelerations(profile: int) -> None:
     # smooth: beta'' = (2 pi theta / T^2) sin(2 pi t / T); bang-bang: 4 theta / T^2
-    m = PrescribedTurn(0.0, 3.0, 1.5, np.array([1.0, 0, 0]), profile)
+    m = PrescribedRotation(0.0, 3.0, 1.5, np.array([1.0, 0, 0]), profile)
     empty = np.zeros((0, 0))
     a = Appendage(
         "a",

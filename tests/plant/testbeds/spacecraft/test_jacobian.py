@@ -13,7 +13,7 @@ from tests.plant.testbeds.spacecraft.crafts import (
     random_state,
 )
 
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.jacobian import residual_jacobian
@@ -73,7 +73,7 @@ def test_the_kinematics_derivatives_are_exact() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_jacobian_of_a_free_platform_is_that_of_its_tangent_space(seed: int) -> None:
-    testbed = shipped("own_spacecraft").testbed
+    testbed = example_trial("own_spacecraft").testbed
     model = testbed.model()
     rng = np.random.default_rng(seed)
     x = 0.2 * rng.standard_normal(model.positions + model.coordinates)

@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.hinge_motion import prescribed
-from flexslew_plant.testbeds.spacecraft.lines_of_sight import hinge_turned, target_directions
+from flexslew_plant.testbeds.spacecraft.lines_of_sight import (
+    hinge_axes_and_angle,
+    target_directions,
+)
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 TABLE = [[0.0, 0.0, 0.0, 0.0], [0.4, 0.3, 1.4, 0.5], [1.0, 1.0, 0.0, 0.0]]
@@ -33,7 +36,7 @@ def antenna(seed: int) -> SpacecraftTestbed:
         )  # fmt: skip
         begin += duration
     values = {"testbed": {"appendages": {"beam": {"hinge": {"motion": turns}}}}}
-    testbed = shipped("antenna_4", values).testbed
+    testbed = example_trial("antenna_4", values).testbed
     assert isinstance(testbed, SpacecraftTestbed)
     return testbed
 
@@ -44,7 +47,7 @@ def test_hinges_are_drawn_and_measured_where_the_plant_turns_them(seed: int) -> 
     [beam] = craft.appendages
     p, turn = packed(craft), unwrap(prescribed)
     times = np.sort(np.random.default_rng(seed).uniform(-0.2, 7.0, 60))
-    axes, angle = hinge_turned(beam, times)
+    axes, angle = hinge_axes_and_angle(beam, times)
     block = int(p[int(p[at.APPENDAGE_TABLE])])
     for t, e in zip(times.tolist(), axes, strict=True):
         np.testing.assert_allclose(e.ravel(), turn(p, block, t)[0], atol=1e-12)
@@ -56,7 +59,7 @@ def test_an_antenna_at_rest_looks_at_its_target(seed: int) -> None:
     testbed = antenna(seed)
     [beam] = testbed.craft.appendages
     ends = np.array([m.begin + m.duration for m in beam.manoeuvres])
-    axes, _ = hinge_turned(beam, ends)
+    axes, _ = hinge_axes_and_angle(beam, ends)
     np.testing.assert_allclose(axes[:, 2], target_directions(beam, ends), atol=1e-12)
     q = np.tile(testbed.model().rest({}), (len(ends), 1))
     sight = testbed.lines_of_sight(ends, q, {})["beam"]
@@ -65,7 +68,7 @@ def test_an_antenna_at_rest_looks_at_its_target(seed: int) -> None:
 
 
 def test_the_scene_turns_an_antenna_and_aims_at_its_target() -> None:
-    testbed = shipped("antenna_5_1").testbed  # turns by 45 deg about x in 3 s
+    testbed = example_trial("antenna_5_1").testbed  # turns by 45 deg about x in 3 s
     scene, rest = testbed.scene(), testbed.model().rest({})
     for t, angle in ((0.0, 0.0), (1.5, np.pi / 8), (3.0, np.pi / 4), (9.0, np.pi / 4)):
         [turned] = [f for f in scene.frames_at(rest, t) if f.child == "membrane"]

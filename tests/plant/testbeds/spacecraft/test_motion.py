@@ -14,7 +14,11 @@ from tests.plant.testbeds.spacecraft.crafts import (
     random_state,
 )
 
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, PrescribedTurn, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import (
+    Appendage,
+    PrescribedRotation,
+    Spacecraft,
+)
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
@@ -72,7 +76,7 @@ def test_a_prescribed_hinge_keeps_the_momentum_of_a_driven_one(profile: int) -> 
     craft = random_craft(11, 1, hinges=(at.DRIVEN,))
     driven = craft.appendages[0]
     table = np.array([[0.0, 0, 0, 0], [0.4, 0.3, 1.0, 1.5], [1.0, 1.0, 0, 0]])
-    turn = PrescribedTurn(0.5, 2.0, 1.2, driven.axis, profile, table)
+    turn = PrescribedRotation(0.5, 2.0, 1.2, driven.axis, profile, table)
     drives = tuple(d for d in craft.drives if d.what != at.HINGE)
     moved = replace(driven, hinge=at.PRESCRIBED, spring=0.0, manoeuvres=(turn,))
     craft = replace(craft, appendages=(moved,), drives=drives)
@@ -86,7 +90,7 @@ def test_a_prescribed_hinge_keeps_the_momentum_of_a_driven_one(profile: int) -> 
 
 
 def whole_momentum(
-    craft: Spacecraft, driven: Appendage, turn: PrescribedTurn, t: float, x: np.ndarray
+    craft: Spacecraft, driven: Appendage, turn: PrescribedRotation, t: float, x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the momenta with the hinge's prescribed angle and rate put in as a joint's."""
     h = 1e-5
@@ -100,7 +104,7 @@ def whole_momentum(
     return momenta(twin, packed(twin), t, state)
 
 
-def progress(turn: PrescribedTurn, s: float) -> float:
+def progress(turn: PrescribedRotation, s: float) -> float:
     """Return the share of the turn that is done, from the profiles' closed forms."""
     if turn.profile == at.SMOOTH:
         return float(s - np.sin(2 * np.pi * s) / (2 * np.pi))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexslew_control.analysis.rest import rest_of, small_motions
+from flexslew_control.analysis.rest import linear_matrices, rest_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput
@@ -54,7 +54,7 @@ def flown(
     **own: Any,
 ) -> Matrix:
     """Return the states at the ticks, shape (ticks + 1, size of x)."""
-    friction = Friction(model.own_motors, validated(ActuatorSettings, own, "test"), period)
+    friction = Friction(model.resolved_motors, validated(ActuatorSettings, own, "test"), period)
     states = [x]
     for k in range(ticks):
         now, u = states[-1], effort(k * period)
@@ -69,7 +69,7 @@ def flown(
 def spinning(model: Model, speed: float) -> Vector:
     """Return the state at rest but for the wheel."""
     x = np.concatenate((model.rest({}), np.zeros(model.coordinates)))
-    x[model.own_motors.rate[list(model.own_motors.names).index("wheel")]] = speed
+    x[model.resolved_motors.rate[list(model.resolved_motors.names).index("wheel")]] = speed
     return x
 
 
@@ -87,7 +87,7 @@ def test_a_wheel_spins_down_as_the_closed_form_says(motion: str, speed: float) -
     sliding = (30.0 + dry / c) * np.exp(-c * t / inertia) - dry / c
     stop = inertia / c * np.log1p(c * 30.0 / dry)
     assert 0.5 * t[-1] < stop < t[-1]
-    rate = states[:, model.own_motors.rate[0]] * np.sign(speed)
+    rate = states[:, model.resolved_motors.rate[0]] * np.sign(speed)
     np.testing.assert_allclose(rate, np.maximum(sliding, 0.0), atol=2e-4)  # it sticks: v_c = 1e-4
     assert abs(rate[t > stop + period]).max() < 1e-9
     if motion == "free":  # the wheel's momentum is in the platform then
@@ -112,7 +112,7 @@ def test_a_hinge_sticks_below_its_dry_friction_and_swings_to_the_next_stop_above
     inertia = {"xx": 1.5, "yy": 0.5, "zz": 1.5}
     body = {"mass": 1.0, "centre": [0.0, 1.0, 0.0], "inertia": inertia}
     model = craft("held", {"body": body}, 40.0).model()
-    motors = model.own_motors
+    motors = model.resolved_motors
     hinge = list(motors.names).index("boom_hinge")
     rest = np.concatenate((model.rest({"boom_hinge": 0.02}), np.zeros(model.coordinates)))
     own = {"coulomb_friction": {"boom_hinge": 1.0}}  # the spring pulls with .8 N m
@@ -133,7 +133,7 @@ def test_a_hinge_sticks_below_its_dry_friction_and_swings_to_the_next_stop_above
 
 def test_motors_that_turn_round_move_as_a_stiff_solver_says() -> None:
     model = craft("free", spring=3.0).model()
-    names, chosen, _, rate, sign = model.own_motors
+    names, chosen, _, rate, sign = model.resolved_motors
     c, dry, speed, hold, end = 0.03, 0.2, 0.1, 0.25, 2.5
 
     def effort(t: float) -> Vector:
@@ -186,7 +186,7 @@ def test_the_bench_rubs_its_wheels_and_names_what_is_no_motor() -> None:
     bench = Bench(settings)
     for demand, speed in ((0.15, 0.0), (0.7, -5.0 * 0.1)):  # on the wheel -.5 N m, .1 s, .1 kg m^2
         bench.reset()
-        after = bench._moved(np.array([demand]))
+        after = bench._integrate(np.array([demand]))
         assert after[-1] == pytest.approx(speed, abs=2e-4)
     for key in ("viscous_friction", "coulomb_friction"):
         wrong = validated(ActuatorSettings, {key: {"pitch": 0.2}}, "test")
@@ -199,13 +199,13 @@ def test_small_motions_have_the_friction_of_motors_at_rest() -> None:
     testbed = craft("free", spring=3.0)
     rest = rest_of(testbed)
     model, actuator = rest.model, ActuatorSettings(viscous_friction=2.0)
-    free, rubbed = small_motions(rest)[0], small_motions(rest, actuator)[0]
+    free, rubbed = linear_matrices(rest)[0], linear_matrices(rest, actuator)[0]
     n, h = model.coordinates, 1e-6
-    for k, at in enumerate(model.own_motors.rate):
+    for k, at in enumerate(model.resolved_motors.rate):
         x = rest.state
         x[at] = h
         u = np.zeros(model.efforts)
-        u[model.own_motors.efforts[k]] = -2.0 * model.own_motors.sign[k] * h
+        u[model.resolved_motors.efforts[k]] = -2.0 * model.resolved_motors.sign[k] * h
         moved = model.derivative(x, u) - model.derivative(x, 0.0 * u)
         column = at - model.positions + n
         np.testing.assert_allclose(

@@ -12,7 +12,7 @@ from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.spacecraft.orbit import GRAVITY, RADIUS, Orbit, Surroundings
+from flexslew_plant.testbeds.spacecraft.orbit import GRAVITY, RADIUS, Orbit, OrbitEnvironment
 
 INERTIA = np.array([10.0, 16.0, 20.0])  # [kg m^2]
 PERIOD, LASTING = 1.0, 1000.0  # [s]
@@ -114,7 +114,7 @@ def test_air_pushes_against_the_course() -> None:
         altitude=ALTITUDE, phase=0.5, gravity_gradient=False,
         drag_area=3.0, air_density=1e-12, drag_centre=(0.0, 0.0, 0.4),
     )  # fmt: skip
-    torque = Surroundings(orbit, np.eye(3)).torque(np.eye(3), 0.0)
+    torque = OrbitEnvironment(orbit, np.eye(3)).torque(np.eye(3), 0.0)
     speed = RATE * (RADIUS + ALTITUDE)
     against = -np.array([-np.sin(0.5), np.cos(0.5), 0.0])
     expected = np.cross([0.0, 0.0, 0.4], 0.5e-12 * speed**2 * 3.0 * against)
@@ -135,7 +135,7 @@ def test_no_torque_depends_on_how_body_and_inertial_axes_are_turned_together(see
             solar_area=3.0, solar_centre=tuple(axes @ light), sun=(0.2, 0.5, -0.4),
         )  # fmt: skip
         inertia = axes @ np.diag(INERTIA) @ axes.T
-        return Surroundings(orbit, inertia).torque(axes @ attitude, 123.0)
+        return OrbitEnvironment(orbit, inertia).torque(axes @ attitude, 123.0)
 
     np.testing.assert_allclose(torque(frame), frame @ torque(np.eye(3)), atol=1e-16)
 

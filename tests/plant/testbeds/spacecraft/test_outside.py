@@ -85,7 +85,7 @@ def test_forces_and_pushes_are_those_of_a_plain_derivation() -> None:
         parts = np.array([*on_orbit(testbed, x, t), *of_wheels(testbed, x, span)])
         if model.outside is None:
             assert not parts.size
-            assert model.pushed(x, span, t) is x
+            assert model.apply_impulse(x, span, t) is x
             continue
         seen += 1
         expected = np.zeros(model.coordinates)
@@ -96,7 +96,7 @@ def test_forces_and_pushes_are_those_of_a_plain_derivation() -> None:
         change = np.concatenate((np.zeros(model.positions), np.linalg.solve(mass, expected)))
         change *= abs(span)
         most = 1e-12 * np.abs(change).max()
-        np.testing.assert_allclose(model.pushed(x, span, t), x + change, 1e-12, most)
+        np.testing.assert_allclose(model.apply_impulse(x, span, t), x + change, 1e-12, most)
     assert seen > 40
 
 
@@ -174,6 +174,6 @@ def test_a_state_that_does_not_fit_is_not_pushed(size: int) -> None:
     wheel = {"axis": [0.0, 0.0, 1.0], "inertia": 0.05, "limit": 1.0, "static_imbalance": 1e-4}
     given = a_craft(np.random.default_rng(0)) | {"wheels": {"one": wheel}}
     model = read_testbed(given, "here").model()
-    assert model.pushed(np.ones(21), 0.1, 0.0).shape == (21,)
+    assert model.apply_impulse(np.ones(21), 0.1, 0.0).shape == (21,)
     with pytest.raises(ValueError, match="does not fit"):
-        model.pushed(np.ones(size), 0.1, 0.0)
+        model.apply_impulse(np.ones(size), 0.1, 0.0)

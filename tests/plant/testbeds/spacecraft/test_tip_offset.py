@@ -16,7 +16,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.beam import (
     TipBody,
     finite_element_beam,
 )
-from flexslew_plant.testbeds.spacecraft.shapes.integrals import turned_twice
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import second_order_rotation
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 
 LENGTH, STEPS = 3.0, 300
@@ -34,9 +34,9 @@ def error(offset: Vector, mode: int, deflection: float) -> float:
     """Return how far the body's place is off for a deflection of the end in one mode [m]."""
     along = carried(offset).along
     assert along is not None
-    end = along.spot(LENGTH)
+    end = along.point(LENGTH)
     q = deflection / float(np.linalg.norm(end.displacement[:, mode]))
-    turns = [along.spot(float(s)).turn[:, mode] * q for s in np.linspace(0.0, LENGTH, STEPS + 1)]
+    turns = [along.point(float(s)).turn[:, mode] * q for s in np.linspace(0.0, LENGTH, STEPS + 1)]
     place, frame, bent = np.zeros(3), np.eye(3), 0.0
     for before, after in pairwise(turns):
         half = Rotation.from_rotvec(0.5 * (after - before)).as_matrix()
@@ -45,7 +45,7 @@ def error(offset: Vector, mode: int, deflection: float) -> float:
         middle = 0.5 * (before + after)
         bent += 0.5 * LENGTH / STEPS * float(middle[:2] @ middle[:2])
     turn = end.turn[:, mode] * q
-    second = 0.5 * q * q * turned_twice(end.turn, offset)[:, mode, mode]
+    second = 0.5 * q * q * second_order_rotation(end.turn, offset)[:, mode, mode]
     second = second - np.array([0.0, 0.0, bent])
     linear = end.displacement[:, mode] * q + np.cross(turn, offset)
     return float(np.abs(place + frame @ offset - (end.place + offset + linear + second)).max())

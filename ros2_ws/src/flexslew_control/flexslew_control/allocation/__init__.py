@@ -3,7 +3,7 @@
 Offers: joint_gains, sharing.
 """
 
-from flexslew_control.allocation.allocated_law import AllocatedLaw as AllocatedLaw
+from flexslew_control.allocation.allocated_law import AllocationLaw as AllocationLaw
 from flexslew_control.allocation.allocation import Allocation as Allocation
 from flexslew_control.allocation.allocation import Allocator as Allocator
 from flexslew_control.allocation.allocation import AnyAllocation as AnyAllocation

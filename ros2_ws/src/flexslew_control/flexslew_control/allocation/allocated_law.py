@@ -12,7 +12,7 @@ from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 
 @dataclass
-class AllocatedLaw:
+class AllocationLaw:
     """Takes the torque about the body axes from a law, and the efforts from an allocator.
 
     The joints of the law are the body axes: the rotation vector and rates that the joints measure,
@@ -33,12 +33,12 @@ class AllocatedLaw:
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
     ) -> None:
         """Become active with the torque that these efforts have given; see law.Law."""
-        seen, wanted = self._turn(estimate, reference)
+        seen, wanted = self._body_axes(estimate, reference)
         self.law.reset(measurement, seen, wanted, self.allocator.torque @ effort)
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the efforts of all joints, shape (joints,) [N m or N]."""
-        seen, wanted = self._turn(estimate, reference)
+        seen, wanted = self._body_axes(estimate, reference)
         effort = self.allocator.efforts(self.law.update(measurement, seen, wanted), measurement)
         spread = self.allocator.spread
         self.terms = {name: spread @ torque for name, torque in self.law.terms.items()}
@@ -48,15 +48,15 @@ class AllocatedLaw:
     def requested(self, reference: Reference) -> Reference:
         """Return a reference as the law sees it, or many in rows."""
         return reference._replace(
-            position=self.attitude.turn_of(reference.position),
-            velocity=self.attitude.turn_of(reference.velocity),
+            position=self.attitude.rotation_vector_of(reference.position),
+            velocity=self.attitude.rotation_vector_of(reference.velocity),
             effort=reference.effort @ self.allocator.torque.T,
         )
 
-    def _turn(self, estimate: Estimate, reference: Reference) -> tuple[Estimate, Reference]:
+    def _body_axes(self, estimate: Estimate, reference: Reference) -> tuple[Estimate, Reference]:
         """Return estimate and reference as the law sees them."""
-        n, turn = len(self.attitude.axes), self.attitude.turn_of
+        n, rotation = len(self.attitude.axes), self.attitude.rotation_vector_of
         seen = estimate._replace(
-            position=turn(estimate.position[:n]), velocity=turn(estimate.velocity[:n])
+            position=rotation(estimate.position[:n]), velocity=rotation(estimate.velocity[:n])
         )
         return seen, self.requested(reference)

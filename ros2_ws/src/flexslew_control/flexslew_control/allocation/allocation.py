@@ -8,11 +8,11 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.allocation.gyro_set import GyroSet
-from flexslew_control.allocation.sharing import NONE, AllocationNumbers, Drives, share
+from flexslew_control.allocation.sharing import NONE, ActuatorIndices, AllocationNumbers, share
 from flexslew_control.allocation.thruster_set import ThrusterSet
 from flexslew_control.allocation.wheel_set import WheelSet
 from flexslew_control.law import PlantDescription, per_joint
-from flexslew_plant.arrays import NOTHING, Indices, Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Indices, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, section
@@ -112,21 +112,21 @@ class Allocator:
 
         Gimbals stand at zero. Beyond the limits they give less of it, shape (joints,) [N m or N].
         """
-        return self._shared(torque, NOTHING, 0.0)
+        return self._shared(torque, EMPTY, 0.0)
 
-    def _shared(self, torque: Vector, readings: Vector, time: float) -> Vector:
+    def _shared(self, torque: Vector, measurements: Vector, time: float) -> Vector:
         out = np.empty(self.joints)
-        share(self.numbers, 0, torque, readings, time, out)
+        share(self.numbers, 0, torque, measurements, time, out)
         return out
 
     @cached_property
     def numbers(self) -> AllocationNumbers:
         """The same for machine code, in one lane."""
-        drives, torque = Drives(), np.ascontiguousarray(self.torque)[None]
+        drives, torque = ActuatorIndices(), np.ascontiguousarray(self.torque)[None]
         found = AllocationNumbers(drives, torque, np.array([self.unloading]))
         if self.wheels is not None:
-            told = NONE if self.speeds is None else self.speeds
-            drives = drives._replace(wheels=self.wheels[0], speeds=told)
+            speed_channels = NONE if self.speeds is None else self.speeds
+            drives = drives._replace(wheels=self.wheels[0], speeds=speed_channels)
             found = found._replace(wheels=self.wheels[1].numbers)
         if self.thrusters is not None:
             drives = drives._replace(thrusters=self.thrusters[0])
@@ -163,7 +163,7 @@ def allocator_of(settings: AnyAllocation, plant: PlantDescription) -> Allocator:
     found, limit = testbed.drive_map(), plant.effort_limit
 
     def thrusters(key: str, given: tuple[str, ...] | None) -> tuple[Indices, ThrusterSet]:
-        where = _drive_indices(f"allocation.{key}", given, found.one_way, names, "thrusters")
+        where = _actuator_indices(f"allocation.{key}", given, found.one_way, names, "thrusters")
         called = tuple(names[k] for k in where)
         return where, ThrusterSet.of(found.torque[:, where], limit[where], called)
 
@@ -171,7 +171,7 @@ def allocator_of(settings: AnyAllocation, plant: PlantDescription) -> Allocator:
         return Allocator(len(names), found.torque, None, thrusters("drives", settings.drives))
     if isinstance(settings, GyroAllocation):
         return Allocator(len(names), found.torque, None, None, gyros=_gyros(settings, plant, found))
-    where = _drive_indices("allocation.drives", settings.drives, found.wheels, names, "wheels")
+    where = _actuator_indices("allocation.drives", settings.drives, found.wheels, names, "wheels")
     called = tuple(names[k] for k in where)
     inertia = found.inertia[[found.wheels.index(k) for k in where]]
     bias = inertia * per_joint("allocation.bias_speed", settings.bias_speed, called)
@@ -182,8 +182,10 @@ def allocator_of(settings: AnyAllocation, plant: PlantDescription) -> Allocator:
             words = "needs the wheels' speeds: give the testbed a sensor of kind tachometer"
             raise BadInput(words, key=f"allocation.{key}", value=getattr(settings, key))
     _require_bias(settings, wheels)
-    jets = thrusters("thrusters", settings.thrusters) if settings.unloading else None
-    return Allocator(len(names), found.torque, (where, wheels), jets, settings.unloading, speeds)
+    thruster_set = thrusters("thrusters", settings.thrusters) if settings.unloading else None
+    return Allocator(
+        len(names), found.torque, (where, wheels), thruster_set, settings.unloading, speeds
+    )
 
 
 def _require_bias(settings: WheelAllocation, wheels: WheelSet) -> None:
@@ -219,17 +221,17 @@ def _gyros(
         BadInput: see allocator_of.
     """
     names, what = plant.joint_names, "control moment gyros"
-    where = _drive_indices("allocation.drives", settings.drives, found.gyros, names, what)
-    own = [found.gyros.index(k) for k in where]
+    where = _actuator_indices("allocation.drives", settings.drives, found.gyros, names, what)
+    indices = [found.gyros.index(k) for k in where]
     called = tuple(names[k] for k in where)
     angles = _read_by(Resolver, plant, called)
     if angles is None:
         words = "needs the gimbals' angles: give the testbed a sensor of kind resolver"
         raise BadInput(words, key="allocation.kind", value=settings.kind)
     gyros = GyroSet(
-        found.gimbals[own],
+        found.gimbals[indices],
         plant.effort_limit[where],
-        found.momentum[own],
+        found.momentum[indices],
         settings.robustness,
         settings.dither,
         settings.dither_frequency,
@@ -239,7 +241,7 @@ def _gyros(
     return where, gyros, angles
 
 
-def _drive_indices(
+def _actuator_indices(
     key: str,
     given: tuple[str, ...] | None,
     known: tuple[int, ...],

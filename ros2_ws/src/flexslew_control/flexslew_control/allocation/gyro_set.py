@@ -65,21 +65,21 @@ class GyroSet:
         Raises:
             BadInput: with gimbals at zero they do not.
         """
-        if np.linalg.matrix_rank(self.levers(np.zeros(self.limit.size)), tol=1e-6) < 3:
+        if np.linalg.matrix_rank(self.torque_matrix(np.zeros(self.limit.size)), tol=1e-6) < 3:
             words = "with gimbals at zero their torques lie in a plane; turn a rotor"
             raise BadInput(words, key="allocation.drives")
 
     @cached_property
     def numbers(self) -> GyroNumbers:
         """The set for machine code, in one lane."""
-        chosen = np.array([self.robustness, self.dither, self.frequency, self.gain])
-        own = self.gimbals, self.limit, self.momentum, chosen, self.preferred
-        return GyroNumbers(*(np.ascontiguousarray(part)[None] for part in own))
+        parameters = np.array([self.robustness, self.dither, self.frequency, self.gain])
+        values = self.gimbals, self.limit, self.momentum, parameters, self.preferred
+        return GyroNumbers(*(np.ascontiguousarray(part)[None] for part in values))
 
-    def levers(self, angles: Vector) -> Matrix:
+    def torque_matrix(self, angles: Vector) -> Matrix:
         """Return A at these angles of the gimbals, shape (3, gyros) [-]."""
         found = np.empty((3, self.limit.size))
-        _write_levers(self.numbers, 0, angles, found)
+        _write_torque_matrix(self.numbers, 0, angles, found)
         return found
 
     def efforts(self, torque: Vector, angles: Vector, time: float) -> Vector:
@@ -99,48 +99,48 @@ class GyroSet:
 
 
 @compiled_once("levers")
-def _write_levers(gyros: GyroNumbers, lane: int, angles: Vector, levers: Matrix) -> None:
-    mean = gyros.momentum[lane].mean()
+def _write_torque_matrix(gyros: GyroNumbers, member: int, angles: Vector, levers: Matrix) -> None:
+    mean = gyros.momentum[member].mean()
     for k in range(angles.size):
-        size = gyros.momentum[lane, k] / mean
+        size = gyros.momentum[member, k] / mean
         cosine, sine = np.cos(angles[k]), np.sin(angles[k])
         for i in range(3):
             j, n = (i + 1) % 3, (i + 2) % 3
-            axis, rotor = gyros.gimbals[lane, k, 0], gyros.gimbals[lane, k, 1]
-            across = axis[j] * rotor[n] - axis[n] * rotor[j]
-            levers[i, k] = size * (cosine * across - sine * rotor[i])
+            axis, rotor = gyros.gimbals[member, k, 0], gyros.gimbals[member, k, 1]
+            cross = axis[j] * rotor[n] - axis[n] * rotor[j]
+            levers[i, k] = size * (cosine * cross - sine * rotor[i])
 
 
 @compiled_once("out")
 def gyro_efforts(
-    gyros: GyroNumbers, lane: int, torque: Vector, angles: Vector, time: float, out: Vector
+    gyros: GyroNumbers, member: int, torque: Vector, angles: Vector, time: float, out: Vector
 ) -> None:
     """Write the efforts of a set of gyros; see GyroSet.efforts.
 
     Args:
         gyros: of some lanes.
-        lane: which of them counts.
+        member: which of them counts.
         torque: shape (3,).
         angles: shape (gyros,).
         time: [s].
         out: shape (gyros,).
     """
-    count, momentum = out.size, gyros.momentum[lane]
-    chosen = gyros.chosen[lane]
-    robustness, dither, frequency, gain = chosen[0], chosen[1], chosen[2], chosen[3]
+    count, momentum = out.size, gyros.momentum[member]
+    parameters = gyros.chosen[member]
+    robustness, dither, frequency, gain = parameters[0], parameters[1], parameters[2], parameters[3]
     levers = np.empty((3, count))
-    _write_levers(gyros, lane, angles, levers)
+    _write_torque_matrix(gyros, member, angles, levers)
     square = levers @ levers.T
     near = robustness * np.exp(-_NEAR * np.linalg.det(square))
     x, y, z = dither * np.sin(frequency * time + _PHASES)
-    blend = near * np.array([[1.0, z, y], [z, 1.0, x], [y, x, 1.0]])
-    rates = levers.T @ (np.linalg.pinv(square + blend) @ torque)
+    regularization = near * np.array([[1.0, z, y], [z, 1.0, x], [y, x, 1.0]])
+    rates = levers.T @ (np.linalg.pinv(square + regularization) @ torque)
     for k in range(count):
         out[k] = momentum[k] / momentum.mean() * rates[k]
-    scale_to(gyros.limit, lane, out)
+    scale_to(gyros.limit, member, out)
     if gain == 0.0:
         return
-    away = gain * (gyros.preferred[lane] - angles)
+    null_rates = gain * (gyros.preferred[member] - angles)
     # a positive effort turns its gimbal back
-    own = -momentum * (away - np.linalg.pinv(levers) @ (levers @ away))
-    add_null_motion(gyros.limit, lane, out, own)
+    values = -momentum * (null_rates - np.linalg.pinv(levers) @ (levers @ null_rates))
+    add_null_motion(gyros.limit, member, out, values)

@@ -9,7 +9,7 @@ from flexslew_control.allocation.gyro_set import NO_GYROS, GyroNumbers, gyro_eff
 from flexslew_control.allocation.thruster_set import (
     NO_THRUSTERS,
     ThrusterNumbers,
-    thruster_pushes,
+    thruster_efforts,
 )
 from flexslew_control.allocation.wheel_set import NO_WHEELS, WheelNumbers, wheel_efforts
 from flexslew_plant.arrays import Indices, Tensor, Vector, called, compiled_once
@@ -17,7 +17,7 @@ from flexslew_plant.arrays import Indices, Tensor, Vector, called, compiled_once
 NONE: Indices = np.zeros(0, dtype=np.int64)
 
 
-class Drives(NamedTuple):
+class ActuatorIndices(NamedTuple):
     """Which joints take part, and the readings of their states; the same in all lanes."""
 
     wheels: Indices = NONE
@@ -30,7 +30,7 @@ class Drives(NamedTuple):
 class AllocationNumbers(NamedTuple):
     """The data of an Allocator for several spacecraft, a lane each."""
 
-    drives: Drives
+    drives: ActuatorIndices
     torque: Tensor  # of a unit effort of each joint, (lanes, 3, joints)
     unloading: Vector  # (lanes,) [1/s]
     wheels: WheelNumbers = NO_WHEELS
@@ -38,12 +38,12 @@ class AllocationNumbers(NamedTuple):
     gyros: GyroNumbers = NO_GYROS
 
 
-def side_by_side(lanes: Sequence[Any]) -> Any:
+def side_by_side(members: Sequence[Any]) -> Any:
     """Return numbers of one lane each as those of all lanes; whole numbers are the first's."""
-    first = lanes[0]
+    first = members[0]
     if isinstance(first, tuple):
-        return type(first)(*map(side_by_side, zip(*lanes, strict=True)))
-    return first if first.dtype == np.int64 else np.concatenate(lanes)
+        return type(first)(*map(side_by_side, zip(*members, strict=True)))
+    return first if first.dtype == np.int64 else np.concatenate(members)
 
 
 def kind_of(numbers: Any) -> Hashable:
@@ -56,44 +56,49 @@ def kind_of(numbers: Any) -> Hashable:
 
 @compiled_once("out")
 def share(
-    n: AllocationNumbers, lane: int, torque: Vector, readings: Vector, time: float, out: Vector
+    n: AllocationNumbers,
+    member: int,
+    torque: Vector,
+    measurements: Vector,
+    time: float,
+    out: Vector,
 ) -> None:
     """Write the efforts of all joints that give a torque; see Allocator.efforts.
 
     Args:
         n: data of some lanes.
-        lane: index of the lane.
+        member: index of the lane.
         torque: about the centre of mass, in body axes, shape (3,) [N m].
-        readings: tip readings; empty: none are known, and gimbals stand at zero.
+        measurements: tip readings; empty: none are known, and gimbals stand at zero.
         time: simulated time [s].
         out: shape (joints,) [N m or N].
     """
-    drives, told = n.drives, readings.size > 0
+    drives, measured = n.drives, measurements.size > 0
     for i in range(out.size):
         out[i] = 0.0
     if drives.gyros.size:
-        own = np.empty(drives.gyros.size)
-        angles = _read(readings, drives.angles) if told else np.zeros(own.size)
-        gyro_efforts(n.gyros, lane, torque, angles, time, own)
-        _put(own, drives.gyros, out)
+        efforts = np.empty(drives.gyros.size)
+        angles = _read(measurements, drives.angles) if measured else np.zeros(efforts.size)
+        gyro_efforts(n.gyros, member, torque, angles, time, efforts)
+        _put(efforts, drives.gyros, out)
     elif drives.wheels.size:
-        speeds = _read(readings, drives.speeds) if told else np.zeros(0)
-        left, own = torque.copy(), np.empty(drives.wheels.size)
+        speeds = _read(measurements, drives.speeds) if measured else np.zeros(0)
+        left, efforts = torque.copy(), np.empty(drives.wheels.size)
         if drives.thrusters.size and speeds.size:
-            _unload(n, lane, speeds, left, out)
-        wheel_efforts(n.wheels, lane, left, speeds, own)
-        _put(own, drives.wheels, out)
+            _remove_momentum(n, member, speeds, left, out)
+        wheel_efforts(n.wheels, member, left, speeds, efforts)
+        _put(efforts, drives.wheels, out)
     else:
-        pushes = np.empty(drives.thrusters.size)
-        thruster_pushes(n.thrusters, lane, torque, pushes)
-        _put(pushes, drives.thrusters, out)
+        forces = np.empty(drives.thrusters.size)
+        thruster_efforts(n.thrusters, member, torque, forces)
+        _put(forces, drives.thrusters, out)
 
 
 @called
-def _read(readings: Vector, which: Indices) -> Vector:
+def _read(measurements: Vector, which: Indices) -> Vector:
     found = np.empty(which.size)
     for k in range(which.size):
-        found[k] = readings[which[k]]
+        found[k] = measurements[which[k]]
     return found
 
 
@@ -104,15 +109,17 @@ def _put(efforts: Vector, joints: Indices, out: Vector) -> None:
 
 
 @called
-def _unload(n: AllocationNumbers, lane: int, speeds: Vector, torque: Vector, out: Vector) -> None:
+def _remove_momentum(
+    n: AllocationNumbers, member: int, speeds: Vector, torque: Vector, out: Vector
+) -> None:
     """Write pushes against what the wheels store; take what they give off the torque."""
-    stored, pushes = np.zeros(3), np.empty(n.drives.thrusters.size)
+    stored, forces = np.zeros(3), np.empty(n.drives.thrusters.size)
     for k in range(speeds.size):
-        spin = n.wheels.inertia[lane, k] * speeds[k]
+        spin = n.wheels.inertia[member, k] * speeds[k]
         for i in range(3):
-            stored[i] -= n.unloading[lane] * n.wheels.torque[lane, i, k] * spin
-    thruster_pushes(n.thrusters, lane, stored, pushes)
-    _put(pushes, n.drives.thrusters, out)
-    for k in range(pushes.size):
+            stored[i] -= n.unloading[member] * n.wheels.torque[member, i, k] * spin
+    thruster_efforts(n.thrusters, member, stored, forces)
+    _put(forces, n.drives.thrusters, out)
+    for k in range(forces.size):
         for i in range(3):
-            torque[i] -= n.torque[lane, i, n.drives.thrusters[k]] * pushes[k]
+            torque[i] -= n.torque[member, i, n.drives.thrusters[k]] * forces[k]

@@ -19,8 +19,8 @@ class ThrusterNumbers(NamedTuple):
     """Sets of thrusters side by side for machine code, a lane each; none: no thrusters."""
 
     limit: Matrix  # (lanes, thrusters) [N]
-    triples: Indices  # which three push together, (sets, 3), the same in all lanes
-    inverses: Tensor  # of their levers, (lanes, sets, 3, 3) [1/m]
+    thruster_indices: Indices  # which three push together, (sets, 3), the same in all lanes
+    inverse: Tensor  # of their levers, (lanes, sets, 3, 3) [1/m]
 
 
 NO_THRUSTERS = ThrusterNumbers(
@@ -44,8 +44,8 @@ class ThrusterSet:
 
     torque: Matrix
     limit: Vector
-    _triples: Indices
-    _inverses: Tensor
+    _thruster_indices: Indices
+    _inverse: Tensor
 
     @classmethod
     def of(cls, torque: Matrix, limit: Vector, names: tuple[str, ...]) -> "ThrusterSet":
@@ -56,11 +56,11 @@ class ThrusterSet:
         """
         size = np.linalg.norm(torque, axis=0)
         known = np.flatnonzero(size > 0.0)
-        triples = np.array(list(combinations(known.tolist(), 3)), dtype=np.int64).reshape(-1, 3)
-        sets = torque[:, triples].transpose(1, 0, 2)
-        volume = abs(np.linalg.det(sets)) / size[triples].prod(axis=1)
-        triples, sets = triples[volume > _FLAT], sets[volume > _FLAT]
-        found = cls(torque, limit, triples, np.linalg.inv(sets))
+        indices = np.array(list(combinations(known.tolist(), 3)), dtype=np.int64).reshape(-1, 3)
+        subsets = torque[:, indices].transpose(1, 0, 2)
+        volume = abs(np.linalg.det(subsets)) / size[indices].prod(axis=1)
+        indices, subsets = indices[volume > _FLAT], subsets[volume > _FLAT]
+        found = cls(torque, limit, indices, np.linalg.inv(subsets))
         missing = found.missing()
         if missing is not None:
             words = f"no torque along {np.round(missing, 3).tolist()} can be given; add thrusters"
@@ -70,8 +70,8 @@ class ThrusterSet:
     @cached_property
     def numbers(self) -> ThrusterNumbers:
         """The set for machine code, in one lane."""
-        inverses = np.ascontiguousarray(self._inverses)
-        return ThrusterNumbers(self.limit[None], self._triples, inverses[None])
+        inverse = np.ascontiguousarray(self._inverse)
+        return ThrusterNumbers(self.limit[None], self._thruster_indices, inverse[None])
 
     def missing(self) -> Vector | None:
         """Return a direction in which they give no torque; None: there is none.
@@ -79,15 +79,15 @@ class ThrusterSet:
         They give every torque just where they give those opposite to each of three that span
         space: the cone of all torques is convex, and holds each lever already.
         """
-        if not len(self._triples):
+        if not len(self._thruster_indices):
             return np.array([1.0, 0.0, 0.0])
-        for column in self.torque[:, self._triples[0]].T:
-            opposite: Vector = -column / np.linalg.norm(column)
-            if _backwards(self._inverses @ opposite).min() > _SLACK:
-                return opposite
+        for column in self.torque[:, self._thruster_indices[0]].T:
+            direction: Vector = -column / np.linalg.norm(column)
+            if _negative_fraction(self._inverse @ direction).min() > _SLACK:
+                return direction
         return None
 
-    def pushes(self, torque: Vector) -> Vector:
+    def efforts(self, torque: Vector) -> Vector:
         """Return the pushes that give a torque or, beyond the limits, the most of it along it.
 
         Args:
@@ -97,17 +97,17 @@ class ThrusterSet:
             shape (thrusters,) [N].
         """
         out = np.empty(self.limit.size)
-        thruster_pushes(self.numbers, 0, torque, out)
+        thruster_efforts(self.numbers, 0, torque, out)
         return out
 
 
 @compiled_once("out")
-def thruster_pushes(jets: ThrusterNumbers, lane: int, torque: Vector, out: Vector) -> None:
+def thruster_efforts(thrusters: ThrusterNumbers, member: int, torque: Vector, out: Vector) -> None:
     """Write the pushes of a set of thrusters; see ThrusterSet.pushes.
 
     Args:
-        jets: of some lanes.
-        lane: which of them counts.
+        thrusters: of some lanes.
+        member: which of them counts.
         torque: shape (3,).
         out: shape (thrusters,).
     """
@@ -115,30 +115,32 @@ def thruster_pushes(jets: ThrusterNumbers, lane: int, torque: Vector, out: Vecto
         out[i] = 0.0
     if torque[0] == 0.0 and torque[1] == 0.0 and torque[2] == 0.0:
         return
-    sets = jets.triples.shape[0]
-    pushes, backwards, cost = np.empty((sets, 3)), np.empty(sets), np.empty(sets)
-    for s in range(sets):
+    subsets = thrusters.thruster_indices.shape[0]
+    forces, negative, cost = np.empty((subsets, 3)), np.empty(subsets), np.empty(subsets)
+    for s in range(subsets):
         least, most, cost[s] = np.inf, 0.0, 0.0
         for i in range(3):
             push = 0.0
             for j in range(3):
-                push += jets.inverses[lane, s, i, j] * torque[j]
-            pushes[s, i] = push
+                push += thrusters.inverse[member, s, i, j] * torque[j]
+            forces[s, i] = push
             least, most, cost[s] = min(least, push), max(most, abs(push)), cost[s] + push
-        backwards[s] = -least / most
-    cost = np.where(backwards <= max(_SLACK, backwards.min()), cost, np.inf)
+        negative[s] = -least / most
+    cost = np.where(negative <= max(_SLACK, negative.min()), cost, np.inf)
     best = np.flatnonzero(cost <= cost.min() * (1.0 + _EQUAL))
-    for chosen in best:
+    for selected in best:
         for i in range(3):
-            out[jets.triples[chosen, i]] += max(pushes[chosen, i], 0.0) / best.size
+            out[thrusters.thruster_indices[selected, i]] += (
+                max(forces[selected, i], 0.0) / best.size
+            )
     share = 1.0
     for i in range(out.size):
         if out[i] > 0.0:
-            share = min(share, jets.limit[lane, i] / out[i])
+            share = min(share, thrusters.limit[member, i] / out[i])
     for i in range(out.size):
         out[i] *= share
 
 
-def _backwards(pushes: Matrix) -> Vector:
+def _negative_fraction(forces: Matrix) -> Vector:
     """Return the largest negative push of each set, of its largest push, shape (sets,) [-]."""
-    return np.asarray(-pushes.min(axis=1) / abs(pushes).max(axis=1))
+    return np.asarray(-forces.min(axis=1) / abs(forces).max(axis=1))

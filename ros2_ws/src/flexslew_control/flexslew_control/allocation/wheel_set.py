@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.allocation.room import add_null_motion, scale_to
-from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector, compiled_once
+from flexslew_plant.arrays import EMPTY, Matrix, Tensor, Vector, compiled_once
 from flexslew_plant.errors import BadInput
 
 
@@ -66,8 +66,8 @@ class WheelSet:
         """The set for machine code, in one lane."""
         inverse = np.asarray(np.linalg.pinv(self.torque))
         null = self.gain * (np.eye(self.limit.size) - inverse @ self.torque)
-        own = self.torque, inverse, null, self.limit, self.inertia, self.bias
-        return WheelNumbers(*(np.ascontiguousarray(part)[None] for part in own))
+        values = self.torque, inverse, null, self.limit, self.inertia, self.bias
+        return WheelNumbers(*(np.ascontiguousarray(part)[None] for part in values))
 
     def stored(self, speeds: Vector) -> Vector:
         """Return the momentum that spins of these speeds [rad/s] store, shape (3,) [N m s]."""
@@ -85,19 +85,19 @@ class WheelSet:
             shape (wheels,) [N m].
         """
         out = np.empty(self.limit.size)
-        wheel_efforts(self.numbers, 0, torque, NOTHING if speeds is None else speeds, out)
+        wheel_efforts(self.numbers, 0, torque, EMPTY if speeds is None else speeds, out)
         return out
 
 
 @compiled_once("out")
 def wheel_efforts(
-    wheels: WheelNumbers, lane: int, torque: Vector, speeds: Vector, out: Vector
+    wheels: WheelNumbers, member: int, torque: Vector, speeds: Vector, out: Vector
 ) -> None:
     """Write the efforts of a set of wheels; see WheelSet.efforts.
 
     Args:
         wheels: data of some lanes.
-        lane: index of the lane.
+        member: index of the lane.
         torque: shape (3,).
         speeds: shape (wheels,); empty: not measured.
         out: shape (wheels,).
@@ -106,13 +106,13 @@ def wheel_efforts(
     for i in range(count):
         out[i] = 0.0
         for j in range(3):
-            out[i] += wheels.inverse[lane, i, j] * torque[j]
-    scale_to(wheels.limit, lane, out)
+            out[i] += wheels.inverse[member, i, j] * torque[j]
+    scale_to(wheels.limit, member, out)
     if speeds.size == 0:
         return
     null = np.zeros(count)
     for i in range(count):
         for j in range(count):
-            surplus = wheels.inertia[lane, j] * speeds[j] - wheels.bias[lane, j]
-            null[i] += wheels.null[lane, i, j] * surplus
-    add_null_motion(wheels.limit, lane, out, null)
+            excess = wheels.inertia[member, j] * speeds[j] - wheels.bias[member, j]
+            null[i] += wheels.null[member, i, j] * excess
+    add_null_motion(wheels.limit, member, out, null)

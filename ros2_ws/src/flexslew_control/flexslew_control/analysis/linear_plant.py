@@ -6,9 +6,9 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from flexslew_control.analysis.lti import Lti, series
-from flexslew_control.analysis.rest import Rest, slopes, small_motions
+from flexslew_control.analysis.rest import Rest, linear_matrices, slopes
 from flexslew_control.analysis.signals import APPLIED, inputs_of, outputs_of, states_of
-from flexslew_control.free_platform import rate_readings
+from flexslew_control.free_platform import rate_outputs
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings, motor_numbers
 from flexslew_plant.hardware.friction import coefficients
@@ -20,7 +20,7 @@ from flexslew_plant.testbeds.compiled.dynamics import (
 )
 
 _STEP = 1e-3  # of the differences of what an accelerometer feels
-_STILL = 1e-9  # of the largest slope: what drifts less is at rest
+_STATIC = 1e-9  # of the largest slope: what drifts less is at rest
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class PlantPath:
     delay: Vector | None = None
     steps: int = 1
 
-    def on_their_way(self, efforts: int) -> "np.typing.NDArray[np.int64]":
+    def queue_lengths(self, efforts: int) -> "np.typing.NDArray[np.int64]":
         """Return how many commands to each motor a tick begins with, shape (efforts,)."""
         delay = np.zeros(efforts) if self.delay is None else self.delay
         return np.ceil(delay).astype(np.int64)
@@ -55,8 +55,8 @@ def continuous_plant(rest: Rest, friction: ActuatorSettings | None = None) -> Lt
     accelerometers alone. Names: see signals.
     """
     model = rest.model
-    a, b = small_motions(rest, friction)
-    c, d = _readings(rest, a, b)
+    a, b = linear_matrices(rest, friction)
+    c, d = _output_matrices(rest, a, b)
     return Lti(a, b, c, d, inputs_of(model), outputs_of(model), states_of(model))
 
 
@@ -73,7 +73,7 @@ def sampled_plant(rest: Rest, path: PlantPath, applied: bool = False) -> Lti:
     """
     model, period = rest.model, path.period
     f, g = _with_friction(rest, *_tick(rest, path), path)
-    c, d = _readings(rest, *small_motions(rest, path.actuator))
+    c, d = _output_matrices(rest, *linear_matrices(rest, path.actuator))
     outputs, states = outputs_of(model), states_of(model)
     efforts = inputs_of(model)
     memory = tuple(name.replace("effort.", f"{APPLIED}.") for name in efforts)
@@ -97,26 +97,26 @@ def motors(path: PlantPath, efforts: tuple[str, ...]) -> Lti:
     m, eye = len(efforts), np.eye(len(efforts))
     gain = np.ones(m) if path.gain is None else path.gain
     part = np.zeros(m) if path.delay is None else path.delay % 1.0
-    kept = path.on_their_way(m)
+    kept = path.queue_lengths(m)
     shift = block_diag(*(np.eye(k, k=-1) for k in kept))
     entry = block_diag(*(g * np.eye(k, 1) for k, g in zip(kept, gain, strict=True)))
-    out, through = [], np.zeros(m)
+    out, direct = [], np.zeros(m)
     for k, ticks in enumerate(kept):
-        shares = np.zeros(ticks + 1)  # of the command of so many ticks before
-        shares[ticks] = 1.0
+        weights = np.zeros(ticks + 1)  # of the command of so many ticks before
+        weights[ticks] = 1.0
         if part[k] > 0.0:
-            shares[ticks - 1 :] = 1.0 - part[k], part[k]
-        out.append(shares[None, 1:])
-        through[k] = gain[k] * shares[0]
+            weights[ticks - 1 :] = 1.0 - part[k], part[k]
+        out.append(weights[None, 1:])
+        direct[k] = gain[k] * weights[0]
     names = tuple(
         f"{name}.before.{k + 1}" for name, ticks in zip(efforts, kept, strict=True)
         for k in range(ticks)
     )  # fmt: skip
     queue = Lti(
-        shift, entry, block_diag(*out), np.diag(through), efforts, efforts, names, path.period
+        shift, entry, block_diag(*out), np.diag(direct), efforts, efforts, names, path.period
     )
-    own = motor_numbers(path.actuator, np.ones(m), path.period)
-    rise, mean = own.rise, own.mean_rise
+    values = motor_numbers(path.actuator, np.ones(m), path.period)
+    rise, mean = values.rise, values.mean_rise
     if rise == mean == 1.0:
         return queue
     names = tuple(f"{name}.motor" for name in efforts)
@@ -138,20 +138,20 @@ def _tick(rest: Rest, path: PlantPath) -> tuple[Matrix, Matrix]:
         path: with period and steps of a tick.
     """
     model, x, t, h = rest.model, rest.state, rest.time, path.period / path.steps
-    steady = np.hstack(small_motions(rest))
+    steady = np.hstack(linear_matrices(rest))
     drift = model.derivative(x, rest.effort, t)
-    moves = model.time_varying or abs(drift).max() > _STILL * max(1.0, float(abs(steady).max()))
+    varying = model.time_varying or abs(drift).max() > _STATIC * max(1.0, float(abs(steady).max()))
     k, after = len(steady), np.eye(steady.shape[1])
     for step in range(path.steps):
-        stages, grown = np.zeros((STAGES, *steady.shape)), after.copy()
+        stages, stage_map = np.zeros((STAGES, *steady.shape)), after.copy()
         for i in range(STAGES):
             slope = steady
-            if moves:
+            if varying:
                 later = (step + STAGE_TIMES[i]) * h
-                there = model.advance(x, rest.effort, later, step + 1, t)
-                slope = np.hstack(slopes(model, there, rest.effort, t + later))
-            grown[:k] = after[:k] + h * np.tensordot(STAGE_WEIGHTS[i], stages, 1)
-            stages[i] = slope @ grown
+                point = model.advance(x, rest.effort, later, step + 1, t)
+                slope = np.hstack(slopes(model, point, rest.effort, t + later))
+            stage_map[:k] = after[:k] + h * np.tensordot(STAGE_WEIGHTS[i], stages, 1)
+            stages[i] = slope @ stage_map
         after[:k] = after[:k] + h * np.tensordot(STEP_WEIGHTS, stages, 1)
     return after[:k, :k], after[:k, k:]
 
@@ -165,28 +165,28 @@ def _with_friction(rest: Rest, f: Matrix, g: Matrix, path: PlantPath) -> tuple[M
     model, h, friction = rest.model, path.period, path.actuator
     if not (friction.viscous_friction or friction.coulomb_friction):
         return f, g
-    viscous, coulomb = coefficients(model.own_motors, friction)
-    _, chosen, _, rate, sign = model.own_motors
-    a = np.diag(model.mobility(rest.state, rest.effort, rest.time))[chosen]
-    fading = a * (viscous + coulomb / friction.coulomb_speed) * h
-    gone = -np.expm1(-fading)
-    mean = np.divide(gone, fading, out=np.ones_like(gone), where=fading > 0.0)
-    by_rate, by_push = -gone / (a * h), (mean - 1.0) / a
-    motors = np.zeros((len(chosen), len(f)))
+    viscous, coulomb = coefficients(model.resolved_motors, friction)
+    _, columns, _, rate, sign = model.resolved_motors
+    a = np.diag(model.mobility(rest.state, rest.effort, rest.time))[columns]
+    exponent = a * (viscous + coulomb / friction.coulomb_speed) * h
+    decay = -np.expm1(-exponent)
+    mean = np.divide(decay, exponent, out=np.ones_like(decay), where=exponent > 0.0)
+    by_rate, by_push = -decay / (a * h), (mean - 1.0) / a
+    motors = np.zeros((len(columns), len(f)))
     # displacements are along v, not q
-    motors[np.arange(len(chosen)), rate - (model.positions - model.coordinates)] = sign
-    own = np.diag(1.0 + by_push * a) - by_push[:, None] * (motors @ g[:, chosen]) / h
+    motors[np.arange(len(columns)), rate - (model.positions - model.coordinates)] = sign
+    values = np.diag(1.0 + by_push * a) - by_push[:, None] * (motors @ g[:, columns]) / h
     from_state = by_rate[:, None] * motors + by_push[:, None] * (motors @ f - motors) / h
     from_effort = by_push[:, None] * (motors @ g) / h
-    r = np.linalg.solve(own, np.hstack((from_state, from_effort)))
-    return f + g[:, chosen] @ r[:, : len(f)], g + g[:, chosen] @ r[:, len(f) :]
+    r = np.linalg.solve(values, np.hstack((from_state, from_effort)))
+    return f + g[:, columns] @ r[:, : len(f)], g + g[:, columns] @ r[:, len(f) :]
 
 
-def _readings(rest: Rest, a: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
+def _output_matrices(rest: Rest, a: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
     """Return C and D of the sensors' readings."""
     model, n, tips = rest.model, rest.model.coordinates, rest.model.appendages
     joints, first, count = model.joints, rest.model.before_modes, len(rest.model.appendages.names)
-    seen = rate_readings(model, rest.q)
+    seen = rate_outputs(model, rest.q)
     c, d = (
         np.zeros((2 * joints + 2 * count, 2 * n)),
         np.zeros((2 * joints + 2 * count, model.efforts)),
@@ -196,30 +196,30 @@ def _readings(rest: Rest, a: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
     c[tip, first:n], c[2 * joints + count :, first:n] = tips.tip, tips.curvature
     if tips.rate is not None:
         c[tip, n + first :] = tips.rate
-    if tips.felt is not None:
-        felt_c, felt_d = _felt(rest)
-        c[tip] += felt_c
-        d[tip] += felt_d
+    if tips.exact_reading is not None:
+        acceleration_c, acceleration_d = _acceleration_outputs(rest)
+        c[tip] += acceleration_c
+        d[tip] += acceleration_d
     return c, d
 
 
-def _felt(rest: Rest) -> tuple[Matrix, Matrix]:
+def _acceleration_outputs(rest: Rest) -> tuple[Matrix, Matrix]:
     """Return how what accelerometers feel changes with state and effort, by differences."""
-    model, feels = rest.model, rest.model.appendages.felt
-    assert feels is not None
+    model, acceleration = rest.model, rest.model.appendages.exact_reading
+    assert acceleration is not None
     n, p = model.coordinates, model.positions
     into = np.zeros((p + n, 2 * n))
     into[:p, :n], into[p:, n:] = model.position_rates(rest.q, rest.time), np.eye(n)
 
     def at(x: Vector, effort: Vector) -> Vector:
-        return feels(x, model.derivative(x, effort, rest.time), rest.time)
+        return acceleration(x, model.derivative(x, effort, rest.time), rest.time)
 
     def slope(dx: Vector, du: Vector) -> Vector:
-        def there(s: float) -> Vector:
+        def point(s: float) -> Vector:
             return at(rest.state + s * dx, rest.effort + s * du)
 
         h = _STEP
-        near, far = there(h) - there(-h), there(2.0 * h) - there(-2.0 * h)
+        near, far = point(h) - point(-h), point(2.0 * h) - point(-2.0 * h)
         return np.asarray((8.0 * near - far) / (12.0 * h))
 
     no_x, no_u = np.zeros(p + n), np.zeros(model.efforts)

@@ -17,7 +17,7 @@ from flexslew_plant.arrays import Matrix, Vector
 
 Complex: TypeAlias = NDArray[np.complex128]
 
-_ACTS = 1e-8  # of the largest residue: what is excited or shown less is rounding
+_LEAST_RESIDUE = 1e-8  # of the largest residue: what is excited or shown less is rounding
 _HIDDEN = 1e-6  # above one: a pole outside of the circle, though no effort moves it
 
 
@@ -63,10 +63,10 @@ class ControlLoop:
         for k in keep:
             pick[k, k] = 1.0  # cuts stand first, in one order at both ends
         direct = np.linalg.inv(np.eye(len(s.outputs)) - s.d @ pick)
-        inside = pick @ direct
+        feedback = pick @ direct
         return Lti(
-            s.a + s.b @ inside @ s.c,
-            s.b @ (np.eye(len(s.inputs)) + inside @ s.d),
+            s.a + s.b @ feedback @ s.c,
+            s.b @ (np.eye(len(s.inputs)) + feedback @ s.d),
             direct @ s.c,
             direct @ s.d,
             s.inputs,
@@ -84,9 +84,10 @@ class ControlLoop:
         """Return L of the loop cut at these places alone; it is closed by negative feedback."""
         others = [n for n in self.effort_names + self.sensor_names if n not in set(names)]
         s = self.connected(others)
-        cuts = [s.inputs.index(name) for name in names]
+        channels = [s.inputs.index(name) for name in names]
         return Lti(
-            s.a, s.b[:, cuts], -s.c[cuts], -s.d[np.ix_(cuts, cuts)], tuple(names), tuple(names),
+            s.a, s.b[:, channels], -s.c[channels], -s.d[np.ix_(channels, channels)], tuple(names),
+            tuple(names),
             s.states, s.period,
         )  # fmt: skip
 
@@ -108,9 +109,9 @@ class ControlLoop:
             names: of efforts and sensors.
             response: see `response`, shape (frequencies, cuts, cuts).
         """
-        cuts = self.effort_names + self.sensor_names
-        at = [cuts.index(name) for name in names]
-        rest = [k for k in range(len(cuts)) if k not in at]
+        channels = self.effort_names + self.sensor_names
+        at = [channels.index(name) for name in names]
+        rest = [k for k in range(len(channels)) if k not in at]
 
         def part(rows: list[int], columns: list[int]) -> Complex:
             return response[:, rows][:, :, columns]
@@ -129,7 +130,7 @@ def loop_of(plant: Lti, law: Lti) -> ControlLoop:
 
     Sensors that the law does not listen to are left out.
     """
-    heard = [
+    sensors = [
         name
         for name in plant.outputs
         if not name.startswith(APPLIED)
@@ -137,37 +138,37 @@ def loop_of(plant: Lti, law: Lti) -> ControlLoop:
     ]
     applied = [name for name in plant.outputs if name.startswith(APPLIED)]
     references = [name for name in law.inputs if name not in plant.outputs]
-    y, a = plant.rows(heard).c, plant.rows(applied).c
+    y, a = plant.rows(sensors).c, plant.rows(applied).c
     by_y, by_a, by_r = (
         (law.b[:, columns], law.d[:, columns])
         for columns in (
-            [law.inputs.index(n) for n in names] for names in (heard, applied, references)
+            [law.inputs.index(n) for n in names] for names in (sensors, applied, references)
         )
     )
     n, k, m = len(plant.a), len(law.a), len(plant.inputs)
     zero = np.zeros
     system = Lti(
         np.block([[plant.a, zero((n, k))], [by_a[0] @ a, law.a]]),
-        np.block([[plant.b, zero((n, len(heard) + len(references)))],
+        np.block([[plant.b, zero((n, len(sensors) + len(references)))],
                   [zero((k, m)), by_y[0], by_r[0]]]),
-        np.block([[by_a[1] @ a, law.c], [y, zero((len(heard), k))]]),
+        np.block([[by_a[1] @ a, law.c], [y, zero((len(sensors), k))]]),
         np.block([[zero((m, m)), by_y[1], by_r[1]],
-                  [zero((len(heard), m + len(heard) + len(references)))]]),
-        (*plant.inputs, *heard, *references),
-        (*plant.inputs, *heard),
+                  [zero((len(sensors), m + len(sensors) + len(references)))]]),
+        (*plant.inputs, *sensors, *references),
+        (*plant.inputs, *sensors),
         (*plant.states, *law.states),
         plant.period,
     )  # fmt: skip
-    outward = plant.rows((*heard, *applied))
-    columns = [law.inputs.index(name) for name in (*heard, *applied)]
-    inward = replace(law, b=law.b[:, columns], d=law.d[:, columns], inputs=(*heard, *applied))
+    plant_part = plant.rows((*sensors, *applied))
+    columns = [law.inputs.index(name) for name in (*sensors, *applied)]
+    law_part = replace(law, b=law.b[:, columns], d=law.d[:, columns], inputs=(*sensors, *applied))
     joints = [name for name in plant.outputs if name.startswith(POSITION)]
-    shown = np.hstack((plant.rows(joints).c, zero((len(joints), k))))
+    observed = np.hstack((plant.rows(joints).c, zero((len(joints), k))))
     names = tuple(name.removeprefix(POSITION) for name in joints)
-    return ControlLoop(system, m, len(heard), (outward, inward), names, shown)
+    return ControlLoop(system, m, len(sensors), (plant_part, law_part), names, observed)
 
 
-def visible_poles(loop: ControlLoop, share: float = _ACTS) -> tuple[Complex, Vector]:
+def visible_poles(loop: ControlLoop, share: float = _LEAST_RESIDUE) -> tuple[Complex, Vector]:
     """Return the poles of the closed loop that efforts move and sensors see, and how strongly.
 
     Returns:
@@ -192,12 +193,12 @@ def unstable_poles(loop: ControlLoop, close: float = 1e-9) -> Complex:
         close: above one, rounding of a visible motion that nothing holds.
     """
     parts = _residues(loop)
-    excited, shown = (parts.by_efforts, parts.by_sensors), (parts.in_efforts, parts.in_sensors)
-    acting = np.array([parts.of(by, seen) for by in excited for seen in shown]) > _ACTS
-    visible = parts.of(parts.by_efforts, parts.in_sensors) > _ACTS
+    excited, observed = (parts.by_efforts, parts.by_sensors), (parts.in_efforts, parts.in_sensors)
+    active = np.array([parts.of(by, seen) for by in excited for seen in observed]) > _LEAST_RESIDUE
+    visible = parts.of(parts.by_efforts, parts.in_sensors) > _LEAST_RESIDUE
     size = abs(parts.z)
     found: Complex = parts.z[
-        (visible & (size > 1.0 + close)) | (acting.any(axis=0) & (size > 1.0 + _HIDDEN))
+        (visible & (size > 1.0 + close)) | (active.any(axis=0) & (size > 1.0 + _HIDDEN))
     ]
     return found
 
@@ -211,20 +212,20 @@ class _Residues(NamedTuple):
     in_efforts: Vector  # how strongly u shows it
     in_sensors: Vector  # y
 
-    def of(self, excited: Vector, shown: Vector) -> Vector:
+    def of(self, excited: Vector, observed: Vector) -> Vector:
         """Return the residues between the two, of the largest."""
-        size = excited * shown
+        size = excited * observed
         return np.asarray(size / size.max(initial=1e-300), dtype=np.float64)
 
 
 def _residues(loop: ControlLoop) -> _Residues:
-    closed, m, cuts = loop.closed, loop.efforts, loop.efforts + loop.sensors
+    closed, m, channels = loop.closed, loop.efforts, loop.efforts + loop.sensors
     z, right = np.linalg.eig(closed.a)
     left = np.linalg.pinv(right)
     return _Residues(
         np.asarray(z, dtype=np.complex128),
         np.linalg.norm(left @ closed.b[:, :m], axis=1),
-        np.linalg.norm(left @ closed.b[:, m:cuts], axis=1),
+        np.linalg.norm(left @ closed.b[:, m:channels], axis=1),
         np.linalg.norm(closed.c[:m] @ right, axis=0),
         np.linalg.norm(closed.c[m:] @ right, axis=0),
     )

@@ -15,13 +15,13 @@ from scipy.optimize import brentq, minimize
 from flexslew_control.analysis.loop import Complex, ControlLoop
 from flexslew_plant.arrays import Matrix, Vector
 
-_SLOW, _SLOWEST = 1e-4, 1e-7  # of pi / T: where the grid begins, and where at the earliest
+_SLOW, _LOWEST = 1e-4, 1e-7  # of pi / T: where the grid begins, and where at the earliest
 _BELOW = 0.01  # of the slowest pole: where the grid begins, if that is before _SLOW
 _POINTS, _A_DECADE = 600, 150  # of the grid above _SLOW, and in each decade before it
 _FLAT = 0.01  # change of L over an octave, of its size, and its angle, where it is that at zero
 _NEAR = np.concatenate((-np.geomspace(30.0, 1e-3, 40), np.geomspace(1e-3, 30.0, 40)))  # widths
-_BESIDE = np.geomspace(1e-9, 0.01, 80)  # of a crossover: where a delay margin may lie
-_SCALINGS = 20
+_OFFSETS = np.geomspace(1e-9, 0.01, 80)  # of a crossover: where a delay margin may lie
+_SCALING_STEPS = 20
 _POWERS = (20.0, 200.0, 2000.0)  # of singular values, in norms that end near the largest one
 _POLE = 1e8  # |L| beyond that is a pole on the circle, and no crossing
 
@@ -54,7 +54,7 @@ class ChannelMargins:
 
 
 @dataclass(frozen=True)
-class Swept:
+class LoopFrequencyResponse:
     """A loop's response over a grid of frequencies.
 
     Args:
@@ -72,10 +72,10 @@ class Swept:
         return self.loop.loop_gain(names, self.response)
 
 
-def swept(loop: ControlLoop) -> Swept:
+def frequency_response(loop: ControlLoop) -> LoopFrequencyResponse:
     """Return the response of a loop over frequencies that show all of it."""
     grid = frequencies(loop)
-    return Swept(loop, grid, loop.response(grid))
+    return LoopFrequencyResponse(loop, grid, loop.response(grid))
 
 
 def frequencies(loop: ControlLoop) -> Vector:
@@ -91,8 +91,8 @@ def frequencies(loop: ControlLoop) -> Vector:
     width = np.maximum(abs(s.real[s.imag > 0.0]), 1e-5 * w)
     width = np.minimum(width, 0.03 * w)
     near = (w[:, None] + width[:, None] * _NEAR).ravel()
-    first = _BELOW * min(abs(s[abs(s) > _SLOWEST * top]), default=top)
-    first, slow = max(first, _SLOWEST * top), _SLOW * top
+    first = _BELOW * min(abs(s[abs(s) > _LOWEST * top]), default=top)
+    first, slow = max(first, _LOWEST * top), _SLOW * top
     before = np.zeros(0)
     if first < slow:
         before = np.geomspace(first, slow, 2 + int(_A_DECADE * np.log10(slow / first)))
@@ -100,25 +100,25 @@ def frequencies(loop: ControlLoop) -> Vector:
     return np.unique(grid[(grid >= min(first, slow)) & (grid < top)])
 
 
-def channel_margins(sweep: Swept, name: str) -> ChannelMargins:
+def channel_margins(sweep: LoopFrequencyResponse, name: str) -> ChannelMargins:
     """Return the margins of an effort or a sensor, the others closed."""
     found = _Channel(sweep, name)
-    gains = found.gain_crossings()
+    gains = found.gain_crossovers()
     up = min(((g, w) for g, w in gains if g > 1.0), default=(np.inf, np.nan))
     down = max(((g, w) for g, w in gains if 0.0 < g < 1.0), default=(0.0, np.nan))
-    crossings = found.unit_crossings()
-    phases = [(abs(np.angle(-found(w))), w) for w in crossings]
+    crossovers = found.unit_crossovers()
+    phases = [(abs(np.angle(-found(w))), w) for w in crossovers]
     phase = min(phases, default=(np.inf, np.nan))
-    delays = [found.delay(w) for w in crossings]
-    ends = [(d, w) for d, w in delays if np.isfinite(d)]
+    delay_margins = [found.delay(w) for w in crossovers]
+    ends = [(d, w) for d, w in delay_margins if np.isfinite(d)]
     delay = min(ends, default=(np.inf, np.nan))
-    return ChannelMargins(name, *up, *down, *phase, *delay, tuple(crossings))
+    return ChannelMargins(name, *up, *down, *phase, *delay, tuple(crossovers))
 
 
 class _Channel:
     """L of one channel on the unit circle."""
 
-    def __init__(self, sweep: Swept, name: str) -> None:
+    def __init__(self, sweep: LoopFrequencyResponse, name: str) -> None:
         self._loop, self._name, self._grid = sweep.loop, (name,), sweep.grid
         self._period = sweep.loop.system.period
         self._values = sweep.gain(self._name)[:, 0, 0]
@@ -140,13 +140,13 @@ class _Channel:
             for k in np.flatnonzero(sign[:-1] * sign[1:] < 0.0)
         ]
 
-    def gain_crossings(self) -> list[tuple[float, float]]:
+    def gain_crossovers(self) -> list[tuple[float, float]]:
         """Return every gain that puts a pole on the circle, and its frequency."""
         places = [*self._roots(lambda value: value.imag), np.pi / self._period]
         found = []
-        still = self._at_zero()
-        if still < 0.0:
-            found.append((-1.0 / still, 0.0))
+        at_zero = self._at_zero()
+        if at_zero < 0.0:
+            found.append((-1.0 / at_zero, 0.0))
         for w in places:
             value = self(w)
             if abs(value) < _POLE and value.real < 0.0:
@@ -164,14 +164,14 @@ class _Channel:
             return 0.0
         return float((4.0 * near.real - far.real) / 3.0)
 
-    def unit_crossings(self) -> list[float]:
+    def unit_crossovers(self) -> list[float]:
         """Return where |L| is one [rad/s]."""
         return self._roots(lambda value: abs(value) - 1.0)
 
-    def _around(self, w: float) -> Vector:
+    def _near_frequencies(self, w: float) -> Vector:
         """Return frequencies about a crossover, denser the nearer: a resonance may be narrow."""
-        wide = np.linspace(0.7, 1.3, 801)
-        near = w * np.unique(np.concatenate((wide, 1.0 - _BESIDE, 1.0 + _BESIDE)))
+        coarse = np.linspace(0.7, 1.3, 801)
+        near = w * np.unique(np.concatenate((coarse, 1.0 - _OFFSETS, 1.0 + _OFFSETS)))
         return near[near < np.pi / self._period * (1.0 - 1e-9)]
 
     def delay(self, w: float) -> tuple[float, float]:
@@ -181,7 +181,7 @@ class _Channel:
         """
         h = self._period
         late = np.angle(-self(w)) % (2.0 * np.pi) / (w * h)
-        near = self._around(w)
+        near = self._near_frequencies(w)
         values = self._at(near)
         best = (np.inf, np.nan)
         for whole in range(max(0, int(late) - 2), int(late) + 3):
@@ -217,30 +217,30 @@ class DiskMargins:
     phase: float
 
 
-def disk_margins(sweep: Swept, names: tuple[str, ...]) -> DiskMargins:
+def disk_margins(sweep: LoopFrequencyResponse, names: tuple[str, ...]) -> DiskMargins:
     """Return the symmetric disk margin: the inverse of the largest mu of (S - T) / 2.
 
     P. Seiler, A. Packard and P. Gahinet, An Introduction to Disk Margins (2020). mu's upper bound
     is by diagonal scalings, so the margin is guaranteed.
     """
     m = _balanced(sweep, names)
-    mu = structured(m)
+    mu = mu_bounds(m)
     refined = np.zeros(len(mu), dtype=bool)
-    while not refined[worst := int(np.argmax(mu))]:
+    while not refined[peak := int(np.argmax(mu))]:
         # the best scaling of one frequency is a good one at the neighbouring frequencies
-        d = _best_scaling(m[worst])
-        mu[worst], refined[worst] = min(mu[worst], _scaled(m[worst], d)), True
-        above = mu > mu[worst]
+        d = _best_scaling(m[peak])
+        mu[peak], refined[peak] = min(mu[peak], _scaled(m[peak], d)), True
+        above = mu > mu[peak]
         mu[above] = np.minimum(mu[above], _scaled(m[above], d))
-    alpha = 1.0 / mu[worst]
+    alpha = 1.0 / mu[peak]
     gain = (1.0 + 0.5 * alpha) / (1.0 - 0.5 * alpha) if alpha < 2.0 else np.inf
     return DiskMargins(
-        names, float(alpha), float(sweep.grid[worst]), float(gain),
+        names, float(alpha), float(sweep.grid[peak]), float(gain),
         float(2.0 * np.arctan(0.5 * alpha)),
     )  # fmt: skip
 
 
-def _balanced(sweep: Swept, names: tuple[str, ...]) -> Complex:
+def _balanced(sweep: LoopFrequencyResponse, names: tuple[str, ...]) -> Complex:
     """Return (S - T) / 2 over frequency, shape (count, k, k)."""
     # negative feedback of all channels at once, though u and y of one loop may stand among them
     # where u and y of one loop are both among them, cutting both leaves no loop: L of the pair
@@ -248,7 +248,7 @@ def _balanced(sweep: Swept, names: tuple[str, ...]) -> Complex:
     return np.asarray(np.linalg.inv(eye + sweep.gain(names)) - 0.5 * eye, dtype=np.complex128)
 
 
-def structured(m: Complex) -> Vector:
+def mu_bounds(m: Complex) -> Vector:
     """Return upper bounds of mu for complex numbers on the diagonal.
 
     The largest singular value of D M D^-1, with Osborne's D, which balances rows and columns; the
@@ -260,7 +260,7 @@ def structured(m: Complex) -> Vector:
     size, d = abs(m), np.ones(m.shape[:2])
     off = size * (1.0 - np.eye(m.shape[1]))
     small = 1e-12 * size.max(axis=(1, 2))[:, None]
-    for _ in range(_SCALINGS):
+    for _ in range(_SCALING_STEPS):
         scaled = off * d[:, :, None] / d[:, None, :]
         rows, columns = np.linalg.norm(scaled, axis=2), np.linalg.norm(scaled, axis=1)
         d = d * np.sqrt((columns + small) / (rows + small))
@@ -300,7 +300,7 @@ def _best_scaling(m: Complex) -> Vector:
     return np.asarray(np.exp(log_d), dtype=np.float64)
 
 
-def peaks(sweep: Swept, names: tuple[str, ...]) -> tuple[float, float]:
+def peaks(sweep: LoopFrequencyResponse, names: tuple[str, ...]) -> tuple[float, float]:
     """Return the largest singular values of S and of T over frequency."""
     s = np.linalg.inv(np.eye(len(names)) + sweep.gain(names))
     t = np.eye(len(names)) - s

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     import control
 
 _TOLERANCE = 1e-9  # of the largest Hankel singular value
-_STILL = 1e-6  # of the fastest pole: a slower one stands still
+_STATIC = 1e-6  # of the fastest pole: a slower one stands still
 _DOUBLINGS = 64  # more than any pole takes that is moved by a part in 1e18 of itself
-_GONE = 1e-20
+_ZERO = 1e-20
 
 
 def minimal(
@@ -74,13 +74,13 @@ def minimal_part(system: Lti, tolerance: float = _TOLERANCE) -> Lti:
     left, values, right = np.linalg.svd(seen.T @ reached)
     kept = int(np.count_nonzero(values > tolerance * values.max(initial=0.0)))
     scale = 1.0 / np.sqrt(values[:kept])
-    onto, from_whole = reached @ right[:kept].T * scale, (seen @ left[:, :kept] * scale).T
-    part = from_whole @ slope @ onto
+    right_factor, from_whole = reached @ right[:kept].T * scale, (seen @ left[:, :kept] * scale).T
+    part = from_whole @ slope @ right_factor
     return replace(
         system,
         a=np.eye(kept) + period * part if period else part,
         b=from_whole @ system.b,
-        c=system.c @ onto,
+        c=system.c @ right_factor,
         states=tuple(f"balanced.{k + 1}" for k in range(kept)),
     )
 
@@ -92,24 +92,24 @@ def _stable(system: Lti, slope: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     if period:
         poles = np.log(np.where(poles == 0.0, np.finfo(float).tiny, poles).astype(complex)) / period
     sizes = np.abs(poles)
-    moving = sizes[sizes > _STILL * sizes.max(initial=0.0)]
-    size = float(np.exp(np.log(moving).mean())) if moving.size else 1.0
+    nonzero = sizes[sizes > _STATIC * sizes.max(initial=0.0)]
+    size = float(np.exp(np.log(nonzero).mean())) if nonzero.size else 1.0
     left = size + max(float(poles.real.max(initial=0.0)), 0.0)  # by which they move
     if period:
         return system.a * np.exp(-left * period), system.b, system.c
     eye = np.eye(len(slope))
-    moved = slope - left * eye
-    inverse = np.linalg.inv(left * eye - moved)
-    return (left * eye + moved) @ inverse, inverse @ system.b, system.c @ inverse
+    shifted = slope - left * eye
+    inverse = np.linalg.inv(left * eye - shifted)
+    return (left * eye + shifted) @ inverse, inverse @ system.b, system.c @ inverse
 
 
 def _factor(a: Matrix, b: Matrix) -> Matrix:
     """Return L, (n, n or fewer), with L L^T the sum of a^k b b^T (a^T)^k over all k."""
     factor = b
     for _ in range(_DOUBLINGS):
-        both = np.hstack((factor, a @ factor))
-        factor = np.asarray(np.linalg.qr(both.T, mode="r")).T
+        stacked = np.hstack((factor, a @ factor))
+        factor = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
         a = a @ a
-        if np.linalg.norm(a, 1) < _GONE:
+        if np.linalg.norm(a, 1) < _ZERO:
             break
     return factor

@@ -35,24 +35,24 @@ def natural_modes(plant: Lti) -> tuple[Mode, ...]:
     """Return the elastic modes of a continuous plant, the slowest first."""
     n = len(plant.a) // 2
     values, right = np.linalg.eig(plant.a)
-    slowest = _RIGID * abs(values).max(initial=0.0)
-    elastic = np.flatnonzero((values.imag > 0.0) & (abs(values) > slowest))
+    lowest = _RIGID * abs(values).max(initial=0.0)
+    elastic = np.flatnonzero((values.imag > 0.0) & (abs(values) > lowest))
     order = elastic[np.argsort(abs(values[elastic]))]
     right = right[:, order] / np.linalg.norm(right[:n, order], axis=0)
     left = np.linalg.pinv(np.hstack((right, right.conj())))[: len(order)]
-    moved, seen = abs(left @ plant.b), abs(plant.c @ right)
-    moved = moved / np.maximum(moved.max(axis=0, initial=0.0), 1e-300)
+    input_gains, seen = abs(left @ plant.b), abs(plant.c @ right)
+    input_gains = input_gains / np.maximum(input_gains.max(axis=0, initial=0.0), 1e-300)
     seen = (seen.T / np.maximum(seen.max(axis=1, initial=0.0), 1e-300)).T
-    drawn = [k for k, name in enumerate(plant.outputs) if name.startswith(("position", "tip"))]
+    rows = [k for k, name in enumerate(plant.outputs) if name.startswith(("position", "tip"))]
     found = []
     for k, value in enumerate(values[order]):
         found.append(
             Mode(
                 float(abs(value)),
                 float(-value.real / abs(value)),
-                dict(zip([plant.outputs[j] for j in drawn], _real(plant.c[drawn] @ right[:, k]),
+                dict(zip([plant.outputs[j] for j in rows], _real(plant.c[rows] @ right[:, k]),
                          strict=True)),
-                dict(zip(plant.inputs, moved[k].tolist(), strict=True)),
+                dict(zip(plant.inputs, input_gains[k].tolist(), strict=True)),
                 dict(zip(plant.outputs, seen[:, k].tolist(), strict=True)),
             )
         )  # fmt: skip
@@ -63,5 +63,5 @@ def _real(shape: "np.typing.NDArray[np.complex128]") -> list[float]:
     """Return a shape turned to the phase of its largest entry, which becomes one."""
     if not abs(shape).any():
         return [0.0] * len(shape)
-    turned: Vector = (shape / shape[np.argmax(abs(shape))]).real
-    return [float(part) for part in turned]
+    aligned: Vector = (shape / shape[np.argmax(abs(shape))]).real
+    return [float(part) for part in aligned]

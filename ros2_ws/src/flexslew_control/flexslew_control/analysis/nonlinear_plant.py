@@ -28,7 +28,7 @@ def nonlinear_system(testbed: Testbed, name: str = "plant") -> "control.Nonlinea
         lambda t, x, u, params: model.derivative(
             np.asarray(x, dtype=np.float64), np.asarray(u, dtype=np.float64), t
         ),
-        lambda t, x, u, params: readings(model, x, u, t),
+        lambda t, x, u, params: sensor_outputs(model, x, u, t),
         inputs=in_control(inputs_of(model)),
         outputs=in_control(outputs_of(model)),
         states=names,
@@ -41,13 +41,13 @@ def start_of(testbed: Testbed, joints: dict[str, float] | None = None) -> Vector
     return rest_of(testbed, joints).state
 
 
-def readings(model: Model, x: Any, effort: Any, t: float) -> Vector:
+def sensor_outputs(model: Model, x: Any, effort: Any, t: float) -> Vector:
     """Return what the sensors read of a state, in the order of signals.outputs_of."""
     x, effort = np.asarray(x, dtype=np.float64), np.asarray(effort, dtype=np.float64)
     position, rate = model.joint_state(x)
     modes, rates = model.modal_state(x)
     tips = model.appendages
     tip = tips.reading(modes, rates)
-    if tips.felt is not None:
-        tip = tip + tips.felt(x, model.derivative(x, effort, t), t)
+    if tips.exact_reading is not None:
+        tip = tip + tips.exact_reading(x, model.derivative(x, effort, t), t)
     return np.concatenate((position, rate, tip, tips.curvature @ modes))

@@ -64,7 +64,7 @@ def rest_of(
     return Rest(model, q, time, effort)
 
 
-def small_motions(rest: Rest, friction: ActuatorSettings | None = None) -> tuple[Matrix, Matrix]:
+def linear_matrices(rest: Rest, friction: ActuatorSettings | None = None) -> tuple[Matrix, Matrix]:
     """Return A and B of z' = A z + B (u - u0), z = [displacement along v, v], exact.
 
     Displacements along v are those of q, and turns [rad] where q holds a unit quaternion. Friction
@@ -95,9 +95,9 @@ def slopes(
         friction: of the motors, see small_motions.
     """
     n, (q, v) = model.coordinates, model.split(x)
-    along, driving = model.position_rates(q, t), model.input_matrix(q, t)
+    along, input_matrix = model.position_rates(q, t), model.input_matrix(q, t)
     mass = model.mass_matrix(q, t)
-    forces = driving @ effort - model.bias(q, v, t)
+    forces = input_matrix @ effort - model.bias(q, v, t)
     acceleration = np.asarray(np.linalg.solve(mass, forces), dtype=np.float64)
     stiffness, damping = model.residual_slopes(x, acceleration, t)
     stiffness = stiffness @ along
@@ -108,23 +108,25 @@ def slopes(
     if v.any() and model.positions > n:
         a[:n, :n] = _direction_stiffness(model, q, v, t)
     a[n:] = -np.linalg.solve(mass, np.hstack((stiffness, damping)))
-    b = np.vstack((np.zeros_like(driving), np.linalg.solve(mass, driving)))
+    b = np.vstack((np.zeros_like(input_matrix), np.linalg.solve(mass, input_matrix)))
     if friction is not None:
-        _, chosen, _, rate, sign = model.own_motors
-        viscous, coulomb = coefficients(model.own_motors, friction)
-        rubbing = viscous + coulomb / friction.coulomb_speed
+        _, columns, _, rate, sign = model.resolved_motors
+        viscous, coulomb = coefficients(model.resolved_motors, friction)
+        friction_slope = viscous + coulomb / friction.coulomb_speed
         at = rate - (model.positions - n)  # displacements are along v, not q
-        a[n:, at] -= sign * rubbing * b[n:, chosen]
+        a[n:, at] -= sign * friction_slope * b[n:, columns]
     return a, b
 
 
 def _direction_stiffness(model: Model, q: Vector, v: Vector, t: float) -> Matrix:
     """Return how displacements along v change while what they are along turns: N^+ [d(N v), N]."""
     along = model.position_rates(q, t)
-    moved = _slope(lambda z: model.position_rates(q + along @ z, t) @ v, len(v))
-    turning = _slope(lambda s: (model.position_rates(q + along @ v * s, t)).ravel(), 1)
-    back: Matrix = np.linalg.pinv(along) @ (moved - turning.reshape(along.shape))
-    return back
+    position_slope = _slope(lambda z: model.position_rates(q + along @ z, t) @ v, len(v))
+    rotation_slope = _slope(lambda s: (model.position_rates(q + along @ v * s, t)).ravel(), 1)
+    stiffness: Matrix = np.linalg.pinv(along) @ (
+        position_slope - rotation_slope.reshape(along.shape)
+    )
+    return stiffness
 
 
 def _slope(f: Callable[[Vector], Vector], count: int, h: float = 1e-3) -> Matrix:

@@ -17,30 +17,30 @@ _ZERO = 1e-12  # singular value of the balanced A - I, of the largest
 _ALONG = 1e-6  # product of unit vectors, of the largest reading of a joint [-]
 
 
-class RigidMotions(NamedTuple):
+class RigidModes(NamedTuple):
     """Rigid motions that a loop does not control."""
 
     joints: tuple[str, ...]  # that show them
     poles: int  # at z = 1
 
 
-def uncontrolled_motions(loop: ControlLoop) -> RigidMotions:
+def free_rigid_modes(loop: ControlLoop) -> RigidModes:
     """Return the rigid motions that joints show and the closed loop does not return."""
     closed = loop.closed.a
     balanced, (scale, _) = matrix_balance(closed, permute=False, separate=True)
     pencil = balanced - np.eye(len(balanced))
     left, sizes, right = np.linalg.svd(pencil)
-    still = sizes <= _ZERO * sizes.max(initial=0.0)
-    resting, rows = right[still].T, left[:, still].T
+    is_zero = sizes <= _ZERO * sizes.max(initial=0.0)
+    rigid, rows = right[is_zero].T, left[:, is_zero].T
     seen = loop.joint_positions * scale
-    shown = seen @ resting
-    if not still.any() or not shown.any():
-        return RigidMotions((), 0)
+    visible = seen @ rigid
+    if not is_zero.any() or not visible.any():
+        return RigidModes((), 0)
     largest = np.linalg.norm(seen, axis=1).max()
-    drifting = resting @ _null(rows @ resting)
-    touched = np.linalg.norm(shown, axis=1) > _ALONG * largest
-    names = tuple(n for n, moved in zip(loop.joint_names, touched, strict=True) if moved)
-    return RigidMotions(names, _rank(shown, largest) + _rank(seen @ drifting, largest))
+    drift = rigid @ _null(rows @ rigid)
+    touched = np.linalg.norm(visible, axis=1) > _ALONG * largest
+    names = tuple(n for n, flag in zip(loop.joint_names, touched, strict=True) if flag)
+    return RigidModes(names, _rank(visible, largest) + _rank(seen @ drift, largest))
 
 
 def _null(matrix: Matrix) -> Matrix:

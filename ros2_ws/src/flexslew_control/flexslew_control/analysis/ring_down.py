@@ -13,7 +13,7 @@ _SEEN = 1e-3  # of the largest channel: a smaller one is not fitted
 _STEP = 1e-7  # of differences, in parts of a pole's distance from z = 1
 
 
-class RingDown(NamedTuple):
+class DecayFit(NamedTuple):
     """Poles of a record.
 
     Args:
@@ -27,7 +27,7 @@ class RingDown(NamedTuple):
     left: float
 
 
-def ring_down(record: Matrix, period: float, start: Complex) -> RingDown:
+def fit_decay(record: Matrix, period: float, start: Complex) -> DecayFit:
     """Return the poles of y(t) = sum of a_k exp(s_k t), least squares over s and a.
 
     The amplitudes are projected out (G. Golub and V. Pereyra, The differentiation of
@@ -57,9 +57,9 @@ def ring_down(record: Matrix, period: float, start: Complex) -> RingDown:
         s = poles(x)
         ends = np.where(s.real > 0.0, time[-1], 0.0)  # what grows is one at its end
         envelope = np.exp(np.clip((time[:, None] - ends) * s.real, -300.0, 300.0))
-        turn = np.outer(time, s.imag[wave])
+        phase = np.outer(time, s.imag[wave])
         columns = np.hstack((
-            envelope[:, ~wave], envelope[:, wave] * np.cos(turn), envelope[:, wave] * np.sin(turn)
+            envelope[:, ~wave], envelope[:, wave] * np.cos(phase), envelope[:, wave] * np.sin(phase)
         ))  # fmt: skip
         sizes = np.linalg.norm(columns, axis=0)
         basis, _ = np.linalg.qr(columns / np.where(sizes > 0.0, sizes, 1.0))
@@ -76,7 +76,7 @@ def ring_down(record: Matrix, period: float, start: Complex) -> RingDown:
     spread = scale * left * np.sqrt(np.maximum(np.diag(information), 0.0))
     deviation = spread[: len(start)].copy()
     deviation[wave] = np.hypot(deviation[wave], spread[len(start) :])
-    return RingDown(
+    return DecayFit(
         poles(found.x),
         np.asarray(deviation, dtype=np.float64),
         left / float(np.sqrt(np.mean(y**2))),

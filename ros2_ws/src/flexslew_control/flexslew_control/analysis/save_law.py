@@ -16,7 +16,7 @@ from flexslew_plant.errors import BadInput
 if TYPE_CHECKING:
     import control
 
-_UNNAMED = re.compile(r"[uy]\[\d+\]")  # what python-control calls a signal without a name
+_DEFAULT_LABEL = re.compile(r"[uy]\[\d+\]")  # what python-control calls a signal without a name
 
 
 def save_law(
@@ -39,8 +39,8 @@ def save_law(
         BadInput: it is no such system, or the file cannot be written.
     """
     system, period = _sampled(system, str(file))
-    names = on_bench(_listed(inputs or system.input_labels))
-    efforts = on_bench(_listed(outputs or system.output_labels))
+    names = on_bench(_as_list(inputs or system.input_labels))
+    efforts = on_bench(_as_list(outputs or system.output_labels))
     _require_names(system, names, efforts, str(file))
     states = tuple(f"x.{k + 1}" for k in range(system.nstates))
     save_model(Lti(*_matrices(system), names, efforts, states, period), Path(file))
@@ -60,7 +60,7 @@ def law_of_system(
         BadInput: it is no such system, or a label is no signal's name.
     """
     system, period = _sampled(system, place)
-    inputs, outputs = _own_labels(system.input_labels), _own_labels(system.output_labels)
+    inputs, outputs = _user_labels(system.input_labels), _user_labels(system.output_labels)
     if inputs or outputs:
         _require_names(system, inputs, outputs, place)
     a, b, c, d = (part.tolist() for part in _matrices(system))
@@ -68,9 +68,9 @@ def law_of_system(
     return found | {"period": period, "inputs": list(inputs), "outputs": list(outputs)}
 
 
-def _own_labels(labels: list[str]) -> tuple[str, ...]:
+def _user_labels(labels: list[str]) -> tuple[str, ...]:
     """Return labels as the bench's names; none where they are those of python-control."""
-    return () if all(_UNNAMED.fullmatch(label) for label in labels) else on_bench(labels)
+    return () if all(_DEFAULT_LABEL.fullmatch(label) for label in labels) else on_bench(labels)
 
 
 def _sampled(system: Any, place: str) -> "tuple[control.StateSpace, float]":
@@ -95,8 +95,8 @@ def _require_names(
             f"{place}: {len(inputs)} inputs and {len(outputs)} outputs are named, the system has "
             f"{system.ninputs} and {system.noutputs}"
         )
-    if unnamed := [name for name in (*inputs, *outputs) if "." not in name]:
-        raise BadInput(f"{place}: {unnamed[0]} is no signal of the bench; give inputs and outputs")
+    if unknown := [name for name in (*inputs, *outputs) if "." not in name]:
+        raise BadInput(f"{place}: {unknown[0]} is no signal of the bench; give inputs and outputs")
 
 
 def _matrices(system: "control.StateSpace") -> tuple[Matrix, Matrix, Matrix, Matrix]:
@@ -122,5 +122,5 @@ def _state_space(system: Any, place: str) -> "control.StateSpace":
         raise BadInput(words, place) from None
 
 
-def _listed(names: Sequence[str] | str) -> list[str]:
+def _as_list(names: Sequence[str] | str) -> list[str]:
     return [names] if isinstance(names, str) else list(names)

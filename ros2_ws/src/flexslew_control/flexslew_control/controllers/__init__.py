@@ -23,7 +23,7 @@ from flexslew_plant.joint_quantities import require_units_of_joints
 from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.own_code import NO_CODE, Trust, code_hash, require_file
 from flexslew_plant.settings import NonNegative, plain, section, validated
-from flexslew_plant.testbeds import believed
+from flexslew_plant.testbeds import design_testbed
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.yaml_data import yaml_text
 
@@ -54,8 +54,8 @@ DEFAULT = PD_FEEDFORWARD.name  # of a trial that names none
 
 LAW_HASH = "law_sha256"  # in a settings_text: of the file of a law that is not built in
 _BY_JOINT = ("kp", "ki", "kd")  # gains, one for each joint or one for all
-DUE = "due"  # in a settings_text: changes that were granted for a later tick
-DERIVED = ("computed", LAW_HASH, DUE)  # keys of a settings_text that are no settings
+PENDING = "due"  # in a settings_text: changes that were granted for a later tick
+COMPUTED_KEYS = ("computed", LAW_HASH, PENDING)  # keys of a settings_text that are no settings
 
 
 @section
@@ -88,14 +88,14 @@ def build_controller(
     Raises:
         BadInput: unknown law, wrong settings, or a design that does not exist.
     """
-    common, own = (
+    common, entries = (
         _common_settings(values, source),
         law_values(with_file(law, values, source, plant.trust)),
     )
     estimator: Estimator
     built: Law
     if law in CONTROLLERS:
-        settings = _settings(law, own, plant, source)
+        settings = _settings(law, entries, plant, source)
         try:
             _require_allocation(law, settings, plant)
             estimator, built = CONTROLLERS[law].build(settings, plant)
@@ -106,7 +106,7 @@ def build_controller(
             raise BadInput(words, source) from error
     else:
         found = find_law(law, source, tuple(CONTROLLERS), plant.trust)
-        estimator, built = build_user_law(found, law, own, plant, source)
+        estimator, built = build_user_law(found, law, entries, plant, source)
     monitor = None
     if common.monitor is not None:
         if not isinstance(estimator, Monitored):
@@ -166,7 +166,7 @@ def require_settings(
     settings = _settings(law, law_values(values), plant, source)
     require_joints_of(settings, plant.joint_names, source=source)
     if getattr(settings, "model", None):
-        believed(plant.testbed, settings.model, f"{source}: model", plant.trust)
+        design_testbed(plant.testbed, settings.model, f"{source}: model", plant.trust)
     model = plant.testbed.model()
     if model.attitude is None and getattr(settings, "allocation", None) is None:
         for key in _BY_JOINT:
@@ -174,19 +174,19 @@ def require_settings(
                 per_joint(f"{source}: {key}", getattr(settings, key), model.joint_names)
 
 
-def _settings(law: str, own: dict[str, Any], plant: PlantDescription, source: str) -> Any:
+def _settings(law: str, entries: dict[str, Any], plant: PlantDescription, source: str) -> Any:
     """Return the settings of a law that is built in, for this plant."""
     kind = CONTROLLERS[law].settings
-    settings = validated(kind, own, source)
-    require_units_of_joints(kind, own, plant.testbed, source)
+    settings = validated(kind, entries, source)
+    require_units_of_joints(kind, entries, plant.testbed, source)
     try:
-        _require_unwinding(settings, plant.period)
+        _require_tracking_time(settings, plant.period)
     except BadInput as error:
         raise BadInput(str(error), source) from None
     return settings
 
 
-def _require_unwinding(settings: Any, period: float) -> None:
+def _require_tracking_time(settings: Any, period: float) -> None:
     """Check that an anti-windup settles: at its ticks an integral goes by (1 - h / T_t) s.
 
     Raises:
@@ -208,17 +208,21 @@ def _require_allocation(law: str, settings: Any, plant: PlantDescription) -> Non
     model = plant.testbed.model()
     if not (model.one_way or model.gyros) or getattr(settings, "allocation", None) is not None:
         return
-    able = [name for name, entry in CONTROLLERS.items() if hasattr(entry.settings, "allocation")]
-    remedy = "give it an `allocation`" if law in able else f"take {' or '.join(sorted(able))}"
+    supported = [
+        name for name, entry in CONTROLLERS.items() if hasattr(entry.settings, "allocation")
+    ]
+    hint = (
+        "give it an `allocation`" if law in supported else f"take {' or '.join(sorted(supported))}"
+    )
     if model.gyros:
         raise BadInput(
             f"{plant.joint_names[model.gyros[0]]} is a control moment gyro, whose torque turns "
-            f"with its gimbal, and {law} assumes a fixed direction; {remedy}, such as allocation: "
+            f"with its gimbal, and {law} assumes a fixed direction; {hint}, such as allocation: "
             "{kind: control_moment_gyros}",
         )
     raise BadInput(
         f"{plant.joint_names[model.one_way[0]]} is a thruster, which pushes one way, and {law} "
-        f"commands both directions; {remedy}, such as allocation: {{kind: thrusters}}",
+        f"commands both directions; {hint}, such as allocation: {{kind: thrusters}}",
     )
 
 
@@ -226,7 +230,7 @@ def settings_text(
     controller: Controller,
     law: str,
     values: dict[str, Any],
-    due: Sequence[tuple[int, Mapping[str, Any]]] = (),
+    pending: Sequence[tuple[int, Mapping[str, Any]]] = (),
 ) -> str:
     """Return the settings of a controller and what was computed from them, as YAML for the log.
 
@@ -234,19 +238,19 @@ def settings_text(
         controller: as built.
         law: what it runs.
         values: its section of a trial file; defaults are filled in where they are known.
-        due: changes of settings that were granted for a tick to come, with that tick.
+        pending: changes of settings that were granted for a tick to come, with that tick.
     """
-    common, own = _common_settings(values, law), law_values(values)
+    common, entries = _common_settings(values, law), law_values(values)
     known = law in CONTROLLERS
-    settings = plain(validated(CONTROLLERS[law].settings, own, law)) if known else own
-    derived: dict[str, Any] = {"computed": _arrays(controller.law)}
+    settings = plain(validated(CONTROLLERS[law].settings, entries, law)) if known else entries
+    computed: dict[str, Any] = {"computed": _arrays(controller.law)}
     if not known:
-        derived[LAW_HASH] = code_hash(law)
+        computed[LAW_HASH] = code_hash(law)
     if common.monitor is not None:
         settings["monitor"] = plain(common.monitor)
-    if due:
-        derived[DUE] = [{"tick": tick, "changes": dict(changes)} for tick, changes in due]
-    return yaml_text({**settings, "handover_time": common.handover_time, **derived})
+    if pending:
+        computed[PENDING] = [{"tick": tick, "changes": dict(changes)} for tick, changes in pending]
+    return yaml_text({**settings, "handover_time": common.handover_time, **computed})
 
 
 def with_file(
@@ -264,8 +268,8 @@ def with_file(
     if entry is None or entry.from_file is None or "file" not in values:
         return values
     require_file(trust, str(values["file"]), f"{source}: file")
-    own = {key: value for key, value in values.items() if key != "file"}
-    return {**own, **entry.from_file(str(values["file"]), source)}
+    entries = {key: value for key, value in values.items() if key != "file"}
+    return {**entries, **entry.from_file(str(values["file"]), source)}
 
 
 def law_values(values: dict[str, Any]) -> dict[str, Any]:
@@ -277,8 +281,8 @@ def law_values(values: dict[str, Any]) -> dict[str, Any]:
 
 def _common_settings(values: dict[str, Any], source: str) -> CommonSettings:
     """Return the settings of a controller that are not those of its law."""
-    own = {key: value for key, value in values.items() if key in CommonSettings.__annotations__}
-    return cast(CommonSettings, validated(CommonSettings, own, source))
+    entries = {key: value for key, value in values.items() if key in CommonSettings.__annotations__}
+    return cast(CommonSettings, validated(CommonSettings, entries, source))
 
 
 def _arrays(design: Any) -> dict[str, Any]:

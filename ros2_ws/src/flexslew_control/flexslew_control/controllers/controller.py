@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.course import Course, jump
+from flexslew_control.course import PlanSequence, jump
 from flexslew_control.estimators.monitor import Monitor, Monitored, channel_name
 from flexslew_control.law import (
     Estimate,
@@ -18,11 +18,11 @@ from flexslew_control.law import (
     Law,
     LawFailed,
     Reference,
-    handed_out_estimate,
+    read_only_estimate,
 )
 from flexslew_control.plan import Plan
-from flexslew_plant.arrays import NOTHING, Vector, handed_out, kept
-from flexslew_plant.events import EstimateBegan, EstimateDoubted, Event, Fact, event_of
+from flexslew_plant.arrays import EMPTY, Vector, read_only, read_only_view
+from flexslew_plant.events import EstimateInconsistent, EstimateStarted, Event, Fact, event_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds.attitude import AttitudeJoints, conjugate, product
@@ -38,8 +38,8 @@ class Answer(NamedTuple):
     reference: Reference
     estimate: Estimate
     terms: dict[str, Vector]
-    reference_orientation: Vector = NOTHING  # quaternion x y z w, (4,); empty: no attitude
-    estimate_orientation: Vector = NOTHING  # the same of the estimate
+    reference_orientation: Vector = EMPTY  # quaternion x y z w, (4,); empty: no attitude
+    estimate_orientation: Vector = EMPTY  # the same of the estimate
 
 
 class Controller:
@@ -76,29 +76,29 @@ class Controller:
         # receives the plan's reference, where the estimator uses it
         self._expect: Callable[[Reference], None] | None = getattr(estimator, "expect", None)
         # receives the references to come, where the law uses them
-        self._foresee: Callable[[Callable[[int], Reference], int], None] | None = getattr(
+        self._preview: Callable[[Callable[[int], Reference], int], None] | None = getattr(
             law, "foresee", None
         )
         # returns why the law cannot fly this plan, where it needs more of it than a reference
-        self._objection: Callable[[Plan | None], str] | None = getattr(law, "objection", None)
+        self._plan_check: Callable[[Plan | None], str] | None = getattr(law, "objection", None)
         self._handover_ticks = max(1, round(handover_time / period))
         self._requires_plan = requires_plan
-        self._course = Course()
+        self._plan_sequence = PlanSequence()
         self._key = (-1, _NONE)  # epoch and tick of the last measurement
-        self._answered = -1  # last tick it answered
-        self._led = False  # it was active in this epoch
-        self._fresh = True  # it has seen no measurement yet
-        self._joined = 0  # first tick it saw of a flight in progress; 0: of none
-        self._anew = False  # the next tick does not follow from the last one
+        self._answer_tick = -1  # last tick it answered
+        self._was_active = False  # it was active in this epoch
+        self._is_new = True  # it has seen no measurement yet
+        self._join_tick = 0  # first tick it saw of a flight in progress; 0: of none
+        self._was_reset = False  # the next tick does not follow from the last one
         self._answer: Answer | None = None
         self._offset: Vector = np.zeros(len(joint_names))  # previous minus own effort
         self._handover_tick = 0
-        self._hold = self._at_rest(np.zeros(len(joint_names)))
-        self._predecessor: Estimator | None = None  # source of the state to be taken over
+        self._rest_reference = self._at_rest(np.zeros(len(joint_names)))
+        self._previous_estimator: Estimator | None = None  # source of the state to be taken over
         self._failure: Refusal | None = None  # why the law or its estimator gave up
-        self._blind = False  # the estimate is not finite
+        self._not_finite = False  # the estimate is not finite
         self._monitor = monitor
-        self._doubt: Refusal | None = (
+        self._estimate_fault: Refusal | None = (
             None  # why the estimate is not to be trusted, until the next epoch
         )
         self.events: deque[Event] = deque()  # to be published
@@ -134,28 +134,28 @@ class Controller:
         return max(self._key[1], -1)
 
     @property
-    def begins(self) -> bool:
+    def is_starting(self) -> bool:
         """The next measurement is its first one, or as good as that."""
-        return self._anew or self.last_tick < 0
+        return self._was_reset or self.last_tick < 0
 
     @property
     def plan(self) -> Plan | None:
         """The newest plan that it follows, or will from its start on; None: there is none."""
-        return self._course.plan
+        return self._plan_sequence.plan
 
     @property
-    def begun(self) -> tuple[Plan, ...]:
+    def started(self) -> tuple[Plan, ...]:
         """The plans that it has followed in this flight: that of tick 0 once a tick has passed."""
         now = self.last_tick
         return tuple(
             plan
-            for plan, of_flight in self._course.plans
+            for plan, of_flight in self._plan_sequence.plans
             if plan.first_tick <= now or (now > 0 and not of_flight)
         )
 
-    def steer(self, course: Course) -> None:
+    def set_plan_sequence(self, plan_sequence: PlanSequence) -> None:
         """Follow a course in place of the plans that were adopted."""
-        self._course = course
+        self._plan_sequence = plan_sequence
 
     def begin_epoch(self, epoch: int) -> None:
         """Begin an epoch after a reset: the plan of tick 0 is flown again, if there is one.
@@ -164,11 +164,11 @@ class Controller:
         """
         if epoch > self._key[0]:
             if self._key[0] >= 0:
-                self._course.restart()
-            self._key, self._led, self._joined = (epoch, _NONE), False, 0
-            self._failure, self._doubt, self._blind = None, None, False
+                self._plan_sequence.restart()
+            self._key, self._was_active, self._join_tick = (epoch, _NONE), False, 0
+            self._failure, self._estimate_fault, self._not_finite = None, None, False
 
-    def begin_anew(self, epoch: int) -> None:
+    def restart(self, epoch: int) -> None:
         """Take the next measurement for the first one, wherever the bench is."""
         self._key = epoch, _NONE
 
@@ -177,11 +177,11 @@ class Controller:
         """Why it could not take charge now; None when it could."""
         if self._requires_plan and self.plan is None:
             return Refusal("no plan yet", cause=Cause.NO_PLAN)
-        if self._objection is not None and (objection := self._objection(self.plan)):
-            return Refusal(objection, cause=Cause.PLAN_MISMATCH)
-        if self._failure or self._doubt:
-            return self._failure or self._doubt
-        return NOT_FINITE if self._blind else None
+        if self._plan_check is not None and (issue := self._plan_check(self.plan)):
+            return Refusal(issue, cause=Cause.PLAN_MISMATCH)
+        if self._failure or self._estimate_fault:
+            return self._failure or self._estimate_fault
+        return NOT_FINITE if self._not_finite else None
 
     def adopt(self, plan: Plan, of_flight: bool = False) -> Refusal | None:
         """Follow this plan from its start, and hold until then; return why not, or None.
@@ -206,30 +206,30 @@ class Controller:
                 f"the period of the plan is {plan.period} s, that of the bench {self.period} s"
             )
         if self.last_tick <= 0:
-            (self._course.add if of_flight else self._course.begin_with)(plan)
+            (self._plan_sequence.add if of_flight else self._plan_sequence.begin_with)(plan)
             return None
-        begun = plan.first_tick <= self.last_tick
-        if begun and self._joins(plan):
-            (self._course.add if of_flight else self._course.begin_with)(plan)
-            self._anew = True  # a repeated question gets the earlier answer
+        started = plan.first_tick <= self.last_tick
+        if started and self._can_join(plan):
+            (self._plan_sequence.add if of_flight else self._plan_sequence.begin_with)(plan)
+            self._was_reset = True  # a repeated question gets the earlier answer
             return None
-        if begun:
+        if started:
             return _mismatch(
                 f"the plan starts at {plan.start} s, the bench is at "
                 f"{self.last_tick * self.period:.2f} s"
             )
         if far := jump(plan, self.reference(plan.first_tick)):
             return far
-        self._course.add(plan)
+        self._plan_sequence.add(plan)
         return None
 
-    def _joins(self, plan: Plan) -> bool:
+    def _can_join(self, plan: Plan) -> bool:
         """Return whether it follows a plan that has started, as it joined during the flight."""
-        if not self._led:
-            return self.plan is None or self._joined > 0
-        if not self._joined:
+        if not self._was_active:
+            return self.plan is None or self._join_tick > 0
+        if not self._join_tick:
             return False
-        if self.plan is None or plan.first_tick <= self._joined:
+        if self.plan is None or plan.first_tick <= self._join_tick:
             return True
         return jump(plan, self.reference(plan.first_tick)) is None
 
@@ -239,11 +239,19 @@ class Controller:
         The other's plan and estimator state are taken over (where both estimators are of one kind
         and size; else the estimator starts afresh); its effort is blended out as in any handover.
         """
-        self._course, self._hold, self._key = other._course, other._hold, other._key
-        self._led, self._fresh, self._joined = other._led, other._fresh, other._joined
-        self._anew = other._anew
+        self._plan_sequence, self._rest_reference, self._key = (
+            other._plan_sequence,
+            other._rest_reference,
+            other._key,
+        )
+        self._was_active, self._is_new, self._join_tick = (
+            other._was_active,
+            other._is_new,
+            other._join_tick,
+        )
+        self._was_reset = other._was_reset
         # one that was replaced before it saw a measurement has no state of its own
-        self._predecessor = other._predecessor or other._estimator
+        self._previous_estimator = other._previous_estimator or other._estimator
 
     def observe(self, measurement: Measurement) -> Answer | None:
         """Return the answer if the measurement names this controller.
@@ -267,48 +275,48 @@ class Controller:
             return None
         seen: Measurement | None = None
         if key > self._key:
-            follows = key == (self._key[0], self._key[1] + 1) and not self._anew
-            self._anew = False
+            is_next = key == (self._key[0], self._key[1] + 1) and not self._was_reset
+            self._was_reset = False
             self.begin_epoch(measurement.epoch)
             self._key = key
             self._answer = None
-            if not follows:
-                self._hold = self._at_rest(measurement.joint_position)
-                if tick > 0 or (self._fresh and measurement.epoch > 0):  # started again
-                    self._tell(EstimateBegan(self.name, self._fresh), measurement)
+            if not is_next:
+                self._rest_reference = self._at_rest(measurement.joint_position)
+                if tick > 0 or (self._is_new and measurement.epoch > 0):  # started again
+                    self._queue_event(EstimateStarted(self.name, self._is_new), measurement)
             if self._expect is not None:
                 self._expect(self.reference(tick))
-            first, self._fresh = self._fresh, False
+            first, self._is_new = self._is_new, False
             # before a later flight, too, the others have their plan already
-            came = max(tick, int(measurement.epoch > 0))
-            self._joined = came if first else self._joined
-            seen = self._about_reference(measurement)
-            if not follows:
+            join_tick = max(tick, int(measurement.epoch > 0))
+            self._join_tick = join_tick if first else self._join_tick
+            seen = self._relative_measurement(measurement)
+            if not is_next:
                 self._estimator.reset(seen)
                 # in a later epoch the law starts again, too
-                self._answered, self._doubt = -1 if first else _NONE, None
+                self._answer_tick, self._estimate_fault = -1 if first else _NONE, None
                 if self._monitor is not None:
                     self._monitor.reset()
-            if self._predecessor is not None:
+            if self._previous_estimator is not None:
                 self._estimator.reset(seen)
-                if follows:
-                    _inherit(self._estimator, self._predecessor)
-                self._predecessor = None
-            self._estimate = handed_out_estimate(self._estimator.update(seen))
-            if self._blind:  # a filter that has swallowed NaN keeps it: start it afresh
-                self._begin_again(seen)
-            self._blind = not _finite(self._estimate)
-            if self._monitor is not None and not (self._blind or self._doubt):
-                self._judge(self._monitor, measurement)
+                if is_next:
+                    _inherit(self._estimator, self._previous_estimator)
+                self._previous_estimator = None
+            self._estimate = read_only_estimate(self._estimator.update(seen))
+            if self._not_finite:  # a filter that has swallowed NaN keeps it: start it afresh
+                self._restart_estimator(seen)
+            self._not_finite = not _finite(self._estimate)
+            if self._monitor is not None and not (self._not_finite or self._estimate_fault):
+                self._check_estimate(self._monitor, measurement)
         if measurement.controller != self.name or self.reason:
             return None
         if self._answer is None:
-            seen = seen or self._about_reference(measurement)
+            seen = seen or self._relative_measurement(measurement)
             self._answer = self._compute_answer(seen, self._estimate)
-            self._answered, self._led = tick, True
+            self._answer_tick, self._was_active = tick, True
         return self._answer
 
-    def _begin_again(self, seen: Measurement) -> None:
+    def _restart_estimator(self, seen: Measurement) -> None:
         """Start the estimator afresh, unless it reads a sensor that is still no number.
 
         It starts with fewer sensors than it then reads: it is started a tick before.
@@ -316,44 +324,46 @@ class Controller:
         before = seen._replace(tick=seen.tick - 1, time=seen.time - self.period)
         for begin in (before, seen):
             self._estimator.reset(begin)
-            self._estimate = handed_out_estimate(self._estimator.update(seen))
+            self._estimate = read_only_estimate(self._estimator.update(seen))
             if not _finite(self._estimate):
                 return
 
-    def _about_reference(self, measurement: Measurement) -> Measurement:
+    def _relative_measurement(self, measurement: Measurement) -> Measurement:
         """Return the measurement with positions that differ from the reference by the errors."""
         if self._attitude is None:
             return measurement
         reference, measured = self.reference(measurement.tick), measurement.joint_position
-        position = kept(self._attitude.about(reference.position, measured))
+        position = read_only(self._attitude.about(reference.position, measured))
         return measurement._replace(joint_position=position)
 
-    def _judge(self, monitor: Monitor, measurement: Measurement) -> None:
+    def _check_estimate(self, monitor: Monitor, measurement: Measurement) -> None:
         """Doubt the estimate from now on if its innovations are larger than its variance allows."""
         assert isinstance(self._estimator, Monitored)
-        doubt = monitor.take(self._estimate.innovation, self._estimator.innovation_variance())
-        if doubt is None:
+        failed_test = monitor.take(self._estimate.innovation, self._estimator.innovation_variance())
+        if failed_test is None:
             return
-        channel = channel_name(doubt.channel, self.joint_names)
-        what = EstimateDoubted(self.name, channel, doubt.ticks, doubt.statistic, doubt.limit)
-        self._doubt = Refusal(what.reason, cause=Cause.DOUBTED)
-        self._tell(what, measurement)
+        channel = channel_name(failed_test.channel, self.joint_names)
+        what = EstimateInconsistent(
+            self.name, channel, failed_test.ticks, failed_test.statistic, failed_test.limit
+        )
+        self._estimate_fault = Refusal(what.reason, cause=Cause.DOUBTED)
+        self._queue_event(what, measurement)
 
-    def _tell(self, what: Fact, at: Measurement) -> None:
+    def _queue_event(self, what: Fact, at: Measurement) -> None:
         """Queue an event of this tick."""
         self.events.append(event_of(what, at.tick, at.time, at.epoch, self.name))
 
     def _compute_answer(self, measurement: Measurement, estimate: Estimate) -> Answer:
         reference = self.reference(measurement.tick)
-        takes_over = self._answered != measurement.tick - 1
+        takes_over = self._answer_tick != measurement.tick - 1
         if takes_over:
             applied = measurement.applied_effort
             self._law.reset(measurement, estimate, reference, applied)
-        if self._foresee is not None:
-            self._foresee(self.reference, measurement.tick)
+        if self._preview is not None:
+            self._preview(self.reference, measurement.tick)
         effort = self._law.update(measurement, estimate, reference)
         for what in getattr(self._law, "remarks", ()):
-            self._tell(what, measurement)
+            self._queue_event(what, measurement)
         if takes_over:
             self._handover_tick = measurement.tick
             # at tick 0 there is no predecessor to blend out
@@ -361,25 +371,27 @@ class Controller:
         terms = self._law.terms
         passed = measurement.tick - self._handover_tick
         if passed < self._handover_ticks and self._offset.any():
-            blend = (1.0 - passed / self._handover_ticks) * self._offset
-            effort = effort + blend
-            terms = {**terms, "handover": blend}
-        command = EffortCommand(measurement.tick, measurement.epoch, self.name, handed_out(effort))
-        turned: tuple[Vector, ...] = ()
+            handover_effort = (1.0 - passed / self._handover_ticks) * self._offset
+            effort = effort + handover_effort
+            terms = {**terms, "handover": handover_effort}
+        command = EffortCommand(
+            measurement.tick, measurement.epoch, self.name, read_only_view(effort)
+        )
+        orientation_pair: tuple[Vector, ...] = ()
         if self._attitude is not None:
-            turned = self._orientations(self._attitude, reference, estimate)
-        return Answer(command, reference, estimate, terms, *turned)
+            orientation_pair = self._orientation_pair(self._attitude, reference, estimate)
+        return Answer(command, reference, estimate, terms, *orientation_pair)
 
-    def _orientations(
+    def _orientation_pair(
         self, attitude: AttitudeJoints, reference: Reference, estimate: Estimate
     ) -> tuple[Vector, Vector]:
         """Return the quaternions of reference and estimate; empty where they are not known."""
-        believed = estimate.position[: len(self.joint_names)]
-        planned = handed_out(attitude.orientation(reference.position))
-        if believed.size < len(self.joint_names):
-            return planned, NOTHING
-        left = attitude.orientation(reference.position - believed)
-        return planned, handed_out(product(planned, conjugate(left)))
+        estimated = estimate.position[: len(self.joint_names)]
+        desired = read_only_view(attitude.orientation(reference.position))
+        if estimated.size < len(self.joint_names):
+            return desired, EMPTY
+        left = attitude.orientation(reference.position - estimated)
+        return desired, read_only_view(product(desired, conjugate(left)))
 
     def warm(self, appendages: int) -> None:
         """Compile and load what the first answers need, so that none of them comes late.
@@ -400,11 +412,11 @@ class Controller:
 
     def reference(self, tick: int) -> Reference:
         """Return the reference of the plans, or rest where the first measurement was."""
-        return self._course.reference(tick, self._hold)
+        return self._plan_sequence.reference(tick, self._rest_reference)
 
     def _at_rest(self, position: Vector) -> Reference:
-        rest = kept(np.zeros(len(self.joint_names)))
-        return Reference(handed_out(position), rest, rest, NOTHING)
+        rest = read_only(np.zeros(len(self.joint_names)))
+        return Reference(read_only_view(position), rest, rest, EMPTY)
 
 
 def _inherit(estimator: Estimator, other: Estimator) -> None:

@@ -18,24 +18,24 @@ from flexslew_control.question_thread import QuestionThread
 from flexslew_plant.bench.due_ticks import past, too_late
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
-    UNNAMED,
+    NO_NAME,
     ControllerTuned,
     Event,
-    PlanRefused,
-    StrayMessage,
+    PlanRejected,
+    UnexpectedMessage,
     event_of,
 )
 from flexslew_plant.graph import topics
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.refusal import NO_TESTBED, Cause, Refusal
-from flexslew_plant.yaml_data import LONGEST
+from flexslew_plant.yaml_data import MAX_LENGTH
 
-_LONGEST = 200  # characters of a value in an answer
+_MAX_LENGTH = 200  # characters of a value in an answer
 
 Build = Callable[[dict[str, Any]], Controller]  # from the settings of the law
 
 
-class Tuned(NamedTuple):
+class ChangeResult(NamedTuple):
     """What became of a request to change settings."""
 
     tick: int  # first tick with the new settings
@@ -53,7 +53,7 @@ class Tuned(NamedTuple):
         return str(self.refused or self.done)
 
 
-class _Tuning(NamedTuple):
+class _PendingChange(NamedTuple):
     tick: int
     changes: dict[str, Any]
     values: dict[str, Any]
@@ -74,26 +74,26 @@ class ControllerHost:
         self.controller: Controller | None = None
         self.plan: Plan | None = None
         self._first: Plan | None = None  # that of tick 0
-        self._heard: list[tuple[Plan, bool]] = []  # received before the first testbed; see adopt
+        self._received: list[tuple[Plan, bool]] = []  # received before the first testbed; see adopt
         self.epoch = 0  # of the last question
         self.run_ends = 0  # at this tick; 0: only when it is stopped
-        self.plans_taken, self.plan_hash = 0, ""  # of the plan that is followed
+        self.plan_count, self.plan_hash = 0, ""  # of the plan that is followed
         self.plan_from = 0, 0  # epoch and tick of the first question answered with it
         self.events: deque[Event] = deque()
         self._build: Build | None = None
-        self._unfit = NO_TESTBED
+        self._testbed_error = NO_TESTBED
         self._appendages = 0  # of the testbed
-        self._plan_refused: Refusal | None = None
-        self._tunings: list[_Tuning] = []
+        self._plan_rejection: Refusal | None = None
+        self._pending_changes: list[_PendingChange] = []
         self._thread = QuestionThread()
-        self._stray = False  # a stray message was reported
+        self._warned = False  # a stray message was reported
 
     @property
     def reason(self) -> Refusal | None:
         """Why it could not take charge now; None when it could."""
         if self.controller is None:
-            return self._unfit
-        return self._plan_refused or self.controller.reason
+            return self._testbed_error
+        return self._plan_rejection or self.controller.reason
 
     @property
     def last_tick(self) -> int:
@@ -103,14 +103,14 @@ class ControllerHost:
     @property
     def due(self) -> tuple[tuple[int, dict[str, Any]], ...]:
         """Changes of settings that were granted and take effect at a tick to come."""
-        return tuple((tuning.tick, tuning.changes) for tuning in self._tunings)
+        return tuple((change.tick, change.changes) for change in self._pending_changes)
 
     @property
     def newest(self) -> tuple[int, int] | None:
         """Epoch and tick of the last question that counted; None: there was none."""
         return self._thread.newest
 
-    def announce(self, build: Build, appendages: int = 0) -> None:
+    def notify(self, build: Build, appendages: int = 0) -> None:
         """Build the controller for a testbed, in place of any before.
 
         Of the plans that it followed there it keeps that of tick 0, as after a reset.
@@ -123,7 +123,7 @@ class ControllerHost:
             BadInput: the settings do not fit the first testbed announced.
         """
         first, self._build = self._build is None, build
-        self._tunings, self._appendages, self.epoch = [], appendages, 0
+        self._pending_changes, self._appendages, self.epoch = [], appendages, 0
         self._thread = QuestionThread()
         try:
             self.controller = build(self.values)
@@ -131,16 +131,16 @@ class ControllerHost:
             if first:
                 raise
             words = f"it does not fit this testbed: {error}"
-            self.controller, self._unfit = None, Refusal(words, cause=Cause.NO_TESTBED)
+            self.controller, self._testbed_error = None, Refusal(words, cause=Cause.NO_TESTBED)
             return
         self.controller.warm(appendages)
         if not first:
-            self._heard = [] if self._first is None else [(self._first, False)]
-            self.plan, self.plan_hash, self._plan_refused = self._first, "", None
-        known = self._heard
+            self._received = [] if self._first is None else [(self._first, False)]
+            self.plan, self.plan_hash, self._plan_rejection = self._first, "", None
+        known = self._received
         for plan, of_flight in known:
-            self._follow(plan, plan_hash(plan), of_flight)
-        self._heard = []
+            self._activate_plan(plan, plan_hash(plan), of_flight)
+        self._received = []
 
     def begin_epoch(self, epoch: int) -> None:
         """Know that the bench was reset, whether a question of the new epoch has come or not.
@@ -148,18 +148,20 @@ class ControllerHost:
         What was to be tuned with the next question is tuned with the first one; what was due later
         is forgotten.
         """
-        self.epoch, self._plan_refused = epoch, None
+        self.epoch, self._plan_rejection = epoch, None
         if self.controller is None:
             return
-        due = [each for each in self._tunings if each.tick <= self.controller.last_tick + 1]
-        self._tunings = [each._replace(tick=0) for each in due]
+        pending = [
+            each for each in self._pending_changes if each.tick <= self.controller.last_tick + 1
+        ]
+        self._pending_changes = [each._replace(tick=0) for each in pending]
         before = self.controller.plan
         self.controller.begin_epoch(epoch)
         plan = self.controller.plan
         if plan is not before:  # that of the start again, or none
             self.plan, self.plan_from = plan, (epoch, 0)
             self.plan_hash = plan_hash(plan) if plan is not None else ""
-            self.plans_taken += plan is not None
+            self.plan_count += plan is not None
 
     def adopt(self, plan: Plan, of_flight: bool = False) -> Refusal | None:
         """Follow a plan as soon as there is a testbed; return why not, or None.
@@ -171,37 +173,37 @@ class ControllerHost:
             plan: plan to be followed.
             of_flight: whether it was published in flight, see Controller.adopt.
         """
-        digest, following = plan_hash(plan), self.controller and self.controller.plan
-        if following and digest == self.plan_hash and self._plan_refused is None:
+        digest, current = plan_hash(plan), self.controller and self.controller.plan
+        if current and digest == self.plan_hash and self._plan_rejection is None:
             return None
-        if self.controller and any(digest == plan_hash(known) for known in self.controller.begun):
+        if self.controller and any(digest == plan_hash(known) for known in self.controller.started):
             return None
         self.plan = plan
         if not of_flight:
             self._first = plan
         if self._build is None:
-            self._heard.append((plan, of_flight))
-        refused = self._follow(plan, digest, of_flight)
-        if refused is None:
-            self.plans_taken += 1
-        return refused
+            self._received.append((plan, of_flight))
+        rejection = self._activate_plan(plan, digest, of_flight)
+        if rejection is None:
+            self.plan_count += 1
+        return rejection
 
-    def _follow(self, plan: Plan, digest: str, of_flight: bool) -> Refusal | None:
+    def _activate_plan(self, plan: Plan, digest: str, of_flight: bool) -> Refusal | None:
         first = self.epoch, (self.controller.last_tick if self.controller else -1) + 1
-        self._plan_refused = None
+        self._plan_rejection = None
         if self.controller is not None:
-            self._plan_refused = self.controller.adopt(plan, of_flight)
-            if self.controller.begins:
+            self._plan_rejection = self.controller.adopt(plan, of_flight)
+            if self.controller.is_starting:
                 self.controller.warm(self._appendages)  # on the plan that it will follow
-        if self._plan_refused is None:
+        if self._plan_rejection is None:
             self.plan_hash, self.plan_from = digest, first
-        return self._plan_refused
+        return self._plan_rejection
 
     def plan_refused(self, digest: str) -> Event:
         """Return the event of a plan with this hash, which was just refused."""
         tick, period = self.last_tick, self.controller.period if self.controller else 0.0
-        reason = str(self._plan_refused or "")
-        what = PlanRefused(digest, controller=self.name, reason=reason)
+        reason = str(self._plan_rejection or "")
+        what = PlanRejected(digest, controller=self.name, reason=reason)
         return event_of(what, tick, tick * period, self.epoch, self.name)
 
     def observe(self, question: Measurement) -> Answer | None:
@@ -218,11 +220,11 @@ class ControllerHost:
             )
             return None
         if self._thread.resumed:
-            self.controller.begin_anew(question.epoch)
+            self.controller.restart(question.epoch)
         if question.epoch != self.epoch:
             self.begin_epoch(question.epoch)
-        while self._tunings and self._tunings[0].tick <= question.tick:
-            self._take(self._tunings.pop(0), question)
+        while self._pending_changes and self._pending_changes[0].tick <= question.tick:
+            self._take(self._pending_changes.pop(0), question)
         answer = self.controller.observe(question)
         while self.controller.events:
             self.events.append(self.controller.events.popleft())
@@ -230,10 +232,10 @@ class ControllerHost:
 
     def ignored(self, topic: str, what: str) -> None:
         """Report once that a message is not one of the plant of this bench."""
-        if not self._stray:
-            self._stray = True
+        if not self._warned:
+            self._warned = True
             period = self.controller.period if self.controller else 0.0
-            tick, fact = self.last_tick, StrayMessage(topic, self.name, what)
+            tick, fact = self.last_tick, UnexpectedMessage(topic, self.name, what)
             self.events.append(event_of(fact, tick, tick * period, self.epoch, self.name))
 
     def tune(
@@ -241,8 +243,10 @@ class ControllerHost:
         changes: Mapping[str, Any],
         tick: int = 0,
         who: str = "",
-        beside: Callable[[Callable[[], "list[_Tuning]"]], "list[_Tuning]"] = lambda make: make(),
-    ) -> Tuned:
+        executor: Callable[
+            [Callable[[], "list[_PendingChange]"]], "list[_PendingChange]"
+        ] = lambda make: make(),
+    ) -> ChangeResult:
         """Design the controller again with some settings changed, for a tick to come.
 
         Args:
@@ -250,39 +254,41 @@ class ControllerHost:
             tick: first one with the new settings; 0, or one that is over when the design is made:
                 the next.
             who: name of the client that requests it.
-            beside: makes the design while questions are answered.
+            executor: makes the design while questions are answered.
         """
         if self._build is None or self.controller is None:
             why = Refusal(f"{self.name} cannot be tuned: {self.reason}", cause=Cause.NO_TESTBED)
-            return Tuned(0, refused=why)
+            return ChangeResult(0, refused=why)
         seen, period = self.controller.last_tick, self.controller.period
         if never := past(tick, seen, period) or too_late(tick, self.run_ends or None):
-            return Tuned(0, refused=never)
+            return ChangeResult(0, refused=never)
         tick = max(tick, seen + 1)
-        if (unfit := self._not_settings(changes)) is not None:
-            return Tuned(tick, refused=unfit)
-        build, epoch, following = self._build, self.epoch, seen + 1
+        if (invalid := self._not_settings(changes)) is not None:
+            return ChangeResult(tick, refused=invalid)
+        build, epoch, current = self._build, self.epoch, seen + 1
         try:
-            made = beside(partial(self._designed, build, tick, dict(changes), who))
+            made = executor(partial(self._design_changes, build, tick, dict(changes), who))
         except BadInput as error:
-            return Tuned(tick, refused=error.refusal)
+            return ChangeResult(tick, refused=error.refusal)
         if self._build is not build:
             why = Refusal("another testbed was announced meanwhile", cause=Cause.NO_TESTBED)
-            return Tuned(tick, refused=why)
+            return ChangeResult(tick, refused=why)
         now = self.controller.last_tick + 1
         if self.epoch != epoch:  # as begin_epoch has done with those before
-            if tick > following:
+            if tick > current:
                 why = Refusal("the bench was reset meanwhile", cause=Cause.BENCH_RESET)
-                return Tuned(tick, refused=why)
+                return ChangeResult(tick, refused=why)
             made, tick = [each._replace(tick=now) for each in made[:1]], now
-        earlier = [tuning for tuning in self._tunings if tuning.tick <= tick]
-        self._tunings = earlier + [each._replace(tick=max(each.tick, now)) for each in made]
+        previous = [change for change in self._pending_changes if change.tick <= tick]
+        self._pending_changes = previous + [
+            each._replace(tick=max(each.tick, now)) for each in made
+        ]
         tick = max(tick, now)
         words = ", ".join(
-            f"{key}: {shorten(str(value), _LONGEST, placeholder=' ...')}"
+            f"{key}: {shorten(str(value), _MAX_LENGTH, placeholder=' ...')}"
             for key, value in changes.items()
         )
-        return Tuned(tick, f"{words} from tick {tick} on")
+        return ChangeResult(tick, f"{words} from tick {tick} on")
 
     def _not_settings(self, changes: Mapping[str, Any]) -> Refusal | None:
         """Return why no log could hold these changes as those of settings, or None."""
@@ -292,34 +298,34 @@ class ControllerHost:
             size = len(json.dumps([changes, self.values], allow_nan=False))
         except (TypeError, ValueError):
             words = "not plain data or not a finite number: the log could not hold it"
-            return Refusal(words, _unplain_key(changes))
-        if size > LONGEST:
-            return Refusal(f"settings of {size:,} characters; a log holds at most {LONGEST:,}")
+            return Refusal(words, _invalid_key(changes))
+        if size > MAX_LENGTH:
+            return Refusal(f"settings of {size:,} characters; a log holds at most {MAX_LENGTH:,}")
         return None
 
-    def _designed(
+    def _design_changes(
         self, build: Build, tick: int, changes: dict[str, Any], who: str
-    ) -> list[_Tuning]:
+    ) -> list[_PendingChange]:
         """Return a new tuning, then the later ones, designed again on top of it."""
-        before = [each for each in self._tunings if each.tick <= tick]
-        after = [(t.tick, t.changes, t.who) for t in self._tunings if t.tick > tick]
+        before = [each for each in self._pending_changes if each.tick <= tick]
+        after = [(t.tick, t.changes, t.who) for t in self._pending_changes if t.tick > tick]
         values, made = before[-1].values if before else self.values, []
-        for at, what, asker in [(tick, changes, who), *after]:
+        for at, what, client in [(tick, changes, who), *after]:
             values = merged(values, what)
             controller = build(values)
             controller.warm(self._appendages)
-            made.append(_Tuning(at, what, values, controller, asker))
+            made.append(_PendingChange(at, what, values, controller, client))
         return made
 
-    def _take(self, tuning: _Tuning, question: Measurement) -> None:
+    def _take(self, change: _PendingChange, question: Measurement) -> None:
         assert self.controller is not None
-        tuning.controller.take_over(self.controller)
-        before, self.controller, self.values = self.values, tuning.controller, tuning.values
-        what = ControllerTuned(self.name, tuning.changes, before, tuning.who or UNNAMED)
+        change.controller.take_over(self.controller)
+        before, self.controller, self.values = self.values, change.controller, change.values
+        what = ControllerTuned(self.name, change.changes, before, change.who or NO_NAME)
         self.events.append(event_of(what, question.tick, question.time, question.epoch, self.name))
 
 
-def _unplain_key(values: Any) -> str:
+def _invalid_key(values: Any) -> str:
     """Return the path of the first value in nested settings that JSON cannot hold."""
     items: Iterable[tuple[Any, Any]] = ()
     if isinstance(values, Mapping):
@@ -330,7 +336,7 @@ def _unplain_key(values: Any) -> str:
         try:
             json.dumps(value, allow_nan=False)
         except (TypeError, ValueError):
-            return ".".join(filter(None, (str(key), _unplain_key(value))))
+            return ".".join(filter(None, (str(key), _invalid_key(value))))
     return ""
 
 
@@ -339,6 +345,6 @@ def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
     result = dict(values)
     for key, value in changes.items():
         before = result.get(key)
-        both = isinstance(value, Mapping) and isinstance(before, Mapping)
-        result[key] = merged(before, value) if both else value  # type: ignore[arg-type]
+        nested = isinstance(value, Mapping) and isinstance(before, Mapping)
+        result[key] = merged(before, value) if nested else value  # type: ignore[arg-type]
     return result

@@ -7,23 +7,23 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
-from flexslew_control.controllers.turning_form import turning_form
+from flexslew_control.controllers.rotation_form import rotation_form
+from flexslew_control.controllers.sampled_loop import integral_loop, require_sampled_stability
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
-from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
+from flexslew_control.estimators.rotation_filter import RotationFilter, rotation_filter
 from flexslew_control.free_platform import LinearModel, joints_first, nominal
 from flexslew_control.law import Estimate, LawFailed, PlantDescription, Reference
 from flexslew_control.linear_design import (
-    Designed,
+    LinearDesignModel,
     OperatingPoint,
     operating_point_of,
     require_controllable,
     state_names,
 )
 from flexslew_control.linear_form import LinearForm, OnDeviation, no_integral, nominal_form
+from flexslew_control.rate_dependent_platform import RateDependentPlatform, rate_dependent_platform
 from flexslew_control.riccati import continuous_riccati
-from flexslew_control.shared_keys import BelievedModel
-from flexslew_control.turning_platform import TurningPlatform, turning_platform
+from flexslew_control.shared_keys import DesignModel
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
@@ -131,7 +131,7 @@ def disturbance_gain(input_matrix: Matrix) -> Matrix:
 class Lqr:
     """The settings of controller `lqr`."""
 
-    model: BelievedModel = None
+    model: DesignModel = None
     operating_point: OperatingPoint = None
     weights: ScaledWeights = ScaledWeights()  # weights of the quadratic criterion
     filter: FilterSettings = FilterSettings()  # the Kalman filter
@@ -150,9 +150,9 @@ class GainSchedule:
         ticks: between two points.
     """
 
-    def __init__(self, platform: TurningPlatform, problem: ScaledProblem, ticks: int) -> None:
+    def __init__(self, platform: RateDependentPlatform, problem: ScaledProblem, ticks: int) -> None:
         self._platform, self._problem, self._ticks = platform, problem, ticks
-        self._known: dict[bytes, Matrix] = {}  # of the last two points
+        self._gain_cache: dict[bytes, Matrix] = {}  # of the last two points
 
     def about(self, rates: Vector) -> Matrix:
         """Return K about these rates of the joints, shape (joints, 2 n).
@@ -161,14 +161,14 @@ class GainSchedule:
             LawFailed: there is none.
         """
         key = rates.tobytes()
-        if key not in self._known:
+        if key not in self._gain_cache:
             p = self._problem
             try:
                 gain, _ = regulator(self._platform.state_matrix(rates), p.b, p.q, p.effort_weight)
             except BadInput as error:
                 raise LawFailed(f"at rates {np.round(rates, 4).tolist()}: {error}") from None
-            self._known = {**dict(list(self._known.items())[-1:]), key: gain}
-        return self._known[key]
+            self._gain_cache = {**dict(list(self._gain_cache.items())[-1:]), key: gain}
+        return self._gain_cache[key]
 
     def at(self, reference: Callable[[int], Reference], tick: int) -> Matrix:
         """Return K at a tick of a plan, shape (joints, 2 n)."""
@@ -189,7 +189,7 @@ class LqrLaw:
         schedule: of K along a plan; None: it is that at rest.
     """
 
-    model: Designed
+    model: LinearDesignModel
     gain: Matrix
     disturbance_gain: Matrix
     schedule: GainSchedule | None = None
@@ -211,26 +211,26 @@ class LqrLaw:
         gain, self._now = self.gain if self._now is None else self._now, None
         deviation = np.concatenate((estimate.position, estimate.velocity))
         deviation = deviation - nominal(self.model, reference)
-        regulating = -(gain @ deviation)
-        cancelling = -(self.disturbance_gain @ estimate.disturbance)
+        feedback = -(gain @ deviation)
+        disturbance_term = -(self.disturbance_gain @ estimate.disturbance)
         self.terms = {
             "feedforward": reference.effort,
-            "regulator": regulating,
-            "disturbance": cancelling,
+            "regulator": feedback,
+            "disturbance": disturbance_term,
         }
-        return reference.effort + regulating + cancelling
+        return reference.effort + feedback + disturbance_term
 
 
-def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter | TurningFilter, LqrLaw]:
+def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter | RotationFilter, LqrLaw]:
     """Return the filter and the law; the drive limits the effort.
 
     Raises:
         BadInput: a mode is not controllable or not observable, or the weights give no regulator.
     """
-    believed = plant.believed(settings.model)
-    at = operating_point_of(plant, believed, settings.operating_point)
-    turning = turning_platform(believed, at)
-    model = joints_first(believed, at) if turning is None else turning.small
+    design_model = plant.design_model(settings.model)
+    at = operating_point_of(plant, design_model, settings.operating_point)
+    platform = rate_dependent_platform(design_model, at)
+    model = joints_first(design_model, at) if platform is None else platform.small
     rest = operating_point_of(plant, model, settings.operating_point)
     linear = model.linearise(rest)
     problem = scaled_problem(linear, settings.weights)
@@ -239,7 +239,7 @@ def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter | Turnin
     if isinstance(model, LinearModel):
         n = model.coordinates
         require_sampled_stability(
-            lambda h: integrating_loop(linear, gain[:, :n], gain[:, n:], None, h),
+            lambda h: integral_loop(linear, gain[:, :n], gain[:, n:], None, h),
             plant.period,
             "lqr",
         )
@@ -247,18 +247,18 @@ def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter | Turnin
     cancel = (
         disturbance_gain(b) @ b if settings.minimise_disturbance else np.zeros((b.shape[1],) * 2)
     )
-    if turning is None:
+    if platform is None:
         return KalmanFilter(model, rest, settings.filter, plant.period), LqrLaw(model, gain, cancel)
-    schedule = GainSchedule(turning, problem, max(1, round(_POINTS / plant.period)))
-    estimator = turning_filter(turning, settings.filter, plant)
+    schedule = GainSchedule(platform, problem, max(1, round(_POINTS / plant.period)))
+    estimator = rotation_filter(platform, settings.filter, plant)
     return estimator, LqrLaw(model, gain, cancel, schedule)
 
 
 def linear(
-    estimator: KalmanFilter | TurningFilter, law: LqrLaw, references: list[Reference]
+    estimator: KalmanFilter | RotationFilter, law: LqrLaw, references: list[Reference]
 ) -> LinearForm | None:
     """Return the law as matrices; see LawEntry. None: its gains are not all known."""
-    if isinstance(estimator, TurningFilter):
+    if isinstance(estimator, RotationFilter):
         assert law.schedule is not None
         if references[-1].velocity.any():  # those after the run lead to its last gains
             return None
@@ -268,7 +268,7 @@ def linear(
             return None
         by_tick = np.array(each)
         cancel = np.broadcast_to(law.disturbance_gain, (len(by_tick), *law.disturbance_gain.shape))
-        return turning_form(estimator, -np.concatenate((by_tick, cancel), axis=2), references)
+        return rotation_form(estimator, -np.concatenate((by_tick, cancel), axis=2), references)
     m, n = law.gain.shape[0], law.gain.shape[1] // 2
     gains = OnDeviation(law.gain, law.disturbance_gain, np.zeros((m, n)))
     return nominal_form(estimator, gains, references, no_integral(m))

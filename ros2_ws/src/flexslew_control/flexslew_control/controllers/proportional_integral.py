@@ -10,14 +10,14 @@ from scipy.linalg import LinAlgError
 from flexslew_control.controllers.by_joint.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
-from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
-from flexslew_control.controllers.turning_form import Integrated, turning_form
+from flexslew_control.controllers.rotation_form import IntegralTerm, rotation_form
+from flexslew_control.controllers.sampled_loop import integral_loop, require_sampled_stability
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
-from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
+from flexslew_control.estimators.rotation_filter import RotationFilter, rotation_filter
 from flexslew_control.free_platform import LinearModel, joints_first, nominal
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import (
-    Designed,
+    LinearDesignModel,
     OperatingPoint,
     operating_point_of,
     require_controllable,
@@ -25,9 +25,9 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_control.linear_form import LinearForm, OnDeviation, nominal_form
+from flexslew_control.rate_dependent_platform import rate_dependent_platform
 from flexslew_control.riccati import continuous_riccati
-from flexslew_control.shared_keys import BelievedModel, TrackingTime
-from flexslew_control.turning_platform import turning_platform
+from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import section
@@ -49,7 +49,7 @@ class GivenGains:
 class ProportionalIntegral:
     """The settings of controller `proportional_integral`."""
 
-    model: BelievedModel = None
+    model: DesignModel = None
     operating_point: OperatingPoint = None
     weights: ScaledWeights = ScaledWeights()  # weights of the quadratic criterion
     gains: GivenGains | None = None  # gains as below; null: designed from the weights
@@ -61,14 +61,14 @@ class ProportionalIntegral:
 class PiGains:
     """tau = -Kp e - Kd e' - integral of Ki e, each of shape (joints, n).
 
-    `designed_poles` are those of the augmented regulator, which the closed loop has too;
+    `design_poles` are those of the augmented regulator, which the closed loop has too;
     empty where the gains were given by hand.
     """
 
     kp: Matrix
     kd: Matrix
     ki: Matrix
-    designed_poles: NDArray[np.complex128]
+    design_poles: NDArray[np.complex128]
 
 
 def design(linear: Linearisation, weights: ScaledWeights) -> PiGains:
@@ -131,7 +131,7 @@ def closed_loop(linear: Linearisation, gains: PiGains) -> Matrix:
 class NominalDeviation:
     """-Ki e, -Kp e, -Kd e' of the deviation e from the nominal trajectory, deflections included."""
 
-    model: Designed
+    model: LinearDesignModel
     gains: PiGains
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Action:
@@ -144,17 +144,17 @@ class NominalDeviation:
 
 def build(
     settings: ProportionalIntegral, plant: PlantDescription
-) -> tuple[KalmanFilter | TurningFilter, IntegralLaw]:
+) -> tuple[KalmanFilter | RotationFilter, IntegralLaw]:
     """Return the disturbance-augmented filter and the law.
 
     Raises:
         BadInput: a mode is not controllable or not observable, the weights give no regulator, or
             gains given by hand have the wrong shape or do not stabilise the operating point.
     """
-    believed = plant.believed(settings.model)
-    at = operating_point_of(plant, believed, settings.operating_point)
-    turning = turning_platform(believed, at)
-    model = joints_first(believed, at) if turning is None else turning.small
+    design_model = plant.design_model(settings.model)
+    at = operating_point_of(plant, design_model, settings.operating_point)
+    platform = rate_dependent_platform(design_model, at)
+    model = joints_first(design_model, at) if platform is None else platform.small
     rest = operating_point_of(plant, model, settings.operating_point)
     linear = model.linearise(rest)
     require_controllable(linear.state_matrix, linear.state_input_matrix, state_names(model))
@@ -166,18 +166,18 @@ def build(
     require_stable(closed_loop(linear, gains), names, "proportional_integral with these gains")
     if isinstance(model, LinearModel):
         require_sampled_stability(
-            lambda h: integrating_loop(linear, gains.kp, gains.kd, gains.ki, h),
+            lambda h: integral_loop(linear, gains.kp, gains.kd, gains.ki, h),
             plant.period,
             "proportional_integral",
         )
     limit = plant.effort_limit
     law = IntegralLaw(NominalDeviation(model, gains), limit, settings.tracking_time, plant.period)
-    if turning is not None:
-        return turning_filter(turning, settings.filter, plant), law
+    if platform is not None:
+        return rotation_filter(platform, settings.filter, plant), law
     return KalmanFilter(model, rest, settings.filter, plant.period), law
 
 
-def _gain_matrices(model: Designed, gains: GivenGains) -> PiGains:
+def _gain_matrices(model: LinearDesignModel, gains: GivenGains) -> PiGains:
     """Return the gains of the settings as matrices, checked for their shape."""
     shape = (model.joints, model.coordinates)
     found = []
@@ -189,17 +189,17 @@ def _gain_matrices(model: Designed, gains: GivenGains) -> PiGains:
 
 
 def linear(
-    estimator: KalmanFilter | TurningFilter, law: IntegralLaw, references: list[Reference]
+    estimator: KalmanFilter | RotationFilter, law: IntegralLaw, references: list[Reference]
 ) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
     assert isinstance(law.deviation, NominalDeviation)
     found = law.deviation.gains
     m = len(found.kp)
-    if isinstance(estimator, TurningFilter):
-        behind = np.zeros((m, len(estimator.still.matrices.first) - found.kp.shape[1]))
-        about = -np.hstack((found.kp, found.kd, behind[:, found.kd.shape[1] :]))
-        integral = Integrated(-np.hstack((found.ki, behind)), law.integration)
-        return turning_form(estimator, about, references, integral)
+    if isinstance(estimator, RotationFilter):
+        padding = np.zeros((m, len(estimator.static.matrices.first) - found.kp.shape[1]))
+        state_gains = -np.hstack((found.kp, found.kd, padding[:, found.kd.shape[1] :]))
+        integral = IntegralTerm(-np.hstack((found.ki, padding)), law.integration)
+        return rotation_form(estimator, state_gains, references, integral)
     gains = OnDeviation(np.hstack((found.kp, found.kd)), np.zeros((m, m)), found.ki)
     return nominal_form(estimator, gains, references, law.integration)
 

@@ -5,10 +5,10 @@ from typing import Protocol
 
 import numpy as np
 
-from flexslew_control.controllers.sliding.design_model import held_step
+from flexslew_control.controllers.sliding.design_model import observer_step
 from flexslew_control.controllers.sliding.one_appendage import OneAppendage
 from flexslew_control.controllers.sliding.sliding_surface import SlidingDesign
-from flexslew_control.free_platform import rate_readings
+from flexslew_control.free_platform import rate_outputs
 from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -16,10 +16,10 @@ from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Model
 
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
-_SHORTEST = 1e-3  # of the period: shorter ones are not looked at
+_MIN_PERIOD = 1e-3  # of the period: shorter ones are not looked at
 
 
-class SmallMotions(Protocol):
+class SampledPlant(Protocol):
     """The small motions of a plant about a rest, and what a collocated law sees of them."""
 
     @property
@@ -46,9 +46,9 @@ class LinearPlant:
         linear = model.linearise(rest)
         n, modes = model.coordinates, model.modes
         self._a, self._b = linear.state_matrix, linear.state_input_matrix
-        readings, still = rate_readings(model, rest), np.zeros((model.joints, n))
-        self.position: Matrix = np.hstack((readings, still))
-        self.velocity: Matrix = np.hstack((still, readings))
+        outputs, zero = rate_outputs(model, rest), np.zeros((model.joints, n))
+        self.position: Matrix = np.hstack((outputs, zero))
+        self.velocity: Matrix = np.hstack((zero, outputs))
         tips = model.appendages
         self.tip = np.zeros((len(tips.names), 2 * n))
         self.tip[:, n - modes : n] = tips.tip
@@ -61,7 +61,7 @@ class LinearPlant:
 
 
 def collocated_loop(
-    plant: SmallMotions, kp: Vector, kd: Vector, period: float, ki: Vector | None = None
+    plant: SampledPlant, kp: Vector, kd: Vector, period: float, ki: Vector | None = None
 ) -> Matrix:
     """Return the map of one tick under u = s - kp position - kd velocity.
 
@@ -86,7 +86,7 @@ def collocated_loop(
     return np.vstack((np.hstack((closed, g[:, on])), below))
 
 
-def integrating_loop(
+def integral_loop(
     linear: Linearisation, kp: Matrix, kd: Matrix, ki: Matrix | None, period: float
 ) -> Matrix:
     """Return the map of one tick under u = s - kp q - kd q', s+ = s - period ki q, all q known.
@@ -118,7 +118,7 @@ def require_sampled_pd(
     period: float,
     what: str,
     ki: Vector | None = None,
-    seen: Callable[[SmallMotions], SmallMotions] = lambda plant: plant,
+    seen: Callable[[SampledPlant], SampledPlant] = lambda plant: plant,
 ) -> None:
     """Check a collocated law on a free platform, where modes are fast compared with a tick.
 
@@ -162,17 +162,17 @@ def appendage_loop(
     by_z = -inverse @ surface @ (system.a - gain @ system.c)
     by_z = by_z - found.reaching_rate * inverse @ surface
     y = plant.tip[observed.rows]
-    own = np.zeros((observed.count, len(observed.joints)))
-    own[observed.joints, range(len(observed.joints))] = 1.0
-    held = np.where(own.any(axis=1), 0.0, 1.0)
-    platform = -(held * observed.stiffness)[:, None] * plant.position
-    platform = platform - (held * observed.damping)[:, None] * plant.velocity
+    selection = np.zeros((observed.count, len(observed.joints)))
+    selection[observed.joints, range(len(observed.joints))] = 1.0
+    platform_mask = np.where(selection.any(axis=1), 0.0, 1.0)
+    platform = -(platform_mask * observed.stiffness)[:, None] * plant.position
+    platform = platform - (platform_mask * observed.damping)[:, None] * plant.velocity
     k, m = system.b.shape
-    step = held_step(system, gain, period)
+    step = observer_step(system, gain, period)
     by_effort, by_output = step[:, k : k + m], step[:, k + m :]
     return np.block(
         [
-            [f + g @ (platform + own @ by_y @ y), g @ own @ by_z],
+            [f + g @ (platform + selection @ by_y @ y), g @ selection @ by_z],
             [(by_effort @ by_y + by_output) @ y, step[:, :k] + by_effort @ by_z],
         ]
     )
@@ -184,7 +184,7 @@ def radius(closed: Matrix) -> float:
 
 
 def require_sampled_stability(
-    closed: Callable[[float], Matrix], period: float, what: str, remedy: str = ""
+    closed: Callable[[float], Matrix], period: float, what: str, hint: str = ""
 ) -> None:
     """Check the map of one tick.
 
@@ -192,7 +192,7 @@ def require_sampled_stability(
         closed: from a period to the map of one tick.
         period: of the trial [s].
         what: is sampled, for the message.
-        remedy: what else to change.
+        hint: what else to change.
 
     Raises:
         BadInput: gives the spectral radius and the longest period that works.
@@ -200,23 +200,23 @@ def require_sampled_stability(
     found = radius(closed(period))
     if found <= 1.0 + _CLOSE:
         return
-    works = _longest(closed, period)
-    if works is None:
-        advice = f"no period down to {_SHORTEST * period:.2g} s works"
+    stable_period = _max_stable_period(closed, period)
+    if stable_period is None:
+        suggestion = f"no period down to {_MIN_PERIOD * period:.2g} s works"
     else:
-        advice = f"the longest period that works is {works:.2g} s"
+        suggestion = f"the longest period that works is {stable_period:.2g} s"
     raise BadInput(
         f"{what} is not stable with a period of {period:g} s: the spectral radius of one tick is "
-        f"{found:.8g}; {advice}{remedy}"
+        f"{found:.8g}; {suggestion}{hint}"
     )
 
 
-def _longest(closed: Callable[[float], Matrix], period: float) -> float | None:
+def _max_stable_period(closed: Callable[[float], Matrix], period: float) -> float | None:
     """Return the longest stable period below `period`, rounded down to two digits [s]."""
     high = period
     for _ in range(90):
         low = 0.9 * high
-        if low < _SHORTEST * period:
+        if low < _MIN_PERIOD * period:
             return None
         if radius(closed(low)) <= 1.0 + _CLOSE:
             break

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.controllers.probing.at_rest import moves
+from flexslew_control.controllers.probing.at_rest import plan_motion_error
 from flexslew_control.law import (
     Estimate,
     Estimator,
@@ -60,13 +60,13 @@ def build_user_law(
     Raises:
         BadInput: a setting is not allowed, the class cannot be built, or has no `update`.
     """
-    own = dict(values)
-    limit = validated(Positive | None, own.pop("time_limit", None), f"{source}: time_limit")
+    options = dict(values)
+    limit = validated(Positive | None, options.pop("time_limit", None), f"{source}: time_limit")
     try:
         if (section := getattr(found, "Settings", None)) is None:
-            built = found(own, plant.period, plant.effort_limit.copy())
+            built = found(options, plant.period, plant.effort_limit.copy())
         else:
-            built = found(validated(section, own, source), plant)
+            built = found(validated(section, options, source), plant)
     except BadInput:
         raise
     except Exception as error:
@@ -74,8 +74,8 @@ def build_user_law(
     if not callable(getattr(built, "update", None)):
         raise BadInput(f"{law} has no method update(measurement, estimate, reference)", source)
     estimator = getattr(built, "estimator", None)
-    resting = initial_positions(plant.testbed)
-    rest = np.array([resting[name] for name in plant.joint_names])
+    initial = initial_positions(plant.testbed)
+    rest = np.array([initial[name] for name in plant.joint_names])
     return (
         UserEstimator(estimator if estimator is not None else MeasuredJoints(), law),
         UserLaw(built, law, plant.effort_limit.size, limit, rest),
@@ -147,7 +147,7 @@ class UserLaw:
 
     def objection(self, plan: Plan | None) -> str:
         """Return why it cannot fly this plan; empty if it can."""
-        return "" if self._rest is None else moves(plan, self._rest)
+        return "" if self._rest is None else plan_motion_error(plan, self._rest)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -171,7 +171,7 @@ class UserLaw:
         Raises:
             LawFailed: the user's code raised, took too long, or gave no such efforts.
         """
-        begun = perf_counter()
+        started = perf_counter()
         try:
             answer = self._built.update(measurement, estimate, reference)
             if np.iscomplexobj(answer):
@@ -182,10 +182,10 @@ class UserLaw:
             terms = self._terms()
         except Exception as error:
             raise LawFailed(f"{self._law} raised {one_line(error)}") from error
-        took = perf_counter() - begun
-        if self._limit is not None and took > self._limit:
+        elapsed = perf_counter() - started
+        if self._limit is not None and elapsed > self._limit:
             raise LawFailed(
-                f"{self._law} took {took * 1e3:.3g} ms, time_limit is {self._limit * 1e3:.3g} ms"
+                f"{self._law} took {elapsed * 1e3:.3g} ms, time_limit is {self._limit * 1e3:.3g} ms"
             )
         if effort.shape != (self._joints,):
             raise LawFailed(
@@ -214,10 +214,10 @@ class UserLaw:
 
 def _all_finite(measurement: Measurement) -> bool:
     """Return whether every sensor reads a number; what comes of one that does not is no fault."""
-    readings = (
+    measured = (
         measurement.joint_position,
         measurement.joint_velocity,
         measurement.tip_deflection,
         measurement.root_curvature,
     )
-    return all(bool(np.isfinite(reading).all()) for reading in readings)
+    return all(bool(np.isfinite(reading).all()) for reading in measured)

@@ -17,7 +17,7 @@ from flexslew_control.estimators.flexible_attitude_filter import (
     flexible_filter,
 )
 from flexslew_control.law import Estimate, Estimator, MeasuredJoints, PlantDescription, Reference
-from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -40,7 +40,7 @@ class AttitudeFilterSettings:
     modes: AppendageModesSettings | None = None  # with appendages' modes; null: by the gyro alone
 
 
-class TurnFilter(Protocol):
+class AttitudeFilter(Protocol):
     """A filter of attitude, bias and perhaps more; beliefs are its own."""
 
     @property
@@ -54,24 +54,24 @@ class TurnFilter(Protocol):
     def begin(self, attitude: Vector, reading: Vector, sigmas: tuple[float, float]) -> Any:
         """Return the first belief; sigmas are of attitude [rad] and bias [rad/s]."""
 
-    def carried(self, belief: Any, reading: Vector, effort: Vector) -> Correction:
+    def propagate(self, estimate: Any, reading: Vector, effort: Vector) -> Correction:
         """Return the belief a tick later, of the gyro's reading and the efforts of that tick."""
 
-    def told_attitude(self, belief: Any, measured: Vector, noise: Matrix) -> Correction:
+    def update_attitude(self, estimate: Any, measured: Vector, noise: Matrix) -> Correction:
         """Return the belief after a measured attitude."""
 
-    def told_direction(
-        self, belief: Any, measured: Vector, inertial: Vector, sigma: float
+    def update_direction(
+        self, estimate: Any, measured: Vector, inertial: Vector, sigma: float
     ) -> Correction:
         """Return the belief after a measured direction."""
 
-    def first_told(self, belief: Any, measured: Vector, noise: Matrix) -> Any:
+    def initialize_attitude(self, estimate: Any, measured: Vector, noise: Matrix) -> Any:
         """Return the belief in the first measured attitude."""
 
-    def rate(self, belief: Any, reading: Vector) -> Vector:
+    def rate(self, estimate: Any, reading: Vector) -> Vector:
         """Return the rate in body axes, shape (3,) [rad/s]."""
 
-    def covariance(self, belief: Any) -> Matrix:
+    def covariance(self, estimate: Any) -> Matrix:
         """Return the covariance of small turn and bias, then of the other states."""
 
 
@@ -96,11 +96,11 @@ class AttitudeEstimator:
     joints: AttitudeJoints
     gyro: Gyro
     trackers: tuple[StarTracker, ...]
-    suns: tuple[SunSensor, ...]
+    sun_sensors: tuple[SunSensor, ...]
     settings: AttitudeFilterSettings
     period: float
-    filter: TurnFilter
-    _belief: Any = field(init=False)
+    filter: AttitudeFilter
+    _filter_estimate: Any = field(init=False)
     _covariance: Matrix = field(init=False)  # of the estimate; its shape distinguishes beliefs
     _rates: deque[tuple[Vector, Vector]] = field(
         init=False
@@ -108,15 +108,17 @@ class AttitudeEstimator:
     _seen: deque[Vector] = field(init=False)  # tips of the ticks with readings that may still count
     _first: int = field(init=False, default=0)  # tick of the reset
     _tick: int = field(init=False, default=-1)
-    _found: bool = field(init=False, default=False)  # a star tracker has given the attitude
-    _reference: Vector = field(init=False, default_factory=lambda: NOTHING)
+    _attitude_known: bool = field(
+        init=False, default=False
+    )  # a star tracker has given the attitude
+    _reference: Vector = field(init=False, default_factory=lambda: EMPTY)
     _last: Estimate = field(init=False)
 
     def __post_init__(self) -> None:
         """Compile the steps for readings, which the zeros of a controller's warm-up do not call."""
-        belief = self.filter.begin(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), (1.0, 1.0))
-        self.filter.told_attitude(belief, belief.attitude, np.eye(3))
-        self.filter.told_direction(belief, np.eye(3)[0], np.eye(3)[0], 1.0)
+        estimate = self.filter.begin(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), (1.0, 1.0))
+        self.filter.update_attitude(estimate, estimate.attitude, np.eye(3))
+        self.filter.update_direction(estimate, np.eye(3)[0], np.eye(3)[0], 1.0)
 
     def expect(self, reference: Reference) -> None:
         """Set the reference joint positions for the next tick."""
@@ -124,10 +126,12 @@ class AttitudeEstimator:
 
     def reset(self, measurement: Measurement) -> None:
         """Start where the reference is, without a bias, and take in the first readings."""
-        s, there = self.settings, self._wanted(measurement)
-        start, reading = self.joints.orientation(there), self._reading(measurement)
-        self._belief = self.filter.begin(start, reading, (s.initial_attitude, s.initial_bias))
-        self._rates, self._found = deque(), False
+        s, reference = self.settings, self._reference_position(measurement)
+        start, reading = self.joints.orientation(reference), self._reading(measurement)
+        self._filter_estimate = self.filter.begin(
+            start, reading, (s.initial_attitude, s.initial_bias)
+        )
+        self._rates, self._attitude_known = deque(), False
         self._seen = deque(maxlen=self.late + 1)
         self._first = measurement.tick
         self._take(measurement)
@@ -136,11 +140,11 @@ class AttitudeEstimator:
         """Return the joints' positions and rates as they are believed."""
         if measurement.tick != self._tick:
             self._rates.append((self._reading(measurement), measurement.applied_effort))
-            told = None
+            result = None
             if measurement.tick - self._first > self.late:
-                told = self.filter.carried(self._belief, *self._rates.popleft())
-                self._belief = told.belief
-            self._take(measurement, told)
+                result = self.filter.propagate(self._filter_estimate, *self._rates.popleft())
+                self._filter_estimate = result.belief
+            self._take(measurement, result)
         return self._last
 
     @cached_property
@@ -148,22 +152,22 @@ class AttitudeEstimator:
         """By how many ticks the latest reading is late."""
         return max((tracker.delay_ticks(self.period) for tracker in self.trackers), default=0)
 
-    def _take(self, measurement: Measurement, told: Correction | None = None) -> None:
+    def _take(self, measurement: Measurement, result: Correction | None = None) -> None:
         """Correct the belief by what was measured at its time, and carry it to the present."""
         self._tick = measurement.tick
         self._seen.append(measurement.tip_deflection)
         first = self.filter.channels
-        innovation, nis = np.zeros(first + 3 * len(self.trackers) + 2 * len(self.suns)), 0.0
-        if told is not None:
-            innovation[:first], nis = told.innovation, told.nis
+        innovation, nis = np.zeros(first + 3 * len(self.trackers) + 2 * len(self.sun_sensors)), 0.0
+        if result is not None:
+            innovation[:first], nis = result.innovation, result.nis
         if len(self._seen) > self.late:
-            nis += self._corrected(innovation[first:])
-        now = self._belief
+            nis += self._correct(innovation[first:])
+        now = self._filter_estimate
         for reading, effort in self._rates:
-            now = self.filter.carried(now, reading, effort).belief
+            now = self.filter.propagate(now, reading, effort).belief
         self._last = self._estimate(measurement, now, innovation, nis)
 
-    def _corrected(self, innovation: Vector) -> float:
+    def _correct(self, innovation: Vector) -> float:
         """Take the readings of the belief's own time, write innovations, return their squares."""
         nis, at = 0.0, 0
         for tracker in self.trackers:
@@ -171,30 +175,32 @@ class AttitudeEstimator:
             if _present(read):
                 nis += self._fixed(tracker, read / np.linalg.norm(read), innovation[at : at + 3])
             at += 3
-        for sun in self.suns:
+        for sun in self.sun_sensors:
             read = self._seen[0][channels(sun)]
-            if _present(read) and self._found:
+            if _present(read) and self._attitude_known:
                 sigma = self.settings.noise_factor * sun.settings.noise + LEAST
-                told = self.filter.told_direction(self._belief, read, sun.sun, sigma)
-                self._belief, nis = told.belief, nis + told.nis
-                innovation[at : at + 2] = told.innovation
+                result = self.filter.update_direction(self._filter_estimate, read, sun.sun, sigma)
+                self._filter_estimate, nis = result.belief, nis + result.nis
+                innovation[at : at + 2] = result.innovation
             at += 2
         return nis
 
     def _fixed(self, tracker: StarTracker, read: Vector, innovation: Vector) -> float:
         """Take an attitude that a star tracker has read; return its squared innovation."""
-        rate = self._seen[0][channels(self.gyro)] - self._belief.bias
+        rate = self._seen[0][channels(self.gyro)] - self._filter_estimate.bias
         noise = self.settings.noise_factor**2 * tracker.covariance_at(float(np.linalg.norm(rate)))
         noise = noise + LEAST**2 * np.eye(3)
-        if not self._found:
-            self._found = True
-            self._belief = self.filter.first_told(self._belief, read, noise)
+        if not self._attitude_known:
+            self._attitude_known = True
+            self._filter_estimate = self.filter.initialize_attitude(
+                self._filter_estimate, read, noise
+            )
             return 0.0
-        told = self.filter.told_attitude(self._belief, read, noise)
-        self._belief, innovation[:] = told.belief, told.innovation
-        return told.nis
+        result = self.filter.update_attitude(self._filter_estimate, read, noise)
+        self._filter_estimate, innovation[:] = result.belief, result.innovation
+        return result.nis
 
-    def _wanted(self, measurement: Measurement) -> Vector:
+    def _reference_position(self, measurement: Measurement) -> Vector:
         """Return the reference joint positions; the measured ones if there is no reference."""
         return self._reference if self._reference.size else measurement.joint_position
 
@@ -207,14 +213,14 @@ class AttitudeEstimator:
             self.joints.axes,
             self.joints.reads,
         )
-        turn, rate = (
+        rotation, rate = (
             rotation_vector(now.attitude),
             self.filter.rate(now, self._reading(measurement)),
         )
-        position = np.where(reads, axes @ turn, measurement.joint_position)
+        position = np.where(reads, axes @ rotation, measurement.joint_position)
         velocity = np.where(reads, axes @ rate, measurement.joint_velocity)
-        position = self.joints.about(self._wanted(measurement), position)
-        return Estimate(position, velocity, NOTHING, self._covariance, innovation, nis)
+        position = self.joints.about(self._reference_position(measurement), position)
+        return Estimate(position, velocity, EMPTY, self._covariance, innovation, nis)
 
     def _reading(self, measurement: Measurement) -> Vector:
         return measurement.tip_deflection[channels(self.gyro)]
@@ -232,25 +238,27 @@ def attitude_estimator(
     instruments = model.appendages.instruments
     gyros = {one.name: one for one in instruments if isinstance(one, Gyro)}
     trackers = tuple(one for one in instruments if isinstance(one, StarTracker))
-    suns = tuple(one for one in instruments if isinstance(one, SunSensor))
+    sun_sensors = tuple(one for one in instruments if isinstance(one, SunSensor))
     if model.attitude is None:
         raise BadInput("the joints of this testbed do not turn it in three axes", key="attitude")
     if not trackers or not gyros:
-        lacks = "gyro" if trackers else "star_tracker"
-        raise BadInput(f"the testbed has no {lacks}; give it one in `sensors`", key="attitude")
+        missing = "gyro" if trackers else "star_tracker"
+        raise BadInput(f"the testbed has no {missing}; give it one in `sensors`", key="attitude")
     name = settings.gyro
     if name is None and len(gyros) == 1:
         (name,) = gyros
     if name not in gyros:
         raise BadInput(f"one of {', '.join(gyros)}", key="attitude.gyro", value=name)
-    told, factor, period = gyros[name].settings, settings.noise_factor, plant.period
-    noise = GyroNoise(factor * told.angle_random_walk, factor * told.rate_random_walk)
-    carries: TurnFilter = RigidFilter(noise, period)
+    result, factor, period = gyros[name].settings, settings.noise_factor, plant.period
+    noise = GyroNoise(factor * result.angle_random_walk, factor * result.rate_random_walk)
+    attitude_filter: AttitudeFilter = RigidFilter(noise, period)
     if settings.modes is not None:
-        carries = flexible_filter(
-            plant.believed(settings.modes.model), noise, settings.modes, period
+        attitude_filter = flexible_filter(
+            plant.design_model(settings.modes.model), noise, settings.modes, period
         )
-    return AttitudeEstimator(model.attitude, gyros[name], trackers, suns, settings, period, carries)
+    return AttitudeEstimator(
+        model.attitude, gyros[name], trackers, sun_sensors, settings, period, attitude_filter
+    )
 
 
 def joint_estimator(plant: PlantDescription, settings: AttitudeFilterSettings | None) -> Estimator:

@@ -15,7 +15,7 @@ from flexslew_control.estimators.attitude_steps import (
     carry,
     take_attitude,
     take_direction,
-    write_across,
+    write_cross_axes,
 )
 from flexslew_plant.arrays import Matrix, Vector
 
@@ -27,7 +27,7 @@ class GyroNoise(NamedTuple):
     walk: float  # of the random walk of its bias [rad/s/sqrt(s)]
 
 
-class Belief(NamedTuple):
+class AttitudeEstimate(NamedTuple):
     """An attitude and a bias, and how far off they may be."""
 
     attitude: Vector  # unit quaternion from body to inertial axes, x y z w, shape (4,)
@@ -43,62 +43,64 @@ class Correction(NamedTuple):
     nis: float  # innovation^T S^-1 innovation
 
 
-def propagated(belief: Belief, reading: Vector, noise: GyroNoise, dt: float) -> Belief:
+def propagate(
+    estimate: AttitudeEstimate, reading: Vector, noise: GyroNoise, dt: float
+) -> AttitudeEstimate:
     """Return the belief a tick later.
 
     theta+ = R(d)^T theta - dt (1 - d x / 2) e + w, d = (reading - b) dt, e the bias' error; the
     covariance of w is Farrenkopf's.
 
     Args:
-        belief: at the start of the tick.
+        estimate: at the start of the tick.
         reading: mean rate over the tick, bias and noise in it, shape (3,) [rad/s].
         noise: of the gyro.
         dt: one tick [s].
     """
-    after = _copied(belief)
+    after = _copied(estimate)
     carry(*after, reading, noise.white, noise.walk, dt)
     return after
 
 
-def corrected_by_attitude(belief: Belief, measured: Vector, noise: Matrix) -> Correction:
+def correct_by_attitude(estimate: AttitudeEstimate, measured: Vector, noise: Matrix) -> Correction:
     """Return the belief after a measured attitude.
 
     Args:
-        belief: before it.
+        estimate: before it.
         measured: quaternion x y z w, q_true dq(n), of either sign, shape (4,).
         noise: covariance of the small turn n in body axes, shape (3, 3) [rad^2].
     """
-    after, off = _copied(belief), np.empty(3)
+    after, off = _copied(estimate), np.empty(3)
     nis = take_attitude(*after, measured, noise, off)
     return Correction(after, off, nis)
 
 
-def corrected_by_direction(
-    belief: Belief, measured: Vector, inertial: Vector, sigma: float
+def correct_by_direction(
+    estimate: AttitudeEstimate, measured: Vector, inertial: Vector, sigma: float
 ) -> Correction:
     """Return the belief after a measured direction, which determines the two turns across it.
 
     Args:
-        belief: prior belief.
+        estimate: prior belief.
         measured: unit vector in body axes, shape (3,).
         inertial: the same direction in inertial space, a unit vector, shape (3,).
         sigma: standard deviation in each direction across it [rad].
     """
-    after, off = _copied(belief), np.empty(2)
+    after, off = _copied(estimate), np.empty(2)
     nis = take_direction(*after, measured, inertial, sigma, off)
     return Correction(after, off, nis)
 
 
-def across(seen: Vector) -> Matrix:
+def cross_axes(seen: Vector) -> Matrix:
     """Return two unit vectors across a direction and each other, shape (2, 3)."""
     two = np.empty((2, 3))
-    write_across(seen[0], seen[1], seen[2], two)
+    write_cross_axes(seen[0], seen[1], seen[2], two)
     return two
 
 
 @dataclass(frozen=True)
 class RigidFilter:
-    """Implements TurnFilter, see attitude_estimator: the gyro carries the attitude.
+    """Implements AttitudeFilter, see attitude_estimator: the gyro carries the attitude.
 
     Args:
         noise: of the gyro.
@@ -115,40 +117,40 @@ class RigidFilter:
 
     def begin(self, attitude: Vector, reading: Vector, sigmas: tuple[float, float]) -> Any:
         """Return a belief in an attitude and no bias."""
-        return Belief(attitude, np.zeros(3), np.diag(np.repeat(sigmas, 3) ** 2))
+        return AttitudeEstimate(attitude, np.zeros(3), np.diag(np.repeat(sigmas, 3) ** 2))
 
-    def carried(self, belief: Any, reading: Vector, effort: Vector) -> Correction:
+    def propagate(self, estimate: Any, reading: Vector, effort: Vector) -> Correction:
         """Return the belief a tick later, turned by what the gyro has read."""
-        after = propagated(belief, reading, self.noise, self.period)
+        after = propagate(estimate, reading, self.noise, self.period)
         return Correction(after, np.zeros(0), 0.0)
 
-    def told_attitude(self, belief: Any, measured: Vector, noise: Matrix) -> Correction:
+    def update_attitude(self, estimate: Any, measured: Vector, noise: Matrix) -> Correction:
         """Return the belief after a measured attitude."""
-        return corrected_by_attitude(belief, measured, noise)
+        return correct_by_attitude(estimate, measured, noise)
 
-    def told_direction(
-        self, belief: Any, measured: Vector, inertial: Vector, sigma: float
+    def update_direction(
+        self, estimate: Any, measured: Vector, inertial: Vector, sigma: float
     ) -> Correction:
         """Return the belief after a measured direction."""
-        return corrected_by_direction(belief, measured, inertial, sigma)
+        return correct_by_direction(estimate, measured, inertial, sigma)
 
-    def first_told(self, belief: Any, measured: Vector, noise: Matrix) -> Any:
+    def initialize_attitude(self, estimate: Any, measured: Vector, noise: Matrix) -> Any:
         """Return the belief in the first measured attitude."""
-        covariance = belief.covariance.copy()
+        covariance = estimate.covariance.copy()
         covariance[:3, :3], covariance[:3, 3:], covariance[3:, :3] = noise, 0.0, 0.0
-        return Belief(measured, belief.bias, covariance)
+        return AttitudeEstimate(measured, estimate.bias, covariance)
 
-    def rate(self, belief: Any, reading: Vector) -> Vector:
+    def rate(self, estimate: Any, reading: Vector) -> Vector:
         """Return the rate in body axes: what the gyro reads less its bias, shape (3,) [rad/s]."""
-        rate: Vector = reading - belief.bias
+        rate: Vector = reading - estimate.bias
         return rate
 
-    def covariance(self, belief: Any) -> Matrix:
+    def covariance(self, estimate: Any) -> Matrix:
         """Return that of small turn and bias."""
-        covariance: Matrix = belief.covariance
+        covariance: Matrix = estimate.covariance
         return covariance
 
 
-def _copied(belief: Belief) -> Belief:
+def _copied(estimate: AttitudeEstimate) -> AttitudeEstimate:
     """Return a belief in arrays of its own."""
-    return Belief(*(one.copy() for one in belief))
+    return AttitudeEstimate(*(one.copy() for one in estimate))

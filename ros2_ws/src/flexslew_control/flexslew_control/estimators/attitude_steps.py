@@ -10,17 +10,17 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
 from flexslew_plant.testbeds.quaternions import (
     Quaternion,
-    along_turned,
-    multiplied,
-    of_turn,
-    turn_of,
+    multiply,
+    quaternion_of,
+    rotation_vector_of,
+    to_body_axes,
 )
 
 
 @called
-def turned(q: Quaternion, x: float, y: float, z: float) -> Quaternion:
+def rotate(q: Quaternion, x: float, y: float, z: float) -> Quaternion:
     """Return an attitude turned by a rotation vector about its own axes, of length 1."""
-    a, b, c, w = multiplied(q, of_turn(x, y, z))
+    a, b, c, w = multiply(q, quaternion_of(x, y, z))
     size = sqrt(a * a + b * b + c * c + w * w)
     return a / size, b / size, c / size, w / size
 
@@ -38,8 +38,11 @@ def carry(
     """Take attitude and covariance to a tick later; see attitude_filter.propagated."""
     p = covariance
     x, y, z = (reading[0] - bias[0]) * dt, (reading[1] - bias[1]) * dt, (reading[2] - bias[2]) * dt
-    a, b, c, w = of_turn(x, y, z)
-    step, ahead = np.empty((3, 6)), np.empty((3, 6))  # the rows of the turn; those of the bias stay
+    a, b, c, w = quaternion_of(x, y, z)
+    step, product = (
+        np.empty((3, 6)),
+        np.empty((3, 6)),
+    )  # the rows of the turn; those of the bias stay
     step[0, 0], step[0, 1] = w * w + a * a - b * b - c * c, 2.0 * (a * b + w * c)
     step[1, 1], step[1, 0] = w * w - a * a + b * b - c * c, 2.0 * (a * b - w * c)
     step[2, 2], step[2, 0] = w * w - a * a - b * b + c * c, 2.0 * (a * c + w * b)
@@ -54,22 +57,22 @@ def carry(
             total = 0.0
             for n in range(6):
                 total += step[i, n] * p[n, j]
-            ahead[i, j] = total
+            product[i, j] = total
     for i in range(3):
         for j in range(i + 1):
             total = 0.0
             for n in range(6):
-                total += ahead[i, n] * step[j, n]
+                total += product[i, n] * step[j, n]
             p[i, j] = p[j, i] = total
         for j in range(3, 6):
-            p[i, j] = p[j, i] = ahead[i, j]
+            p[i, j] = p[j, i] = product[i, j]
     for i in range(3):
         p[i, i] += white**2 * dt + walk**2 * dt**3 / 3.0
         p[i, i + 3] -= 0.5 * walk**2 * dt**2
         p[i + 3, i] -= 0.5 * walk**2 * dt**2
         p[i + 3, i + 3] += walk**2 * dt
     before = (attitude[0], attitude[1], attitude[2], attitude[3])
-    attitude[0], attitude[1], attitude[2], attitude[3] = turned(before, x, y, z)
+    attitude[0], attitude[1], attitude[2], attitude[3] = rotate(before, x, y, z)
 
 
 @compiled_once("attitude", "bias", "covariance", "innovation")
@@ -83,7 +86,7 @@ def take_attitude(
 ) -> float:
     """Correct the belief, write the innovation (3,) and return its squares (nis).
 
-    See attitude_filter.corrected_by_attitude.
+    See attitude_filter.correct_by_attitude.
     """
     compare_attitude(attitude, measured, innovation)
     return _correct(attitude, bias, covariance, innovation, np.eye(3), noise)
@@ -101,42 +104,42 @@ def take_direction(
 ) -> float:
     """Correct the belief, write the innovation (2,) and return its squares (nis).
 
-    See attitude_filter.corrected_by_direction.
+    See attitude_filter.correct_by_direction.
     """
-    shows, noise = np.empty((2, 3)), np.zeros((2, 2))
-    compare_direction(attitude, measured, inertial, innovation, shows)
+    jacobian, noise = np.empty((2, 3)), np.zeros((2, 2))
+    compare_direction(attitude, measured, inertial, innovation, jacobian)
     noise[0, 0] = noise[1, 1] = sigma**2
-    return _correct(attitude, bias, covariance, innovation, shows, noise)
+    return _correct(attitude, bias, covariance, innovation, jacobian, noise)
 
 
 @called
 def compare_attitude(attitude: Vector, measured: Vector, innovation: Vector) -> None:
     """Write the turn from an attitude to the measured one, quaternions both, (3,) [rad]."""
-    back = (-attitude[0], -attitude[1], -attitude[2], attitude[3])
+    inverse = (-attitude[0], -attitude[1], -attitude[2], attitude[3])
     read = (measured[0], measured[1], measured[2], measured[3])
-    innovation[0], innovation[1], innovation[2] = turn_of(multiplied(back, read))
+    innovation[0], innovation[1], innovation[2] = rotation_vector_of(multiply(inverse, read))
 
 
 @called
 def compare_direction(
-    attitude: Vector, measured: Vector, inertial: Vector, innovation: Vector, shows: Matrix
+    attitude: Vector, measured: Vector, inertial: Vector, innovation: Vector, jacobian: Matrix
 ) -> None:
     """Write what a measured direction has across the believed one (2,), and H of the turn (2, 3).
 
-    See attitude_filter.corrected_by_direction.
+    See attitude_filter.correct_by_direction.
     """
     now = (attitude[0], attitude[1], attitude[2], attitude[3])
-    x, y, z = along_turned(now, inertial[0], inertial[1], inertial[2])
+    x, y, z = to_body_axes(now, inertial[0], inertial[1], inertial[2])
     two = np.empty((2, 3))
-    write_across(x, y, z, two)
+    write_cross_axes(x, y, z, two)
     for i in range(2):
         a, b, c = two[i, 0], two[i, 1], two[i, 2]
         innovation[i] = a * measured[0] + b * measured[1] + c * measured[2]
-        shows[i, 0], shows[i, 1], shows[i, 2] = b * z - c * y, c * x - a * z, a * y - b * x
+        jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = b * z - c * y, c * x - a * z, a * y - b * x
 
 
 @compiled_once("two")
-def write_across(x: float, y: float, z: float, two: Matrix) -> None:
+def write_cross_axes(x: float, y: float, z: float, two: Matrix) -> None:
     """Write two unit vectors across a direction and each other, as LAPACK's SVD has them (2, 3)."""
     along = -copysign(sqrt(x * x + y * y + z * z), x)
     more = along * (along - x)
@@ -150,14 +153,14 @@ def _correct(
     bias: Vector,
     covariance: Matrix,
     innovation: Vector,
-    shows: Matrix,
+    jacobian: Matrix,
     noise: Matrix,
 ) -> float:
     """Correct the belief by an innovation of H times the turn; return its nis."""
     error = np.empty(6)
-    nis = narrow(covariance, innovation, shows, noise, error)
+    nis = update_covariance(covariance, innovation, jacobian, noise, error)
     before = (attitude[0], attitude[1], attitude[2], attitude[3])
-    after = turned(before, error[0], error[1], error[2])
+    after = rotate(before, error[0], error[1], error[2])
     attitude[0], attitude[1], attitude[2], attitude[3] = after
     for i in range(3):
         bias[i] += error[3 + i]
@@ -165,7 +168,9 @@ def _correct(
 
 
 @called
-def narrow(p: Matrix, innovation: Vector, shows: Matrix, noise: Matrix, error: Vector) -> float:
+def update_covariance(
+    p: Matrix, innovation: Vector, jacobian: Matrix, noise: Matrix, error: Vector
+) -> float:
     """Narrow P by an innovation of H times the first three errors, by Joseph's form.
 
     Returns its nis.
@@ -173,21 +178,21 @@ def narrow(p: Matrix, innovation: Vector, shows: Matrix, noise: Matrix, error: V
     Args:
         p: covariance of all errors, in and out, shape (errors, errors).
         innovation: shape (l,).
-        shows: H, shape (l, 3).
+        jacobian: H, shape (l, 3).
         noise: R, shape (l, l).
         error: out, the errors as they are believed then, shape (errors,).
     """
     size, errors = innovation.size, len(p)
-    gain, told, spread = np.zeros((size, errors)), innovation.copy(), noise.copy()
+    gain, residual, spread = np.zeros((size, errors)), innovation.copy(), noise.copy()
     for i in range(size):
         for n in range(3):
             for j in range(errors):
-                gain[i, j] += shows[i, n] * p[n, j]
+                gain[i, j] += jacobian[i, n] * p[n, j]
         for j in range(size):
             for n in range(3):
-                spread[i, j] += gain[i, n] * shows[j, n]
-    nis = solve(spread, gain, told)
-    _joseph(p, gain, shows, noise)
+                spread[i, j] += gain[i, n] * jacobian[j, n]
+    nis = solve(spread, gain, residual)
+    _joseph(p, gain, jacobian, noise)
     for j in range(errors):
         error[j] = 0.0
     for i in range(size):
@@ -197,24 +202,24 @@ def narrow(p: Matrix, innovation: Vector, shows: Matrix, noise: Matrix, error: V
 
 
 @called
-def solve(s: Matrix, gain: Matrix, told: Vector) -> float:
+def solve(s: Matrix, gain: Matrix, residual: Vector) -> float:
     """Replace H P by S^-1 H P, the transposed gain, and return e^T S^-1 e; S and e are used up.
 
     S = H P H^T + R = L L^T by Cholesky.
     """
-    size, errors, nis = told.size, gain.shape[1], 0.0
+    size, errors, nis = residual.size, gain.shape[1], 0.0
     for i in range(size):  # L in the place of S, and L^-1 of both
         for j in range(i):
             for n in range(j):
                 s[i, j] -= s[i, n] * s[j, n]
             s[i, j] /= s[j, j]
             s[i, i] -= s[i, j] ** 2
-            told[i] -= s[i, j] * told[j]
+            residual[i] -= s[i, j] * residual[j]
             for n in range(errors):
                 gain[i, n] -= s[i, j] * gain[j, n]
         s[i, i] = sqrt(s[i, i])
-        told[i] /= s[i, i]
-        nis += told[i] ** 2
+        residual[i] /= s[i, i]
+        nis += residual[i] ** 2
         for n in range(errors):
             gain[i, n] /= s[i, i]
     for i in range(size - 1, -1, -1):  # L^-T of the gain
@@ -227,27 +232,27 @@ def solve(s: Matrix, gain: Matrix, told: Vector) -> float:
 
 
 @called
-def _joseph(p: Matrix, gain: Matrix, shows: Matrix, noise: Matrix) -> None:
+def _joseph(p: Matrix, gain: Matrix, jacobian: Matrix, noise: Matrix) -> None:
     """Replace P by (1 - K H) P (1 - K H)^T + K R K^T, the gain (l, errors) being K^T."""
     size, errors = len(gain), len(p)
-    step, ahead = np.zeros((3, errors)), np.empty((errors, errors))  # 1 - K H, transposed
+    step, product = np.zeros((3, errors)), np.empty((errors, errors))  # 1 - K H, transposed
     for j in range(3):
         step[j, j] = 1.0
         for n in range(size):
             for i in range(errors):
-                step[j, i] -= gain[n, i] * shows[n, j]
+                step[j, i] -= gain[n, i] * jacobian[n, j]
     for i in range(errors):
         for j in range(errors):
-            ahead[i, j] = p[i, j] if i >= 3 else 0.0
+            product[i, j] = p[i, j] if i >= 3 else 0.0
         for n in range(3):
             for j in range(errors):
-                ahead[i, j] += step[n, i] * p[n, j]
+                product[i, j] += step[n, i] * p[n, j]
     for i in range(errors):
         for j in range(i + 1):
-            p[i, j] = ahead[i, j] if j >= 3 else 0.0
+            p[i, j] = product[i, j] if j >= 3 else 0.0
         for n in range(3):
             for j in range(i + 1):
-                p[i, j] += ahead[i, n] * step[n, j]
+                p[i, j] += product[i, n] * step[n, j]
         _add_noise(gain, noise, i, p[i])
         for j in range(i):
             p[j, i] = p[i, j]

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from flexslew_control.estimators.attitude_estimator import LEAST, PRESENT, AttitudeEstimator
-from flexslew_control.estimators.attitude_steps import carry, take_attitude, take_direction, turned
+from flexslew_control.estimators.attitude_steps import carry, rotate, take_attitude, take_direction
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled_once
-from flexslew_plant.testbeds.attitude import joint_turn, move_about
-from flexslew_plant.testbeds.quaternions import of_turn, turn_of
+from flexslew_plant.testbeds.attitude import apply_attitude_error, joint_rotation_vector
+from flexslew_plant.testbeds.quaternions import quaternion_of, rotation_vector_of
 
 _BIAS, _COVARIANCE, _FOUND, _SEEN = 4, 7, 43, 44  # where they begin in the memory
 
@@ -40,17 +40,17 @@ def attitude_numbers(estimator: AttitudeEstimator) -> AttitudeNumbers:
     it, s = estimator, estimator.settings
     count, factor = len(it.trackers), s.noise_factor
     late = [(one.first, one.delay_ticks(it.period)) for one in it.trackers]
-    noises = [factor**2 * one.covariance + LEAST**2 * np.eye(3) for one in it.trackers]
+    noise_matrices = [factor**2 * one.covariance + LEAST**2 * np.eye(3) for one in it.trackers]
     return AttitudeNumbers(
         np.array(it.joints.axes, dtype=np.float64),
-        np.array(it.joints.turn_of(np.eye(len(it.joints.axes))).T, order="C"),
+        np.array(it.joints.rotation_vector_of(np.eye(len(it.joints.axes))).T, order="C"),
         np.array([it.gyro.first]),
         np.array(late).reshape(count, 2),
-        np.array(noises).reshape(count, 3, 3),
+        np.array(noise_matrices).reshape(count, 3, 3),
         np.array([(factor * one.settings.rate_noise) ** 2 for one in it.trackers]),
-        np.array([one.first for one in it.suns], dtype=np.int64),
-        np.array([one.sun for one in it.suns]).reshape(-1, 3),
-        np.array([factor * one.settings.noise + LEAST for one in it.suns]),
+        np.array([one.first for one in it.sun_sensors], dtype=np.int64),
+        np.array([one.sun for one in it.sun_sensors]).reshape(-1, 3),
+        np.array([factor * one.settings.noise + LEAST for one in it.sun_sensors]),
         np.array(it.filter.noise),
         np.array([s.initial_attitude, s.initial_bias]),
         np.array([it.period]),
@@ -68,21 +68,21 @@ def attitude_memory(numbers: AttitudeNumbers, tips: int) -> int:
 
 
 @called
-def numbers_of(all_lanes: AttitudeNumbers, lane: int) -> AttitudeNumbers:
+def numbers_of(batch: AttitudeNumbers, member: int) -> AttitudeNumbers:
     """Return the constants of one lane, from arrays with a row for each."""
     return AttitudeNumbers(
-        all_lanes.axes[lane],
-        all_lanes.inverse[lane],
-        all_lanes.gyro[lane],
-        all_lanes.tracker[lane],
-        all_lanes.tracker_noise[lane],
-        all_lanes.rate_noise[lane],
-        all_lanes.sun[lane],
-        all_lanes.sun_direction[lane],
-        all_lanes.sun_sigma[lane],
-        all_lanes.gyro_noise[lane],
-        all_lanes.sigmas[lane],
-        all_lanes.period[lane],
+        batch.axes[member],
+        batch.inverse[member],
+        batch.gyro[member],
+        batch.tracker[member],
+        batch.tracker_noise[member],
+        batch.rate_noise[member],
+        batch.sun[member],
+        batch.sun_direction[member],
+        batch.sun_sigma[member],
+        batch.gyro_noise[member],
+        batch.sigmas[member],
+        batch.period[member],
     )
 
 
@@ -128,44 +128,44 @@ def attitude_tick(
     for tick in range(max(k - late, 0) + 1, k + 1):
         at = seen[tick % rows]
         x, y, z = at[gyro] - bias[0], at[gyro + 1] - bias[1], at[gyro + 2] - bias[2]
-        q = turned(q, x * dt, y * dt, z * dt)
+        q = rotate(q, x * dt, y * dt, z * dt)
     found = np.empty(7)
     found[0], found[1], found[2], found[3] = q
     for i in range(3):
         found[4 + i] = tips[gyro + i] - bias[i]
-    tell_joints(numbers, found, measured, reference, believed)
+    write_joints(numbers, found, measured, reference, believed)
 
 
 @called
-def tell_joints(
+def write_joints(
     numbers: AttitudeNumbers, found: Vector, measured: Vector, reference: Vector, believed: Vector
 ) -> None:
     """Write what joints read of an attitude and a body rate, `found`, (7,); see attitude_tick."""
     axes, m = numbers.axes, reference.size
-    turn, rate = turn_of((found[0], found[1], found[2], found[3])), found[4:]
+    rotation, rate = rotation_vector_of((found[0], found[1], found[2], found[3])), found[4:]
     for i in range(m):
         believed[i], believed[m + i] = measured[i], measured[m + i]
         a, b, c = axes[i, 0], axes[i, 1], axes[i, 2]
         if a != 0.0 or b != 0.0 or c != 0.0:
-            believed[i] = a * turn[0] + b * turn[1] + c * turn[2]
+            believed[i] = a * rotation[0] + b * rotation[1] + c * rotation[2]
             believed[m + i] = a * rate[0] + b * rate[1] + c * rate[2]
-    move_about(axes, numbers.inverse, reference, believed[:m])
+    apply_attitude_error(axes, numbers.inverse, reference, believed[:m])
 
 
 @called
 def _begin(numbers: AttitudeNumbers, reference: Vector, memory: Vector) -> None:
     """Write the first belief: where the reference is, without a bias."""
     memory[:] = 0.0
-    x, y, z = joint_turn(numbers.inverse, reference)
-    memory[0], memory[1], memory[2], memory[3] = of_turn(x, y, z)
+    x, y, z = joint_rotation_vector(numbers.inverse, reference)
+    memory[0], memory[1], memory[2], memory[3] = quaternion_of(x, y, z)
     for i in range(6):
         memory[_COVARIANCE + 7 * i] = numbers.sigmas[i // 3] ** 2
 
 
 def reader(
-    told_first: Callable[..., None],
-    told_attitude: Callable[..., None],
-    told_direction: Callable[..., None],
+    initialize_attitude: Callable[..., None],
+    update_attitude: Callable[..., None],
+    update_direction: Callable[..., None],
 ) -> Callable[..., None]:
     """Return a function that corrects a belief by the measurements at its time.
 
@@ -174,16 +174,21 @@ def reader(
     is zero until there was an attitude.
 
     Args:
-        told_first: takes (own, belief, attitude, noise) of the first attitude.
-        told_attitude: takes the same and the innovation, (3,).
-        told_direction: takes (own, belief, measured, inertial, sigma, innovation), (2,).
+        initialize_attitude: takes (own, belief, attitude, noise) of the first attitude.
+        update_attitude: takes the same and the innovation, (3,).
+        update_direction: takes (own, belief, measured, inertial, sigma, innovation), (2,).
     """
 
     @called
     def take(
-        time: int, numbers: AttitudeNumbers, own: Any, seen: Matrix, belief: Vector, known: Vector
+        time: int,
+        numbers: AttitudeNumbers,
+        data: Any,
+        seen: Matrix,
+        estimate: Vector,
+        known: Vector,
     ) -> None:
-        bias, rows, gyro = belief[_BIAS:_COVARIANCE], len(seen), numbers.gyro[0]
+        bias, rows, gyro = estimate[_BIAS:_COVARIANCE], len(seen), numbers.gyro[0]
         innovation, read, noise = np.empty(3), np.empty(4), np.empty((3, 3))
         for n in range(len(numbers.tracker)):
             first, delay = numbers.tracker[n]
@@ -200,47 +205,49 @@ def reader(
             for i in range(4):
                 read[i] = at[i] / size
             if known[0]:
-                told_attitude(own, belief, read, noise, innovation)
+                update_attitude(data, estimate, read, noise, innovation)
             else:
                 known[0] = 1.0
-                told_first(own, belief, read, noise)
+                initialize_attitude(data, estimate, read, noise)
         for n in range(len(numbers.sun)):
             at = seen[time % rows, numbers.sun[n] : numbers.sun[n] + 3]
             if known[0] and sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2) > PRESENT:
-                towards, sigma = numbers.sun_direction[n], numbers.sun_sigma[n]
-                told_direction(own, belief, at, towards, sigma, innovation[:2])
+                direction, sigma = numbers.sun_direction[n], numbers.sun_sigma[n]
+                update_direction(data, estimate, at, direction, sigma, innovation[:2])
 
     return cast(Callable[..., None], take)
 
 
 @called
-def _told_first(own: AttitudeNumbers, belief: Vector, read: Vector, noise: Matrix) -> None:
-    p = belief[_COVARIANCE:].reshape((6, 6))
-    belief[:_BIAS] = read
+def _initialize_attitude(
+    data: AttitudeNumbers, estimate: Vector, read: Vector, noise: Matrix
+) -> None:
+    p = estimate[_COVARIANCE:].reshape((6, 6))
+    estimate[:_BIAS] = read
     p[:3, 3:] = 0.0
     p[3:, :3] = 0.0
     p[:3, :3] = noise
 
 
 @called
-def _told_attitude(
-    own: AttitudeNumbers, belief: Vector, read: Vector, noise: Matrix, innovation: Vector
+def _update_attitude(
+    data: AttitudeNumbers, estimate: Vector, read: Vector, noise: Matrix, innovation: Vector
 ) -> None:
-    p = belief[_COVARIANCE:].reshape((6, 6))
-    take_attitude(belief[:_BIAS], belief[_BIAS:_COVARIANCE], p, read, noise, innovation)
+    p = estimate[_COVARIANCE:].reshape((6, 6))
+    take_attitude(estimate[:_BIAS], estimate[_BIAS:_COVARIANCE], p, read, noise, innovation)
 
 
 @called
-def _told_direction(
-    own: AttitudeNumbers,
-    belief: Vector,
+def _update_direction(
+    data: AttitudeNumbers,
+    estimate: Vector,
     read: Vector,
     inertial: Vector,
     sigma: float,
     innovation: Vector,
 ) -> None:
-    p, bias = belief[_COVARIANCE:].reshape((6, 6)), belief[_BIAS:_COVARIANCE]
-    take_direction(belief[:_BIAS], bias, p, read, inertial, sigma, innovation)
+    p, bias = estimate[_COVARIANCE:].reshape((6, 6)), estimate[_BIAS:_COVARIANCE]
+    take_direction(estimate[:_BIAS], bias, p, read, inertial, sigma, innovation)
 
 
-_take = reader(_told_first, _told_attitude, _told_direction)
+_take = reader(_initialize_attitude, _update_attitude, _update_direction)

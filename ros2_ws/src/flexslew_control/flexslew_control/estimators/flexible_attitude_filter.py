@@ -3,7 +3,8 @@
 What is believed moves by the craft's own equations under the efforts that were applied; the gyro
 is a sensor of the mean rate over a tick, as the attitude turned by. The error is
 [e, v, b]: e the small turn along the joints, then modes; v that of their rates; b of the bias. It
-follows A(w) about the rates that are believed (see turning_platform), exactly for held efforts.
+follows A(w) about the rates that are believed (see rate_dependent_platform), exactly for held
+efforts.
 """
 
 from dataclasses import dataclass
@@ -13,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from flexslew_control.estimators.attitude_filter import Correction, GyroNoise, across
-from flexslew_control.free_platform import Independent, independent
-from flexslew_control.turning_platform import TurningPlatform, turning_platform
+from flexslew_control.estimators.attitude_filter import Correction, GyroNoise, cross_axes
+from flexslew_control.free_platform import JointCoordinates, joint_coordinates
+from flexslew_control.rate_dependent_platform import RateDependentPlatform, rate_dependent_platform
 from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -41,7 +42,7 @@ class AppendageModesSettings:
     initial: NonNegative = 1e-3  # standard deviation of each deflection at the start [m]
 
 
-class FlexibleBelief(NamedTuple):
+class FlexibleEstimate(NamedTuple):
     """An attitude, how the craft moves and bends, a bias, and how far off they may be."""
 
     attitude: Vector  # unit quaternion from body to inertial axes, x y z w, shape (4,)
@@ -53,7 +54,7 @@ class FlexibleBelief(NamedTuple):
 
 @dataclass(frozen=True)
 class FlexibleFilter:
-    """Implements TurnFilter, see attitude_estimator.
+    """Implements AttitudeFilter, see attitude_estimator.
 
     Args:
         model: that is believed; the platform's pose does not matter to how it moves.
@@ -67,8 +68,8 @@ class FlexibleFilter:
 
     model: Model
     joints: AttitudeJoints
-    platform: TurningPlatform
-    found: Independent
+    platform: RateDependentPlatform
+    found: JointCoordinates
     noise: GyroNoise
     settings: AppendageModesSettings
     period: float
@@ -83,7 +84,7 @@ class FlexibleFilter:
         return self.model.rest({})
 
     @cached_property
-    def _turn(self) -> Matrix:
+    def _rotation(self) -> Matrix:
         """From e to the small turn in body axes, shape (3, n)."""
         return np.asarray(np.linalg.pinv(self.joints.axes) @ np.eye(self._joints, self._n))
 
@@ -99,8 +100,8 @@ class FlexibleFilter:
     def steps(self) -> int:
         """How many steps a tick has: none longer than one radian of the fastest mode."""
         linear = self.platform.small.linear
-        fastest = float(np.abs(np.linalg.eigvals(linear.state_matrix)).max())
-        return max(1, int(np.ceil(fastest * self.period)))
+        highest = float(np.abs(np.linalg.eigvals(linear.state_matrix)).max())
+        return max(1, int(np.ceil(highest * self.period)))
 
     def begin(self, attitude: Vector, reading: Vector, sigmas: tuple[float, float]) -> Any:
         """Return a belief in a rate as the gyro reads it, and straight appendages.
@@ -120,120 +121,124 @@ class FlexibleFilter:
         white = self.noise.white**2 / self.period
         p[n : n + m, n : n + m] += white * axes @ axes.T
         small = self.platform.small.linear
-        own = np.sqrt(np.abs(np.diag(small.stiffness) / np.diag(small.mass)))[m:]
+        frequencies = np.sqrt(np.abs(np.diag(small.stiffness) / np.diag(small.mass)))[m:]
         one = np.arange(m, n)
         p[one, one], p[n + one, n + one] = (
             self.settings.initial**2,
-            (self.settings.initial * own) ** 2,
+            (self.settings.initial * frequencies) ** 2,
         )
         rates = self.found.basis[:, :m] @ (axes @ reading)
-        return FlexibleBelief(attitude, np.zeros(3), p, np.zeros(self.model.modes), rates)
+        return FlexibleEstimate(attitude, np.zeros(3), p, np.zeros(self.model.modes), rates)
 
-    def carried(self, belief: Any, reading: Vector, effort: Vector) -> Correction:
+    def propagate(self, estimate: Any, reading: Vector, effort: Vector) -> Correction:
         """Return the belief a tick later, corrected by what the gyro has read of that tick.
 
         Args:
-            belief: at the start of the tick.
+            estimate: at the start of the tick.
             reading: mean rate over the tick, bias and noise in it, shape (3,) [rad/s].
             effort: that was applied, shape (actuators,).
         """
         h, k = self.period, 2 * self._n
         q = self._rest.copy()
-        q[q.size - self.model.modes :] = belief.modes
-        before = np.concatenate((q, belief.rates))
+        q[q.size - self.model.modes :] = estimate.modes
+        before = np.concatenate((q, estimate.rates))
         after = self.model.advance(before, effort, h, self.steps)
-        turned = self.joints.orientation(self.model.joint_state(after)[0])
+        attitude = self.joints.orientation(self.model.joint_state(after)[0])
         middle = 0.5 * (self.model.joint_state(before)[1] + self.model.joint_state(after)[1])
         a, b = self.platform.state_matrix(middle), self.platform.input_matrix
         f, g = zero_order_hold(a, b, h)
-        step, pushed = block_diag(f, np.eye(3)), np.zeros((k + 3, k + 3))
-        pushed[:k, :k] = self.settings.effort_noise**2 / h * g @ g.T
-        pushed[-3:, -3:] = self.noise.walk**2 * h * np.eye(3)
-        angle = rotation_vector(turned)
+        step, process_noise = block_diag(f, np.eye(3)), np.zeros((k + 3, k + 3))
+        process_noise[:k, :k] = self.settings.effort_noise**2 / h * g @ g.T
+        process_noise[-3:, -3:] = self.noise.walk**2 * h * np.eye(3)
+        angle = rotation_vector(attitude)
         slope = (np.eye(3) + 0.5 * skew(angle)) / h
-        shows = self._shown(slope)
-        shows[:, k:] = np.eye(3)
+        jacobian = self._jacobian(slope)
+        jacobian[:, k:] = np.eye(3)
         # of the error before the tick: one of the attitude turns with the craft and does not show.
         # The difference of large covariances would be lost in their last digits
-        before = shows @ step
+        before = jacobian @ step
         before[:, : self._joints] = 0.0
         white, walk = self.noise
         variance = (white**2 / h + walk**2 * h / 3.0) * np.eye(3)
-        p = belief.covariance
-        s = before @ p @ before.T + shows @ pushed @ shows.T + variance
-        gain = np.linalg.solve(s, before @ p @ step.T + shows @ pushed).T
-        left, kept = step - gain @ before, np.eye(k + 3) - gain @ shows
-        narrowed = left @ p @ left.T + kept @ pushed @ kept.T + gain @ variance @ gain.T
-        moved = FlexibleBelief(
-            product(belief.attitude, turned), belief.bias, narrowed,
+        p = estimate.covariance
+        s = before @ p @ before.T + jacobian @ process_noise @ jacobian.T + variance
+        gain = np.linalg.solve(s, before @ p @ step.T + jacobian @ process_noise).T
+        left, kept = step - gain @ before, np.eye(k + 3) - gain @ jacobian
+        new_covariance = (
+            left @ p @ left.T + kept @ process_noise @ kept.T + gain @ variance @ gain.T
+        )
+        predicted = FlexibleEstimate(
+            product(estimate.attitude, attitude), estimate.bias, new_covariance,
             self.model.modal_state(after)[0], self.model.split(after)[1],
         )  # fmt: skip
-        return self._told(moved, reading - angle / h - belief.bias, gain, s)
+        return self._apply_innovation(predicted, reading - angle / h - estimate.bias, gain, s)
 
-    def told_attitude(self, belief: Any, measured: Vector, noise: Matrix) -> Correction:
-        """Return the belief after a measured attitude; see corrected_by_attitude."""
-        off = rotation_vector(product(conjugate(belief.attitude), measured))
-        return self._corrected(belief, off, self._shown(np.eye(3)), noise)
+    def update_attitude(self, estimate: Any, measured: Vector, noise: Matrix) -> Correction:
+        """Return the belief after a measured attitude; see correct_by_attitude."""
+        off = rotation_vector(product(conjugate(estimate.attitude), measured))
+        return self._correct(estimate, off, self._jacobian(np.eye(3)), noise)
 
-    def told_direction(
-        self, belief: Any, measured: Vector, inertial: Vector, sigma: float
+    def update_direction(
+        self, estimate: Any, measured: Vector, inertial: Vector, sigma: float
     ) -> Correction:
-        """Return the belief after a measured direction; see corrected_by_direction."""
-        seen = to_body(belief.attitude) @ inertial
-        two = across(seen)
-        shows = self._shown(two @ skew(seen))
-        return self._corrected(belief, two @ measured, shows, sigma**2 * np.eye(2))
+        """Return the belief after a measured direction; see correct_by_direction."""
+        seen = to_body(estimate.attitude) @ inertial
+        two = cross_axes(seen)
+        jacobian = self._jacobian(two @ skew(seen))
+        return self._correct(estimate, two @ measured, jacobian, sigma**2 * np.eye(2))
 
-    def first_told(self, belief: Any, measured: Vector, noise: Matrix) -> Any:
+    def initialize_attitude(self, estimate: Any, measured: Vector, noise: Matrix) -> Any:
         """Return the belief in the first measured attitude."""
-        m, p = self._joints, belief.covariance.copy()
+        m, p = self._joints, estimate.covariance.copy()
         p[:m], p[:, :m] = 0.0, 0.0
         p[:m, :m] = self.joints.axes @ noise @ self.joints.axes.T
-        return belief._replace(attitude=measured, covariance=p)
+        return estimate._replace(attitude=measured, covariance=p)
 
-    def rate(self, belief: Any, reading: Vector) -> Vector:
+    def rate(self, estimate: Any, reading: Vector) -> Vector:
         """Return the rate in body axes, shape (3,) [rad/s]."""
-        state = np.concatenate((self._rest, belief.rates))
-        return self.joints.turn_of(self.model.joint_state(state)[1])
+        state = np.concatenate((self._rest, estimate.rates))
+        return self.joints.rotation_vector_of(self.model.joint_state(state)[1])
 
-    def covariance(self, belief: Any) -> Matrix:
+    def covariance(self, estimate: Any) -> Matrix:
         """Return that of small turn, bias, body rates, then modes and their rates."""
         n, m = self._n, self._joints
-        turn, others = self._turn[:, :m], np.eye(n - m)
-        rows = block_diag(turn, others, turn, others, np.eye(3))
+        rotation, others = self._rotation[:, :m], np.eye(n - m)
+        rows = block_diag(rotation, others, rotation, others, np.eye(3))
         at = np.split(np.arange(len(rows)), [3, n, n + 3, 2 * n])  # m is 3
         order = np.concatenate((at[0], at[4], at[2], at[1], at[3]))
-        p: Matrix = rows @ belief.covariance @ rows.T
+        p: Matrix = rows @ estimate.covariance @ rows.T
         return p[np.ix_(order, order)]
 
-    def _shown(self, of_turn: Matrix) -> Matrix:
-        shows = np.zeros((len(of_turn), 2 * self._n + 3))
-        shows[:, : self._n] = of_turn @ self._turn
-        return shows
+    def _jacobian(self, by_rotation: Matrix) -> Matrix:
+        jacobian = np.zeros((len(by_rotation), 2 * self._n + 3))
+        jacobian[:, : self._n] = by_rotation @ self._rotation
+        return jacobian
 
-    def _corrected(
-        self, belief: FlexibleBelief, innovation: Vector, shows: Matrix, noise: Matrix
+    def _correct(
+        self, estimate: FlexibleEstimate, innovation: Vector, jacobian: Matrix, noise: Matrix
     ) -> Correction:
         """Return the belief after an innovation of H times the error, by Joseph's form."""
-        p = belief.covariance
-        s = shows @ p @ shows.T + noise
-        gain = np.linalg.solve(s, shows @ p).T
-        left = np.eye(len(p)) - gain @ shows
-        narrowed = left @ p @ left.T + gain @ noise @ gain.T
-        return self._told(belief._replace(covariance=narrowed), innovation, gain, s)
+        p = estimate.covariance
+        s = jacobian @ p @ jacobian.T + noise
+        gain = np.linalg.solve(s, jacobian @ p).T
+        left = np.eye(len(p)) - gain @ jacobian
+        new_covariance = left @ p @ left.T + gain @ noise @ gain.T
+        return self._apply_innovation(
+            estimate._replace(covariance=new_covariance), innovation, gain, s
+        )
 
-    def _told(
-        self, belief: FlexibleBelief, innovation: Vector, gain: Any, variance: Matrix
+    def _apply_innovation(
+        self, estimate: FlexibleEstimate, innovation: Vector, gain: Any, variance: Matrix
     ) -> Correction:
         """Return a belief moved by an innovation; its covariance is that after it already."""
         n, error = self._n, gain @ innovation
-        turned = product(belief.attitude, quaternion(self._turn @ error[:n]))
-        after = FlexibleBelief(
-            turned / np.linalg.norm(turned),
-            belief.bias + error[2 * n : 2 * n + 3],
-            belief.covariance,
-            belief.modes + self.found.elastic(self.model.modes) @ error[self._joints : n],
-            belief.rates + self.found.basis @ error[n : 2 * n],
+        attitude = product(estimate.attitude, quaternion(self._rotation @ error[:n]))
+        after = FlexibleEstimate(
+            attitude / np.linalg.norm(attitude),
+            estimate.bias + error[2 * n : 2 * n + 3],
+            estimate.covariance,
+            estimate.modes + self.found.elastic(self.model.modes) @ error[self._joints : n],
+            estimate.rates + self.found.basis @ error[n : 2 * n],
         )
         nis = float(innovation @ np.linalg.solve(variance, innovation))
         return Correction(after, innovation, nis)
@@ -255,7 +260,7 @@ def flexible_filter(
             value=", ".join(model.joint_names),
         )
     rest = model.rest({})
-    platform = turning_platform(model, rest)
+    platform = rate_dependent_platform(model, rest)
     assert platform is not None
-    found = independent(model, rest)
+    found = joint_coordinates(model, rest)
     return FlexibleFilter(model, joints, platform, found, noise, settings, period)

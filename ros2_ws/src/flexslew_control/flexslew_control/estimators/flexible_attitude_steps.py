@@ -11,13 +11,13 @@ import numpy as np
 from flexslew_control.estimators.attitude_steps import (
     compare_attitude,
     compare_direction,
-    narrow,
+    rotate,
     solve,
-    turned,
+    update_covariance,
 )
-from flexslew_control.held_step import held_step
+from flexslew_control.held_step import exponential_step
 from flexslew_plant.arrays import Matrix, Vector, called
-from flexslew_plant.testbeds.quaternions import Quaternion, multiplied, turn_of
+from flexslew_plant.testbeds.quaternions import Quaternion, multiply, rotation_vector_of
 
 BIAS, MODES = 4, 7  # where they begin in a belief
 
@@ -37,28 +37,28 @@ class FlexibleNumbers(NamedTuple):
     # and 3, then by their products 11, 12, 13, 22, 23 and 33, (10, k (k + efforts))
     generators: Matrix
     scale: Vector  # D of D^-1 A D, which balances them, then of the efforts, (k + efforts,)
-    deviations: Vector  # of efforts held for a tick, of the gyro, of the bias' walk, (3,)
+    sigmas: Vector  # of efforts held for a tick, of the gyro, of the bias' walk, (3,)
 
 
 @called
-def begin(own: FlexibleNumbers, attitude: Quaternion, reading: Vector, belief: Vector) -> None:
+def begin(data: FlexibleNumbers, attitude: Quaternion, reading: Vector, estimate: Vector) -> None:
     """Write a belief in an attitude, and a rate as the gyro reads it."""
-    errors, start = len(own.first), own.start
-    v = belief[belief.size - errors**2 - len(start) : belief.size - errors**2]
-    belief[:] = 0.0
-    belief[0], belief[1], belief[2], belief[3] = attitude
+    errors, start = len(data.first), data.start
+    v = estimate[estimate.size - errors**2 - len(start) : estimate.size - errors**2]
+    estimate[:] = 0.0
+    estimate[0], estimate[1], estimate[2], estimate[3] = attitude
     for i in range(v.size):
         for j in range(3):
             v[i] += start[i, j] * reading[j]
-    _covariance(own, belief)[:] = own.first
+    _covariance(data, estimate)[:] = data.first
 
 
 @called
 def carry(
-    own: FlexibleNumbers,
-    belief: Vector,
-    moved: Vector,
-    turn: Quaternion,
+    data: FlexibleNumbers,
+    estimate: Vector,
+    motion: Vector,
+    rotation: Quaternion,
     middle: Vector,
     reading: Vector,
     dt: float,
@@ -70,32 +70,32 @@ def carry(
     (W - K C) diag(P, 1) (W - K C)^T + K R K^T.
 
     Args:
-        own: data of the filter.
-        belief: prior belief; updated in place.
-        moved: modes and v at the end of the tick by the equations, (modes + coordinates,).
-        turn: rotation over the tick by them.
+        data: data of the filter.
+        estimate: prior belief; updated in place.
+        motion: modes and v at the end of the tick by the equations, (modes + coordinates,).
+        rotation: rotation over the tick by them.
         middle: rates of the joints in its middle, (3,) [rad/s].
         reading: reading of the gyro, (3,) [rad/s].
         dt: one tick [s].
     """
-    p, errors, deviation = _covariance(own, belief), len(own.first), own.deviations[1]
-    angle, inverse = turn_of(turn), own.inverse
-    innovation, slope, shows = np.empty(3), np.empty((3, 3)), np.zeros((3, 6))
+    p, errors, deviation = _covariance(data, estimate), len(data.first), data.sigmas[1]
+    angle, inverse = rotation_vector_of(rotation), data.inverse
+    innovation, slope, jacobian = np.empty(3), np.empty((3, 3)), np.zeros((3, 6))
     for i in range(3):
         after, then = (i + 1) % 3, (i + 2) % 3
         slope[i, i], slope[i, after], slope[i, then] = 1.0, -0.5 * angle[then], 0.5 * angle[after]
-        innovation[i] = reading[i] - angle[i] / dt - belief[BIAS + i]
-        shows[i, 3 + i] = 1.0
+        innovation[i] = reading[i] - angle[i] / dt - estimate[BIAS + i]
+        jacobian[i, 3 + i] = 1.0
     for i in range(3):
         for j in range(3):
             for n in range(3):
-                shows[i, j] += slope[i, n] / dt * inverse[n, j]
-    step = _over_a_tick(own, middle)
-    seen = _product(shows, step)
+                jacobian[i, j] += slope[i, n] / dt * inverse[n, j]
+    step = _over_a_tick(data, middle)
+    seen = _product(jacobian, step)
     seen[:, :3] = 0.0  # an error of the attitude turns with the craft
-    ahead, noise = seen.copy(), step.shape[1] - 3
-    ahead[:, :errors] = _product(seen, p)
-    gain, variance = ahead @ step.T, ahead @ seen.T
+    product, noise = seen.copy(), step.shape[1] - 3
+    product[:, :errors] = _product(seen, p)
+    gain, variance = product @ step.T, product @ seen.T
     for i in range(3):
         variance[i, i] += deviation**2
     solve(variance, gain, innovation.copy())
@@ -104,24 +104,26 @@ def carry(
             for j in range(noise):
                 step[i, j] -= gain[n, i] * seen[n, j]
             step[i, noise + n] = deviation * gain[n, i]
-    ahead = step.copy()
-    ahead[:, :errors] = np.ascontiguousarray(step[:, :errors]) @ p
-    narrowed = ahead @ step.T
-    attitude = multiplied((belief[0], belief[1], belief[2], belief[3]), turn)
-    belief[0], belief[1], belief[2], belief[3] = attitude
-    for i in range(moved.size):
-        belief[MODES + i] = moved[i]
-    _correct(own, innovation @ gain, belief)
+    product = step.copy()
+    product[:, :errors] = np.ascontiguousarray(step[:, :errors]) @ p
+    new_covariance = product @ step.T
+    attitude = multiply((estimate[0], estimate[1], estimate[2], estimate[3]), rotation)
+    estimate[0], estimate[1], estimate[2], estimate[3] = attitude
+    for i in range(motion.size):
+        estimate[MODES + i] = motion[i]
+    _correct(data, innovation @ gain, estimate)
     for i in range(errors):
         for j in range(errors):
-            p[i, j] = narrowed[i, j]
+            p[i, j] = new_covariance[i, j]
 
 
 @called
-def told_first(own: FlexibleNumbers, belief: Vector, read: Vector, noise: Matrix) -> None:
+def initialize_attitude(
+    data: FlexibleNumbers, estimate: Vector, read: Vector, noise: Matrix
+) -> None:
     """Replace the belief by one in the first measured attitude."""
-    p, axes = _covariance(own, belief), own.axes
-    belief[:BIAS] = read
+    p, axes = _covariance(data, estimate), data.axes
+    estimate[:BIAS] = read
     p[:3] = 0.0
     p[:, :3] = 0.0
     for i in range(3):
@@ -132,113 +134,113 @@ def told_first(own: FlexibleNumbers, belief: Vector, read: Vector, noise: Matrix
 
 
 @called
-def told_attitude(
-    own: FlexibleNumbers, belief: Vector, read: Vector, noise: Matrix, innovation: Vector
+def update_attitude(
+    data: FlexibleNumbers, estimate: Vector, read: Vector, noise: Matrix, innovation: Vector
 ) -> None:
     """Correct the belief by a measured attitude, and write the innovation (3,)."""
-    error = np.empty(len(own.first))
-    compare_attitude(belief[:BIAS], read, innovation)
-    narrow(_covariance(own, belief), innovation, own.inverse, noise, error)
-    _correct(own, error, belief)
+    error = np.empty(len(data.first))
+    compare_attitude(estimate[:BIAS], read, innovation)
+    update_covariance(_covariance(data, estimate), innovation, data.inverse, noise, error)
+    _correct(data, error, estimate)
 
 
 @called
-def told_direction(
-    own: FlexibleNumbers,
-    belief: Vector,
+def update_direction(
+    data: FlexibleNumbers,
+    estimate: Vector,
     read: Vector,
     inertial: Vector,
     sigma: float,
     innovation: Vector,
 ) -> None:
     """Correct the belief by a measured direction, and write the innovation (2,)."""
-    error, noise, inverse = np.empty(len(own.first)), np.zeros((2, 2)), own.inverse
-    of_turn, shows = np.empty((2, 3)), np.zeros((2, 3))
-    compare_direction(belief[:BIAS], read, inertial, innovation, of_turn)
+    error, noise, inverse = np.empty(len(data.first)), np.zeros((2, 2)), data.inverse
+    by_rotation, jacobian = np.empty((2, 3)), np.zeros((2, 3))
+    compare_direction(estimate[:BIAS], read, inertial, innovation, by_rotation)
     for i in range(2):
         noise[i, i] = sigma**2
         for j in range(3):
             for n in range(3):
-                shows[i, j] += of_turn[i, n] * inverse[n, j]
-    narrow(_covariance(own, belief), innovation, shows, noise, error)
-    _correct(own, error, belief)
+                jacobian[i, j] += by_rotation[i, n] * inverse[n, j]
+    update_covariance(_covariance(data, estimate), innovation, jacobian, noise, error)
+    _correct(data, error, estimate)
 
 
 @called
-def rate_of(own: FlexibleNumbers, belief: Vector) -> Vector:
+def rate_of(data: FlexibleNumbers, estimate: Vector) -> Vector:
     """Return the body rate that is believed, (3,) [rad/s]."""
-    rate, of_v, first = np.zeros(3), own.rate, MODES + len(own.moved) - len(own.start)
+    rate, of_v, first = np.zeros(3), data.rate, MODES + len(data.moved) - len(data.start)
     for i in range(3):
         for j in range(of_v.shape[1]):
-            rate[i] += of_v[i, j] * belief[first + j]
+            rate[i] += of_v[i, j] * estimate[first + j]
     return rate
 
 
 @called
-def _product(shows: Matrix, rows: Matrix) -> Matrix:
+def _product(jacobian: Matrix, rows: Matrix) -> Matrix:
     """Return a matrix of three rows times the first rows of another, as many as it has columns."""
     out = np.zeros((3, rows.shape[1]))
     for i in range(3):
-        for n in range(min(shows.shape[1], len(rows))):
+        for n in range(min(jacobian.shape[1], len(rows))):
             for j in range(rows.shape[1]):
-                out[i, j] += shows[i, n] * rows[n, j]
+                out[i, j] += jacobian[i, n] * rows[n, j]
     return out
 
 
 @called
-def _covariance(own: FlexibleNumbers, belief: Vector) -> Matrix:
-    errors = len(own.first)
-    return belief[belief.size - errors**2 :].reshape((errors, errors))
+def _covariance(data: FlexibleNumbers, estimate: Vector) -> Matrix:
+    errors = len(data.first)
+    return estimate[estimate.size - errors**2 :].reshape((errors, errors))
 
 
 @called
-def _correct(own: FlexibleNumbers, error: Vector, belief: Vector) -> None:
+def _correct(data: FlexibleNumbers, error: Vector, estimate: Vector) -> None:
     """Move what is believed by an error; the covariance stays."""
-    x, y, z, inverse, moved = 0.0, 0.0, 0.0, own.inverse, own.moved
+    x, y, z, inverse, motion = 0.0, 0.0, 0.0, data.inverse, data.moved
     for j in range(3):
         x += inverse[0, j] * error[j]
         y += inverse[1, j] * error[j]
         z += inverse[2, j] * error[j]
-        belief[BIAS + j] += error[3 + j]
-    before = (belief[0], belief[1], belief[2], belief[3])
-    belief[0], belief[1], belief[2], belief[3] = turned(before, x, y, z)
-    for i in range(len(moved)):
+        estimate[BIAS + j] += error[3 + j]
+    before = (estimate[0], estimate[1], estimate[2], estimate[3])
+    estimate[0], estimate[1], estimate[2], estimate[3] = rotate(before, x, y, z)
+    for i in range(len(motion)):
         total = 0.0
         for j in range(error.size):
-            total += moved[i, j] * error[j]
-        belief[MODES + i] += total
+            total += motion[i, j] * error[j]
+        estimate[MODES + i] += total
 
 
 @called
-def _over_a_tick(own: FlexibleNumbers, middle: Vector) -> Matrix:
+def _over_a_tick(data: FlexibleNumbers, middle: Vector) -> Matrix:
     """Return F over a tick, and to its right the root of the covariance that the tick adds.
 
     Args:
-        own: data of the filter.
+        data: data of the filter.
         middle: rates of the joints, (3,) [rad/s].
 
     Returns:
         shape (errors, errors + 3 + efforts + 3), the last three columns zero.
     """
-    k, errors, weights, at = len(own.first) - 3, len(own.first), np.empty(10), 4
+    k, errors, weights, at = len(data.first) - 3, len(data.first), np.empty(10), 4
     weights[0] = 1.0
     for n in range(3):
         weights[1 + n] = middle[n]
         for m in range(n, 3):
             weights[at] = middle[n] * middle[m]
             at += 1
-    both, scale = (weights @ own.generators).reshape((k, -1)), own.scale
-    held_step(both)
-    of_bias, of_effort, back = own.deviations[2], own.deviations[0], 1.0 / scale
-    step = np.zeros((errors, errors + 3 + both.shape[1] - k + 3))
+    transition, scale = (weights @ data.generators).reshape((k, -1)), data.scale
+    exponential_step(transition)
+    of_bias, of_effort, inverse_scale = data.sigmas[2], data.sigmas[0], 1.0 / scale
+    step = np.zeros((errors, errors + 3 + transition.shape[1] - k + 3))
     for i in range(3):
         step[3 + i, 3 + i], step[3 + i, errors + i] = 1.0, of_bias
     for i in range(k):
         row = step[i if i < 3 else i + 3]
         for j in range(3):
-            row[j] = scale[i] * both[i, j] * back[j]
+            row[j] = scale[i] * transition[i, j] * inverse_scale[j]
         for j in range(3, k):
-            row[j + 3] = scale[i] * both[i, j] * back[j]
-        for j in range(k, both.shape[1]):
-            row[errors + 3 + j - k] = of_effort * scale[i] * both[i, j] * back[j]
+            row[j + 3] = scale[i] * transition[i, j] * inverse_scale[j]
+        for j in range(k, transition.shape[1]):
+            row[errors + 3 + j - k] = of_effort * scale[i] * transition[i, j] * inverse_scale[j]
     return step

@@ -23,20 +23,20 @@ from flexslew_control.estimators.flexible_attitude_steps import (
     FlexibleNumbers,
     begin,
     carry,
+    initialize_attitude,
     rate_of,
-    told_attitude,
-    told_direction,
-    told_first,
+    update_attitude,
+    update_direction,
 )
 from flexslew_plant.arrays import Matrix, Vector, called, compiled
-from flexslew_plant.testbeds.attitude import joint_turn
-from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel
+from flexslew_plant.testbeds.attitude import joint_rotation_vector
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH, BatchKernel
 from flexslew_plant.testbeds.model import Model
-from flexslew_plant.testbeds.quaternions import of_turn
+from flexslew_plant.testbeds.quaternions import quaternion_of
 
-_TURNING = 0.1  # rates of the joints for which equations are balanced [rad/s]
+_SLEW_RATE = 0.1  # rates of the joints for which equations are balanced [rad/s]
 
-_take = reader(told_first, told_attitude, told_direction)
+_take = reader(initialize_attitude, update_attitude, update_direction)
 
 
 class FlexibleForm(NamedTuple):
@@ -59,24 +59,24 @@ def _numbers(it: FlexibleFilter, settings: AttitudeFilterSettings) -> FlexibleNu
     model, small, basis = it.model, it.platform.small, it.found.basis
     n, m, modes = small.coordinates, small.joints, model.modes
     order = np.concatenate((np.arange(m), 2 * n + np.arange(3), np.arange(m, 2 * n)))
-    belief = it.begin(
+    estimate = it.begin(
         np.array([0.0, 0.0, 0.0, 1.0]),
         np.zeros(3),
         (settings.initial_attitude, settings.initial_bias),
     )
-    moved = np.zeros((modes + model.coordinates, 2 * n + 3))
-    moved[:modes, m:n], moved[modes:, n : 2 * n] = it.found.elastic(modes), basis
+    motion = np.zeros((modes + model.coordinates, 2 * n + 3))
+    motion[:modes, m:n], motion[modes:, n : 2 * n] = it.found.elastic(modes), basis
     generators, scale = _generators(it)
     white, walk = it.noise
     return FlexibleNumbers(
         model.packed,
         model.rest({}),
         np.array(it.joints.axes, dtype=np.float64),
-        np.array(it.joints.turn_of(np.eye(m)).T, order="C"),
+        np.array(it.joints.rotation_vector_of(np.eye(m)).T, order="C"),
         basis[:, :m] @ it.joints.axes,
-        it.joints.turn_of(it.found.readings.T).T.copy(),
-        moved[:, order],
-        belief.covariance[np.ix_(order, order)],
+        it.joints.rotation_vector_of(it.found.outputs.T).T.copy(),
+        motion[:, order],
+        estimate.covariance[np.ix_(order, order)],
         generators,
         scale,
         np.array([
@@ -96,29 +96,29 @@ def _generators(it: FlexibleFilter) -> tuple[Matrix, Vector]:
     found[4:, :, :k] = [(1.0 if i == j else 2.0) * p.quadratic[i, j] for i, j in pairs]
     found[0, :, k:] = p.input_matrix
     found *= it.period
-    turning = np.tensordot([1.0, *[_TURNING] * 3, *[_TURNING**2] * 6], np.abs(found), axes=1)
-    _, (scale, _) = matrix_balance(turning[:, :k], permute=False, separate=True)
+    typical = np.tensordot([1.0, *[_SLEW_RATE] * 3, *[_SLEW_RATE**2] * 6], np.abs(found), axes=1)
+    _, (scale, _) = matrix_balance(typical[:, :k], permute=False, separate=True)
     columns = np.abs(found[0, :, k:] / scale[:, None]).sum(axis=0)
-    both = np.concatenate((scale, 0.25 * 0.5 ** np.frexp(columns)[1]))
-    return (found * both / scale[:, None]).reshape(10, -1), both
+    factors = np.concatenate((scale, 0.25 * 0.5 ** np.frexp(columns)[1]))
+    return (found * factors / scale[:, None]).reshape(10, -1), factors
 
 
-def flexible_memory(sensors: AttitudeNumbers, own: FlexibleNumbers, tips: int) -> int:
+def flexible_memory(sensors: AttitudeNumbers, data: FlexibleNumbers, tips: int) -> int:
     """Return how many numbers the tick keeps in its memory of each craft.
 
     Args:
         sensors: of the filter.
-        own: of the filter.
+        data: of the filter.
         tips: channels of all tips.
     """
-    rows, efforts = 1 + int(sensors.tracker[:, 1].max()), _efforts(own.scale, own.first)
-    return 2 * _size(own.moved, own.first) + 1 + rows * (tips + efforts)
+    rows, efforts = 1 + int(sensors.tracker[:, 1].max()), _efforts(data.scale, data.first)
+    return 2 * _size(data.moved, data.first) + 1 + rows * (tips + efforts)
 
 
 @called
-def _size(moved: Matrix, first: Matrix) -> int:
+def _size(motion: Matrix, first: Matrix) -> int:
     """Return the size of a belief."""
-    return MODES + len(moved) + len(first) ** 2
+    return MODES + len(motion) + len(first) ** 2
 
 
 @called
@@ -128,72 +128,77 @@ def _efforts(scale: Vector, first: Matrix) -> int:
 
 
 @called
-def flexible_of(all_crafts: FlexibleNumbers, k: int) -> FlexibleNumbers:
+def flexible_of(batch: FlexibleNumbers, k: int) -> FlexibleNumbers:
     """Return the filter data of one craft, from arrays with a row for each."""
     return FlexibleNumbers(
-        all_crafts.packed[k],
-        all_crafts.rest[k],
-        all_crafts.axes[k],
-        all_crafts.inverse[k],
-        all_crafts.start[k],
-        all_crafts.rate[k],
-        all_crafts.moved[k],
-        all_crafts.first[k],
-        all_crafts.generators[k],
-        all_crafts.scale[k],
-        all_crafts.deviations[k],
+        batch.packed[k],
+        batch.rest[k],
+        batch.axes[k],
+        batch.inverse[k],
+        batch.start[k],
+        batch.rate[k],
+        batch.moved[k],
+        batch.first[k],
+        batch.generators[k],
+        batch.scale[k],
+        batch.sigmas[k],
     )
 
 
 @called
 def _place(
-    own: FlexibleNumbers, belief: Vector, held: Vector, effort: int, mode: int, here: Vector
+    data: FlexibleNumbers,
+    estimate: Vector,
+    applied_effort: Vector,
+    effort: int,
+    mode: int,
+    here: Vector,
 ) -> None:
     """Write a craft as it is believed, and its efforts; here: every LANES-th number is its own."""
-    v, modes, rest = len(own.start), len(own.moved) - len(own.start), own.rest
+    v, modes, rest = len(data.start), len(data.moved) - len(data.start), data.rest
     for i in range(rest.size):
-        here[i * LANES] = rest[i]
+        here[i * BATCH_WIDTH] = rest[i]
     for i in range(modes):
-        here[mode + i * LANES] = belief[MODES + i]
+        here[mode + i * BATCH_WIDTH] = estimate[MODES + i]
     for i in range(v):
-        here[(rest.size + i) * LANES] = belief[MODES + modes + i]
-    for i in range(held.size):
-        here[effort + i * LANES] = held[i]
+        here[(rest.size + i) * BATCH_WIDTH] = estimate[MODES + modes + i]
+    for i in range(applied_effort.size):
+        here[effort + i * BATCH_WIDTH] = applied_effort[i]
 
 
 @called
-def _moved(own: FlexibleNumbers, mode: int, here: Vector) -> Vector:
+def _motion(data: FlexibleNumbers, mode: int, here: Vector) -> Vector:
     """Return modes and v of a craft where the equations have led, see _place."""
-    v, modes = len(own.start), len(own.moved) - len(own.start)
-    moved, positions = np.empty(modes + v), own.rest.size
+    v, modes = len(data.start), len(data.moved) - len(data.start)
+    motion, positions = np.empty(modes + v), data.rest.size
     for i in range(modes):
-        moved[i] = here[mode + i * LANES]
+        motion[i] = here[mode + i * BATCH_WIDTH]
     for i in range(v):
-        moved[modes + i] = here[(positions + i) * LANES]
-    return moved
+        motion[modes + i] = here[(positions + i) * BATCH_WIDTH]
+    return motion
 
 
 @called
 def _take_all(
     then: int,
     sensors: AttitudeNumbers,
-    crafts: FlexibleNumbers,
+    filters: FlexibleNumbers,
     columns: int,
     memory: Matrix,
     filled: int,
 ) -> None:
     """Correct the beliefs by what was measured at their time."""
-    size = _size(crafts.moved[0], crafts.first[0])
-    for lane in range(filled):
-        own = flexible_of(crafts, min(lane, len(crafts.scale) - 1))
-        one = numbers_of(sensors, min(lane, len(sensors.period) - 1))
-        seen = memory[lane, 2 * size + 1 :].reshape((-1, columns))
-        known = memory[lane, 2 * size : 2 * size + 1]
-        _take(then, one, own, seen, memory[lane, :size], known)
+    size = _size(filters.moved[0], filters.first[0])
+    for member in range(filled):
+        data = flexible_of(filters, min(member, len(filters.scale) - 1))
+        one = numbers_of(sensors, min(member, len(sensors.period) - 1))
+        seen = memory[member, 2 * size + 1 :].reshape((-1, columns))
+        known = memory[member, 2 * size : 2 * size + 1]
+        _take(then, one, data, seen, memory[member, :size], known)
 
 
 @lru_cache
-def flexible_tick(kernel: LaneKernel, steps: int) -> Callable[..., None]:
+def flexible_tick(kernel: BatchKernel, steps: int) -> Callable[..., None]:
     """Return the tick of the filters of crafts with the same equations.
 
     It takes (k, sensors, crafts, told, reference, memory, place, found, filled) and writes the
@@ -215,75 +220,84 @@ def flexible_tick(kernel: LaneKernel, steps: int) -> Callable[..., None]:
         then: int,
         first: int,
         sensors: AttitudeNumbers,
-        crafts: FlexibleNumbers,
+        filters: FlexibleNumbers,
         columns: int,
         memory: Matrix,
         place: Vector,
         filled: int,
     ) -> None:
         """Carry the beliefs that begin at `first` in the memory through the tick up to `then`."""
-        size, dt = _size(crafts.moved[0], crafts.first[0]), sensors.period[0, 0]
+        size, dt = _size(filters.moved[0], filters.first[0]), sensors.period[0, 0]
         middle = np.empty(3)
-        efforts = _efforts(crafts.scale[0], crafts.first[0])
-        for lane in range(filled):
-            own = flexible_of(crafts, min(lane, len(crafts.scale) - 1))
-            seen = memory[lane, 2 * size + 1 :].reshape((-1, columns))
-            held = seen[then % len(seen), columns - efforts :]
-            _place(own, memory[lane, first : first + size], held, effort, mode, place[lane:])
+        efforts = _efforts(filters.scale[0], filters.first[0])
+        for member in range(filled):
+            data = flexible_of(filters, min(member, len(filters.scale) - 1))
+            seen = memory[member, 2 * size + 1 :].reshape((-1, columns))
+            applied_effort = seen[then % len(seen), columns - efforts :]
+            _place(
+                data,
+                memory[member, first : first + size],
+                applied_effort,
+                effort,
+                mode,
+                place[member:],
+            )
         read(filled, place)
-        before = place[rates : rates + 3 * LANES].copy()
+        before = place[rates : rates + 3 * BATCH_WIDTH].copy()
         advance(0.0, dt, steps, filled, place)
         read(filled, place)
-        for lane in range(filled):
-            own = flexible_of(crafts, min(lane, len(crafts.scale) - 1))
-            gyro = sensors.gyro[min(lane, len(sensors.period) - 1), 0]
-            seen = memory[lane, 2 * size + 1 :].reshape((-1, columns))
+        for member in range(filled):
+            data = flexible_of(filters, min(member, len(filters.scale) - 1))
+            gyro = sensors.gyro[min(member, len(sensors.period) - 1), 0]
+            seen = memory[member, 2 * size + 1 :].reshape((-1, columns))
             for i in range(3):
-                at = i * LANES + lane
+                at = i * BATCH_WIDTH + member
                 middle[i] = 0.5 * (before[at] + place[rates + at])
-            x, y, z = joint_turn(own.inverse, place[position + lane :: LANES][:3])
+            x, y, z = joint_rotation_vector(
+                data.inverse, place[position + member :: BATCH_WIDTH][:3]
+            )
             carry(
-                own, memory[lane, first : first + size], _moved(own, mode, place[lane:]),
-                of_turn(x, y, z), middle, seen[then % len(seen), gyro : gyro + 3], dt,
+                data, memory[member, first : first + size], _motion(data, mode, place[member:]),
+                quaternion_of(x, y, z), middle, seen[then % len(seen), gyro : gyro + 3], dt,
             )  # fmt: skip
 
     @compiled
     def tick(
         k: int,
         sensors: AttitudeNumbers,
-        crafts: FlexibleNumbers,
-        told: Matrix,
+        filters: FlexibleNumbers,
+        measured: Matrix,
         reference: Vector,
         memory: Matrix,
         place: Vector,
         found: Matrix,
         filled: int,
     ) -> None:
-        size, columns = _size(crafts.moved[0], crafts.first[0]), told.shape[1]
+        size, columns = _size(filters.moved[0], filters.first[0]), measured.shape[1]
         late = (memory.shape[1] - 2 * size - 1) // columns - 1
-        for lane in range(filled):
-            seen = memory[lane, 2 * size + 1 :].reshape((-1, columns))
-            seen[k % (late + 1)] = told[lane]
+        for member in range(filled):
+            seen = memory[member, 2 * size + 1 :].reshape((-1, columns))
+            seen[k % (late + 1)] = measured[member]
             if k == 0:
-                own = flexible_of(crafts, min(lane, len(crafts.scale) - 1))
-                one = numbers_of(sensors, min(lane, len(sensors.period) - 1))
-                x, y, z = joint_turn(one.inverse, reference)
+                data = flexible_of(filters, min(member, len(filters.scale) - 1))
+                one = numbers_of(sensors, min(member, len(sensors.period) - 1))
+                x, y, z = joint_rotation_vector(one.inverse, reference)
                 reading = seen[0, one.gyro[0] : one.gyro[0] + 3]
-                begin(own, of_turn(x, y, z), reading, memory[lane, :size])
-                memory[lane, 2 * size] = 0.0
+                begin(data, quaternion_of(x, y, z), reading, memory[member, :size])
+                memory[member, 2 * size] = 0.0
         for then in range(max(k - late, 0), k + 1):
-            of_belief = then == k - late
+            at_estimate = then == k - late
             if then > 0:
-                first = 0 if of_belief else size
-                carry_all(then, first, sensors, crafts, columns, memory, place, filled)
-            if of_belief:
-                _take_all(then, sensors, crafts, columns, memory, filled)
+                first = 0 if at_estimate else size
+                carry_all(then, first, sensors, filters, columns, memory, place, filled)
+            if at_estimate:
+                _take_all(then, sensors, filters, columns, memory, filled)
             if then == max(k - late, 0):
-                for lane in range(filled):
-                    memory[lane, size : 2 * size] = memory[lane, :size]
-        for lane in range(filled):
-            own = flexible_of(crafts, min(lane, len(crafts.scale) - 1))
-            found[lane, :BIAS] = memory[lane, size : size + BIAS]
-            found[lane, BIAS:] = rate_of(own, memory[lane, size : 2 * size])
+                for member in range(filled):
+                    memory[member, size : 2 * size] = memory[member, :size]
+        for member in range(filled):
+            data = flexible_of(filters, min(member, len(filters.scale) - 1))
+            found[member, :BIAS] = memory[member, size : size + BIAS]
+            found[member, BIAS:] = rate_of(data, memory[member, size : 2 * size])
 
     return cast(Callable[..., None], tick)

@@ -14,7 +14,7 @@ from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds.model import Model
 
 
-class GainedFilter(NamedTuple):
+class GainFilter(NamedTuple):
     """A filter of k states and l outputs.
 
     x(0) = S y(0), and then x- = o + F (x - o) + G u, e = y - C x-, x = x- + K(tick) e.
@@ -29,7 +29,7 @@ class GainedFilter(NamedTuple):
     variance: Matrix  # of e as it states it, (ticks, l)
 
 
-def gained(estimator: KalmanFilter, ticks: int) -> GainedFilter | None:
+def gain_filter(estimator: KalmanFilter, ticks: int) -> GainFilter | None:
     """Return a filter as matrices of each tick; None where its predictions are not linear.
 
     Args:
@@ -39,10 +39,10 @@ def gained(estimator: KalmanFilter, ticks: int) -> GainedFilter | None:
     linear, model = estimator.settings.prediction == "linear", estimator.model
     if not linear and isinstance(model, Model):
         return None
-    own, period = estimator.matrices, estimator.period
-    k, m, n = len(own.origin), model.joints, model.coordinates
+    constants, period = estimator.matrices, estimator.period
+    k, m, n = len(constants.origin), model.joints, model.coordinates
     d = k - 2 * n
-    f, g, origin = own.f, own.g, own.origin
+    f, g, origin = constants.f, constants.g, constants.origin
     if not linear:
         f, g, origin = np.eye(k), np.zeros((k, m)), np.zeros(k)
         states, efforts = np.eye(k - d), np.eye(m)
@@ -52,20 +52,20 @@ def gained(estimator: KalmanFilter, ticks: int) -> GainedFilter | None:
         g[: k - d] = np.array([model.advance(0.0 * states[0], u, period) for u in efforts]).T
         f[: k - d, k - d :] = g[: k - d, :d]
     dx, du = model.jacobian(np.zeros(k - d), np.zeros(m))
-    gains, p = np.zeros((ticks, k, len(own.c))), own.first
-    variance = np.empty((ticks, len(own.c)))
-    variance[0] = innovation_variance(p, own.c, own.r)
+    gains, p = np.zeros((ticks, k, len(constants.c))), constants.first
+    variance = np.empty((ticks, len(constants.c)))
+    variance[0] = innovation_variance(p, constants.c, constants.r)
     for tick in range(1, ticks):
         if linear:
-            ahead = f @ p @ f.T + own.q
+            prior = f @ p @ f.T + constants.q
         else:
-            ahead = predicted_covariance(dx, du[:, :d], p, own.q, period)
-        gains[tick], after = gain_of(ahead, own.c, own.r)
-        variance[tick] = innovation_variance(ahead, own.c, own.r)
+            prior = predicted_covariance(dx, du[:, :d], p, constants.q, period)
+        gains[tick], after = gain_of(prior, constants.c, constants.r)
+        variance[tick] = innovation_variance(prior, constants.c, constants.r)
         if np.array_equal(after, p):  # it is stationary
             gains[tick + 1 :], variance[tick + 1 :] = gains[tick], variance[tick]
             break
         p = after
-    start = np.zeros((k, len(own.c)))
+    start = np.zeros((k, len(constants.c)))
     start[:m, :m], start[n : n + m, m : 2 * m] = np.eye(m), np.eye(m)
-    return GainedFilter(start, f, g, own.c, origin, gains, variance)
+    return GainFilter(start, f, g, constants.c, origin, gains, variance)

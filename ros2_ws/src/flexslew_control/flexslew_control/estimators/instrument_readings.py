@@ -23,13 +23,13 @@ from flexslew_plant.testbeds.attitude import conjugate, product, rotation_vector
 from flexslew_plant.testbeds.instruments import StarTracker
 from flexslew_plant.testbeds.instruments.instrument import channels
 
-_RESTING = 300  # ticks
+_REST_TICKS = 300  # ticks
 _DOUBLINGS = 24  # of a tick, after which the covariance of attitude and bias is taken
-_SELDOM = 1e-6  # least share of ticks with a reading [-]
+_LEAST_RATE = 1e-6  # least share of ticks with a reading [-]
 
 
 @dataclass
-class InstrumentReadings:
+class InstrumentSimulator:
     """An attitude estimator that receives positions, which its instruments turn into readings.
 
     Args:
@@ -37,11 +37,11 @@ class InstrumentReadings:
     """
 
     inner: AttitudeEstimator
-    _attitudes: deque[Vector] = field(init=False, default_factory=deque)  # the newest last
+    _history: deque[Vector] = field(init=False, default_factory=deque)  # the newest last
     _tick: int = field(init=False, default=-1)
     _first: int = field(init=False, default=0)  # tick of the reset
-    _ahead: int = field(init=False, default=0)  # ticks that the filter has rested in between
-    _settled: Matrix | None = field(init=False, default=None)  # covariance; None: not yet
+    _extra_ticks: int = field(init=False, default=0)  # ticks that the filter has rested in between
+    _steady_covariance: Matrix | None = field(init=False, default=None)  # covariance; None: not yet
 
     def expect(self, reference: Reference) -> None:
         """Set the reference joint positions for the next tick."""
@@ -51,53 +51,55 @@ class InstrumentReadings:
         """Start at the attitude of this measurement, at rest."""
         now = self.inner.joints.orientation(measurement.joint_position)
         kept = max(self.inner.late, 1) + 1
-        self._attitudes = deque([now.copy() for _ in range(kept)], maxlen=kept)
+        self._history = deque([now.copy() for _ in range(kept)], maxlen=kept)
         self._tick = self._first = measurement.tick
-        self._ahead, self._settled = 0, None
+        self._extra_ticks, self._steady_covariance = 0, None
         self.inner.reset(self._read(measurement))
 
     def update(self, measurement: Measurement) -> Estimate:
         """Return the estimate from the instruments' readings at this tick."""
         if measurement.tick != self._tick:
             self._tick = measurement.tick
-            self._attitudes.append(self.inner.joints.orientation(measurement.joint_position))
+            self._history.append(self.inner.joints.orientation(measurement.joint_position))
         seen = self._read(measurement)
-        if self._settled is None and measurement.tick > self._first + self.inner.late:
-            self._settle(seen)
-        estimate = self.inner.update(seen._replace(tick=seen.tick + self._ahead))
-        if self._settled is not None:  # rounding apart, it is that already
-            self.inner._belief = self.inner._belief._replace(covariance=self._settled)
+        if self._steady_covariance is None and measurement.tick > self._first + self.inner.late:
+            self._run_to_rest(seen)
+        estimate = self.inner.update(seen._replace(tick=seen.tick + self._extra_ticks))
+        if self._steady_covariance is not None:  # rounding apart, it is that already
+            self.inner._filter_estimate = self.inner._filter_estimate._replace(
+                covariance=self._steady_covariance
+            )
         return estimate
 
-    def _settle(self, seen: Measurement) -> None:
+    def _run_to_rest(self, seen: Measurement) -> None:
         """Let the filter rest at these readings until its gains change little, and keep them."""
-        for _ in range(_RESTING):
-            self.inner.update(seen._replace(tick=seen.tick + self._ahead))
-            self._ahead += 1
-        belief = self.inner._belief
-        self._settled = self._later(_DOUBLINGS)
-        self.inner._belief = belief._replace(covariance=self._settled)
+        for _ in range(_REST_TICKS):
+            self.inner.update(seen._replace(tick=seen.tick + self._extra_ticks))
+            self._extra_ticks += 1
+        estimate = self.inner._filter_estimate
+        self._steady_covariance = self._later(_DOUBLINGS)
+        self.inner._filter_estimate = estimate._replace(covariance=self._steady_covariance)
 
     def _read(self, measurement: Measurement) -> Measurement:
         """Return the measurement with the readings of the instruments."""
-        it, now, tips = self.inner, self._attitudes[-1], measurement.tip_deflection.copy()
-        turn = rotation_vector(product(conjugate(self._attitudes[-2]), now))
-        tips[channels(it.gyro)] = it.gyro.response @ turn / it.period
+        it, now, tips = self.inner, self._history[-1], measurement.tip_deflection.copy()
+        rotation = rotation_vector(product(conjugate(self._history[-2]), now))
+        tips[channels(it.gyro)] = it.gyro.response @ rotation / it.period
         for tracker in it.trackers:
             late = tracker.delay_ticks(it.period)
-            tips[channels(tracker)] = self._attitudes[-1 - late]
-        for sun in it.suns:
+            tips[channels(tracker)] = self._history[-1 - late]
+        for sun in it.sun_sensors:
             seen, along = to_body(now) @ sun.sun, np.array(sun.settings.boresight)
-            shown = seen @ along >= np.cos(sun.settings.half_angle) * np.linalg.norm(along)
-            tips[channels(sun)] = seen * shown
+            visible = seen @ along >= np.cos(sun.settings.half_angle) * np.linalg.norm(along)
+            tips[channels(sun)] = seen * visible
         return measurement._replace(tip_deflection=tips)
 
     def _later(self, doublings: int) -> Matrix:
         """Return the covariance after 2^doublings ticks at rest, of attitude and bias."""
-        it, belief = self.inner, self.inner._belief
-        f, still = np.eye(6), belief._replace(covariance=np.zeros((6, 6)))
+        it, estimate = self.inner, self.inner._filter_estimate
+        f, static = np.eye(6), estimate._replace(covariance=np.zeros((6, 6)))
         f[:3, 3:] = -it.period * np.eye(3)
-        q = it.filter.carried(still, belief.bias, np.zeros(0)).belief.covariance
+        q = it.filter.propagate(static, estimate.bias, np.zeros(0)).belief.covariance
         rows, variances = [], []
         for tracker in it.trackers:
             noise = it.settings.noise_factor**2 * tracker.covariance + LEAST**2 * np.eye(3)
@@ -105,13 +107,13 @@ class InstrumentReadings:
             rows.append(axes.T)
             variances.append(sizes)
         c, r = np.hstack((np.vstack(rows), np.zeros((3 * len(rows), 3)))), np.concatenate(variances)
-        prior = later_covariance(f, q, c, r, f @ belief.covariance @ f.T + q, doublings)
+        prior = later_covariance(f, q, c, r, f @ estimate.covariance @ f.T + q, doublings)
         gain = np.linalg.solve(c @ prior @ c.T + np.diag(r), c @ prior).T
         after = prior - gain @ c @ prior
         return np.asarray(0.5 * (after + after.T))
 
 
-def with_instruments(estimator: AttitudeEstimator) -> InstrumentReadings:
+def with_sensors(estimator: AttitudeEstimator) -> InstrumentSimulator:
     """Return the estimator with instruments that read at every tick, with as much information.
 
     Raises:
@@ -121,14 +123,14 @@ def with_instruments(estimator: AttitudeEstimator) -> InstrumentReadings:
         words = "a filter with appendage modes has no linear form; allowed: attitude: {}"
         raise BadInput(words, key="attitude.modes")
     trackers = tuple(_every_tick(one, estimator.period) for one in estimator.trackers)
-    return InstrumentReadings(replace(estimator, trackers=trackers))
+    return InstrumentSimulator(replace(estimator, trackers=trackers))
 
 
 def _every_tick(tracker: StarTracker, period: float) -> StarTracker:
     s = tracker.settings
     share = (1.0 - s.dropout) / max(1, round(s.interval / period))
-    more = 1.0 / np.sqrt(max(share, _SELDOM))
-    own = replace(
+    more = 1.0 / np.sqrt(max(share, _LEAST_RATE))
+    settings = replace(
         s, across=more * s.across, about=more * s.about, rate_noise=0.0, interval=0.0, dropout=0.0
     )
-    return replace(tracker, settings=own)
+    return replace(tracker, settings=settings)

@@ -7,9 +7,14 @@ import numpy as np
 from scipy.linalg import LinAlgError, expm
 
 from flexslew_control.estimators.later_covariance import later_covariance
-from flexslew_control.held_step import held_step
+from flexslew_control.held_step import exponential_step
 from flexslew_control.law import Estimate
-from flexslew_control.linear_design import Designed, output_matrix, require_observable, state_names
+from flexslew_control.linear_design import (
+    LinearDesignModel,
+    output_matrix,
+    require_observable,
+    state_names,
+)
 from flexslew_control.riccati import continuous_riccati, discrete_riccati
 from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
@@ -73,7 +78,7 @@ def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Mat
     return np.asarray(gain, dtype=np.float64), p
 
 
-def discretised(a: Matrix, b: Matrix, noise: Matrix, dt: float) -> tuple[Matrix, Matrix, Matrix]:
+def discrete_model(a: Matrix, b: Matrix, noise: Matrix, dt: float) -> tuple[Matrix, Matrix, Matrix]:
     """Return F, G and Q of x+ = F x + G u + w, exact for a held u.
 
     Q = int_0^dt exp(A t) N exp(A^T t) dt, by C. Van Loan, Computing integrals involving the matrix
@@ -116,7 +121,7 @@ def error_transition(dx: Matrix, du: Matrix, dt: float) -> Matrix:
     if square < _SLOW**2:
         return np.eye(k + d) + j + 0.5 * (j @ j)
     step, f = j[:k].copy(), np.eye(k + d)
-    held_step(step)
+    exponential_step(step)
     for row in range(k):
         for column in range(k + d):
             f[row, column] = step[row, column]
@@ -140,7 +145,7 @@ def predicted_covariance(
 
 
 @compiled_once()
-def corrected(
+def measurement_update(
     x: Vector, covariance: Matrix, y: Vector, c: Matrix, r: Vector
 ) -> tuple[Vector, Matrix, Vector, float]:
     """Return x and P after the measurement, the innovation y - C x, and its NIS.
@@ -182,9 +187,9 @@ def corrected(
 
 def gain_of(covariance: Matrix, c: Matrix, r: Vector) -> tuple[Matrix, Matrix]:
     """Return what a measurement is multiplied by, shape (k, l), and P after it; see corrected."""
-    nothing = np.zeros(len(covariance))
-    told = [corrected(nothing, covariance, e, c, r) for e in np.eye(len(c))]
-    return np.array([x for x, *_ in told]).T, told[0][1]
+    zero = np.zeros(len(covariance))
+    columns = [measurement_update(zero, covariance, e, c, r) for e in np.eye(len(c))]
+    return np.array([x for x, *_ in columns]).T, columns[0][1]
 
 
 def innovation_variance(covariance: Matrix, c: Matrix, r: Vector) -> Vector:
@@ -222,7 +227,7 @@ class KalmanFilter:
         on_joints: density of further noise on each joint's equation, added to that of the settings.
     """
 
-    model: Designed
+    model: LinearDesignModel
     rest: Vector
     settings: FilterSettings
     period: float
@@ -269,7 +274,7 @@ class KalmanFilter:
         else:
             noise[:] = self.noise
         inputs = np.vstack((b, np.zeros((d, m))))
-        self._f, self._g, self._q = discretised(whole, inputs, noise, self.period)
+        self._f, self._g, self._q = discrete_model(whole, inputs, noise, self.period)
         self._origin = np.concatenate((self.rest, np.zeros(n + d)))
         rate = s.initial_deflection_rate
         first = [s.angle_sigma] * m + [s.initial_deflection] * (n - m)
@@ -286,12 +291,12 @@ class KalmanFilter:
                 there on, and diverges soon after.
         """
         state = self.model.linearise(self.rest).state_matrix
-        fastest = float(abs(np.linalg.eigvals(state)).max())
-        if fastest * self.period > np.pi:
+        highest = float(abs(np.linalg.eigvals(state)).max())
+        if highest * self.period > np.pi:
             raise BadInput(
                 f"the Kalman filter cannot follow its model with a period of {self.period:g} s: it "
-                f"believes modes up to {fastest:.3g} rad/s, {fastest * self.period:.2g} rad in a "
-                f"tick; allowed: fewer modes in its model, or a period up to {1.0 / fastest:.1g} s"
+                f"believes modes up to {highest:.3g} rad/s, {highest * self.period:.2g} rad in a "
+                f"tick; allowed: fewer modes in its model, or a period up to {1.0 / highest:.1g} s"
             )
 
     def _transition(self, x: Vector) -> Matrix:
@@ -306,7 +311,7 @@ class KalmanFilter:
         """What does not change while it runs."""
         return FilterMatrices(self._f, self._g, self._q, self._c, self._r, self._origin, self._p0)
 
-    def stationary_gain(self) -> Matrix:
+    def steady_state_gain(self) -> Matrix:
         """Return the gain towards which it tends at rest at `rest`, shape (k, l).
 
         Raises:
@@ -336,7 +341,7 @@ class KalmanFilter:
             return self._last
         x, p = self._predicted(measurement.applied_effort, measurement.time - self.period)
         y = outputs(measurement, len(self._c))
-        self._x, self._p, innovation, nis = corrected(x, p, y, self._c, self._r)
+        self._x, self._p, innovation, nis = measurement_update(x, p, y, self._c, self._r)
         self._prior, self._tick = p, measurement.tick
         self._last = self._estimate(innovation, nis)
         return self._last
@@ -346,7 +351,7 @@ class KalmanFilter:
         nonlinear = self.settings.prediction == "nonlinear"
         f = self._transition(self._x) if nonlinear else self._f
         self._prior = later_covariance(f, self._q, self._c, self._r, self._prior, doublings)
-        self._p = corrected(self._x, self._prior, self._c @ self._x, self._c, self._r)[1]
+        self._p = measurement_update(self._x, self._prior, self._c @ self._x, self._c, self._r)[1]
         self._last = self._last._replace(covariance=self._p)
         return self._p
 
@@ -380,18 +385,18 @@ def outputs(measurement: Measurement, count: int) -> Vector:
     return np.concatenate((*joints, measurement.tip_deflection[: count - 2 * m]))
 
 
-def _require_linear(model: Designed, rest: Vector) -> None:
+def _require_linear(model: LinearDesignModel, rest: Vector) -> None:
     """Check that the equations of motion are linear: the same Jacobian wherever it moves.
 
     Raises:
         BadInput: they are not, and the stated covariance would be right at rest alone.
     """
-    rng, nothing = np.random.default_rng(1), np.zeros(model.joints)
+    rng, zero = np.random.default_rng(1), np.zeros(model.joints)
     origin = np.concatenate((rest, np.zeros_like(rest)))
-    there = model.jacobian(origin, nothing)[0]
+    reference = model.jacobian(origin, zero)[0]
     for _ in range(4):
-        away = model.jacobian(origin + rng.normal(0.0, 0.5, origin.size), nothing)[0]
-        same = np.allclose(away, there, rtol=1e-9, atol=1e-9 * np.abs(there).max())
+        shifted = model.jacobian(origin + rng.normal(0.0, 0.5, origin.size), zero)[0]
+        same = np.allclose(shifted, reference, rtol=1e-9, atol=1e-9 * np.abs(reference).max())
         if model.time_varying or not same:
             raise BadInput(
                 "filter.prediction: linear is right for a linear model alone, and this one is "

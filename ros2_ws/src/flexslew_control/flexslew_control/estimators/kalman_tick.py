@@ -6,8 +6,8 @@ from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 
-from flexslew_control.estimators.kalman import corrected, predicted_covariance
-from flexslew_plant.arrays import Matrix, Vector, inlined
+from flexslew_control.estimators.kalman import measurement_update, predicted_covariance
+from flexslew_plant.arrays import Matrix, Vector, inline
 from flexslew_plant.testbeds.compiled.bound import bound
 from flexslew_plant.testbeds.kernels import Kernels
 
@@ -16,7 +16,7 @@ from flexslew_plant.testbeds.kernels import Kernels
 Tick: TypeAlias = Callable[..., None]
 
 
-class FilterBelief(NamedTuple):
+class FilterConstants(NamedTuple):
     """The constants of a filter: the model's numbers, then kalman.FilterMatrices."""
 
     packed: Vector
@@ -29,8 +29,8 @@ class FilterBelief(NamedTuple):
     first: Matrix
 
 
-@inlined
-def stated_variance(covariance: Matrix, c: Matrix, r: Vector, out: Vector) -> None:
+@inline
+def write_variance(covariance: Matrix, c: Matrix, r: Vector, out: Vector) -> None:
     """Write kalman.innovation_variance."""
     for i in range(out.size):
         out[i] = r[i]
@@ -52,35 +52,35 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
     model = bound(kernels, n, m)
     advance, jacobian, k = model.advance, model.jacobian, 2 * n
 
-    @inlined
+    @inline
     def predicted_by_matrices(
-        belief: FilterBelief, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
+        constants: FilterConstants, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
     ) -> Matrix:
-        after = belief.origin + belief.f @ (x - belief.origin) + belief.g @ effort
+        after = constants.origin + constants.f @ (x - constants.origin) + constants.g @ effort
         for i in range(x.size):
             x[i] = after[i]
-        return belief.f @ p @ belief.f.T + belief.q
+        return constants.f @ p @ constants.f.T + constants.q
 
-    @inlined
+    @inline
     def predicted_by_equations(
-        belief: FilterBelief, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
+        constants: FilterConstants, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
     ) -> Matrix:
         total, d = effort.copy(), x.size - k
         for i in range(d):
             total[i] += x[k + i]
         state = x[:k].copy()
         dx, du = np.empty((k, k)), np.empty((k, effort.size))
-        jacobian(belief.packed, t, state, total, dx, du)
-        advance(belief.packed, t, total, dt, 1, m, state)
+        jacobian(constants.packed, t, state, total, dx, du)
+        advance(constants.packed, t, total, dt, 1, m, state)
         for i in range(k):
             x[i] = state[i]
-        return predicted_covariance(dx, du[:, :d].copy(), p, belief.q, dt)
+        return predicted_covariance(dx, du[:, :d].copy(), p, constants.q, dt)
 
     predicted = predicted_by_matrices if linear else predicted_by_equations
 
-    @inlined
+    @inline
     def tick(
-        belief: FilterBelief,
+        constants: FilterConstants,
         t: float,
         dt: float,
         effort: Vector,
@@ -90,9 +90,9 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
         e: Vector,
         variance: Vector,
     ) -> None:
-        ahead = predicted(belief, t, dt, effort, x, p)
-        stated_variance(ahead, belief.c, belief.r, variance)
-        state, covariance, innovation, _ = corrected(x, ahead, y, belief.c, belief.r)
+        prior = predicted(constants, t, dt, effort, x, p)
+        write_variance(prior, constants.c, constants.r, variance)
+        state, covariance, innovation, _ = measurement_update(x, prior, y, constants.c, constants.r)
         for i in range(x.size):
             x[i] = state[i]
             for j in range(x.size):

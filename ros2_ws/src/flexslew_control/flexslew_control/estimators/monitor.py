@@ -37,7 +37,7 @@ class Monitored(Protocol):
         """Return the variance of each entry of the last innovation, shape (l,)."""
 
 
-class Doubt(NamedTuple):
+class FailedTest(NamedTuple):
     """A test that was failed."""
 
     channel: int
@@ -51,10 +51,10 @@ class MonitorNumbers(NamedTuple):
 
     window: int  # W [ticks]
     single: float  # limit of e^2 / S of one tick
-    several: float  # limit of its sum over a window
+    window_limit: float  # limit of its sum over a window
 
 
-class Tested(NamedTuple):
+class ChannelTest(NamedTuple):
     """The tests of one channel at one tick."""
 
     square: float  # e^2 / S
@@ -66,7 +66,7 @@ class Tested(NamedTuple):
 @called
 def innovation_tests(
     n: MonitorNumbers, total: float, since: int, innovation: float, variance: float
-) -> Tested:
+) -> ChannelTest:
     """Return the tests of an innovation: e^2 / S by itself, and summed over each W ticks.
 
     Args:
@@ -79,8 +79,8 @@ def innovation_tests(
     square = innovation * innovation / variance
     total += square
     window = total if (since + 1) % n.window == 0 else 0.0
-    passed = square <= n.single and window <= n.several
-    return Tested(square, window, 0.0 if (since + 1) % n.window == 0 else total, passed)
+    passed = square <= n.single and window <= n.window_limit
+    return ChannelTest(square, window, 0.0 if (since + 1) % n.window == 0 else total, passed)
 
 
 @compiled_once("total", "square", "window")
@@ -122,7 +122,7 @@ class Monitor:
         self._total: Vector = np.zeros(0)
         self._since = 0
 
-    def take(self, innovation: Vector, variance: Vector) -> Doubt | None:
+    def take(self, innovation: Vector, variance: Vector) -> FailedTest | None:
         """Return the first test that fails with the innovation of this tick, if one does.
 
         Args:
@@ -138,7 +138,9 @@ class Monitor:
         self._since += 1
         if passed:
             return None
-        return _worst(square, n.single, 1) or _worst(window, n.several, n.window)
+        return _largest_failure(square, n.single, 1) or _largest_failure(
+            window, n.window_limit, n.window
+        )
 
     def numbers(self, channels: int) -> MonitorNumbers:
         """Return the limits of a tick and of a window that give the false alarms of the settings.
@@ -149,14 +151,14 @@ class Monitor:
         window, half = self.settings.window, 0.5 * self.settings.false_alarms
         ticks = channels * _HOUR / self._period  # tests in an hour
         single = min(half / ticks, 0.5)
-        several = min(half * window / ticks, 0.5)
-        return MonitorNumbers(window, float(chdtri(1, single)), float(chdtri(window, several)))
+        window_share = min(half * window / ticks, 0.5)
+        return MonitorNumbers(window, float(chdtri(1, single)), float(chdtri(window, window_share)))
 
 
-def _worst(statistic: Vector, limit: float, ticks: int) -> Doubt | None:
+def _largest_failure(statistic: Vector, limit: float, ticks: int) -> FailedTest | None:
     channel = int(statistic.argmax())
     largest = float(statistic[channel])
-    return Doubt(channel, largest, limit, ticks) if largest > limit else None
+    return FailedTest(channel, largest, limit, ticks) if largest > limit else None
 
 
 def channel_name(number: int, joints: tuple[str, ...]) -> str:

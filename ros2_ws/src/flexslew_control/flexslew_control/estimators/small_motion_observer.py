@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from flexslew_control.estimators.kalman import discretised
+from flexslew_control.estimators.kalman import discrete_model
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import require_observable
 from flexslew_control.riccati import discrete_riccati
@@ -19,7 +19,7 @@ from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.compiled import interface
 from flexslew_plant.testbeds.kernels import Kernels
 
-_WORST_CONDITION = 1e6  # of readings that are inverted
+_MAX_CONDITION = 1e6  # of readings that are inverted
 _QUIET: Vector = np.zeros(0)
 _NO_COVARIANCE: Matrix = np.zeros((0, 0))
 
@@ -34,7 +34,7 @@ class ObserverSettings:
 
 
 @dataclass
-class InvertedReadings:
+class InverseObserver:
     """As many readings as coordinates: x = C^-1 y, and the same for the rates.
 
     Args:
@@ -57,7 +57,7 @@ class InvertedReadings:
         )
 
 
-class MotionBelief(NamedTuple):
+class MotionConstants(NamedTuple):
     """The constants of a SmallMotionObserver, for n coordinates and m joints."""
 
     packed: Vector  # numbers of the equations
@@ -83,7 +83,7 @@ def take_in(
 
     Args:
         kernels: the equations.
-        packed: of the MotionBelief, as the three that follow.
+        packed: of the MotionConstants, as the three that follow.
         gain: L over L'.
         rest: q.
         small: from q - rest to x.
@@ -92,16 +92,16 @@ def take_in(
         estimate: out, shape (2 n,).
     """
     n, positions = small.shape
-    moved, along = state.copy(), np.empty(state.size)
+    shift, along = state.copy(), np.empty(state.size)
     for i in range(2 * n):
         step = 0.0
         for j in range(innovation.size):
             step += gain[i, j] * innovation[j]
         if i < n:
-            moved[positions + i] = step
+            shift[positions + i] = step
         else:
             state[positions + i - n] += step
-    interface.position_rates(kernels, packed, 0.0, moved, along)
+    interface.position_rates(kernels, packed, 0.0, shift, along)
     for i in range(positions):
         state[i] += along[i]
     if positions > n:  # a unit quaternion
@@ -132,19 +132,19 @@ class SmallMotionObserver:
     _last: Estimate = field(init=False)
 
     @cached_property
-    def belief(self) -> MotionBelief:
+    def belief(self) -> MotionConstants:
         """What does not change while it runs."""
         model, rest = self.motion.model, self.motion.rest
         small = model.position_rates(rest).T.copy()
         if model.positions > model.coordinates:
             small[3:6] *= 4.0  # q of a small turn: half the turn
-        return MotionBelief(model.packed, self.gain, rest, small)
+        return MotionConstants(model.packed, self.gain, rest, small)
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest, appendages straight, and take in the first readings."""
         model = self.motion.model
         self._x = np.concatenate((self.motion.rest, np.zeros(model.coordinates)))
-        self._corrected(measurement)
+        self._correct(measurement)
         self._tick = measurement.tick
 
     def update(self, measurement: Measurement) -> Estimate:
@@ -153,15 +153,15 @@ class SmallMotionObserver:
             return self._last
         model, t = self.motion.model, measurement.time - self.period
         self._x = model.advance(self._x, measurement.applied_effort, self.period, t=t)
-        self._corrected(measurement)
+        self._correct(measurement)
         self._tick = measurement.tick
         return self._last
 
-    def _corrected(self, measurement: Measurement) -> None:
+    def _correct(self, measurement: Measurement) -> None:
         model = self.motion.model
-        there, rate = model.joint_state(self._x)
+        predicted, rate = model.joint_state(self._x)
         innovation = np.concatenate(
-            (measurement.joint_position - there, measurement.joint_velocity - rate)
+            (measurement.joint_position - predicted, measurement.joint_velocity - rate)
         )
         found = np.empty(2 * model.coordinates)
         take_in(model.kernels, *self.belief, innovation, self._x, found)
@@ -171,33 +171,37 @@ class SmallMotionObserver:
 
 def observer(
     motion: SmallMotion, settings: ObserverSettings, period: float
-) -> InvertedReadings | SmallMotionObserver:
+) -> InverseObserver | SmallMotionObserver:
     """Return the estimator of small motions: readings inverted where they suffice.
 
     Raises:
         BadInput: a motion does not show in the readings.
     """
     kept, n = motion.kept, motion.model.coordinates
-    c = motion.readings[:, kept]
-    if c.shape[0] == c.shape[1] and np.linalg.cond(c) < _WORST_CONDITION:
+    c = motion.outputs[:, kept]
+    if c.shape[0] == c.shape[1] and np.linalg.cond(c) < _MAX_CONDITION:
         inverse = np.zeros((n, len(c)))
         inverse[kept] = np.linalg.inv(c)
-        return InvertedReadings(inverse)
+        return InverseObserver(inverse)
     linear, k, m = motion.model.linearise(motion.rest), len(kept), len(c)
     mass = linear.mass[np.ix_(kept, kept)]
     lower = -np.linalg.solve(
         mass, np.hstack((linear.stiffness[np.ix_(kept, kept)], linear.damping[np.ix_(kept, kept)]))
     )
     a = np.vstack((np.hstack((np.zeros((k, k)), np.eye(k))), lower))
-    shows = np.block([[c, np.zeros_like(c)], [np.zeros_like(c), c]])
-    require_observable(a, shows, (*motion.names, *(f"{name} rate" for name in motion.names)))
+    output_matrix = np.block([[c, np.zeros_like(c)], [np.zeros_like(c), c]])
+    require_observable(
+        a, output_matrix, (*motion.names, *(f"{name} rate" for name in motion.names))
+    )
     noise = np.diag([0.0] * k + [settings.process_noise] * k)
-    f, _, q = discretised(a, np.zeros((2 * k, 1)), noise, period)
+    f, _, q = discrete_model(a, np.zeros((2 * k, 1)), noise, period)
     r = np.diag(np.square([settings.position_sigma] * m + [settings.rate_sigma] * m))
     try:
-        p = discrete_riccati(f.T, shows.T, q, r)
+        p = discrete_riccati(f.T, output_matrix.T, q, r)
     except LinAlgError as error:
         raise BadInput(f"observer: no stationary gain: {error}; give other noises") from None
     gain = np.zeros((2 * n, 2 * m))
-    gain[np.concatenate((kept, n + kept))] = np.linalg.solve(shows @ p @ shows.T + r, shows @ p).T
+    gain[np.concatenate((kept, n + kept))] = np.linalg.solve(
+        output_matrix @ p @ output_matrix.T + r, output_matrix @ p
+    ).T
     return SmallMotionObserver(motion, gain, period)

@@ -1,7 +1,7 @@
 """Which planners there are. A new one is a file that ends in its entry, and a line here.
 
 One of your own needs no line: `method: my_shaper.py:Shaper`, or an entry point of the group
-flexslew.planners. It is a section with `method`, `start` and `plan`, see OwnPlanner.
+flexslew.planners. It is a section with `method`, `start` and `plan`, see UserPlanner.
 
 Offers: attitude.one_axis, excitation.excitation, feedforward.basis, feedforward.gauss_newton,
 feedforward.manoeuvre, feedforward.optimized_feedforward, feedforward.shooting, first_point,
@@ -22,7 +22,7 @@ from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import AttitudeGoal, joint_goal
 from flexslew_control.planners.attitude.keep_out import require_clear
-from flexslew_control.planners.attitude.one_axis import counted
+from flexslew_control.planners.attitude.one_axis import split_modes
 from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
 from flexslew_control.planners.entry import PlanSection as PlanSection
 from flexslew_control.planners.entry import Variant as Variant
@@ -30,14 +30,14 @@ from flexslew_control.planners.first_point import with_jump
 from flexslew_control.planners.one_way import require_one_way
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, software_versions, tick_times
-from flexslew_control.planners.slewing import Slewing
+from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.own_code import PLANNERS as GROUP
 from flexslew_plant.settings import plain, validated
-from flexslew_plant.testbeds import believed, initial_positions, joints_together
+from flexslew_plant.testbeds import consistent_positions, design_testbed, initial_positions
 from flexslew_plant.yaml_data import require_short, yaml_text
 
 # isort: split
@@ -47,13 +47,15 @@ from flexslew_control.planners.excitation.excitation import EXCITATION as EXCITA
 from flexslew_control.planners.feedforward.optimized_feedforward import OPTIMIZED as OPTIMIZED
 from flexslew_control.planners.feedforward.robust_feedforward import ROBUST as ROBUST
 from flexslew_control.planners.input_shaping.input_shaping import SHAPING as SHAPING
-from flexslew_control.planners.input_shaping.start_coast_stop import COASTING as COASTING
+from flexslew_control.planners.input_shaping.start_coast_stop import (
+    START_COAST_STOP as START_COAST_STOP,
+)
 from flexslew_control.planners.joint_trajectory import TRAJECTORY as TRAJECTORY
 from flexslew_control.planners.minimax.minimax_feedforward import MINIMAX as MINIMAX
 from flexslew_control.planners.reference import NONE as NONE
 from flexslew_control.planners.reference import REFERENCE as REFERENCE
 from flexslew_control.planners.retargeting import RETARGETING as RETARGETING
-from flexslew_control.planners.time_optimal.time_optimal import FASTEST as FASTEST
+from flexslew_control.planners.time_optimal.time_optimal import TIME_OPTIMAL as TIME_OPTIMAL
 
 PLANNERS: dict[str, PlannerEntry] = table(globals(), PlannerEntry)
 
@@ -62,7 +64,7 @@ _MANOEUVRE = ("goal", "start", "model", "initial", "feedback", "reference", "dri
 
 
 @runtime_checkable
-class OwnPlanner(Protocol):
+class UserPlanner(Protocol):
     """A section of the user's own."""
 
     def plan(self, slew: Slew, progress: Progress) -> Plan:
@@ -82,14 +84,14 @@ def _method(values: Any) -> str | None:
     return given if isinstance(given, str) and given in PLANNERS else "own"
 
 
-def _own(values: Any, info: ValidationInfo) -> Any:
+def _user_section(values: Any, info: ValidationInfo) -> Any:
     """Return a section of the user's own class."""
     if not isinstance(values, dict):
         return values
     name, trust = str(values["method"]), info.context or NO_CODE
     try:
         found = find_class(name, GROUP, "planner", "method", tuple(PLANNERS), trust)
-        if not issubclass(found, OwnPlanner):
+        if not issubclass(found, UserPlanner):
             raise BadInput(f"method: {name} has no plan(slew, progress)")
         return validated(found, values, name, trust)
     except BadInput as error:
@@ -104,7 +106,7 @@ else:
         union(
             [
                 *(Annotated[p.settings, Tag(name)] for name, p in PLANNERS.items()),
-                Annotated[Any, PlainValidator(_own), Tag("own")],
+                Annotated[Any, PlainValidator(_user_section), Tag("own")],
             ]
         ),
         Discriminator(
@@ -144,21 +146,21 @@ def require_section(settings: PlanSettings, plant: PlantDescription, source: str
     """
     require_joints_of(settings, plant.joint_names, "plan", source)
     model, place = getattr(settings, "model", None), f"{source}: plan: model"
-    if model and planned_about_one_axis(settings, plant):
-        _, model = counted(model, place)
+    if model and is_single_axis(settings, plant):
+        _, model = split_modes(model, place)
     if model:
-        believed(plant.testbed, model, place, plant.trust)
+        design_testbed(plant.testbed, model, place, plant.trust)
 
 
 _MOST_TICKS = 10_000_000  # of a manoeuvre
-_FARTHEST = 1e3  # a goal; beyond it only the numbers of planners are tested [rad or m]
+_MAX_GOAL = 1e3  # a goal; beyond it only the numbers of planners are tested [rad or m]
 
 
 def _require_near(settings: PlanSettings, source: str) -> None:
     goal = getattr(settings, "goal", None)
     for name, value in goal.items() if isinstance(goal, dict) else ():
-        if isinstance(value, float) and not abs(value) <= _FARTHEST:
-            words = f"at most {_FARTHEST:g} rad or m"
+        if isinstance(value, float) and not abs(value) <= _MAX_GOAL:
+            words = f"at most {_MAX_GOAL:g} rad or m"
             raise BadInput(words, source, key=f"goal.{name}", value=value)
 
 
@@ -168,35 +170,37 @@ def _by_joint(settings: PlanSettings, plant: PlantDescription) -> PlanSettings:
     given: Any = settings
     goal, initial = (getattr(given, key, None) for key in ("goal", "initial"))
     if isinstance(goal, AttitudeGoal):
-        asked: PlanSettings = replace(given, goal=joint_goal(goal, plant, initial))
-        return asked
+        requested: PlanSettings = replace(given, goal=joint_goal(goal, plant, initial))
+        return requested
     model, first = plant.testbed.model(), initial_positions(plant.testbed)
     for key, named in (("initial", initial), ("goal", goal)):
         if isinstance(named, dict):
-            there = joints_together(model, first | named, named, f"plan.{key}", first)
-            if there != first | named:
-                given = replace(given, **{key: there})
-            first = there
+            positions = consistent_positions(model, first | named, named, f"plan.{key}", first)
+            if positions != first | named:
+                given = replace(given, **{key: positions})
+            first = positions
     return given  # type: ignore[no-any-return]
 
 
 def planner_of(settings: PlanSettings) -> PlannerEntry:
     """Return the planner of a section; one of the user's own plans slews."""
-    own = PlannerEntry(type(settings), Slewing(lambda s, slew, progress: s.plan(slew, progress)))
-    return PLANNERS.get(settings.method, own)
+    user_entry = PlannerEntry(
+        type(settings), SlewPlanner(lambda s, slew, progress: s.plan(slew, progress))
+    )
+    return PLANNERS.get(settings.method, user_entry)
 
 
-def planned_about_one_axis(settings: PlanSettings, plant: PlantDescription) -> bool:
-    """Return whether a section is planned about one axis; see Slewing.about_one_axis."""
+def is_single_axis(settings: PlanSettings, plant: PlantDescription) -> bool:
+    """Return whether a section is planned about one axis; see Slewing.is_single_axis."""
     make = planner_of(settings).make
-    return isinstance(make, Slewing) and make.about_one_axis(settings, plant)
+    return isinstance(make, SlewPlanner) and make.is_single_axis(settings, plant)
 
 
 def takes_gains_in_charge(settings: PlanSettings) -> bool:
     """Return whether a section without `feedback` uses the gains of the active controller."""
     make = planner_of(settings).make
-    alone = isinstance(make, Slewing) and make.open_loop
-    return hasattr(settings, "feedback") and not alone
+    open_loop = isinstance(make, SlewPlanner) and make.open_loop
+    return hasattr(settings, "feedback") and not open_loop
 
 
 def other_method(settings: PlanSettings, method: str, source: str, **more: Any) -> PlanSettings:
@@ -214,16 +218,18 @@ def other_method(settings: PlanSettings, method: str, source: str, **more: Any) 
     Raises:
         BadInput: if there is no such method, or it cannot plan this manoeuvre.
     """
-    asked = plain(settings)
+    requested = plain(settings)
     if method == settings.method:
         loaded = Trust(frozenset({method}))  # before
-        return plan_settings({**asked, **more}, source, loaded)
+        return plan_settings({**requested, **more}, source, loaded)
     if method not in PLANNERS:
         raise BadInput(", ".join(PLANNERS), source, "method", method)
     if PLANNERS[method].slews != planner_of(settings).slews:
         raise BadInput(f"it does not plan what {settings.method} does", source, "method", method)
     known = {field.name for field in fields(PLANNERS[method].settings)}
-    values = {key: asked[key] for key in _MANOEUVRE if key in known and asked.get(key) is not None}
+    values = {
+        key: requested[key] for key in _MANOEUVRE if key in known and requested.get(key) is not None
+    }
     return plan_settings({**values, **more, "method": method}, source)
 
 
@@ -264,15 +270,15 @@ def make_plan(
         raise BadInput("positive, one per actuator", key="effort_limit", value=limit.tolist())
     _require_near(settings, "")
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
-    lasts = getattr(settings, "duration", None)
-    if isinstance(lasts, float) and lasts / period > _MOST_TICKS:
+    duration = getattr(settings, "duration", None)
+    if isinstance(duration, float) and duration / period > _MOST_TICKS:
         raise BadInput(
-            f"more than {_MOST_TICKS:,} ticks of {period:g} s", "plan", "duration", lasts
+            f"more than {_MOST_TICKS:,} ticks of {period:g} s", "plan", "duration", duration
         )
     settings = _by_joint(settings, plant)
     make = planner_of(settings).make
-    if isinstance(make, Slewing):
-        make = replace(make, predicts=predict)
+    if isinstance(make, SlewPlanner):
+        make = replace(make, has_prediction=predict)
     try:
         plan = make(settings, plant, feedback, progress or ignore, law)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
@@ -291,5 +297,5 @@ def make_plan(
     require_clear(plan, plant.testbed)
     require_one_way(plan, plant)
     require_short(yaml_text(plan.request), "plan")
-    begun = with_jump(plan, plant, getattr(settings, "initial", None) or {})
-    return replace(begun, versions=software_versions())
+    started = with_jump(plan, plant, getattr(settings, "initial", None) or {})
+    return replace(started, versions=software_versions())

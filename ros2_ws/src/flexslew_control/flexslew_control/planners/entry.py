@@ -35,7 +35,7 @@ class Variant(NamedTuple):
 
     name: str  # behind that of the planner
     keys: Mapping[str, Any]  # of its section
-    longer: float = 1.0  # than the slew of the trial [-]
+    duration_factor: float = 1.0  # than the slew of the trial [-]
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ def with_jump(plan: Plan, plant: PlantDescription, initial: Mapping[str, float])
         return plan
     at = initial_positions(plant.testbed) | dict(initial)
     here = np.array([at[name] for name in plan.joint_names])
-    jumps = [
+    offsets = [
         f"{name} by {far:.4g} {unit}"
         for far_each, per in (
             (model.joint_error(here, plan.position[0]), ""),
@@ -39,12 +39,12 @@ def with_jump(plan: Plan, plant: PlantDescription, initial: Mapping[str, float])
         )
         if abs(far) > _SAME
     ]
-    if not jumps:
+    if not offsets:
         return plan
     words = (
-        f"the reference jumps at {plan.start:g} s: {', '.join(jumps)}; begin the plan where the "
+        f"the reference jumps at {plan.start:g} s: {', '.join(offsets)}; begin the plan where the "
         "joints are, at rest, or set testbed.initial"
     )
-    earlier = plan.summary.get("warning")
-    warning = f"{earlier}; {words}" if earlier else words
+    previous = plan.summary.get("warning")
+    warning = f"{previous}; {words}" if previous else words
     return replace(plan, summary={**plan.summary, "warning": warning})

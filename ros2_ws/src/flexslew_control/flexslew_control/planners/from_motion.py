@@ -8,7 +8,7 @@ from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.motors import matrices
 from flexslew_control.planners.slew import known_motors
-from flexslew_control.planners.whole_bench import flown_on_bench
+from flexslew_control.planners.whole_bench import simulate_on_bench
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model
@@ -41,11 +41,11 @@ def predicted_from(
         start = state_of(model, motion, course.position[0])
     except BadInput:  # no testbed at rest has these references
         return None
-    found = flown_on_bench(course, plant, law, motors=given, start=start)
+    found = simulate_on_bench(course, plant, law, motors=given, start=start)
     if found is None:
         return None
-    away = dict(zip(plan.joint_names, found.attitude_error.tolist(), strict=True))
-    return with_motion(plan, found.tip_deflection, away, course.start)
+    errors = dict(zip(plan.joint_names, found.attitude_error.tolist(), strict=True))
+    return with_motion(plan, found.tip_deflection, errors, course.start)
 
 
 def state_of(model: Model, motion: KnownMotion, reference: Vector) -> Vector:
@@ -64,9 +64,9 @@ def state_of(model: Model, motion: KnownMotion, reference: Vector) -> Vector:
         BadInput: if the references are not either.
     """
     named = dict(zip(model.joint_names, reference.tolist(), strict=True))
-    shown = {name: motion.joints.get(name, (at, 0.0)) for name, at in named.items()}
+    joint_states = {name: motion.joints.get(name, (at, 0.0)) for name, at in named.items()}
     try:
-        rest = model.rest({name: at for name, (at, _) in shown.items()})
+        rest = model.rest({name: at for name, (at, _) in joint_states.items()})
     except BadInput:
         rest = model.rest(named)
     x = np.concatenate((rest, np.zeros(model.coordinates)))
@@ -76,9 +76,9 @@ def state_of(model: Model, motion: KnownMotion, reference: Vector) -> Vector:
     before = slice(model.positions, model.positions + model.before_modes)
     columns = np.empty((model.joints, model.before_modes))
     for k in range(model.before_modes):  # a joint's rate is linear in the velocities
-        moved = x.copy()
-        moved[before.start + k] += 1.0
-        columns[:, k] = model.joint_state(moved)[1] - by_modes
-    missing = np.array([rate for _, rate in shown.values()]) - by_modes
+        shifted = x.copy()
+        shifted[before.start + k] += 1.0
+        columns[:, k] = model.joint_state(shifted)[1] - by_modes
+    missing = np.array([rate for _, rate in joint_states.values()]) - by_modes
     x[before] = np.linalg.lstsq(columns, missing, rcond=None)[0]
     return x

@@ -19,7 +19,7 @@ from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Indices, Matrix, Vector
 from flexslew_plant.testbeds import Model
 
-_ROUNDS = 4
+_ITERATIONS = 4
 # of the way to the goal, for rates per second
 _CLOSE = 1e-11  # of the final state [-]
 _SMALL = 0.02  # larger misses are the plan's own [-]
@@ -40,7 +40,7 @@ def exact_on_ticks(plan: Plan, slew: Slew, limit: Vector) -> Plan:
         limit: largest efforts, shape (joints,) [N m or N].
     """
     limit = np.minimum(limit, plan.summary.get("amplitude", np.inf))
-    found = _brought(plan, slew, limit) or plan
+    found = _correct_efforts(plan, slew, limit) or plan
     if found is plan:
         return plan
     summary = {**plan.summary, "peak_effort": np.abs(found.effort).max(axis=0).tolist()}
@@ -63,67 +63,69 @@ def joints_at_rest(plan: Plan, slew: Slew, limit: Vector) -> Plan:
         slew: the requested slew, with the feedback that the plan assumes.
         limit: largest efforts that close a small gap, shape (joints,) [N m or N].
     """
-    if missed(plan, slew) <= _GAP * slew.way:
-        found = _brought(plan, slew, limit, joints_alone=True)
+    if end_error(plan, slew) <= _GAP * slew.way:
+        found = _correct_efforts(plan, slew, limit, only_joints=True)
         if found is not None:
             return found
     m, n = slew.model.joints, slew.model.coordinates
     short, rate = slew.goal - plan.state[-1, :m], -plan.state[-1, n : n + m]
     end, s = plan.ticks * plan.period, np.linspace(0.0, 1.0, plan.ticks + 1)[:, None]
-    state, moved = plan.state.copy(), np.empty((2, plan.ticks + 1, m))
-    moved[0] = short * (s * s * (3.0 - 2.0 * s)) + rate * end * (s * s * (s - 1.0))
-    moved[1] = short / end * (6.0 * s * (1.0 - s)) + rate * (s * (3.0 * s - 2.0))
-    state[:, :m] += moved[0]
-    state[:, n : n + m] += moved[1]
+    state, correction = plan.state.copy(), np.empty((2, plan.ticks + 1, m))
+    correction[0] = short * (s * s * (3.0 - 2.0 * s)) + rate * end * (s * s * (s - 1.0))
+    correction[1] = short / end * (6.0 * s * (1.0 - s)) + rate * (s * (3.0 * s - 2.0))
+    state[:, :m] += correction[0]
+    state[:, n : n + m] += correction[1]
     state[-1, :m], state[-1, n : n + m] = slew.goal, 0.0
     return replace(
         plan,
         position=state[:, :m].copy(),
         velocity=state[:, n : n + m].copy(),
-        effort=plan.effort - slew.kp * moved[0, :-1] - slew.kd * moved[1, :-1],
+        effort=plan.effort - slew.kp * correction[0, :-1] - slew.kd * correction[1, :-1],
         state=state,
     )
 
 
-def missed(plan: Plan, slew: Slew) -> float:
+def end_error(plan: Plan, slew: Slew) -> float:
     """Return the most that nominal joints lack of rest at the goal [rad or m, and per second]."""
-    goal, rows = _aim(slew, joints_alone=True)
+    goal, rows = _target(slew, only_joints=True)
     return float(np.abs(goal - plan.state[-1])[rows].max())
 
 
-def _aim(slew: Slew, joints_alone: bool) -> tuple[Vector, Indices]:
+def _target(slew: Slew, only_joints: bool) -> tuple[Vector, Indices]:
     """Return the final state, (2 n,), and the indices of its entries that are required."""
     m, n = slew.model.joints, slew.model.coordinates
     goal = np.concatenate((slew.model.rest(slew.named(slew.goal)), np.zeros(n)))
-    rows = [*range(m), *range(n, n + m)] if joints_alone else range(2 * n)
+    rows = [*range(m), *range(n, n + m)] if only_joints else range(2 * n)
     return goal, np.array(rows)
 
 
-def _brought(plan: Plan, slew: Slew, limit: Vector, joints_alone: bool = False) -> Plan | None:
+def _correct_efforts(
+    plan: Plan, slew: Slew, limit: Vector, only_joints: bool = False
+) -> Plan | None:
     """Return the plan with efforts that end at rest at the goal; None: there are none.
 
     A plan that is there already, or too far away for the hold, is returned as it is.
     """
     model, m, n = slew.model, slew.model.joints, slew.model.coordinates
-    goal, rows = _aim(slew, joints_alone)
-    most = np.inf if joints_alone else _SMALL * slew.way
+    goal, rows = _target(slew, only_joints)
+    most = np.inf if only_joints else _SMALL * slew.way
     effort = plan.effort.copy()
     states = _simulate(slew, plan.state[0], effort)
     first = float(np.abs((goal - states[-1])[rows]).max())
     if not _CLOSE * slew.way < first < most:
         return plan
-    if not joints_alone and _misses_by_itself(plan, goal, states[-1], _COMPUTED * slew.way):
+    if not only_joints and _has_nominal_error(plan, goal, states[-1], _COMPUTED * slew.way):
         return plan
-    for _ in range(_ROUNDS):
-        missed = (goal - states[-1])[rows]
-        if not np.isfinite(missed).all():  # a step beyond the validity of the slopes
+    for _ in range(_ITERATIONS):
+        error = (goal - states[-1])[rows]
+        if not np.isfinite(error).all():  # a step beyond the validity of the slopes
             return None
-        if np.abs(missed).max() < _CLOSE * slew.way:
+        if np.abs(error).max() < _CLOSE * slew.way:
             break
         slopes = _slopes(model, states, effort, plan.period)[rows]
-        room = (np.maximum(limit - np.abs(effort), 0.0) ** 2).ravel()
-        weighed = slopes * room
-        change = weighed.T @ np.linalg.lstsq(weighed @ slopes.T, missed, rcond=1e-12)[0]
+        weights = (np.maximum(limit - np.abs(effort), 0.0) ** 2).ravel()
+        weighted = slopes * weights
+        change = weighted.T @ np.linalg.lstsq(weighted @ slopes.T, error, rcond=1e-12)[0]
         effort = effort + change.reshape(effort.shape)
         states = _simulate(slew, plan.state[0], effort)
     left = float(np.abs((goal - states[-1])[rows]).max())
@@ -134,7 +136,7 @@ def _brought(plan: Plan, slew: Slew, limit: Vector, joints_alone: bool = False) 
     return replace(plan, position=position, velocity=velocity, effort=effort, state=states)
 
 
-def _misses_by_itself(plan: Plan, goal: Vector, end: Vector, computed: float) -> bool:
+def _has_nominal_error(plan: Plan, goal: Vector, end: Vector, computed: float) -> bool:
     """Return whether the nominal states miss the goal by more than the hold changes them.
 
     Nominal states that are the flight under held efforts do not separate the two.
@@ -145,17 +147,17 @@ def _misses_by_itself(plan: Plan, goal: Vector, end: Vector, computed: float) ->
         end: final state under the held efforts, shape (2 n,).
         computed: error of the nominal states.
     """
-    own, hold = np.abs(goal - plan.state[-1]).max(), np.abs(end - plan.state[-1]).max()
-    return bool(own > computed and own > hold > 0.0)
+    nominal_error, change = np.abs(goal - plan.state[-1]).max(), np.abs(end - plan.state[-1]).max()
+    return bool(nominal_error > computed and nominal_error > change > 0.0)
 
 
 def _simulate(slew: Slew, start: Vector, effort: Matrix) -> Matrix:
     """Return the states at the ticks, shape (ticks + 1, 2 n)."""
     states = np.empty((len(effort) + 1, start.size))
     states[0] = start
-    for k, held in enumerate(effort):
+    for k, command in enumerate(effort):
         states[k + 1] = slew.model.advance(
-            states[k], held, slew.period, slew.steps, k * slew.period
+            states[k], command, slew.period, slew.steps, k * slew.period
         )
     return states
 
@@ -168,7 +170,7 @@ def _slopes(model: Model, states: Matrix, effort: Matrix, period: float) -> Matr
     for k in range(len(effort) - 1, -1, -1):
         middle = 0.5 * (states[k] + states[k + 1])
         dx, du = model.jacobian(middle, effort[k], (k + 0.5) * period)
-        turn = period * dx
-        slopes[:, k] = later @ (period * (whole + 0.5 * turn) @ du)
-        later = later @ (whole + turn + 0.5 * turn @ turn)
+        delta = period * dx
+        slopes[:, k] = later @ (period * (whole + 0.5 * delta) @ du)
+        later = later @ (whole + delta + 0.5 * delta @ delta)
     return slopes.reshape(size, -1)

@@ -90,15 +90,15 @@ def plan_joint_trajectory(
     ticks = tick_times(settings.start, float(times[-1]), slew.period)
     position = np.tile(slew.start, (len(ticks), 1))
     velocity, mean = np.zeros_like(position), np.zeros_like(position[1:])
-    inside = np.clip(ticks, times[0], times[-1])
+    clipped = np.clip(ticks, times[0], times[-1])
     for name in names:
         k = slew.model.joint_names.index(name)
-        position[:, k], velocity[:, k] = _through(points, times, inside, name)
+        position[:, k], velocity[:, k] = _interpolate(points, times, clipped, name)
         efforts = np.array([point.effort.get(name, 0.0) for point in points])
         mean[:, k] = _means(times, efforts, ticks)
     attitude = slew.model.attitude
     if attitude is not None:
-        phi, slope = attitude.turn_of(position), attitude.turn_of(velocity)
+        phi, slope = attitude.rotation_vector_of(position), attitude.rotation_vector_of(velocity)
         velocity += (body_rates(phi, slope) - slope) @ attitude.axes.T
     return Plan(
         method=settings.method,
@@ -118,12 +118,12 @@ def plan_joint_trajectory(
     )
 
 
-def _through(
+def _interpolate(
     points: Sequence[TrajectoryPoint], times: Vector, ticks: Vector, name: str
 ) -> tuple[Vector, Vector]:
     """Return position and velocity of a joint at the ticks; at rest at the end."""
     given = [
-        [quantity[name] for q in _QUANTITIES if name in (quantity := getattr(point, q))]
+        [values[name] for q in _QUANTITIES if name in (values := getattr(point, q))]
         for point in points
     ]
     path = BPoly.from_derivatives(times, given)
@@ -136,15 +136,15 @@ def _means(times: Vector, efforts: Vector, ticks: Vector) -> Vector:
     """Return the mean over each tick of what is linear between points, and zero after the last."""
     at = np.interp(ticks, times, efforts)
     means: Vector = 0.5 * (at[:-1] + at[1:])
-    holding = np.searchsorted(ticks, times, side="right") - 1
-    for k in np.unique(holding[holding < len(means)]).tolist():
+    intervals = np.searchsorted(ticks, times, side="right") - 1
+    for k in np.unique(intervals[intervals < len(means)]).tolist():
         begin, end = ticks[k], ticks[k + 1]
         slack = _ON_TICK * (end - begin)
-        within = times[(times > begin + slack) & (times < end - slack)]
-        if within.size:
-            edges = np.unique(np.concatenate(([begin], within, [min(end, times[-1])])))
-            there = np.interp(edges, times, efforts)
-            means[k] = 0.5 * (there[1:] + there[:-1]) @ np.diff(edges) / (end - begin)
+        knots = times[(times > begin + slack) & (times < end - slack)]
+        if knots.size:
+            edges = np.unique(np.concatenate(([begin], knots, [min(end, times[-1])])))
+            samples = np.interp(edges, times, efforts)
+            means[k] = 0.5 * (samples[1:] + samples[:-1]) @ np.diff(edges) / (end - begin)
     return means
 
 
@@ -189,12 +189,12 @@ def _from_rest(
     if points[0].at == 0.0:
         return tuple(points)
     here = slew.named(slew.start)
-    still = dict.fromkeys(names, 0.0)
+    zeros = dict.fromkeys(names, 0.0)
     rest = TrajectoryPoint(at=0.0, position={name: here[name] for name in names})
     if points[0].velocity:
-        rest = replace(rest, velocity=still)
+        rest = replace(rest, velocity=zeros)
     if points[0].acceleration:
-        rest = replace(rest, acceleration=still)
+        rest = replace(rest, acceleration=zeros)
     return (rest, *points)
 
 

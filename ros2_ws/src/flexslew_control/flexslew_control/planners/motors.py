@@ -28,7 +28,7 @@ def at_once(joints: int) -> Matrices:
 
 
 @compiled
-def give(motors: Matrices, z: Vector, u: Vector) -> None:
+def motor_step(motors: Matrices, z: Vector, u: Vector) -> None:
     """Turn commands into what the motors give, and their states into those of the next tick.
 
     Args:

@@ -41,16 +41,16 @@ def shared_out(plan: Plan, plant: PlantDescription, law: ActiveLaw | None) -> Sh
     if not model.one_way or not plan.effort.any():
         return Shared(plan, float((abs(plan.effort).max(axis=0, initial=0.0) / limit).max()))
     allocator = _allocator(plant, law)
-    asked = plan.effort @ allocator.torque.T
-    effort = np.array([allocator.shares(torque) for torque in asked])
-    size, given = (np.linalg.norm(t, axis=1) for t in (asked, effort @ allocator.torque.T))
-    turns = size > _ROUNDING * size.max()
-    beyond = float((size[turns] / given[turns]).max(initial=0.0))
+    torques = plan.effort @ allocator.torque.T
+    effort = np.array([allocator.shares(torque) for torque in torques])
+    size, given = (np.linalg.norm(t, axis=1) for t in (torques, effort @ allocator.torque.T))
+    active = size > _ROUNDING * size.max()
+    excess = float((size[active] / given[active]).max(initial=0.0))
     used = float((abs(effort).max(axis=0) / limit).max())
     peak = abs(effort).max(axis=0).tolist()
     return Shared(
         replace(plan, effort=effort, summary={**plan.summary, "peak_effort": peak}),
-        max(used, beyond) if beyond > 1.0 + _ROUNDING else used,
+        max(used, excess) if excess > 1.0 + _ROUNDING else used,
     )
 
 

@@ -9,17 +9,17 @@ from numba import types
 from numpy.typing import NDArray
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.motors import Matrices, at_once, give, matrices
+from flexslew_control.planners.motors import Matrices, at_once, matrices, motor_step
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds import Model, initial_state
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
 
-WATCHED = 40.0  # after the end of the plan, at least [s]
-MOST_WATCHED = 20_000  # ticks, where they are longer than that
+MIN_MONITOR_TIME = 40.0  # after the end of the plan, at least [s]
+MAX_MONITOR_TICKS = 20_000  # ticks, where they are longer than that
 _PERIODS = 1.25  # of the slowest swing, in which softer models show their largest deflection, too
-_SWINGS = 0.1  # sine of the least angle of a pole from the real axis that swings
-_ALLOWED, _NOTHING = 0.1, 1e-5  # more than from rest, of that [-] and beyond it [m]
+_POLE_SINE = 0.1  # sine of the least angle of a pole from the real axis that swings
+_ALLOWED, _TIP_FLOOR = 0.1, 1e-5  # more than from rest, of that [-] and beyond it [m]
 _RIGID = 1e-7  # of the fastest pole: slower ones are zero but for rounding
 
 
@@ -31,7 +31,7 @@ class Prediction(NamedTuple):
     peak: float  # largest |tip deflection| of the whole flight [m]
 
 
-def watched(poles: NDArray[np.complex128], period: float) -> float:
+def monitor_time(poles: NDArray[np.complex128], period: float) -> float:
     """Return how long after a plan's end what it leaves is looked for [s].
 
     Args:
@@ -40,12 +40,14 @@ def watched(poles: NDArray[np.complex128], period: float) -> float:
     """
     rate = abs(poles)
     slow = rate[rate > _RIGID * rate.max(initial=0.0)]
-    swings = abs(poles.imag[rate > _RIGID * rate.max(initial=0.0)]) > _SWINGS * slow
-    longest = np.where(swings, 2.0 * np.pi * _PERIODS, 1.0) / slow
-    return max(WATCHED, min(float(longest.max(initial=0.0)), MOST_WATCHED * period))
+    is_periodic = abs(poles.imag[rate > _RIGID * rate.max(initial=0.0)]) > _POLE_SINE * slow
+    time_constants = np.where(is_periodic, 2.0 * np.pi * _PERIODS, 1.0) / slow
+    return max(
+        MIN_MONITOR_TIME, min(float(time_constants.max(initial=0.0)), MAX_MONITOR_TICKS * period)
+    )
 
 
-def predicted(plan: Plan, slew: Slew, moving: bool = False) -> Prediction:
+def predicted(plan: Plan, slew: Slew, in_motion: bool = False) -> Prediction:
     """Return the residuals of a plan that is flown on the planner's model.
 
     The feedback is the PD that the planner counts with, about the plan, held over every tick
@@ -54,19 +56,20 @@ def predicted(plan: Plan, slew: Slew, moving: bool = False) -> Prediction:
     Args:
         plan: on the ticks of the bench.
         slew: that was requested.
-        moving: whether the flight begins at tick 0 with the motion of the testbed's `initial`, and
+        in_motion: whether the flight begins at tick 0 with the motion of the testbed's `initial`,
+            and
             holds the first reference until the plan begins; else it begins at rest with the plan.
     """
     model, before = slew.model, 0
     start = np.concatenate((model.rest(slew.named(slew.start)), np.zeros(model.coordinates)))
-    if moving:
+    if in_motion:
         model, before = slew.testbed.model(), plan.first_tick
         start[model.positions :] = initial_state(slew.testbed)[model.positions :]
-    about = model.linearise(model.rest(slew.named(slew.goal))).with_feedback(slew.kp, slew.kd)
-    after = int(np.ceil(watched(about.eigenvalues, plan.period) / plan.period))
+    closed_loop = model.linearise(model.rest(slew.named(slew.goal))).with_feedback(slew.kp, slew.kd)
+    after = int(np.ceil(monitor_time(closed_loop.eigenvalues, plan.period) / plan.period))
     last = int(np.ceil(plan.duration / plan.period - 1e-9))
 
-    def held(rows: Matrix, end: Vector, begin: Vector) -> Matrix:
+    def extend(rows: Matrix, end: Vector, begin: Vector) -> Matrix:
         return np.vstack((np.tile(begin, (before, 1)), rows, np.tile(end, (after, 1))))
 
     rest = np.zeros(model.joints)
@@ -74,9 +77,9 @@ def predicted(plan: Plan, slew: Slew, moving: bool = False) -> Prediction:
         model.integrate,
         model.packed,
         start,
-        held(plan.position[:-1], plan.position[-1], plan.position[0]),
-        held(plan.velocity[:-1], rest, rest),
-        held(plan.effort, rest, rest),
+        extend(plan.position[:-1], plan.position[-1], plan.position[0]),
+        extend(plan.velocity[:-1], rest, rest),
+        extend(plan.effort, rest, rest),
         slew.kp,
         slew.kd,
         slew.effort_limit,
@@ -88,18 +91,19 @@ def predicted(plan: Plan, slew: Slew, moving: bool = False) -> Prediction:
     )
     last += before
     tips = np.abs(path[:, model.joints : model.coordinates] @ model.appendages.tip.T)
-    away = np.abs(path[last:, : model.joints] - plan.position[-1])
+    errors = np.abs(path[last:, : model.joints] - plan.position[-1])
     left, peak = (float(part.max(initial=0.0)) for part in (tips[last:], tips))
-    return Prediction(left, away.max(axis=0), peak)
+    return Prediction(left, errors.max(axis=0), peak)
 
 
-def swing(from_rest: Prediction, moving: Prediction) -> str:
+def motion_warning(from_rest: Prediction, in_motion: Prediction) -> str:
     """Return a warning of what the motion before a plan leaves, or "" where that is nothing."""
-    left, alone = moving.tip_deflection, from_rest.tip_deflection
-    if left <= (1.0 + _ALLOWED) * alone + _NOTHING:
+    left, at_rest = in_motion.tip_deflection, from_rest.tip_deflection
+    if left <= (1.0 + _ALLOWED) * at_rest + _TIP_FLOOR:
         return ""
     return (
-        f"the bench moves before the plan begins: {left:.3g} m is left at the tips, {alone:.3g} m "
+        f"the bench moves before the plan begins: {left:.3g} m is left at the tips, {at_rest:.3g} "
+        "m "
         "from rest; damp the swing first, by the law or by a later start"
     )
 
@@ -116,13 +120,13 @@ def open_loop(model: Model, start: Vector, effort: Matrix, period: float) -> Mat
     Returns:
         shape (ticks + 1, size of a state).
     """
-    still, none = np.zeros_like(effort), np.zeros(effort.shape[1])
-    flown: Matrix = _kernel()(
+    zeros, none = np.zeros_like(effort), np.zeros(effort.shape[1])
+    states: Matrix = _kernel()(
         model.integrate,
         model.packed,
         start,
-        still,
-        still,
+        zeros,
+        zeros,
         effort,
         none,
         none,
@@ -133,14 +137,14 @@ def open_loop(model: Model, start: Vector, effort: Matrix, period: float) -> Mat
         model.coordinates,
         model.before_modes,
     )
-    return flown
+    return states
 
 
 @lru_cache
 def _kernel() -> Callable[..., Matrix]:
     """Return _flown as machine code, the same for all testbeds."""
     vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
-    kernel: Any = compiled(_flown)
+    kernel: Any = compiled(_simulate)
     sizes = types.float64, types.int64, types.int64, types.int64
     rows = *(matrix,) * 3, *(vector,) * 3, types.UniTuple(matrix, 4)
     kernel.compile(matrix(ADVANCE, vector, vector, *rows, *sizes))
@@ -148,8 +152,8 @@ def _kernel() -> Callable[..., Matrix]:
     return cast(Callable[..., Matrix], kernel)
 
 
-def _flown(
-    advance: Callable[..., None],
+def _simulate(
+    integrate: Callable[..., None],
     p: Vector,
     start: Vector,
     position: Matrix,
@@ -174,7 +178,7 @@ def _flown(
             u[j] = effort[k, j] + kp[j] * (position[k, j] - x[j])
             u[j] += kd[j] * (velocity[k, j] - x[n + j])
             u[j] = min(max(u[j], -limit[j]), limit[j])
-        give(motors, z, u)
-        advance(p, k * period, u, period, steps, before_modes, x)
+        motor_step(motors, z, u)
+        integrate(p, k * period, u, period, steps, before_modes, x)
         path[k + 1] = x
     return path

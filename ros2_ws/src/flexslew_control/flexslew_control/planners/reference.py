@@ -12,9 +12,9 @@ from flexslew_control.planners.feedforward.manoeuvre import manoeuvre_of
 from flexslew_control.planners.feedforward.optimized_feedforward import on_ticks
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import FeedbackKey, Slew, tick_times
-from flexslew_control.planners.slewing import Slewing
+from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.planners.trajectories import Profile
-from flexslew_control.shared_keys import BelievedModel, Initial, Start
+from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.settings import NonNegative, Positive, section
 
 
@@ -33,7 +33,7 @@ class ReferenceOnly:
     """The `plan` section for method reference_only: the reference without any feedforward."""
 
     method: Literal["reference_only"] = "reference_only"
-    model: BelievedModel = None
+    model: DesignModel = None
     initial: Initial = None
     goal: GoalKey = None
     start: Start = 0.0
@@ -63,12 +63,12 @@ def plan_none(settings: NoPlan, slew: Slew, progress: Progress) -> Plan:
 def plan_reference_only(settings: ReferenceOnly, slew: Slew, progress: Progress) -> Plan:
     """Return the plan with the reference and zero feedforward, to compare with."""
     manoeuvre = manoeuvre_of(slew, settings.duration, settings.reference)
-    nothing = Basis("constant", 1, settings.duration)
+    basis = Basis("constant", 1, settings.duration)
     weights = np.zeros((1, manoeuvre.model.joints))
-    return on_ticks(settings, slew, manoeuvre, nothing, weights)
+    return on_ticks(settings, slew, manoeuvre, basis, weights)
 
 
-NONE = PlannerEntry(NoPlan, Slewing(plan_none, one_axis=False), feedforward=False)
+NONE = PlannerEntry(NoPlan, SlewPlanner(plan_none, one_axis=False), feedforward=False)
 REFERENCE = PlannerEntry(
-    ReferenceOnly, Slewing(plan_reference_only), feedforward=False, takes_duration=True
+    ReferenceOnly, SlewPlanner(plan_reference_only), feedforward=False, takes_duration=True
 )

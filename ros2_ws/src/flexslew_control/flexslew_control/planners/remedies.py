@@ -16,43 +16,43 @@ from flexslew_plant.errors import PlanFailed
 PlanFunction: TypeAlias = Callable[[Any, Slew, Progress], Plan]
 
 _MOST_FUNCTIONS = 200  # that a section may ask for
-_GROWS = 1e-6  # beyond 1, of the spectral radius of one tick: rounding of a rigid body's
+_RADIUS_TOLERANCE = 1e-6  # beyond 1, of the spectral radius of one tick: rounding of a rigid body's
 # by how many steps of 5 % a duration is longer that is tried where a slew needs too much torque
-_LONGER = (1, 2, 4, 8, 16, 32, 40)
-_TURNS = (40.0, 20.0, 10.0)  # of a feedback that is tried then, in the slew [rad]
+_DURATION_STEPS = (1, 2, 4, 8, 16, 32, 40)
+_PHASE_ANGLES = (40.0, 20.0, 10.0)  # of a feedback that is tried then, in the slew [rad]
 
 
-def enough_time(plan: PlanFunction, settings: Any, slew: Slew) -> str:
+def suggest_duration(plan: PlanFunction, settings: Any, slew: Slew) -> str:
     """Return what would do: more functions, or a longer duration, or that none was found."""
     now = settings.duration
     rigid = rigid_duration(slew.model, slew.start, slew.goal, slew.effort_limit)
-    if now >= rigid and (finer := _enough_functions(plan, settings, slew)):
-        return finer
+    if now >= rigid and (functions_hint := _suggest_functions(plan, settings, slew)):
+        return functions_hint
 
-    def lasting(steps: int) -> float:
+    def duration_after(steps: int) -> float:
         return rounded_up(now * 1.05**steps)  # the reported duration is the one that was tried
 
-    def leads(steps: int) -> bool:
-        duration = lasting(steps)
-        return duration >= rigid and _leads(plan, replace(settings, duration=duration), slew)
+    def is_feasible(steps: int) -> bool:
+        duration = duration_after(steps)
+        return duration >= rigid and _is_feasible(plan, replace(settings, duration=duration), slew)
 
-    enough = next(filter(leads, _LONGER), None)
-    if enough is None:
-        longest = lasting(_LONGER[-1])
-        softer = _soft_enough(plan, settings, slew)
-        words = softer or "is enough; use a higher effort_limit"
-        return f"no duration up to {longest:g} s (now {now:g} s) {words}"
-    short = max((steps for steps in _LONGER if steps < enough), default=0)
-    while enough - short > 1:
-        middle = (short + enough) // 2
-        short, enough = (short, middle) if leads(middle) else (middle, enough)
+    needed = next(filter(is_feasible, _DURATION_STEPS), None)
+    if needed is None:
+        max_duration = duration_after(_DURATION_STEPS[-1])
+        gains_hint = _suggest_gains(plan, settings, slew)
+        words = gains_hint or "is enough; use a higher effort_limit"
+        return f"no duration up to {max_duration:g} s (now {now:g} s) {words}"
+    short = max((steps for steps in _DURATION_STEPS if steps < needed), default=0)
+    while needed - short > 1:
+        middle = (short + needed) // 2
+        short, needed = (short, middle) if is_feasible(middle) else (middle, needed)
     return (
-        f"a duration of {lasting(enough):g} s (now {now:g} s) is enough; a rigid body takes "
+        f"a duration of {duration_after(needed):g} s (now {now:g} s) is enough; a rigid body takes "
         f"{rigid:.4g} s"
     )
 
 
-def _enough_functions(plan: PlanFunction, settings: Any, slew: Slew) -> str:
+def _suggest_functions(plan: PlanFunction, settings: Any, slew: Slew) -> str:
     """Return how many functions of time would do, where there are any; else an empty text.
 
     Functions that are long compared with the period of a mode hardly move it: the weights that
@@ -61,25 +61,25 @@ def _enough_functions(plan: PlanFunction, settings: Any, slew: Slew) -> str:
     """
     if not slew.model.modes:
         return ""
-    fewer = getattr(settings, "functions", _MOST_FUNCTIONS)
-    lasts = settings.duration / (fewer + 1)
+    count = getattr(settings, "functions", _MOST_FUNCTIONS)
+    length = settings.duration / (count + 1)
     frequencies = slew.model.linearise(slew.model.rest({})).frequencies
-    fastest = 2.0 * np.pi / float(frequencies[-1]) if frequencies.size else np.inf
-    if lasts < 0.5 * fastest:
+    mode_period = 2.0 * np.pi / float(frequencies[-1]) if frequencies.size else np.inf
+    if length < 0.5 * mode_period:
         return ""
     for factor in (2, 4, 8):
-        functions = fewer * factor
+        functions = count * factor
         if functions > _MOST_FUNCTIONS:
             break
-        if _leads(plan, replace(settings, functions=functions), slew):
+        if _is_feasible(plan, replace(settings, functions=functions), slew):
             return (
-                f"functions: {functions} (now {fewer}) is enough: with {fewer}, each lasts "
-                f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
+                f"functions: {functions} (now {count}) is enough: with {count}, each lasts "
+                f"{length:.3g} s and hardly moves the mode whose period is {mode_period:.3g} s"
             )
     return ""
 
 
-def _soft_enough(plan: PlanFunction, settings: Any, slew: Slew) -> str:
+def _suggest_gains(plan: PlanFunction, settings: Any, slew: Slew) -> str:
     """Return which softer feedback would do, where the plan assumes one; else an empty text.
 
     A feedback that is stiff compared with the modes holds the joints still against them, which
@@ -92,11 +92,11 @@ def _soft_enough(plan: PlanFunction, settings: Any, slew: Slew) -> str:
     inertia = model.inertias(np.concatenate((rest, np.zeros(model.coordinates))))
     if not np.isfinite(inertia).all():  # what does not move its joint holds nothing
         return ""
-    for turns in _TURNS:
-        w = turns / settings.duration
+    for phase in _PHASE_ANGLES:
+        w = phase / settings.duration
         kp = np.array([rounded_up(one) for one in inertia * w**2])
         kd = np.array([rounded_up(one) for one in 2.0 * inertia * w])
-        if (kp < slew.kp).all() and _leads(plan, settings, replace(slew, kp=kp, kd=kd)):
+        if (kp < slew.kp).all() and _is_feasible(plan, settings, replace(slew, kp=kp, kd=kd)):
             return (
                 f"is enough under the feedback that the plan counts with, kp {slew.kp.tolist()} "
                 f"and kd {slew.kd.tolist()}; kp {kp.tolist()} and kd {kd.tolist()} are: give them "
@@ -105,7 +105,7 @@ def _soft_enough(plan: PlanFunction, settings: Any, slew: Slew) -> str:
     return ""
 
 
-def _leads(plan: PlanFunction, settings: Any, slew: Slew) -> bool:
+def _is_feasible(plan: PlanFunction, settings: Any, slew: Slew) -> bool:
     """Return whether a section leads to a plan."""
     try:
         plan(settings, slew, ignore)
@@ -114,7 +114,7 @@ def _leads(plan: PlanFunction, settings: Any, slew: Slew) -> bool:
     return True
 
 
-def require_holding(slew: Slew) -> None:
+def require_stable_loop(slew: Slew) -> None:
     """Check that the feedback that a plan assumes holds the testbed at the plan's start.
 
     Raises:
@@ -123,7 +123,7 @@ def require_holding(slew: Slew) -> None:
     rest = slew.model.rest(slew.named(slew.start))
     loop = collocated_loop(LinearPlant(slew.model, rest), slew.kp, slew.kd, slew.period)
     found = radius(loop)
-    if found > 1.0 + _GROWS:
+    if found > 1.0 + _RADIUS_TOLERANCE:
         raise PlanFailed(
             f"the feedback that the plan counts with, kp {slew.kp.tolist()} and kd "
             f"{slew.kd.tolist()}, is not stable on this testbed with a period of "

@@ -6,7 +6,7 @@ from flexslew_control.planners.slew import Slew
 from flexslew_plant.errors import BadInput
 
 _NO_FORCE = 1e-3  # of a drive's limit, that feedback holds at the goal, as a gravity gradient [-]
-_LOOKS = 0.618034 * np.arange(32) % 1.0  # in step with no period [-]
+_SAMPLE_TIMES = 0.618034 * np.arange(32) % 1.0  # in step with no period [-]
 _AFTER = 0.02  # of a slew's duration, in which forces that vary with time are looked at [-]
 
 
@@ -21,8 +21,10 @@ def require_rest(slew: Slew, end: float) -> None:
         BadInput: if springs or loads move it from there.
     """
     goal = slew.model.rest(slew.named(slew.goal))
-    still, joints = np.zeros(slew.model.coordinates), slew.goal.size
-    bias = [slew.model.bias(goal, still, t)[:joints] for t in end * (1.0 + _AFTER * _LOOKS)]
+    zero_rates, joints = np.zeros(slew.model.coordinates), slew.goal.size
+    bias = [
+        slew.model.bias(goal, zero_rates, t)[:joints] for t in end * (1.0 + _AFTER * _SAMPLE_TIMES)
+    ]
     force = np.abs(bias).max(axis=0)
     if (force > _NO_FORCE * slew.effort_limit).any():
         forces = ", ".join(f"{name} {value:.3g}" for name, value in slew.named(force).items())

@@ -28,21 +28,21 @@ from flexslew_control.shared_keys import Start, WholeModel
 from flexslew_control.small_motion import (
     Frozen,
     SmallMotion,
-    last_turn,
-    require_balancing,
+    last_rotation_end,
+    require_full_rank,
     small_motion,
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import Positive, plain, section
-from flexslew_plant.testbeds import believed
+from flexslew_plant.testbeds import design_testbed
 
 _AFTER = 1e-9  # the end of a turn, for good [s]
 _GAUSS = 0.5 * np.array([-1.0, 1.0]) / np.sqrt(3.0) + 0.5  # two places in a tick
 
 
 @section
-class ChangingWeights:
+class VaryingWeights:
     """Q and R of the regulator of (eta, eta', p), p the whole modal force (3-32)."""
 
     # weight on every modal coordinate and rate, in the units of the testbed's section
@@ -65,7 +65,7 @@ class Retargeting:
     gains: Literal["none", "constant", "perturbation", "adiabatic"] = "none"
     # of the perturbation at the end of the turns
     end_condition: EndCondition = "adiabatic"
-    weights: ChangingWeights = ChangingWeights()  # of the regulator behind the gains
+    weights: VaryingWeights = VaryingWeights()  # of the regulator behind the gains
 
 
 class _Ticks(NamedTuple):
@@ -101,9 +101,9 @@ def plan_retargeting(
     testbed = (
         plant.testbed
         if whole
-        else believed(plant.testbed, settings.model, "plan: model", plant.trust)
+        else design_testbed(plant.testbed, settings.model, "plan: model", plant.trust)
     )
-    until = last_turn(testbed)
+    until = last_rotation_end(testbed)
     duration = settings.duration or until - settings.start
     if not duration > 0.0:
         raise BadInput("no hinge turns after the start", "plan", "duration", "null")
@@ -114,18 +114,18 @@ def plan_retargeting(
     effort: Matrix = np.zeros((ticks, model.efforts))
     summary: dict[str, Any] = {"duration": duration}
     if settings.feedforward != "none":
-        effort, left = balancing(motion, times[:-1], plant.period)
+        effort, left = balance_efforts(motion, times[:-1], plant.period)
         summary |= {"unbalanced": left}
         _require_effort(effort, plant.effort_limit, model.joint_names)
     rows = np.zeros((0, 0))
     if settings.gains != "none":
         middle = [motion.at(t) for t in times[:-1] + 0.5 * plant.period]
         middle.append(motion.at(max(until, float(times[-1])) + _AFTER))
-        rows, told = changing_gains(settings, _Ticks(motion, plant.period, middle))
-        summary |= told
+        rows, details = gain_schedule(settings, _Ticks(motion, plant.period, middle))
+        summary |= details
     summary["peak_effort"] = abs(effort).max(axis=0, initial=0.0).tolist()
-    still = np.concatenate((motion.rest, np.zeros(model.coordinates)))
-    rest = np.tile(model.joint_state(still)[0], (ticks + 1, 1))
+    rest_state = np.concatenate((motion.rest, np.zeros(model.coordinates)))
+    rest = np.tile(model.joint_state(rest_state)[0], (ticks + 1, 1))
     return Plan(
         method=settings.method,
         joint_names=model.joint_names,
@@ -142,7 +142,9 @@ def plan_retargeting(
     )
 
 
-def balancing(motion: SmallMotion, begin: Vector, period: float) -> tuple[Matrix, dict[str, float]]:
+def balance_efforts(
+    motion: SmallMotion, begin: Vector, period: float
+) -> tuple[Matrix, dict[str, float]]:
     """Return -(B*)^+ d, its mean over every tick, in SI, and the largest d that is left.
 
     Args:
@@ -160,7 +162,7 @@ def balancing(motion: SmallMotion, begin: Vector, period: float) -> tuple[Matrix
             frozen = motion.at(t + share * period)
             if not frozen.disturbance.any():
                 continue
-            require_balancing(frozen, motion)
+            require_full_rank(frozen, motion)
             b, d = frozen.input_matrix, frozen.disturbance
             u = -(disturbance_gain(b) @ d)
             effort[k] += 0.5 * u
@@ -168,7 +170,7 @@ def balancing(motion: SmallMotion, begin: Vector, period: float) -> tuple[Matrix
     return effort * motion.units.efforts, dict(zip(motion.names, left.tolist(), strict=True))
 
 
-def changing_gains(settings: Retargeting, ticks: _Ticks) -> tuple[Matrix, dict[str, Any]]:
+def gain_schedule(settings: Retargeting, ticks: _Ticks) -> tuple[Matrix, dict[str, Any]]:
     """Return [Kp, Kd, Ki] on all coordinates for each tick and for all after, row by row, in SI.
 
     Raises:
@@ -185,7 +187,7 @@ def changing_gains(settings: Retargeting, ticks: _Ticks) -> tuple[Matrix, dict[s
             "gains",
             settings.gains,
         )
-    require_balancing(before, motion)
+    require_full_rank(before, motion)
     weight = np.diag([w.state] * (2 * k) + [w.force] * k)
     r = regulator(before, weight, w.force_rate * np.eye(k))
     if settings.gains == "constant":
@@ -203,8 +205,8 @@ def changing_gains(settings: Retargeting, ticks: _Ticks) -> tuple[Matrix, dict[s
         )
         u = np.linalg.solve(r.modes.T @ frozen.input_matrix, requested)
         rows.append(motion.gains(u).ravel())
-    told = {"frequencies": np.sqrt(r.squares).tolist(), "slowest_pole": _slowest(r)}
-    return np.array(rows), told
+    details = {"frequencies": np.sqrt(r.squares).tolist(), "slowest_pole": _largest_real_part(r)}
+    return np.array(rows), details
 
 
 def _first_order(
@@ -219,7 +221,7 @@ def _first_order(
     return [0.5 * (a + b) for a, b in pairwise(edges)] + edges[-1:]
 
 
-def _slowest(r: Regulator) -> float:
+def _largest_real_part(r: Regulator) -> float:
     return float(np.linalg.eigvals(r.closed_loop).real.max())
 
 

@@ -16,16 +16,16 @@ from pydantic import Field
 from flexslew_control.analysis.linear_plant import PlantPath, motors
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.law import PlantDescription, per_joint
-from flexslew_plant.arrays import NOTHING, Vector
+from flexslew_plant.arrays import EMPTY, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings
 from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.settings import PerJoint, flat, plain, section
-from flexslew_plant.testbeds import Model, Testbed, believed, initial_positions
+from flexslew_plant.testbeds import Model, Testbed, design_testbed, initial_positions
 from flexslew_plant.testbeds.integration_error import steps_per_tick
 
 _LATEST = 50  # ticks, of commands that a planner counts with
-_LISTED = 6  # differences between model and bench that are listed one by one
+_MAX_DIFFERENCES = 6  # differences between model and bench that are listed one by one
 
 
 @section
@@ -45,7 +45,7 @@ FeedbackKey: TypeAlias = Annotated[
 ]
 
 
-class TooMuchTorque(PlanFailed):
+class ExcessTorque(PlanFailed):
     """The slew needs more than the drives have; a longer one may not."""
 
 
@@ -74,13 +74,13 @@ class Slew:
     effort_limit: Vector
     beliefs: str = ""
     actuator: ActuatorSettings = IDEAL
-    delay: Vector = field(default_factory=lambda: NOTHING)
+    delay: Vector = field(default_factory=lambda: EMPTY)
     begin: float = 0.0
 
     @cached_property
     def model(self) -> Model:
         """The equations of motion that the planner believes in, in the time of the slew."""
-        return self.testbed.model().begun_at(self.begin)
+        return self.testbed.model().with_time_zero(self.begin)
 
     @cached_property
     def steps(self) -> int:
@@ -99,7 +99,7 @@ class Slew:
         return motors(path, self.model.joint_names)
 
     @property
-    def still(self) -> bool:
+    def static(self) -> bool:
         """Whether every joint is at its goal already."""
         return bool((self.start == self.goal).all())
 
@@ -147,7 +147,9 @@ def slew_of(
     Raises:
         BadInput: if the testbed does not have a joint or a key.
     """
-    testbed = believed(plant.testbed, getattr(settings, "model", None), "plan: model", plant.trust)
+    testbed = design_testbed(
+        plant.testbed, getattr(settings, "model", None), "plan: model", plant.trust
+    )
     names = testbed.model().joint_names
     if names != plant.joint_names:
         raise BadInput(
@@ -173,7 +175,7 @@ def slew_of(
     if late_motors:
         known = known_motors(plant)
         slew = replace(slew, actuator=known.actuator, delay=known.delay)
-    return replace(slew, beliefs=_beliefs(slew, plant, feedback))
+    return replace(slew, beliefs=_model_differences(slew, plant, feedback))
 
 
 def _goal(settings: Any, testbed: Testbed, names: tuple[str, ...]) -> dict[str, float]:
@@ -188,32 +190,34 @@ def _goal(settings: Any, testbed: Testbed, names: tuple[str, ...]) -> dict[str, 
         return {}
     goal = testbed.typical_goal
     if not set(goal) <= set(names):
-        listed = ", ".join(names)
-        raise BadInput(f"plan: goal: missing; give one to some of the joints {listed}")
+        joint_list = ", ".join(names)
+        raise BadInput(f"plan: goal: missing; give one to some of the joints {joint_list}")
     return goal
 
 
-def _beliefs(slew: Slew, plant: PlantDescription, feedback: Feedback | None) -> str:
+def _model_differences(slew: Slew, plant: PlantDescription, feedback: Feedback | None) -> str:
     """Return in one line what the planner assumes, unlike the bench."""
-    here, there = flat(plain(slew.testbed)), flat(plain(plant.testbed))
+    here, bench = flat(plain(slew.testbed)), flat(plain(plant.testbed))
     here = {key: value for key, value in here.items() if not key.startswith("initial")}
-    pairs = [(key, here[key], there.get(key)) for key in here if here[key] != there.get(key)]
-    motors_here, motors_there = plain(slew.actuator), plain(plant.actuator)
-    changed = [key for key in motors_here if motors_here[key] != motors_there[key]]
-    pairs += [(f"actuator.{key}", motors_here[key], motors_there[key]) for key in changed]
+    pairs = [(key, here[key], bench.get(key)) for key in here if here[key] != bench.get(key)]
+    motors_here, bench_motors = plain(slew.actuator), plain(plant.actuator)
+    changed = [key for key in motors_here if motors_here[key] != bench_motors[key]]
+    pairs += [(f"actuator.{key}", motors_here[key], bench_motors[key]) for key in changed]
     if plant.delay.any() and not slew.delay.any():
         pairs.append(("command delay [ticks]", 0, plant.delay.tolist()))
-    resting = initial_positions(plant.testbed)
+    rest_position = initial_positions(plant.testbed)
     for name, at in slew.named(slew.start).items():
-        if at != resting.get(name):
-            pairs.append((f"initial.{name}", at, resting.get(name)))
+        if at != rest_position.get(name):
+            pairs.append((f"initial.{name}", at, rest_position.get(name)))
     if feedback is not None:
         names = slew.model.joint_names
-        for key, ours, given in (("kp", slew.kp, feedback.kp), ("kd", slew.kd, feedback.kd)):
-            theirs = per_joint(key, given, names)
-            if (ours != theirs).any():
-                pairs.append((f"feedback.{key}", ours.tolist(), theirs.tolist()))
-    differences = [f"{key} {ours} instead of {theirs}" for key, ours, theirs in pairs[:_LISTED]]
+        for key, design, given in (("kp", slew.kp, feedback.kp), ("kd", slew.kd, feedback.kd)):
+            actual = per_joint(key, given, names)
+            if (design != actual).any():
+                pairs.append((f"feedback.{key}", design.tolist(), actual.tolist()))
+    differences = [
+        f"{key} {design} instead of {actual}" for key, design, actual in pairs[:_MAX_DIFFERENCES]
+    ]
     more = len(pairs) - len(differences)
     return ", ".join(differences + [f"{more} more"] * (more > 0))
 

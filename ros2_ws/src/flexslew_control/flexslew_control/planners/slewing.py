@@ -12,54 +12,56 @@ from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.one_axis import (
     RELEVANT,
+    has_single_axis,
     in_three_axes,
     more_modes,
     reduced,
-    turns,
 )
-from flexslew_control.planners.held_efforts import exact_on_ticks, joints_at_rest, missed
+from flexslew_control.planners.held_efforts import end_error, exact_on_ticks, joints_at_rest
 from flexslew_control.planners.motors import Matrices, matrices
 from flexslew_control.planners.one_way import shared_out
-from flexslew_control.planners.prediction import Prediction, predicted, swing
+from flexslew_control.planners.prediction import Prediction, motion_warning, predicted
 from flexslew_control.planners.progress import Progress, ignore
-from flexslew_control.planners.remedies import PlanFunction, enough_time, require_holding
-from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, known_motors, slew_of
+from flexslew_control.planners.remedies import PlanFunction, require_stable_loop, suggest_duration
+from flexslew_control.planners.slew import ExcessTorque, Feedback, Slew, known_motors, slew_of
 from flexslew_control.planners.whole_bench import (
-    NOTHING,
+    TIP_FLOOR,
     Better,
     as_predicted,
     by_feedback,
-    counted_with,
-    flown_on_bench,
-    not_counted,
-    not_flown,
-    told,
-    told_by_law,
+    ignored_settings,
+    is_joint_feedback,
+    simulate_on_bench,
+    with_bench_residual,
+    with_law_residual,
+    without_simulation,
 )
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
-from flexslew_plant.testbeds import starts_moving
+from flexslew_plant.testbeds import has_initial_rates
 
 # of the way to the goal
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m/rad or -]
 _EXACT_RIGID = 1e-9  # the same of a rigid body, away from its goal [-]
-_MISSED = 1e-6  # what nominal joints may lack of rest at the goal, rates per second [-]
-RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
+_END_TOLERANCE = 1e-6  # what nominal joints may lack of rest at the goal, rates per second [-]
+RESIDUAL_SHARE = (
+    0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
+)
 MOST_MODES = 4  # frequencies that are tried for one that is enough
 # turns tried with less torque about the eigenaxis: a try fails only where a drive needs 1 % more
 # per torque about the axis than in the one before, which the modes' largest response bounds
-_SLOWER = 20
+_MAX_ATTEMPTS = 20
 _ROUNDING = 1e-9  # of the share of a drive's limit
 
 # of a flight of a plan on the bench
-_DIVERGES = (
+_DIVERGENCE = (
     "that flight diverges: the law does not stabilise the bench, or the period is too long for its "
     "fastest mode; use a shorter one, or fewer modes"
 )
 
 
 @dataclass(frozen=True)
-class Slewing:
+class SlewPlanner:
     """Makes plans by a function of section and slew.
 
     Args:
@@ -75,8 +77,9 @@ class Slewing:
             instead of about the eigenaxis; None: no section does.
         late_motors: whether the plan includes lag and delay of the motors.
         with_feedback: whether a plan as a whole depends on kp and kd of the joints that fly it.
-        predicts: whether the summary of a plan has the residual under the active law.
-        usable: returns the share of each drive's limit that a section leaves to the plan [-]; None:
+        has_prediction: whether the summary of a plan has the residual under the active law.
+        effort_share: returns the share of each drive's limit that a section leaves to the plan
+            [-]; None:
             all of it.
     """
 
@@ -88,8 +91,8 @@ class Slewing:
     whole: Callable[[Any], bool] | None = None
     late_motors: bool = False
     with_feedback: bool = False
-    predicts: bool = True
-    usable: Callable[[Any], float] | None = None
+    has_prediction: bool = True
+    effort_share: Callable[[Any], float] | None = None
 
     def __call__(
         self,
@@ -105,10 +108,10 @@ class Slewing:
             PlanFailed: no such slew; the message carries the numbers.
             BadInput: the testbed is not moved by one effort per joint, or lacks what is named.
         """
-        if self._of_whole(settings, plant):
-            return self._as_whole(settings, plant, feedback, progress, law)
-        if self.about_one_axis(settings, plant):
-            return self._turned(settings, plant, feedback, progress, law)
+        if self._uses_full_attitude(settings, plant):
+            return self._full_plan(settings, plant, feedback, progress, law)
+        if self.is_single_axis(settings, plant):
+            return self._single_axis_plan(settings, plant, feedback, progress, law)
         slew = slew_of(settings, plant, feedback, self.late_motors)
         limit = plant.effort_limit
         if limit.size != slew.goal.size:
@@ -121,28 +124,32 @@ class Slewing:
             plan = self.plan(settings, slew, progress)
         except (PlanFailed, LinAlgError) as error:
             if self._counts_with_feedback(settings):
-                require_holding(slew)
-            if isinstance(error, TooMuchTorque):
-                raise PlanFailed(f"{error}; {enough_time(self.plan, settings, slew)}") from None
+                require_stable_loop(slew)
+            if isinstance(error, ExcessTorque):
+                raise PlanFailed(
+                    f"{error}; {suggest_duration(self.plan, settings, slew)}"
+                ) from None
             raise PlanFailed(str(error)) from None
-        if turns(plant):  # a step has no prediction, and the slew's model is not the bench's
+        if has_single_axis(
+            plant
+        ):  # a step has no prediction, and the slew's model is not the bench's
             return replace(plan, request=self._complete(settings, slew))
         on_model = predicted(plan, slew)
         exact = self.exact is not None and self.exact(settings)
         rigid = not slew.model.modes
         left = on_model.attitude_error.max() if rigid else on_model.tip_deflection
-        small, close = (_EXACT_RIGID if rigid else _EXACT) * slew.way, _MISSED * slew.way
-        if exact and (left > small or missed(plan, slew) > close):
-            allowed = self._usable(settings) * slew.effort_limit
+        small, close = (_EXACT_RIGID if rigid else _EXACT) * slew.way, _END_TOLERANCE * slew.way
+        if exact and (left > small or end_error(plan, slew) > close):
+            allowed = self._effort_share(settings) * slew.effort_limit
             plan = exact_on_ticks(plan, slew, allowed)
-            if missed(plan, slew) > close:
+            if end_error(plan, slew) > close:
                 plan = joints_at_rest(plan, slew, allowed)
             on_model = predicted(plan, slew)
         from_rest = on_model
-        if starts_moving(slew.testbed):
-            on_model = predicted(plan, slew, moving=True)
+        if has_initial_rates(slew.testbed):
+            on_model = predicted(plan, slew, in_motion=True)
         figures = {
-            **self._ringing(settings, from_rest, swing(from_rest, on_model)),
+            **self._residual_warning(settings, from_rest, motion_warning(from_rest, on_model)),
             "believes": slew.beliefs,
             "predicted_residual_tip_deflection": on_model.tip_deflection,
             "predicted_residual_attitude_error": slew.named(on_model.attitude_error),
@@ -150,13 +157,13 @@ class Slewing:
         plan = replace(
             plan, request=self._complete(settings, slew), summary={**plan.summary, **figures}
         )
-        if law is None or not self.predicts:
+        if law is None or not self.has_prediction:
             return plan
-        return self._flown_by(law, plan, settings, slew, plant)
+        return self._predict_with_law(law, plan, settings, slew, plant)
 
-    def _usable(self, settings: Any) -> float:
+    def _effort_share(self, settings: Any) -> float:
         """Return the share of each drive's limit that the plan of a section may use [-]."""
-        return 1.0 if self.usable is None else self.usable(settings)
+        return 1.0 if self.effort_share is None else self.effort_share(settings)
 
     def _motors(self, plant: PlantDescription) -> Matrices | None:
         """Return the dynamics from commands to efforts of a bench, if the planner includes it."""
@@ -166,14 +173,14 @@ class Slewing:
         return matrices(motors(path, tuple(map(str, range(plant.effort_limit.size)))))
 
     def _left(
-        self, plan: Plan, plant: PlantDescription, flies: ActiveLaw | None
+        self, plan: Plan, plant: PlantDescription, active_law: ActiveLaw | None
     ) -> Prediction | None:
         """Return the residuals of a plan on the whole bench; None: no law, or it cannot fly it."""
-        if flies is None:
+        if active_law is None:
             return None
-        return flown_on_bench(plan, plant, flies, motors=self._motors(plant))
+        return simulate_on_bench(plan, plant, active_law, motors=self._motors(plant))
 
-    def _ringing(self, settings: Any, found: Prediction, more: str = "") -> dict[str, Any]:
+    def _residual_warning(self, settings: Any, found: Prediction, more: str = "") -> dict[str, Any]:
         """Return a warning of tips that vibrate on, where the plan has none already.
 
         Args:
@@ -181,12 +188,14 @@ class Slewing:
             found: the prediction from rest.
             more: another warning; empty: none.
         """
-        rings, left = self.rings(settings) if self.rings is not None else "", found.tip_deflection
-        words = f"the tip vibrates by {left:.3g} m after the end: {rings}"
-        parts = ([words] if rings and left > RINGING * found.peak else []) + [more] * bool(more)
+        reason, left = self.rings(settings) if self.rings is not None else "", found.tip_deflection
+        words = f"the tip vibrates by {left:.3g} m after the end: {reason}"
+        parts = ([words] if reason and left > RESIDUAL_SHARE * found.peak else []) + [more] * bool(
+            more
+        )
         return {"warning": "; ".join(parts)} if parts else {}
 
-    def _flown_by(
+    def _predict_with_law(
         self, law: ActiveLaw, plan: Plan, settings: Any, slew: Slew, plant: PlantDescription
     ) -> Plan:
         """Return the plan with what it leaves where the law in charge flies it.
@@ -194,37 +203,37 @@ class Slewing:
         The model is that which the planner believes in; where it plans a spacecraft as a whole,
         the bench's.
         """
-        if counted_with(law, slew) and not turns(plant):
+        if is_joint_feedback(law, slew) and not has_single_axis(plant):
             return plan
-        model = None if turns(plant) else slew.testbed
+        model = None if has_single_axis(plant) else slew.testbed
         given = self._motors(plant)
-        found = flown_on_bench(plan, plant, law, model, given)
+        found = simulate_on_bench(plan, plant, law, model, given)
         if found is None:
             return plan
-        remedy = ""
+        hint = ""
         if not as_predicted(plan, found) and getattr(settings, "track", "planned") != "planned":
-            about = self.plan(replace(settings, track="planned"), slew, ignore)
-            other = flown_on_bench(about, plant, law, model, given)
+            alternative = self.plan(replace(settings, track="planned"), slew, ignore)
+            other = simulate_on_bench(alternative, plant, law, model, given)
             if other is not None and other.tip_deflection < 0.5 * found.tip_deflection:
-                remedy = f"; track: planned leaves {other.tip_deflection:.3g} m"
-        return told_by_law(plan, plant, found, law, remedy)
+                hint = f"; track: planned leaves {other.tip_deflection:.3g} m"
+        return with_law_residual(plan, plant, found, law, hint)
 
     def _counts_with_feedback(self, settings: Any) -> bool:
         """Return whether the slew of a section depends on the feedback that flies it."""
         given = getattr(settings, "feedback", None) is not None
         return given or (hasattr(settings, "feedback") and not self.open_loop)
 
-    def about_one_axis(self, settings: Any, plant: PlantDescription) -> bool:
+    def is_single_axis(self, settings: Any, plant: PlantDescription) -> bool:
         """Return whether a section is planned about one axis: one_axis.counted reads its model."""
         # a plan of one's own that is there already has no goal, and is of all joints
-        planned = getattr(settings, "goal", {}) is not None
-        alone = self.one_axis and planned and turns(plant)
-        return alone and not self._of_whole(settings, plant)
+        has_goal = getattr(settings, "goal", {}) is not None
+        single_axis = self.one_axis and has_goal and has_single_axis(plant)
+        return single_axis and not self._uses_full_attitude(settings, plant)
 
-    def _of_whole(self, settings: Any, plant: PlantDescription) -> bool:
+    def _uses_full_attitude(self, settings: Any, plant: PlantDescription) -> bool:
         return self.whole is not None and self.whole(settings) and in_three_axes(plant)
 
-    def _as_whole(
+    def _full_plan(
         self,
         settings: Any,
         plant: PlantDescription,
@@ -250,7 +259,7 @@ class Slewing:
             plan = self.plan(settings, slew, progress)
         except PlanFailed:
             if self._counts_with_feedback(settings):
-                require_holding(slew)
+                require_stable_loop(slew)
             raise
         plan = replace(
             plan,
@@ -258,18 +267,20 @@ class Slewing:
             summary={**plan.summary, "believes": slew.beliefs},
         )
         gains = getattr(settings, "feedback", None) or feedback
-        flies = law or (by_feedback(gains) if gains else None)
-        if self.with_feedback and flies is not None:
-            words = ", ".join(filter(None, (slew.beliefs, not_counted(flies))))
+        active_law = law or (by_feedback(gains) if gains else None)
+        if self.with_feedback and active_law is not None:
+            words = ", ".join(filter(None, (slew.beliefs, ignored_settings(active_law))))
             plan = replace(plan, summary={**plan.summary, "believes": words})
-        if not self.predicts:
+        if not self.has_prediction:
             return plan
-        prediction = self._left(plan, plant, flies)
+        prediction = self._left(plan, plant, active_law)
         if prediction is None:
-            return not_flown(plan)
-        return told(plan, plant, prediction, remedy="give the law more room, by a reserve")
+            return without_simulation(plan)
+        return with_bench_residual(
+            plan, plant, prediction, hint="give the law more room, by a reserve"
+        )
 
-    def _turned(
+    def _single_axis_plan(
         self,
         settings: Any,
         plant: PlantDescription,
@@ -282,27 +293,29 @@ class Slewing:
         `model: {modes: relevant}` adds modes, those that the turn drives most first, until the
         plan leaves nothing on the whole bench, or no more than with more of them.
         """
-        asked = (getattr(settings, "model", None) or {}).get("modes") == RELEVANT
+        requested = (getattr(settings, "model", None) or {}).get("modes") == RELEVANT
         gains = getattr(settings, "feedback", None) or feedback
-        flies = law or (by_feedback(gains) if gains else None)
-        if asked:
-            flies = flies or by_feedback(Feedback())
-            found = self._relevant(settings, plant, feedback, flies, progress, None)
+        active_law = law or (by_feedback(gains) if gains else None)
+        if requested:
+            active_law = active_law or by_feedback(Feedback())
+            found = self._relevant(settings, plant, feedback, active_law, progress, None)
             assert found is not None
-            return told(found[0], plant, found[1].prediction)
+            return with_bench_residual(found[0], plant, found[1].prediction)
         plan = self._embedded(settings, plant, feedback, progress, law)
-        if not self.predicts:
+        if not self.has_prediction:
             return plan
-        prediction = self._left(plan, plant, flies)
-        if flies is None or prediction is None:
-            return not_flown(plan)
-        plan = replace(plan, summary={**plan.summary, **self._ringing(settings, prediction)})
+        prediction = self._left(plan, plant, active_law)
+        if active_law is None or prediction is None:
+            return without_simulation(plan)
+        plan = replace(
+            plan, summary={**plan.summary, **self._residual_warning(settings, prediction)}
+        )
         if as_predicted(plan, prediction):
-            return told(plan, plant, prediction)
+            return with_bench_residual(plan, plant, prediction)
         if not np.isfinite(prediction.peak):
-            return told(plan, plant, prediction, remedy=_DIVERGES)
-        better = self._relevant(settings, plant, feedback, flies, progress, prediction)
-        return told(plan, plant, prediction, better and better[1])
+            return with_bench_residual(plan, plant, prediction, hint=_DIVERGENCE)
+        better = self._relevant(settings, plant, feedback, active_law, progress, prediction)
+        return with_bench_residual(plan, plant, prediction, better and better[1])
 
     def _embedded(
         self,
@@ -320,35 +333,37 @@ class Slewing:
 
         Raises:
             BadInput: see shared_out.
-            TooMuchTorque: a drive has not what another axis needs, however slow the turn.
+            ExcessTorque: a drive has not what another axis needs, however slow the turn.
         """
-        share, usable, needs = 1.0, self._usable(settings), ""
-        own = replace(self, rings=None)  # the flight on the whole bench shows whether it rings
-        for _ in range(_SLOWER):
-            turn = reduced(settings, plant, feedback, share)
+        share, limit_share, needs = 1.0, self._effort_share(settings), ""
+        modified = replace(self, rings=None)  # the flight on the whole bench shows whether it rings
+        for _ in range(_MAX_ATTEMPTS):
+            reduced_slew = reduced(settings, plant, feedback, share)
             try:
-                about_axis = own(turn.settings, turn.plant, turn.feedback, progress)
+                axis_plan = modified(
+                    reduced_slew.settings, reduced_slew.plant, reduced_slew.feedback, progress
+                )
             except PlanFailed as error:
                 if not needs:
                     raise
-                raise TooMuchTorque(f"{needs}; with less torque about the axis: {error}") from None
-            plan, used = shared_out(turn.embedded(about_axis), plant, law)
-            if used <= usable * (1.0 + _ROUNDING):
+                raise ExcessTorque(f"{needs}; with less torque about the axis: {error}") from None
+            plan, used = shared_out(reduced_slew.embedded(axis_plan), plant, law)
+            if used <= limit_share * (1.0 + _ROUNDING):
                 return plan
-            shares = abs(plan.effort).max(axis=0) / plant.effort_limit
+            ratios = abs(plan.effort).max(axis=0) / plant.effort_limit
             needs = (
-                f"{plant.joint_names[int(shares.argmax())]} needs {used:.3g} times its limit, "
-                f"{usable:.3g} is allowed"
+                f"{plant.joint_names[int(ratios.argmax())]} needs {used:.3g} times its limit, "
+                f"{limit_share:.3g} is allowed"
             )
-            share *= 0.99 * usable / used
-        raise TooMuchTorque(f"{needs}; use a longer duration")
+            share *= 0.99 * limit_share / used
+        raise ExcessTorque(f"{needs}; use a longer duration")
 
     def _relevant(
         self,
         settings: Any,
         plant: PlantDescription,
         feedback: Feedback | None,
-        flies: ActiveLaw,
+        active_law: ActiveLaw,
         progress: Progress,
         than: Prediction | None,
     ) -> tuple[Plan, Better] | None:
@@ -360,41 +375,42 @@ class Slewing:
         best: tuple[Plan, Better] | None = None
         least = np.inf if than is None else 0.5 * than.tip_deflection
         keys = {k: v for k, v in (getattr(settings, "model", None) or {}).items() if k != "modes"}
-        asked = getattr(settings, "model", None)
+        requested = getattr(settings, "model", None)
         for count in range(1, MOST_MODES + 1):
-            if than is not None and count == (asked or {"modes": 1}).get("modes"):
+            if than is not None and count == (requested or {"modes": 1}).get("modes"):
                 continue  # that is what there is
             model = {**keys, "modes": count}
             try:
-                own = replace(settings, model=model)
-                plan = self._embedded(own, plant, feedback, progress, flies)
+                modified = replace(settings, model=model)
+                plan = self._embedded(modified, plant, feedback, progress, active_law)
             except PlanFailed:
                 if best is None and than is None:
                     raise
                 break
-            prediction = self._left(plan, plant, flies)
+            prediction = self._left(plan, plant, active_law)
             if prediction is None:
                 if than is None:
                     raise PlanFailed(
-                        f"model: modes: relevant: {flies.law} cannot fly the plan, so nothing says "
+                        f"model: modes: relevant: {active_law.law} cannot fly the plan, so "
+                        "nothing says "
                         "which modes matter; give a number of modes"
                     )
                 break
             if prediction.tip_deflection < least:
                 best, least = (plan, Better(count, prediction)), prediction.tip_deflection
-            if least <= NOTHING or not more_modes(settings, plant, count):
+            if least <= TIP_FLOOR or not more_modes(settings, plant, count):
                 break
         return best
 
     def _complete(self, settings: Any, slew: Slew) -> dict[str, Any]:
         """Return the section with everything that it took from the bench written out."""
-        asked: dict[str, Any] = plain(settings)
+        requested: dict[str, Any] = plain(settings)
         resolved = {
             "model": plain(slew.testbed),
             "initial": slew.named(slew.start),
             "goal": slew.named(slew.goal),
             "feedback": {"kp": slew.kp.tolist(), "kd": slew.kd.tolist()},
         }
-        if asked.get("feedback") is None and self.open_loop:
+        if requested.get("feedback") is None and self.open_loop:
             del resolved["feedback"]
-        return asked | {key: value for key, value in resolved.items() if key in asked}
+        return requested | {key: value for key, value in resolved.items() if key in requested}

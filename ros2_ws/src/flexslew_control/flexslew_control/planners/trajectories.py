@@ -77,9 +77,9 @@ def rigid_duration(model: Model, first: Vector, last: Vector, effort_limit: Vect
         first, last: where the joints rest, shape (joints,) [rad or m].
         effort_limit: shape (joints,) [N m or N].
     """
-    straight = np.zeros(model.modes)
+    modes = np.zeros(model.modes)
     inertia = np.minimum(
-        *(np.diag(model.mass_matrix(np.concatenate((q, straight)))) for q in (first, last))
+        *(np.diag(model.mass_matrix(np.concatenate((q, modes)))) for q in (first, last))
     )[: model.joints]
     return float((2.0 * np.sqrt(inertia * np.abs(last - first) / effort_limit)).max())
 

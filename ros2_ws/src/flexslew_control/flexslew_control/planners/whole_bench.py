@@ -13,18 +13,18 @@ import numpy as np
 from flexslew_control.controllers import PD_FEEDFORWARD, build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan, with_warning
-from flexslew_control.planners.motors import Matrices, at_once, give
-from flexslew_control.planners.prediction import MOST_WATCHED, WATCHED, Prediction
+from flexslew_control.planners.motors import Matrices, at_once, motor_step
+from flexslew_control.planners.prediction import MAX_MONITOR_TICKS, MIN_MONITOR_TIME, Prediction
 from flexslew_control.planners.slew import Feedback, Slew
-from flexslew_plant.arrays import Vector, kept
+from flexslew_plant.arrays import Vector, read_only
 from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.sensors import exact_readings, exact_sensors
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.testbeds import Testbed, initial_state, starts_moving
+from flexslew_plant.testbeds import Testbed, has_initial_rates, initial_state
 from flexslew_plant.testbeds.integration_error import steps_per_tick
 
 _NAME = "in_charge"  # of the controller
-NOTHING = 1e-5  # residual of the tips that counts as none [m]
+TIP_FLOOR = 1e-5  # residual of the tips that counts as none [m]
 _MORE, _SEEN = 1.001, 1e-6  # beyond which what is left has grown [-], [m, rad]
 _ALLOWED = 0.1  # more than on the planner's own model [-]
 
@@ -39,15 +39,15 @@ class Better(NamedTuple):
 def as_predicted(plan: Plan, bench: Prediction) -> bool:
     """Return whether a plan leaves the bench as still as it has been promised so far."""
     on_model = float(plan.summary["predicted_residual_tip_deflection"])
-    return bench.tip_deflection <= (1.0 + _ALLOWED) * on_model + NOTHING
+    return bench.tip_deflection <= (1.0 + _ALLOWED) * on_model + TIP_FLOOR
 
 
-def told(
+def with_bench_residual(
     plan: Plan,
     plant: PlantDescription,
     bench: Prediction,
     better: Better | None = None,
-    remedy: str = "no plan about one axis on more modes leaves less than half",
+    hint: str = "no plan about one axis on more modes leaves less than half",
 ) -> Plan:
     """Return the plan with what it leaves on the bench, and a warning if that is more.
 
@@ -56,36 +56,36 @@ def told(
         plant: what stands on the bench.
         bench: what it leaves there.
         better: what would leave less; None: no plan that was tried.
-        remedy: in words, where there is none.
+        hint: in words, where there is none.
     """
     on_model = plan.summary["predicted_residual_tip_deflection"]
-    away = dict(zip(plant.joint_names, bench.attitude_error.tolist(), strict=True))
+    errors = dict(zip(plant.joint_names, bench.attitude_error.tolist(), strict=True))
     summary = {
         **plan.summary,
         "predicted_residual_tip_deflection": bench.tip_deflection,
-        "predicted_residual_attitude_error": away,
+        "predicted_residual_attitude_error": errors,
         "residual_tip_deflection_on_model": on_model,
     }
     if not as_predicted(plan, bench):
         if better is not None:
             left = better.prediction.tip_deflection
-            remedy = f"model: {{modes: {better.modes}}} leaves {left:.3g} m"
+            hint = f"model: {{modes: {better.modes}}} leaves {left:.3g} m"
         words = (
             f"on the whole bench it leaves {bench.tip_deflection:.3g} m at the tips, on the model "
-            f"that it is made on {on_model:.3g} m; {remedy}"
+            f"that it is made on {on_model:.3g} m; {hint}"
         )
         return with_warning(replace(plan, summary=summary), words)
     return replace(plan, summary=summary)
 
 
-def not_flown(plan: Plan) -> Plan:
+def without_simulation(plan: Plan) -> Plan:
     """Return a plan about one axis with a warning that no law has flown it on the whole bench."""
     words = "not flown on the whole bench: what it leaves is that of the planner's own model"
     return with_warning(plan, words)
 
 
-def told_by_law(
-    plan: Plan, plant: PlantDescription, found: Prediction, law: ActiveLaw, remedy: str = ""
+def with_law_residual(
+    plan: Plan, plant: PlantDescription, found: Prediction, law: ActiveLaw, hint: str = ""
 ) -> Plan:
     """Return the plan with what it leaves where a law flies it, and a warning if that is more.
 
@@ -94,36 +94,36 @@ def told_by_law(
         plant: what stands on the bench.
         found: what it leaves under the law.
         law: that flies it.
-        remedy: what would leave less, after a semicolon; empty: nothing that was tried.
+        hint: what would leave less, after a semicolon; empty: nothing that was tried.
     """
     by_joints = plan.summary["predicted_residual_tip_deflection"]
-    away = dict(zip(plant.joint_names, found.attitude_error.tolist(), strict=True))
+    errors = dict(zip(plant.joint_names, found.attitude_error.tolist(), strict=True))
     summary = {
         **plan.summary,
         "predicted_residual_tip_deflection": found.tip_deflection,
-        "predicted_residual_attitude_error": away,
+        "predicted_residual_attitude_error": errors,
         "residual_tip_deflection_by_joint_feedback": by_joints,
     }
     if not as_predicted(plan, found):
         return with_warning(
             replace(plan, summary=summary),
             f"flown by {law.law} it leaves {found.tip_deflection:.3g} m at the tips, by the joint "
-            f"feedback that the planner counts with {by_joints:.3g} m{remedy}",
+            f"feedback that the planner counts with {by_joints:.3g} m{hint}",
         )
     return replace(plan, summary=summary)
 
 
-def counted_with(law: ActiveLaw, slew: Slew) -> bool:
+def is_joint_feedback(law: ActiveLaw, slew: Slew) -> bool:
     """Return whether a law is the joint feedback that the planner counts with, and nothing else."""
     if law.law != PD_FEEDFORWARD.name or set(law.settings) - {"kp", "kd"}:
         return False
-    own: Any = PD_FEEDFORWARD.settings(**law.settings)
+    gains: Any = PD_FEEDFORWARD.settings(**law.settings)
     names = slew.model.joint_names
-    kp, kd = (per_joint("gains", tuple(np.atleast_1d(g)), names) for g in (own.kp, own.kd))
+    kp, kd = (per_joint("gains", tuple(np.atleast_1d(g)), names) for g in (gains.kp, gains.kd))
     return bool((kp == slew.kp).all() and (kd == slew.kd).all())
 
 
-def not_counted(law: ActiveLaw) -> str:
+def ignored_settings(law: ActiveLaw) -> str:
     """Return in one line what a law does beyond kp and kd joint by joint; empty: nothing."""
     if law.law != PD_FEEDFORWARD.name:
         return f"kp and kd of the joints alone instead of {law.law}"
@@ -131,7 +131,7 @@ def not_counted(law: ActiveLaw) -> str:
     return f"{law.law} without {', '.join(sorted(more))}" if more else ""
 
 
-def flown_on_bench(
+def simulate_on_bench(
     plan: Plan,
     plant: PlantDescription,
     law: ActiveLaw,
@@ -157,13 +157,13 @@ def flown_on_bench(
         controller = build_controller(_NAME, law.law, dict(law.settings), plant, "plan")
     except BadInput:  # reported where the controllers are built
         return None
-    stands = plant.testbed if testbed is None else testbed
-    before = plan.first_tick if start is None and starts_moving(stands) else 0
+    bench = plant.testbed if testbed is None else testbed
+    before = plan.first_tick if start is None and has_initial_rates(bench) else 0
     if controller.adopt(replace(plan, start=before * plan.period)) or controller.reason:
         return None
     if getattr(controller.law, "flight_only", False):
         return None
-    model = stands.model()
+    model = bench.model()
     names, limit, tip = plant.joint_names, plant.effort_limit, model.appendages.tip
     least = -limit
     least[list(model.one_way)] = 0.0
@@ -171,39 +171,44 @@ def flown_on_bench(
     x = np.concatenate((rest, np.zeros(model.coordinates)))
     if start is not None:
         x = start
-    elif starts_moving(stands):
-        x[model.positions :] = initial_state(stands)[model.positions :]
+    elif has_initial_rates(bench):
+        x[model.positions :] = initial_state(bench)[model.positions :]
     sensors = exact_sensors(model, plan.period)
     last = before + int(np.ceil(plan.duration / plan.period - 1e-9))
     poles = model.linearise(rest).eigenvalues
-    steps = steps_per_tick(poles, plan.period, plan.duration + WATCHED)
+    steps = steps_per_tick(poles, plan.period, plan.duration + MIN_MONITOR_TIME)
     effort = np.zeros(limit.size)
     motors = motors or at_once(limit.size)
     late = np.zeros(len(motors[0]))
-    swing, peak, away = 0.0, 0.0, np.zeros(len(names))
-    driven, after, grown, k = max(before + len(plan.effort), last), WATCHED / plan.period, 0, -1
-    while (k := k + 1) <= driven + np.ceil(after):
+    deflection, peak, errors = 0.0, 0.0, np.zeros(len(names))
+    last_effort, after, increase, k = (
+        max(before + len(plan.effort), last),
+        MIN_MONITOR_TIME / plan.period,
+        0,
+        -1,
+    )
+    while (k := k + 1) <= last_effort + np.ceil(after):
         now = plan.start + (k - before) * plan.period
         seen = sensors.read(exact_readings(model, x, effort, now), x)
-        deflected = _largest(tip @ model.modal_state(x)[0])
-        peak = max(peak, deflected)
+        tip_size = _largest(tip @ model.modal_state(x)[0])
+        peak = max(peak, tip_size)
         if k >= last:
             left = abs(model.joint_error(seen.joint_position, plan.position[-1]))
-            if deflected > _MORE * swing + _SEEN or (left > _MORE * away + _SEEN).any():
-                grown = k - driven
-            swing, away = max(swing, deflected), np.maximum(away, left)
-            if k == driven + np.ceil(after) and 2 * grown > after:  # it is still growing
-                after = max(after, min(2.0 * after, MOST_WATCHED))
+            if tip_size > _MORE * deflection + _SEEN or (left > _MORE * errors + _SEEN).any():
+                increase = k - last_effort
+            deflection, errors = max(deflection, tip_size), np.maximum(errors, left)
+            if k == last_effort + np.ceil(after) and 2 * increase > after:  # it is still growing
+                after = max(after, min(2.0 * after, MAX_MONITOR_TICKS))
         if not np.isfinite(peak):  # before the end, too
-            swing, away = np.inf, np.full(len(names), np.inf)
+            deflection, errors = np.inf, np.full(len(names), np.inf)
             break
-        answer = controller.observe(Measurement(k, 0, now, _NAME, *seen, kept(effort)))
+        answer = controller.observe(Measurement(k, 0, now, _NAME, *seen, read_only(effort)))
         if answer is None:  # it has failed on the way
             return None
         effort = np.clip(answer.command.effort, least, limit)
-        give(motors, late, effort)
+        motor_step(motors, late, effort)
         x = model.advance(x, effort, plan.period, steps, now)
-    return Prediction(swing, away, peak)
+    return Prediction(deflection, errors, peak)
 
 
 def by_feedback(feedback: Feedback) -> ActiveLaw:

@@ -10,18 +10,18 @@ from rclpy.subscription import Subscription
 
 from flexslew_control.controllers import settings_text
 from flexslew_control.controllers.host import ControllerHost
-from flexslew_control.ros.turn import SILENT
+from flexslew_control.ros.turn import INACTIVE
 from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.alive import Alive
-from flexslew_plant.ros.graph import publishers_of, unmatched
+from flexslew_plant.ros.graph import missing_listeners, publishers_of
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
 
-_RENEW = 100  # ticks between two statuses
+_STATUS_PERIOD = 100  # ticks between two statuses
 
 
-class Announcer:
+class StatusPublisher:
     """Publishes a status whenever it changes, and while the controller works.
 
     Args:
@@ -29,8 +29,9 @@ class Announcer:
         host: host of the controller.
         law: name of its law.
         alive: heartbeats, to detect other nodes of its name.
-        sent: publishers of the commands, then of the states, which must have listeners.
-        heard: returns the subscription to the plant's questions; None: they and the answers take
+        publishers: publishers of the commands, then of the states, which must have listeners.
+        subscription: returns the subscription to the plant's questions; None: they and the answers
+            take
             another way.
         listeners: nodes that must receive what is sent, in addition to the plant.
     """
@@ -41,18 +42,18 @@ class Announcer:
         host: ControllerHost,
         law: str,
         alive: Alive,
-        sent: Sequence["Publisher[Any]"],
-        heard: "Callable[[], Subscription[Any] | None]",
+        publishers: Sequence["Publisher[Any]"],
+        subscription: "Callable[[], Subscription[Any] | None]",
         listeners: Sequence[str],
     ) -> None:
         self._node, self._host, self._law, self._alive = node, host, law, alive
-        self._sent, self._heard, self._listeners = sent, heard, listeners
+        self._publishers, self._subscription, self._listeners = publishers, subscription, listeners
         self._status = publisher(node, topics.CONTROLLER_STATUS)
-        self.older: Refusal | None = None  # why this one is silent for another one of its name
-        self.announced = False
+        self.previous: Refusal | None = None  # why this one is silent for another one of its name
+        self.has_status = False
         self.reason: Refusal | None = None  # as announced
-        self._is_heard = False
-        self._settings, self._due = "", host.due
+        self._is_connected = False
+        self._settings, self._pending = "", host.due
         self._tick = 0  # of the last status
 
     def look(self) -> None:
@@ -61,34 +62,34 @@ class Announcer:
         While an older node of the same name is alive this one publishes nothing: the bench could
         not distinguish the two.
         """
-        before, self.older = self.older, self._alive.older
-        if self.older and not before:
-            self._node.get_logger().error(f"{self.older}; {SILENT}")
-        self.announce(always=bool(before and not self.older))
+        before, self.previous = self.previous, self._alive.previous
+        if self.previous and not before:
+            self._node.get_logger().error(f"{self.previous}; {INACTIVE}")
+        self.notify(always=bool(before and not self.previous))
 
-    def describe(self, another_bench: bool = False) -> None:
+    def describe(self, new_bench: bool = False) -> None:
         """Announce what is computed from the settings that hold now."""
         host = self._host
-        self._is_heard = self._is_heard and not another_bench
+        self._is_connected = self._is_connected and not new_bench
         if host.controller is not None:
-            self._due = host.due
+            self._pending = host.due
             self._settings = settings_text(host.controller, self._law, host.values, host.due)
-        self.announce(always=True)
+        self.notify(always=True)
 
     def seen(self, tick: int) -> None:
         """Announce at intervals that it keeps up."""
-        if self._host.due != self._due:  # those of a flight that is over are dropped
+        if self._host.due != self._pending:  # those of a flight that is over are dropped
             self.describe()
-        elif tick >= self._tick + _RENEW or tick == 0:
-            self.announce(always=True)
+        elif tick >= self._tick + _STATUS_PERIOD or tick == 0:
+            self.notify(always=True)
 
-    def announce(self, always: bool = False) -> None:
+    def notify(self, always: bool = False) -> None:
         """Publish the status if it is another one than the last, or always."""
         reason = self._reason()
-        if (self.announced and reason == self.reason and not always) or self.older:
+        if (self.has_status and reason == self.reason and not always) or self.previous:
             return
         host = self._host
-        self.announced, self.reason, self._tick = True, reason, host.last_tick
+        self.has_status, self.reason, self._tick = True, reason, host.last_tick
         period = host.controller.period if host.controller else 0.0
         self._status.publish(
             msg.ControllerStatus(
@@ -101,26 +102,26 @@ class Announcer:
                 epoch=host.epoch,
                 plan_hash=host.plan_hash,
                 settings=self._settings,
-                plan_number=host.plans_taken,
+                plan_number=host.plan_count,
                 plan_epoch=host.plan_from[0],
                 plan_tick=host.plan_from[1],
-                instance=self._alive.beat.instance,
+                instance=self._alive.heartbeat.instance,
             )
         )
 
     def _reason(self) -> Refusal | None:
         """Return why the controller could not become active now, by the data of its node."""
-        why = self.older or self._host.reason
-        if why is not None or self._is_heard:
+        why = self.previous or self._host.reason
+        if why is not None or self._is_connected:
             return why
-        heard = self._heard()
-        plant = publishers_of(self._node, heard) if heard else set()
+        subscription = self._subscription()
+        plant = publishers_of(self._node, subscription) if subscription else set()
         # a publisher there that is not a plant, as a bag that is played, takes no answers
-        plant = plant & set(self._alive.presence.of_role("plant")) or plant
-        missing = unmatched(self._node, self._sent[:1], [*plant, *self._listeners])
-        missing += unmatched(self._node, self._sent[1:], self._listeners)
-        self._is_heard = bool(plant or heard is None) and not missing
-        unheard = ", ".join(sorted(set(missing))) or "a plant"
-        if self._is_heard:
+        plant = plant & set(self._alive.heartbeats.of_role("plant")) or plant
+        missing = missing_listeners(self._node, self._publishers[:1], [*plant, *self._listeners])
+        missing += missing_listeners(self._node, self._publishers[1:], self._listeners)
+        self._is_connected = bool(plant or subscription is None) and not missing
+        missing_names = ", ".join(sorted(set(missing))) or "a plant"
+        if self._is_connected:
             return None
-        return Refusal(f"not received by {unheard}", cause=Cause.NOT_HEARD)
+        return Refusal(f"not received by {missing_names}", cause=Cause.NOT_HEARD)

@@ -29,13 +29,13 @@ class BenchClock:
     ) -> None:
         self._on_reset, self._take = on_reset, on_state
         self._state = msg.BenchState()
-        self._heard = 0.0  # when it came [wall s]
+        self._received_at = 0.0  # when it came [wall s]
         subscription(node, topics.BENCH_STATE, self._on_state)
 
     @property
-    def known(self) -> bool:
+    def has_state(self) -> bool:
         """Whether a state of the bench was received."""
-        return self._heard > 0.0
+        return self._received_at > 0.0
 
     @property
     def epoch(self) -> int:
@@ -59,7 +59,9 @@ class BenchClock:
 
     def now(self) -> float:
         """Return the simulated time [s]: as received, plus the time since where it is paced."""
-        passed = (monotonic() - self._heard) * self._state.rate_factor if self.running else 0.0
+        passed = (
+            (monotonic() - self._received_at) * self._state.rate_factor if self.running else 0.0
+        )
         return seconds_of(self._state.stamp) + passed
 
     def later(self, wait: float) -> float:
@@ -69,7 +71,7 @@ class BenchClock:
     def _on_state(self, message: msg.BenchState) -> None:
         if message.stamp.sec < 0 or not 0.0 <= message.rate_factor < inf:
             return  # no plant publishes this
-        before, self._state, self._heard = self._state, message, monotonic()
+        before, self._state, self._received_at = self._state, message, monotonic()
         self._take(message)
         if message.epoch != before.epoch:
             self._on_reset()

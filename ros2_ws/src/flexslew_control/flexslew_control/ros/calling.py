@@ -10,31 +10,31 @@ from flexslew_plant.direct.lines import ANSWERS, CALLER, EPOCH, TICK
 from flexslew_plant.direct.names import address, direct
 from flexslew_plant.graph import topics
 
-_AGAIN = 0.2  # until the plant is called again [wall s]
-_CATCHING_UP = 1.0  # for the questions before those of the line [wall s]
+_RETRY_PERIOD = 0.2  # until the plant is called again [wall s]
+_OVERLAP = 1.0  # for the questions before those of the line [wall s]
 _WITHOUT = 1.0  # without a line until the node subscribes to messages again [wall s]
 
 
-class Calling:
+class PlantConnection:
     """Calls the plant of the bench until it answers, and again when it has hung up.
 
     Args:
         node: node of the controller.
         name: its name on the bench.
-        answers: absolute name of the topic of its commands.
+        response_topic: absolute name of the topic of its commands.
 
     Attributes:
         begun: questions come on the line; those received elsewhere are copies.
     """
 
-    def __init__(self, node: Node, name: str, answers: str) -> None:
-        questions = node.resolve_topic_name(topics.MEASUREMENT)
-        self._address = address(node.context.get_domain_id(), questions, answers)
+    def __init__(self, node: Node, name: str, response_topic: str) -> None:
+        measurement_topic = node.resolve_topic_name(topics.MEASUREMENT)
+        self._address = address(node.context.get_domain_id(), measurement_topic, response_topic)
         self._name, self._direct = name, direct(os.environ)
         self._line: DirectLine | None = None
-        self.begun = False
+        self.started = False
         self._before: tuple[int, int] | None = None  # the newest question that is not on the line
-        self._welcomed = 0.0  # time of the next call [wall s]
+        self._connected_at = 0.0  # time of the next call [wall s]
         self._next = 0.0  # when the line was lost [wall s]
         self._since = -inf  # there has been no line [wall s]
 
@@ -43,35 +43,35 @@ class Calling:
         """The plant has been reached and has not hung up."""
         return self._line is not None and not self._line.closed
 
-    def look(self, now: float, silent: bool) -> None:
+    def look(self, now: float, inactive: bool) -> None:
         """Call if there is no line, and it is time.
 
         Args:
             now: [wall s].
-            silent: an older node of this name answers: hang up and do not call.
+            inactive: an older node of this name answers: hang up and do not call.
         """
-        if silent:
+        if inactive:
             self.close()
         if self.open:
             return
         if self._line is not None:
-            self._line, self._before, self._since, self.begun = None, None, now, False
-        if silent or not self._direct or now < self._next:
+            self._line, self._before, self._since, self.started = None, None, now, False
+        if inactive or not self._direct or now < self._next:
             return
-        self._next = now + _AGAIN
+        self._next = now + _RETRY_PERIOD
         self._line = call(self._address)
         if self._line is not None:
-            self._line.say({CALLER: self._name})
+            self._line.notify({CALLER: self._name})
 
     def at_once(self) -> None:
         """Call with the next look: a plant has come."""
         self._next = 0.0
 
-    def hung_up(self, now: float) -> bool:
+    def line_lost(self, now: float) -> bool:
         """Return whether there has been no line for a while."""
         return not self.open and now > self._since + _WITHOUT
 
-    def may_begin(self, newest: tuple[int, int] | None, now: float) -> bool:
+    def can_begin(self, newest: tuple[int, int] | None, now: float) -> bool:
         """Return whether the next question is one of the line.
 
         Args:
@@ -82,19 +82,19 @@ class Calling:
             data = self.receive(False)
             if data is None:
                 return False
-            said = facts(data)
-            epoch, tick = said.get(EPOCH), said.get(TICK)
+            message = facts(data)
+            epoch, tick = message.get(EPOCH), message.get(TICK)
             if not isinstance(epoch, int) or not isinstance(tick, int):
                 self.close()
                 return False
-            self._before, self._welcomed = (epoch, tick), now
-        return newest is None or newest >= self._before or now > self._welcomed + _CATCHING_UP
+            self._before, self._connected_at = (epoch, tick), now
+        return newest is None or newest >= self._before or now > self._connected_at + _OVERLAP
 
     def begin(self) -> None:
         """Announce that answers come on the line from now on."""
         assert self._line is not None
-        self.begun = True
-        self._line.say({ANSWERS: True})
+        self.started = True
+        self._line.notify({ANSWERS: True})
 
     def receive(self, wait: bool) -> bytes | None:
         """Return the next question; None: there is none yet, or the plant has hung up."""

@@ -10,14 +10,14 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from flexslew_control.active_laws import ActiveLaws
-from flexslew_control.planned_course import PATIENCE, Answered, PlanAnswers
-from flexslew_plant.bench.operation.presence import Presence
+from flexslew_control.planned_course import PATIENCE, PlanResponse, PlanResponses
+from flexslew_plant.bench.operation.presence import Heartbeats
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import PlanRefused, fact_of
+from flexslew_plant.events import PlanRejected, fact_of
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import subscription
-from flexslew_plant.ros.statuses import Statuses
+from flexslew_plant.ros.statuses import StatusMonitor
 
 
 class _Pending(NamedTuple):
@@ -28,7 +28,7 @@ class _Pending(NamedTuple):
     future: Future
 
 
-class ControllerAnswers:
+class ControllerResponses:
     """Listens to the controllers' statuses and refusals.
 
     Args:
@@ -43,32 +43,32 @@ class ControllerAnswers:
         self,
         node: Node,
         loop: Loop,
-        presence: Presence,
+        presence: Heartbeats,
         on_refusal: Callable[[str], None],
         laws: ActiveLaws,
     ) -> None:
         self._node, self._loop, self._presence = node, loop, presence
         self._on_refusal, self._laws = on_refusal, laws
-        self._answers, self._pending = PlanAnswers(), list[_Pending]()
-        self._statuses = Statuses(presence, self._on_status)
-        subscription(node, topics.CONTROLLER_STATUS, self._statuses.hear)
+        self._responses, self._pending = PlanResponses(), list[_Pending]()
+        self._statuses = StatusMonitor(presence, self._on_status)
+        subscription(node, topics.CONTROLLER_STATUS, self._statuses.receive)
         subscription(node, topics.EVENTS, self._on_event)
 
     @property
-    def followed(self) -> set[str]:
+    def active_hash_set(self) -> set[str]:
         """The hashes of the plans that are followed."""
-        return self._answers.followed
+        return self._responses.active_hash_set
 
     def expect(self, digest: str) -> None:
         """Forget the answers to an earlier plan with this hash: it is published again."""
-        self._answers.expect(digest)
+        self._responses.expect(digest)
 
-    def of(self, digest: str) -> Answered:
+    def of(self, digest: str) -> PlanResponse:
         """Return what has come so far on a plan with this hash from those that are there."""
-        now, known = monotonic(), self._answers.known
-        return self._answers.of(digest, [n for n in known if self._presence.silent(n, now)])
+        now, known = monotonic(), self._responses.controller_names
+        return self._responses.of(digest, [n for n in known if self._presence.inactive(n, now)])
 
-    def awaited(self, digest: str) -> Future:
+    def response_future(self, digest: str) -> Future:
         """Return a future of the controllers' answers to the plan with this hash."""
         future = self._loop.future()
         self._pending.append(_Pending(digest, monotonic() + PATIENCE, future))
@@ -80,17 +80,17 @@ class ControllerAnswers:
         self._statuses.poll(now)
         for pending in list(self._pending):
             found = self.of(pending.digest)
-            answered = not found.silent and self.met
-            if answered or now >= pending.deadline:
+            complete = not found.inactive and self.all_known
+            if complete or now >= pending.deadline:
                 self._pending.remove(pending)
                 pending.future.set_result(found)
         return bool(self._pending)
 
     @property
-    def met(self) -> bool:
+    def all_known(self) -> bool:
         """Whether all controllers on the graph have sent a status; DDS may list them before."""
-        there: int = self._node.count_publishers(topics.CONTROLLER_STATUS)
-        return there <= len(self._answers.known)
+        publisher_count: int = self._node.count_publishers(topics.CONTROLLER_STATUS)
+        return publisher_count <= len(self._responses.controller_names)
 
     def end(self) -> None:
         """Resolve every future with the answers so far: the node ends."""
@@ -99,7 +99,7 @@ class ControllerAnswers:
         self._pending.clear()
 
     def _on_status(self, status: msg.ControllerStatus) -> None:
-        self._answers.status(status)
+        self._responses.status(status)
         self._laws.take_status(status)
 
     def _on_event(self, event: msg.Event) -> None:
@@ -108,6 +108,6 @@ class ControllerAnswers:
         except (BadInput, ValueError):  # an event in another format than this release's
             return
         self._laws.take_event(what, event.tick, event.epoch)
-        if isinstance(what, PlanRefused) and what.controller is not None:
-            self._answers.refusal(what.controller, what.hash, what.reason or "")
+        if isinstance(what, PlanRejected) and what.controller is not None:
+            self._responses.refusal(what.controller, what.hash, what.reason or "")
             self._on_refusal(what.hash)

@@ -9,13 +9,13 @@ from flexslew_msgs import msg
 
 from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller, with_file
 from flexslew_control.controllers.host import ControllerHost
-from flexslew_control.law import described
-from flexslew_control.message_fields import published_plan
-from flexslew_control.ros.announcer import Announcer
-from flexslew_control.ros.answering import Answering
+from flexslew_control.law import plant_description
+from flexslew_control.message_fields import received_plan
+from flexslew_control.ros.announcer import StatusPublisher
+from flexslew_control.ros.answering import AnswerServer
 from flexslew_control.ros.controller_settings import ControllerNodeSettings
 from flexslew_control.ros.tuning import Tuning
-from flexslew_control.ros.turn import await_turn
+from flexslew_control.ros.turn import wait_until_unique
 from flexslew_plant.bench.operation.run_state import RUNNING
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
@@ -43,100 +43,99 @@ class ControllerNode:
     def __init__(self, law: str, loop: Loop, by_call: bool = False) -> None:
         self.node = node = new_node(law)
         given = parameters_of(node)
-        own = {k: given.pop(k) for k in ControllerNodeSettings.__annotations__ if k in given}
-        self._settings = declared(node, ControllerNodeSettings, {"law": law, **own})
-        self._alive = await_turn(loop, node, self._settings.exit_with_plant)
+        names = ControllerNodeSettings.__annotations__
+        node_values = {k: given.pop(k) for k in names if k in given}
+        self._settings = declared(node, ControllerNodeSettings, {"law": law, **node_values})
+        self._alive = wait_until_unique(loop, node, self._settings.exit_with_plant)
         given = with_file(self._settings.law, given, f"node {node.get_name()}")
         self._host = ControllerHost(node.get_name(), given)
-        self._next_look, self._state, self._realtime = 0.0, "", RealTime()  # [wall s]; of the bench
-        outlets = loop.outlets(node)
+        self._next_check, self._state = 0.0, ""  # [wall s]; of the bench
+        self._realtime = RealTime()
+        outlets = loop.direct_publishers(node)
         self._events = EventLog(node, outlets)
-        instance = self._alive.beat.instance
-        self.answering = Answering(
+        instance = self._alive.heartbeat.instance
+        answering = self.answering = AnswerServer(
             node, outlets, loop, self._host, self._observed, instance, by_call
         )
         s = self._settings
-        sent = [offer.publisher for offer in self.answering.sent]
-        self._announcer = Announcer(
-            node, self._host, s.law, self._alive, sent, lambda: self.answering.heard, s.wait_for
+        publishers = [channel.publisher for channel in self.answering.publishers]
+        self._status = StatusPublisher(
+            node, self._host, s.law, self._alive, publishers, lambda: answering.received, s.wait_for
         )
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        self._watch = PlantWatch(loop, node, testbed, self._alive.presence, s.exit_with_plant)
+        self._watch = PlantWatch(loop, node, testbed, self._alive.heartbeats, s.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
-        self._tuning = Tuning(node, self._host, s.law, self._serve, self._announcer.describe)
+        self._tuning = Tuning(node, self._host, s.law, self._answer_pending, self._status.describe)
 
     def poll(self) -> float:
         """Look at the graph; return the wall seconds until the next look."""
         now = monotonic()
-        if now >= self._next_look:
-            self._announcer.look()
-            self.answering.silent = self._announcer.older is not None
+        if now >= self._next_check:
+            self._status.look()
+            self.answering.inactive = self._status.previous is not None
             self._watch.look()
             self.answering.look(now)
-            self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
-        return min(self._next_look - now, self.answering.fly())
+            self._next_check = now + (_POLL_PERIOD if self._status.reason else 0.2)
+        return min(self._next_check - now, self.answering.fly())
 
     def _on_testbed(self, message: msg.Testbed) -> None:
         trust = Trust.of((self._settings.law, *self._settings.trust))
         try:
-            plant = described(message.settings, "/testbed", trust)
+            plant = plant_description(message.settings, "/testbed", trust)
         except BadInput as error:
             self._host.ignored(topics.TESTBED, str(error))
-            self._tell()
+            self._publish_events()
             return
         self._watch.seen = True
-        self.answering.begin_anew(message.period)
-        self._host.announce(
+        self.answering.restart(message.period)
+        name, s = self._host.name, self._settings
+        self._host.notify(
             lambda values: build_controller(
-                self._host.name,
-                self._settings.law,
-                values,
-                plant,
-                f"node {self._host.name}",
-                self._settings.requires_plan,
+                name, s.law, values, plant, f"node {name}", s.requires_plan
             ),
             len(message.appendage_names),
         )
         self.answering.look(monotonic())
-        self._announcer.describe(another_bench=True)
+        self._status.describe(new_bench=True)
 
     def _on_plan(self, message: msg.Plan) -> None:
         try:
-            refused = self._host.adopt(*published_plan(message, f"topic {topics.PLAN}"))
+            rejection = self._host.adopt(*received_plan(message, f"topic {topics.PLAN}"))
         except BadInput as error:
             self.node.get_logger().warning(str(error))
             return
-        if refused is not None and not self.answering.silent:
+        if rejection is not None and not self.answering.inactive:
             self._events.tell(self._host.plan_refused(message.hash))
-        self._announcer.announce(always=True)
+        self._status.notify(always=True)
 
     def _on_bench_state(self, message: msg.BenchState) -> None:
         self._host.run_ends = message.last_tick
         if message.epoch > self._host.epoch:
             self._host.begin_epoch(message.epoch)
-            self._announcer.describe()
+            self._status.describe()
         if message.state == RUNNING != self._state:
             self.answering.expect()
         self._state = message.state
-        self._realtime.want(priority_of(message.active == self._host.name, message.rate_factor))
+        priority = priority_of(message.active == self._host.name, message.rate_factor)
+        self._realtime.set_priority(priority)
 
-    def _serve(self) -> bool:
+    def _answer_pending(self) -> bool:
         """Answer a question that waits; return whether there was one."""
         self._alive.poll(monotonic())
         return self.answering.serve()
 
-    def _tell(self) -> None:
+    def _publish_events(self) -> None:
         """Publish the events of the host."""
         while self._host.events:
             self._events.tell(self._host.events.popleft())
 
     def _observed(self, tick: int) -> None:
         if self._host.events:
-            self._tell()
-            self._announcer.describe()
+            self._publish_events()
+            self._status.describe()
         else:
-            self._announcer.seen(tick)
+            self._status.seen(tick)
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import subscription
 
 INSTALLED = find_spec("control_msgs") is not None
-_ERASED = -1.0  # a tolerance: any error is allowed (control_msgs/JointTolerance)
+_ANY_ERROR = -1.0  # a tolerance: any error is allowed (control_msgs/JointTolerance)
 _OF_PLATFORMS = ("multi_dof_trajectory", "component_path_tolerance", "component_goal_tolerance")
 
 
@@ -50,36 +50,36 @@ class FollowTrajectory:
 
         self._kind: Any = FollowJointTrajectory
         self._node, self._loop, self._job, self._release = node, loop, job, release
-        self._flown: dict[bytes, _Flight] = {}  # by the goal's number
+        self._active: dict[bytes, _Flight] = {}  # by the goal's number
         self._server = ActionServer(
             node,
             FollowJointTrajectory,
             topics.FOLLOW_JOINT_TRAJECTORY,
             self._execute,
-            cancel_callback=self._may_cancel,
+            cancel_callback=self._on_cancel,
         )
 
     def poll(self) -> None:
         """End flights that cannot go on, since the run is over or starts again."""
-        for flight in self._flown.values():
+        for flight in self._active.values():
             if (end := flight.lost(self._release.clock)) is not None:
                 flight.over(end)
 
     def end(self, why: str) -> None:
         """Answer every goal: the node ends."""
-        for flight in self._flown.values():
+        for flight in self._active.values():
             flight.over(TrackingEnd(TrackingCode.GOAL_TOLERANCE_VIOLATED, why))
 
     def leave(self) -> None:
         """End the action."""
         self._server.destroy()
 
-    def _may_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
+    def _on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
         """Reject to cancel a published plan, which is flown: the bench stops by the brake."""
-        return CancelResponse.REJECT if _number(goal) in self._flown else CancelResponse.ACCEPT
+        return CancelResponse.REJECT if _number(goal) in self._active else CancelResponse.ACCEPT
 
     async def _execute(self, goal: ServerGoalHandle) -> Any:
-        end = await self._followed(goal)
+        end = await self._track(goal)
         if end.code == TrackingCode.SUCCESSFUL:
             goal.succeed()
         elif goal.is_cancel_requested:
@@ -88,12 +88,12 @@ class FollowTrajectory:
             goal.abort()
         return self._kind.Result(error_code=int(end.code), error_string=end.words)
 
-    async def _followed(self, goal: ServerGoalHandle) -> TrackingEnd:
+    async def _track(self, goal: ServerGoalHandle) -> TrackingEnd:
         request = goal.request
-        refused = self._refused(request)
-        if refused is not None:
-            return refused
-        outcome = await self._plan_through(goal)
+        rejection = self._rejection(request)
+        if rejection is not None:
+            return rejection
+        outcome = await self._request_plan(goal)
         if isinstance(outcome, Refusal):
             past = outcome.cause is Cause.PAST
             code = TrackingCode.OLD_HEADER_TIMESTAMP if past else TrackingCode.INVALID_GOAL
@@ -101,10 +101,12 @@ class FollowTrajectory:
         if goal.is_cancel_requested:
             return TrackingEnd(TrackingCode.INVALID_GOAL, str(CANCELED))
         path, at_end = request.path_tolerance, request.goal_tolerance
-        held = (tolerance.name for tolerance in (*path, *at_end))  # joints that stay, too
+        tolerance_joints = (
+            tolerance.name for tolerance in (*path, *at_end)
+        )  # joints that stay, too
         tracking = Tracking(
             outcome,
-            tuple(dict.fromkeys((*request.trajectory.joint_names, *held))),
+            tuple(dict.fromkeys((*request.trajectory.joint_names, *tolerance_joints))),
             {t.name: Tolerance(t.position, t.velocity) for t in path},
             {t.name: Tolerance(t.position, t.velocity) for t in at_end},
             seconds_of(request.goal_time_tolerance),
@@ -113,53 +115,57 @@ class FollowTrajectory:
             tracking,
             self._release.clock.epoch,
             self._loop.future(),
-            partial(self._release.replaced, outcome),
+            partial(self._release.has_later_plan, outcome),
         )
         states = subscription(
             self._node,
             topics.JOINT_STATES,
-            partial(flight.see, partial(self._tell, goal, tracking)),
+            partial(flight.update, partial(self._publish_feedback, goal, tracking)),
         )
-        self._flown[_number(goal)] = flight
+        self._active[_number(goal)] = flight
         try:
             message = self._release.publish(outcome, "")
-            answered = await self._release.answers.awaited(message.hash)
-            if answered.refused or answered.silent:
-                return TrackingEnd(TrackingCode.INVALID_GOAL, answered.message)
+            response = await self._release.responses.response_future(message.hash)
+            if response.refused or response.inactive:
+                return TrackingEnd(TrackingCode.INVALID_GOAL, response.message)
             end: TrackingEnd = await flight.ended
             return end
         finally:
-            del self._flown[_number(goal)]
+            del self._active[_number(goal)]
             self._node.destroy_subscription(states)
 
-    def _refused(self, request: Any) -> TrackingEnd | None:
+    def _rejection(self, request: Any) -> TrackingEnd | None:
         """Return why a request does not fit this bench, or None."""
-        known, asked = self._release.requests.joint_names, request.trajectory.joint_names
+        known, requested = self._release.requests.joint_names, request.trajectory.joint_names
         tolerances = (*request.path_tolerance, *request.goal_tolerance)
-        strange = [name for name in (*asked, *(t.name for t in tolerances)) if name not in known]
-        if not asked or strange:
-            named = f"{strange[0]} is unknown" if strange else "none is named"
+        unknown = [
+            name for name in (*requested, *(t.name for t in tolerances)) if name not in known
+        ]
+        if not requested or unknown:
+            named = f"{unknown[0]} is unknown" if unknown else "none is named"
             words = f"joint_names: {named}; allowed: {', '.join(known)}"
             return TrackingEnd(TrackingCode.INVALID_JOINTS, words)
         if any(t.acceleration > 0.0 for t in tolerances):
             words = "acceleration: is not measured; leave its tolerances at zero"
             return TrackingEnd(TrackingCode.INVALID_GOAL, words)
         limits = [x for t in tolerances for x in (t.position, t.velocity, t.acceleration)]
-        if any(not (x >= 0.0 or x == _ERASED) for x in limits):
+        if any(not (x >= 0.0 or x == _ANY_ERROR) for x in limits):
             words = "tolerances: 0 or more, or -1 (any error is allowed)"
             return TrackingEnd(TrackingCode.INVALID_GOAL, words)
         for field in _OF_PLATFORMS:
-            if _is_given(getattr(request, field, ())):
+            if _has_points(getattr(request, field, ())):
                 words = f"{field}: the bench moves joints; give a trajectory of joints"
                 return TrackingEnd(TrackingCode.INVALID_GOAL, words)
         return None
 
-    async def _plan_through(self, goal: ServerGoalHandle) -> Outcome:
+    async def _request_plan(self, goal: ServerGoalHandle) -> Outcome:
         """Return the plan through the points, or why there is none."""
         if self._job.busy:
             return BUSY
         try:
-            section = trajectory_section(goal.request.trajectory, self._release.requests.soonest())
+            section = trajectory_section(
+                goal.request.trajectory, self._release.requests.next_start()
+            )
         except BadInput as error:
             return error.refusal
         done, flight = self._loop.future(), self._release.flight
@@ -170,27 +176,31 @@ class FollowTrajectory:
         )
         return self._release.checked(await done, flight)
 
-    def _tell(self, goal: ServerGoalHandle, tracking: Tracking, time: float, seen: Tracked) -> None:
-        told = self._kind.Feedback(joint_names=list(tracking.joints))
-        told.header.stamp = stamp(time)
+    def _publish_feedback(
+        self, goal: ServerGoalHandle, tracking: Tracking, time: float, seen: Tracked
+    ) -> None:
+        feedback = self._kind.Feedback(joint_names=list(tracking.joints))
+        feedback.header.stamp = stamp(time)
         after = Duration(nanoseconds=round(1e9 * max(time - tracking.plan.start, 0.0))).to_msg()
-        if hasattr(told, "index"):  # of the last point that was passed; control_msgs 6.3 or later
+        if hasattr(
+            feedback, "index"
+        ):  # of the last point that was passed; control_msgs 6.3 or later
             passed = [seconds_of(point.time_from_start) for point in goal.request.trajectory.points]
-            told.index = max(bisect_right(passed, seconds_of(after)) - 1, 0)
+            feedback.index = max(bisect_right(passed, seconds_of(after)) - 1, 0)
         for field in ("desired", "actual", "error"):
             position, velocity = getattr(seen, field)
             point = JointTrajectoryPoint(
                 positions=position.tolist(), velocities=velocity.tolist(), time_from_start=after
             )
-            setattr(told, field, point)
-        goal.publish_feedback(told)
+            setattr(feedback, field, point)
+        goal.publish_feedback(feedback)
 
 
 def _number(goal: ServerGoalHandle) -> bytes:
     return bytes(goal.goal_id.uuid)
 
 
-def _is_given(field: Any) -> bool:
+def _has_points(field: Any) -> bool:
     """Return whether a client has filled in a list, or the points of a trajectory."""
     return bool(getattr(field, "points", field))
 
@@ -201,23 +211,23 @@ class _Flight:
     Args:
         tracking: of its plan.
         epoch: in which it is flown.
-        ended: gets what comes of it.
+        end: gets what comes of it.
         replaced: returns whether another plan is flown in its place at a simulated time [s].
     """
 
     def __init__(
-        self, tracking: Tracking, epoch: int, ended: Future, replaced: Callable[[float], bool]
+        self, tracking: Tracking, epoch: int, end: Future, replaced: Callable[[float], bool]
     ) -> None:
-        self._tracking, self._epoch, self.ended = tracking, epoch, ended
+        self._tracking, self._epoch, self.ended = tracking, epoch, end
         self._replaced = replaced
 
-    def see(self, tell: Callable[[float, Tracked], None], states: JointState) -> None:
+    def update(self, publish: Callable[[float, Tracked], None], states: JointState) -> None:
         """Hold the joints against the plan."""
         time, names = seconds_of(states.header.stamp), states.name
         positions = dict(zip(names, states.position, strict=True))
         rates = dict(zip(names, states.velocity, strict=True))
         seen = self._tracking.at(time, positions, rates)
-        tell(time, seen)
+        publish(time, seen)
         if (end := self._tracking.end(time, seen, self._replaced(time))) is not None:
             self.over(end)
 

@@ -9,7 +9,7 @@ from flexslew_msgs.msg import AppendageState
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from flexslew_control.known_motion import PREDICTED, KnownMotion, at_rest, with_swing
+from flexslew_control.known_motion import PREDICTED, KnownMotion, at_rest, with_tip_motion
 from flexslew_control.plan import Plan
 from flexslew_control.planning import MotionRequest, PlanRequest
 from flexslew_plant.graph import topics
@@ -33,10 +33,10 @@ class MotionWatch:
     def __init__(self, node: Node, before: Callable[[Plan, int], Plan]) -> None:
         self._node, self._before = node, before
         self._until = monotonic() + _PATIENCE
-        self._swing = 0.0  # largest tip deflection [m]
+        self._max_deflection = 0.0  # largest tip deflection [m]
         self._joints: JointState | None = None
         self._appendages: AppendageState | None = None
-        self._both: tuple[JointState, AppendageState] | None = None  # the newest of one time
+        self._latest: tuple[JointState, AppendageState] | None = None  # the newest of one time
         self._subscriptions: list[Any] = [
             subscription(node, topics.JOINT_STATES, self._take_joints),
             subscription(node, topics.APPENDAGE_STATES, self._take_appendages),
@@ -60,21 +60,21 @@ class MotionWatch:
         return MotionRequest(plan, self._before(plan, motion.tick), motion, request)
 
     def included(self, plan: Plan) -> Plan:
-        """Return a plan with a bound that includes the swing; see with_swing."""
-        return with_swing(plan, self._swing)
+        """Return a plan with a bound that includes the swing; see with_tip_motion."""
+        return with_tip_motion(plan, self._max_deflection)
 
     def _motion(self, period: float) -> KnownMotion | None:
         """Return the newest state that was displayed; None: none was."""
-        if self._both is None:
+        if self._latest is None:
             return None
-        joints, shown = self._both
+        joints, appendages = self._latest
         values = zip(joints.name, joints.position, joints.velocity, strict=True)
         return KnownMotion(
-            round(seconds_of(shown.header.stamp) / period),
+            round(seconds_of(appendages.header.stamp) / period),
             {name: (position, velocity) for name, position, velocity in values},
-            np.array(shown.modal_position),
-            np.array(shown.modal_velocity),
-            np.array([*shown.tip_deflection, *shown.tip_velocity]),
+            np.array(appendages.modal_position),
+            np.array(appendages.modal_velocity),
+            np.array([*appendages.tip_deflection, *appendages.tip_velocity]),
         )
 
     def _take_joints(self, state: JointState) -> None:
@@ -82,7 +82,7 @@ class MotionWatch:
         self._pair()
 
     def _take_appendages(self, state: AppendageState) -> None:
-        self._swing = max(self._swing, *map(abs, state.tip_deflection), 0.0)
+        self._max_deflection = max(self._max_deflection, *map(abs, state.tip_deflection), 0.0)
         self._appendages = state
         self._pair()
 
@@ -91,4 +91,4 @@ class MotionWatch:
         if joints is None or appendages is None:
             return
         if joints.header.stamp == appendages.header.stamp:
-            self._both = joints, appendages
+            self._latest = joints, appendages

@@ -35,10 +35,10 @@ class PlanActions:
                 node,
                 action.PlanSlew,
                 name,
-                partial(self._execute, hand_over, hand_over == release.publish),
+                partial(self._execute, release_plan, release_plan == release.publish),
                 cancel_callback=lambda _: CancelResponse.ACCEPT,
             )
-            for name, hand_over in (
+            for name, release_plan in (
                 (topics.PLAN_SLEW, release.publish),
                 (topics.DRAFT_PLAN, release.keep),
             )
@@ -50,14 +50,19 @@ class PlanActions:
             server.destroy()
 
     async def _execute(
-        self, hand_over: Callable[[Plan, str], msg.Plan], flown: bool, goal: ServerGoalHandle
+        self,
+        release_plan: Callable[[Plan, str], msg.Plan],
+        wait_response: bool,
+        goal: ServerGoalHandle,
     ) -> action.PlanSlew.Result:
         outcome = await self._outcome(goal)
         if not isinstance(outcome, Plan):
             return plan_result(goal, outcome, None)
-        plan = hand_over(outcome, goal.request.who)
-        answered = await self._release.answers.awaited(plan.hash) if flown else None
-        return plan_result(goal, outcome, plan, answered)
+        plan = release_plan(outcome, goal.request.who)
+        response = (
+            await self._release.responses.response_future(plan.hash) if wait_response else None
+        )
+        return plan_result(goal, outcome, plan, response)
 
     async def _outcome(self, goal: ServerGoalHandle) -> Outcome:
         """Return the plan of a goal, or why there is none."""

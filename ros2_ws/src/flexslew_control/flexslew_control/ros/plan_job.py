@@ -7,7 +7,7 @@ from flexslew_msgs import action
 from rclpy.action.server import ServerGoalHandle
 
 from flexslew_control.plan import Plan
-from flexslew_control.planning import Iteration, MotionRequest, Planning, PlanRequest
+from flexslew_control.planning import Iteration, MotionRequest, PlanProcess, PlanRequest
 from flexslew_control.ros.plan_result import CANCELED
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
@@ -15,7 +15,7 @@ from flexslew_plant.ros.loop import Loop
 Outcome: TypeAlias = Plan | Refusal
 # what a plan's prediction from the motion of the bench requires; the plan: nothing; None: not known
 # yet. The plan is the one that is made, on the request that is given with it.
-Motions: TypeAlias = Callable[[Plan, PlanRequest], MotionRequest | Plan | None]
+MotionSource: TypeAlias = Callable[[Plan, PlanRequest], MotionRequest | Plan | None]
 Late: TypeAlias = Callable[[float], Refusal | None]  # why a plan from a start [s] on comes too late
 
 
@@ -28,15 +28,15 @@ class PlanJob:
     """
 
     def __init__(self, loop: Loop, soon: bool) -> None:
-        self._loop, self._planning = loop, Planning(soon)
+        self._loop, self._process = loop, PlanProcess(soon)
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: no action's
         self._finished: Callable[[Outcome], None] | None = None  # takes the outcome
         self._make: Callable[[], PlanRequest | Refusal] | None = None
         self._late: Late = _never
-        self._motions: Motions = _at_rest
+        self._motion_source: MotionSource = _at_rest
         self._request: PlanRequest | None = None  # that is planned for
         self._made: Plan | None = None  # without a known motion yet, or being predicted
-        self._predicts = False  # the process predicts that plan
+        self._in_prediction = False  # the process predicts that plan
 
     @property
     def busy(self) -> bool:
@@ -49,7 +49,7 @@ class PlanJob:
         finished: Callable[[Outcome], None],
         goal: ServerGoalHandle | None = None,
         late: Late | None = None,
-        motions: Motions | None = None,
+        motion_source: MotionSource | None = None,
     ) -> None:
         """Begin to plan.
 
@@ -60,37 +60,38 @@ class PlanJob:
             goal: that receives every iteration, and may be canceled.
             late: returns why the bench cannot fly a plan from a start [s] on any more, or None.
                 Planning ends as soon as it returns a refusal. None: it always can.
-            motions: returns what the prediction from the motion of the bench requires. None: the
+            motion_source: returns what the prediction from the motion of the bench requires. None:
+                the
                 bench rests.
         """
         self._make, self._finished, self._goal = make, finished, goal
-        self._motions = motions or _at_rest
+        self._motion_source = motion_source or _at_rest
         self._late = late or _never
         self._plan(make())
         self._loop.hurry()
 
     def poll(self) -> None:
         """Take what has come, and end planning that is canceled or too late."""
-        for news in self._planning.news():
-            self._take(news)
+        for result in self._process.updates():
+            self._take(result)
         if self._request is None:
             return
-        canceled = self._goal is not None and self._goal.is_cancel_requested
-        why = CANCELED if canceled else self._late(self._request.start)
+        cancel = self._goal is not None and self._goal.is_cancel_requested
+        why = CANCELED if cancel else self._late(self._request.start)
         if why is not None:
             self.end(why)
-        elif self._made is not None and not self._predicts:
+        elif self._made is not None and not self._in_prediction:
             self._predict(self._made, self._request)
 
     def end(self, why: Refusal) -> None:
         """End planning, if any is under way, with this refusal."""
         if self._request is not None:
-            self._planning.cancel()
+            self._process.cancel()
             self._finish(why)
 
     def close(self) -> None:
         """End the process that plans."""
-        self._planning.close()
+        self._process.close()
 
     def _plan(self, request: PlanRequest | Refusal) -> None:
         why = request if isinstance(request, Refusal) else self._late(request.start)
@@ -99,39 +100,39 @@ class PlanJob:
             self._finish(why)
             return
         self._request = request
-        self._planning.ask(request)
+        self._process.ask(request)
 
-    def _take(self, news: Iteration | Outcome) -> None:
-        if isinstance(news, Iteration):
+    def _take(self, result: Iteration | Outcome) -> None:
+        if isinstance(result, Iteration):
             if self._goal is not None:
-                values = news._asdict()
+                values = result._asdict()
                 number = values.pop("number")
                 self._goal.publish_feedback(action.PlanSlew.Feedback(iteration=number, **values))
             return
         if self._request is None or self._make is None:
             return
-        again = self._make()
-        if isinstance(again, PlanRequest) and not again.beginning.same(self._request.beginning):
-            self._made, self._predicts = None, False
-            self._plan(again)
-        elif self._made is None and isinstance(news, Plan):
-            self._made = news
-            self._predict(news, self._request)
+        request = self._make()
+        if isinstance(request, PlanRequest) and not request.beginning.same(self._request.beginning):
+            self._made, self._in_prediction = None, False
+            self._plan(request)
+        elif self._made is None and isinstance(result, Plan):
+            self._made = result
+            self._predict(result, self._request)
         else:
-            self._finish(self._made if isinstance(news, Refusal) and self._made else news)
+            self._finish(self._made if isinstance(result, Refusal) and self._made else result)
 
     def _predict(self, plan: Plan, request: PlanRequest) -> None:
         """Begin to predict a plan from the motion of the bench, or finish where that is nothing."""
-        required = self._motions(plan, request)
+        required = self._motion_source(plan, request)
         if isinstance(required, Plan):
             self._finish(required)
         elif required is not None:
-            self._predicts = True
-            self._planning.ask(required)
+            self._in_prediction = True
+            self._process.ask(required)
 
     def _finish(self, outcome: Outcome) -> None:
         finished, self._finished, self._request = self._finished, None, None
-        self._made, self._predicts = None, False
+        self._made, self._in_prediction = None, False
         if finished is not None:
             finished(outcome)
 

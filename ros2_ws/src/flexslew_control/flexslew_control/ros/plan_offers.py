@@ -12,7 +12,7 @@ from flexslew_plant.ros.offers import publisher
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 
-class PlanOffers:
+class PlanPublisher:
     """Publishes plans, latched.
 
     Args:
@@ -25,7 +25,7 @@ class PlanOffers:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._offers = {n: publisher(node, n) for n in (topics.PLAN, topics.PLANNED_TRAJECTORY)}
+        self._publishers = {n: publisher(node, n) for n in (topics.PLAN, topics.PLANNED_TRAJECTORY)}
         self.told: Plan | None = None
         self.attitude: AttitudeJoints | None = None
 
@@ -41,14 +41,14 @@ class PlanOffers:
     def offer(self, plan: Plan, message: msg.Plan) -> None:
         """Publish a plan."""
         self.told = plan
-        self._offers[topics.PLAN].publish(message)
-        self._offers[topics.PLANNED_TRAJECTORY].publish(trajectory_message(plan))
+        self._publishers[topics.PLAN].publish(message)
+        self._publishers[topics.PLANNED_TRAJECTORY].publish(trajectory_message(plan))
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Withdraw earlier messages from later listeners."""
         if self.told is None:
             return
         self.told = None
-        for name, offer in self._offers.items():
-            self._node.destroy_publisher(offer)
-            self._offers[name] = publisher(self._node, name)
+        for name, entry in self._publishers.items():
+            self._node.destroy_publisher(entry)
+            self._publishers[name] = publisher(self._node, name)

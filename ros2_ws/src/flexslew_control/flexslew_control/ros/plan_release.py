@@ -8,24 +8,24 @@ from flexslew_msgs import msg, srv
 from rclpy.node import Node
 
 from flexslew_control.active_laws import ActiveLaws, other_law, with_law
-from flexslew_control.law import ActiveLaw, described
+from flexslew_control.law import ActiveLaw, plant_description
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
-from flexslew_control.planned_course import PATIENCE, PlannedCourse
+from flexslew_control.planned_course import PATIENCE, PlanHistory
 from flexslew_control.planning import StartOfPlan
 from flexslew_control.ros.bench_clock import BenchClock
-from flexslew_control.ros.controller_answers import ControllerAnswers
-from flexslew_control.ros.plan_offers import PlanOffers
+from flexslew_control.ros.controller_answers import ControllerResponses
+from flexslew_control.ros.plan_offers import PlanPublisher
 from flexslew_control.ros.plan_requests import PlanRequests
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
-    UNNAMED,
+    NO_NAME,
     Fact,
     PlanDrafted,
     PlanOutdated,
     PlanPublished,
-    PlanRefused,
-    StrayMessage,
+    PlanRejected,
+    UnexpectedMessage,
     event_of,
 )
 from flexslew_plant.graph import topics
@@ -37,7 +37,7 @@ from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import service
 
 ADOPT, REFUSE = "adopt", "refuse"
-_Kind = type[PlanPublished] | type[PlanDrafted] | type[PlanRefused]
+_Kind = type[PlanPublished] | type[PlanDrafted] | type[PlanRejected]
 
 
 class PlanRelease:
@@ -67,44 +67,42 @@ class PlanRelease:
     ) -> None:
         self._trust = Trust.of(trust)
         self._draft: tuple[Plan, msg.Plan, int | None] | None = None  # the flight that it is of
-        self._course: PlannedCourse | None = None
+        self._course: PlanHistory | None = None
         self._stray = False  # a stray message was reported
-        self._early: Plan | None = None  # to begin with, see begin
+        self._initial: Plan | None = None  # to begin with, see begin
         self._begin_by = 0.0  # [wall s]
-        self._outdated: set[tuple[str, str]] = set()  # reported: hash, and for which law it is
+        self._warned: set[tuple[str, str]] = set()  # reported: hash, and for which law it is
         self.laws = laws = ActiveLaws(law)
         self.clock = BenchClock(
-            node, self._begin_again, lambda s: laws.take_state(s.active, s.tick, s.epoch)
+            node, self._restart, lambda s: laws.take_state(s.active, s.tick, s.epoch)
         )
         self.requests = PlanRequests(self.clock, self._trust, self._beginning)
-        self.answers = ControllerAnswers(
-            node, loop, alive.presence, self._withdraw_if_refused, laws
-        )
-        self._offers, self._events = PlanOffers(node), EventLog(node)
+        self.responses = ControllerResponses(node, loop, alive.heartbeats, self._on_rejection, laws)
+        self._publisher, self._events = PlanPublisher(node), EventLog(node)
         service(node, srv.Operate, topics.DECIDE_PLAN, self._on_decide)
 
-    def announce(self, testbed: msg.Testbed) -> bool:
+    def notify(self, testbed: msg.Testbed) -> bool:
         """Return whether this is what stands on the bench: a new run begins.
 
         Controllers that are still there keep the plan of tick 0.
         """
         first = self._course.first if self._course is not None else None
         try:
-            plant = described(testbed.settings, f"/{topics.TESTBED}", self._trust)
-            self._course = PlannedCourse(plant)
+            plant = plant_description(testbed.settings, f"/{topics.TESTBED}", self._trust)
+            self._course = PlanHistory(plant)
             self.laws.begin(plant.schedule, plant.period)
         except BadInput as error:
             if not self._stray:
                 self._stray = True
-                self._say(StrayMessage(topics.TESTBED, "planner", str(error)), 0)
+                self._send_event(UnexpectedMessage(topics.TESTBED, "planner", str(error)), 0)
             return False
         self.requests.testbed = testbed
-        self._offers.attitude = plant.testbed.model().attitude
+        self._publisher.attitude = plant.testbed.model().attitude
         self._draft = None
-        self._offers.forget()
+        self._publisher.clear()
         if first is not None and first.joint_names == plant.joint_names:
             self._course.add(first, 0.0)
-            self._tell_again(first)
+            self._publish_initial(first)
         return True
 
     @property
@@ -112,9 +110,9 @@ class PlanRelease:
         """The epoch that is flown, of which a request is that comes now; None: it is at tick 0."""
         return self._current_course.flight(self.clock.now()) if self._course is not None else None
 
-    def replaced(self, plan: Plan, time: float) -> bool:
+    def has_later_plan(self, plan: Plan, time: float) -> bool:
         """Return whether another plan is flown in place of one at a simulated time [s]."""
-        return self._course is not None and self._current_course.replaced(plan, time)
+        return self._course is not None and self._current_course.has_later_plan(plan, time)
 
     def before(self, plan: Plan, tick: int) -> Plan:
         """Return a plan preceded by the references of the bench from an earlier tick on."""
@@ -129,9 +127,9 @@ class PlanRelease:
         """
         if isinstance(outcome, Refusal):
             return outcome
-        return self.objection(outcome, flight) or self.stated(outcome)
+        return self.objection(outcome, flight) or self.with_statement(outcome)
 
-    def stated(self, plan: Plan) -> Plan:
+    def with_statement(self, plan: Plan) -> Plan:
         """Return a new plan with a statement of the law that it is made for."""
         first = plan.first_tick
         return with_law(plan, self.laws.at(first), self.laws.switches(first, first + plan.ticks))
@@ -151,18 +149,18 @@ class PlanRelease:
         """Return why a plan is not one that the bench can fly from now on, or None."""
         if self._course is None:
             return None
-        now, followed = self.clock.now(), self.answers.followed
-        return self._current_course.objection(plan, now, self.clock.last_tick, flight, followed)
+        now, active = self.clock.now(), self.responses.active_hash_set
+        return self._current_course.objection(plan, now, self.clock.last_tick, flight, active)
 
     def publish(self, plan: Plan, who: str) -> msg.Plan:
         """Let the controllers follow a plan; return it as a message."""
         now = self.clock.now()
-        message = self._offers.message(plan, now)
+        message = self._publisher.message(plan, now)
         if self._course is not None:
             self._current_course.add(plan, now)
-        self.answers.expect(message.hash)
-        self._offers.offer(plan, message)
-        self._tell(PlanPublished, plan, message, who)
+        self.responses.expect(message.hash)
+        self._publisher.offer(plan, message)
+        self._publish_event(PlanPublished, plan, message, who)
         return message
 
     def begin_with(self, plan: Plan) -> None:
@@ -171,7 +169,7 @@ class PlanRelease:
         A planner that is started in flight publishes it again where it is followed, else after a
         reset: it would come too late.
         """
-        self._early, self._begin_by = plan, monotonic() + PATIENCE
+        self._initial, self._begin_by = plan, monotonic() + PATIENCE
         self.begin()
 
     def begin(self) -> None:
@@ -179,32 +177,32 @@ class PlanRelease:
 
         Call it repeatedly: DDS may report the testbed before either of these.
         """
-        plan, now = self._early, self.clock.now()
-        if plan is None or not self.clock.known:
+        plan, now = self._initial, self.clock.now()
+        if plan is None or not self.clock.has_state:
             return
         in_flight = now > 0.0 and plan.start <= now and self._course is not None
-        followed = plan_hash(plan) in self.answers.followed
-        if in_flight and not (followed or self.answers.met or monotonic() > self._begin_by):
+        active = plan_hash(plan) in self.responses.active_hash_set
+        if in_flight and not (active or self.responses.all_known or monotonic() > self._begin_by):
             return
-        self._early = None
+        self._initial = None
         if not in_flight:
             self.publish(plan, "")
             return
         self._current_course.add(plan, 0.0)
-        if followed:
-            self._tell_again(plan)
+        if active:
+            self._publish_initial(plan)
         else:
             words = f"the bench is at {now:.2f} s already: it is flown after a reset"
             self.refuse(plan.method, Refusal(words, cause=Cause.PAST))
 
-    def review(self) -> None:
+    def check_laws(self) -> None:
         """Report once each plan to come that was made for another law than the current one."""
         for plan, _ in self._current_course.plans if self._course is not None else ():
             why = self._other_law(plan) if plan.start >= self.clock.now() else ""
             key = plan_hash(plan), why
-            if why and key not in self._outdated:
-                self._outdated.add(key)
-                self._say(PlanOutdated(key[0], plan.method, why), self._tick)
+            if why and key not in self._warned:
+                self._warned.add(key)
+                self._send_event(PlanOutdated(key[0], plan.method, why), self._tick)
 
     def _other_law(self, plan: Plan) -> str:
         """Return by how much the law at a plan's start is not that of the plan; empty: it is."""
@@ -212,14 +210,14 @@ class PlanRelease:
 
     def refuse(self, method: str, why: Refusal) -> None:
         """Publish on `events` why a request without an answer of its own is refused."""
-        what = PlanRefused(method=method, controller="planner", reason=str(why))
-        self._say(what, self._tick)
+        what = PlanRejected(method=method, controller="planner", reason=str(why))
+        self._send_event(what, self._tick)
 
     def keep(self, plan: Plan, who: str) -> msg.Plan:
         """Keep a draft in the place of the last one; return it as a message."""
-        message = self._offers.message(plan, self.clock.now())
+        message = self._publisher.message(plan, self.clock.now())
         self._draft = plan, message, self.flight
-        self._tell(PlanDrafted, plan, message, who)
+        self._publish_event(PlanDrafted, plan, message, who)
         return message
 
     @property
@@ -229,7 +227,7 @@ class PlanRelease:
         return round(self.clock.now() / period) if period else 0
 
     @property
-    def _current_course(self) -> PlannedCourse:
+    def _current_course(self) -> PlanHistory:
         """The course in the epoch that the bench is in."""
         assert self._course is not None
         self._course.begin_epoch(self.clock.epoch)
@@ -243,19 +241,19 @@ class PlanRelease:
         rest = self._current_course.rest_at(start, self.clock.now())
         return StartOfPlan(rest or None, at and at.law)
 
-    def _begin_again(self) -> None:
+    def _restart(self) -> None:
         """Publish the plan of tick 0 again: newcomers of the last flight have the newest."""
         first = self._current_course.plan if self._course is not None else None
         if first is None:
-            self._offers.forget()
-        elif first is not self._offers.told:
-            self._tell_again(first)
+            self._publisher.clear()
+        elif first is not self._publisher.told:
+            self._publish_initial(first)
 
-    def _tell_again(self, plan: Plan) -> None:
+    def _publish_initial(self, plan: Plan) -> None:
         """Publish a plan as that of tick 0."""
-        self._offers.offer(plan, self._offers.message(plan, 0.0))
+        self._publisher.offer(plan, self._publisher.message(plan, 0.0))
 
-    def _withdraw_if_refused(self, digest: str) -> None:
+    def _on_rejection(self, digest: str) -> None:
         """Fly on with the plan before the newest one if all controllers have refused that.
 
         New listeners then receive the plans that are flown, and not the refused one.
@@ -263,45 +261,45 @@ class PlanRelease:
         plan = self._current_course.plan if self._course is not None else None
         if plan is None or plan_hash(plan) != digest:
             return
-        answered = self.answers.of(digest)
-        if answered.refused and not (answered.taken or answered.silent):
-            self._current_course.withdraw(plan)
-            self._offers.forget()
-            for flown, of_flight in self._current_course.plans:
+        response = self.responses.of(digest)
+        if response.refused and not (response.taken or response.inactive):
+            self._current_course.remove(plan)
+            self._publisher.clear()
+            for active_plan, of_flight in self._current_course.plans:
                 now = self.clock.now() if of_flight else 0.0
-                self._offers.offer(flown, self._offers.message(flown, now))
+                self._publisher.offer(active_plan, self._publisher.message(active_plan, now))
 
-    def _tell(self, kind: _Kind, plan: Plan, message: msg.Plan, who: str) -> None:
-        what = kind(message.hash, plan.method, plan.duration, who or UNNAMED)
-        self._say(what, round(self.clock.now() / plan.period))
+    def _publish_event(self, kind: _Kind, plan: Plan, message: msg.Plan, who: str) -> None:
+        what = kind(message.hash, plan.method, plan.duration, who or NO_NAME)
+        self._send_event(what, round(self.clock.now() / plan.period))
 
-    def _say(self, what: Fact, tick: int) -> None:
+    def _send_event(self, what: Fact, tick: int) -> None:
         now, epoch = self.clock.now(), self.clock.epoch
         self._events.tell(event_of(what, tick, now, epoch, "planner"))
 
     async def _on_decide(self, request: Any, reply: Any) -> Any:
         word, _, digest = request.action.partition(" ")
-        refused = self._refused(word, digest)
-        if refused is not None or self._draft is None:
-            reply.message = str(refused or "")
+        rejection = self._check_decision(word, digest)
+        if rejection is not None or self._draft is None:
+            reply.message = str(rejection or "")
             return reply
         plan, message, _ = self._draft
         self._draft, reply.ok = None, True
         reply.tick = plan.first_tick
         if word == ADOPT:
             self.publish(plan, request.who)
-            answered = await self.answers.awaited(message.hash)
-            reply.ok = not (answered.refused or answered.silent)
+            response = await self.responses.response_future(message.hash)
+            reply.ok = not (response.refused or response.inactive)
             reply.message = (
                 f"{plan.method}: flown from {plan.start:g} s on, tick {reply.tick}; "
-                f"{answered.message}"
+                f"{response.message}"
             )
         else:
-            self._tell(PlanRefused, plan, message, request.who)
+            self._publish_event(PlanRejected, plan, message, request.who)
             reply.message = f"{plan.method} from {plan.start:g} s on is dropped"
         return reply
 
-    def _refused(self, word: str, digest: str) -> Refusal | None:
+    def _check_decision(self, word: str, digest: str) -> Refusal | None:
         """Return why a decision cannot be taken, or None."""
         if word not in (ADOPT, REFUSE):
             return Refusal(f"{ADOPT}, {REFUSE}", "action", word)
@@ -315,5 +313,5 @@ class PlanRelease:
         if word != ADOPT:
             return None
         other = self._other_law(plan)
-        outdated = Refusal(f"{other}; make it again", cause=Cause.PLAN_MISMATCH) if other else None
-        return self.objection(plan, flight) or outdated
+        mismatch = Refusal(f"{other}; make it again", cause=Cause.PLAN_MISMATCH) if other else None
+        return self.objection(plan, flight) or mismatch

@@ -12,7 +12,7 @@ from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import NO_TESTBED, Refusal
-from flexslew_plant.ros.parameters import serve_changes
+from flexslew_plant.ros.parameters import handle_changes
 from flexslew_plant.testbeds import model_of, read_testbed
 from flexslew_plant.yaml_data import load_yaml
 
@@ -39,7 +39,7 @@ class PlanRequests:
         beginning: Callable[[float], StartOfPlan],
     ) -> None:
         self._clock, self._trust, self._beginning = clock, trust, beginning
-        self._believed: dict[str, Any] | None = None  # a testbed's section; None: as each request
+        self._model: dict[str, Any] | None = None  # a testbed's section; None: as each request
         self.testbed = msg.Testbed()
 
     @property
@@ -47,17 +47,17 @@ class PlanRequests:
         """The joints of the testbed; none before it is known."""
         return tuple(self.testbed.joint_names)
 
-    def serve_model(self, node: Node, text: str) -> None:
+    def declare_model(self, node: Node, text: str) -> None:
         """Believe what the node was given at its start; from now on its parameter may be set.
 
         Raises:
             BadInput: this cannot be believed.
         """
-        if why := self.believe(text):
+        if why := self.set_model(text):
             raise BadInput(why)
-        serve_changes(node, lambda changes: self.believe(str(changes.get(MODEL, ""))))
+        handle_changes(node, lambda changes: self.set_model(str(changes.get(MODEL, ""))))
 
-    def believe(self, text: str) -> str:
+    def set_model(self, text: str) -> str:
         """Let requests that name no model believe what was identified; return why not, or "".
 
         Args:
@@ -66,7 +66,7 @@ class PlanRequests:
         if self._clock.running:
             return "the bench is running: pause it, then set the model that plans believe"
         if not text:
-            self._believed = None
+            self._model = None
             return ""
         try:
             section = model_of(load_yaml(text, "model"), "model")
@@ -76,7 +76,7 @@ class PlanRequests:
         here = self.joint_names
         if here and names != here:
             return f"model: is of {', '.join(names)}; on the bench are {', '.join(here)}"
-        self._believed = section
+        self._model = section
         return ""
 
     def request(
@@ -96,20 +96,20 @@ class PlanRequests:
         if isinstance(found, Refusal):
             return found
         values = found.values
-        if self._believed is not None and isinstance(values, dict) and not values.get("model"):
-            values = values | {"model": self._believed}
+        if self._model is not None and isinstance(values, dict) and not values.get("model"):
+            values = values | {"model": self._model}
         return found._replace(values=values)
 
-    def own_request(self, text: str) -> PlanRequest | Refusal:
+    def parameter_request(self, text: str) -> PlanRequest | Refusal:
         """Return what the node's own parameters ask for; they may name any method."""
         request = self.request(text)
         if isinstance(request, Refusal) or not isinstance(request.values, dict):
             return request
         method = str(request.values.get("method", ""))
-        trust = Trust(self._trust.names | {method}, self._trust.everything)
+        trust = Trust(self._trust.names | {method}, self._trust.trust_all)
         return request._replace(trust=trust)
 
-    def soonest(self) -> float:
+    def next_start(self) -> float:
         """Return the earliest start of a plan that is requested now [s].
 
         The state of the bench may be received before its testbed: nothing can be planned then.

@@ -3,9 +3,9 @@
 from flexslew_msgs import action, msg
 from rclpy.action.server import ServerGoalHandle
 
-from flexslew_control.active_laws import planned_for
+from flexslew_control.active_laws import describe_plan_law
 from flexslew_control.plan import Plan
-from flexslew_control.planned_course import Answered
+from flexslew_control.planned_course import PlanResponse
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.refusal import Cause, Refusal
 
@@ -23,7 +23,7 @@ def plan_result(
     goal: ServerGoalHandle,
     outcome: Plan | Refusal,
     plan: msg.Plan | None,
-    answered: Answered | None = None,
+    response: PlanResponse | None = None,
 ) -> action.PlanSlew.Result:
     """Return the result of a goal, and end the goal with it.
 
@@ -31,14 +31,14 @@ def plan_result(
         goal: goal that requested the plan.
         outcome: the plan, or why there is none.
         plan: published message; None without one.
-        answered: the controllers' answers to it; None: none were awaited.
+        response: the controllers' answers to it; None: none were awaited.
     """
     result = action.PlanSlew.Result()
     if isinstance(outcome, Plan):
         result.plan = plan
-        parts = [answered.message if answered is not None else "", planned_for(outcome)]
+        parts = [response.message if response is not None else "", describe_plan_law(outcome)]
         result.message = "; ".join(filter(None, (*parts, outcome.summary.get("warning"))))
-        if answered is not None and (answered.refused or answered.silent):
+        if response is not None and (response.refused or response.inactive):
             result.error_code = result.FAILED
             goal.abort()
         else:

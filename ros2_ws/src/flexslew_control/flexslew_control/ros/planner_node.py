@@ -30,7 +30,7 @@ from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
 
 _POLL_PERIOD = 0.2  # between two polls at the graph [wall s]
-_PLANNING = 0.02  # between two polls at the planning process [wall s]
+_PLAN_PERIOD = 0.02  # between two polls at the planning process [wall s]
 _LATE = 0.1  # a poll that comes so much later is the planner's own fault [wall s]
 
 
@@ -41,47 +41,49 @@ class Planner:
         self.loop = loop
         self.node = node = new_node("planner")
         self._alive = alive = loop.only(node, "planner")
-        self._presence = alive.presence
+        self._presence = alive.heartbeats
         self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
         self._job = PlanJob(loop, soon=not self._settings.file)
-        self._next_look = self._due = 0.0
+        self._next_check = self._next_poll = 0.0
         self._plan_by = inf  # when its own plan is made at the latest [wall s]
         s = self._settings
         self._release = PlanRelease(node, loop, alive, s.trust, s.first_law())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        self._release.requests.serve_model(node, s.model)
+        self._release.requests.declare_model(node, s.model)
         self._trajectories = TrajectoryRequests(node, self._job, self._release)
-        self._following = follow_trajectory(node, loop, self._job, self._release)
-        self._watch = PlantWatch(loop, node, testbed, alive.presence, s.exit_with_plant)
+        self._trajectory_server = follow_trajectory(node, loop, self._job, self._release)
+        self._watch = PlantWatch(loop, node, testbed, alive.heartbeats, s.exit_with_plant)
         self._actions = PlanActions(node, loop, self._job, self._release)
 
     def poll(self) -> float:
         """Look for the plant and for plans; return the wall seconds until the next look."""
         now = monotonic()
-        if self._due and now > self._due + _LATE:  # a long plan was written, no heartbeat read
-            self._presence.excuse(now - self._due)
+        if (
+            self._next_poll and now > self._next_poll + _LATE
+        ):  # a long plan was written, no heartbeat read
+            self._presence.extend_timeouts(now - self._next_poll)
         wait = self._next(now)
-        self._due = now + wait
+        self._next_poll = now + wait
         return wait
 
     def _next(self, now: float) -> float:
-        if now >= self._next_look:
+        if now >= self._next_check:
             self._watch.look()
             if self.loop.stopped:
-                self._end_goals(Refusal("the run is over", cause=Cause.RUN_OVER))
+                self._finish_requests(Refusal("the run is over", cause=Cause.RUN_OVER))
             self._release.begin()
-            self._release.review()
-            self._begin_own_plan(now)
-            self._next_look = now + _POLL_PERIOD
-            if self._following is not None:
-                self._following.poll()
+            self._release.check_laws()
+            self._start_plan(now)
+            self._next_check = now + _POLL_PERIOD
+            if self._trajectory_server is not None:
+                self._trajectory_server.poll()
         if self._alive.is_second(now):
             return _POLL_PERIOD
-        awaited = self._release.answers.poll(now)
+        pending = self._release.responses.poll(now)
         if not self._job.busy:
-            return _PLANNING if awaited else self._next_look - now
+            return _PLAN_PERIOD if pending else self._next_check - now
         self._job.poll()
-        return _PLANNING
+        return _PLAN_PERIOD
 
     def close(self) -> None:
         """End the process that plans."""
@@ -89,48 +91,48 @@ class Planner:
 
     def interrupted(self) -> bool:
         """Answer every goal before the node leaves."""
-        self._end_goals(Refusal("the planner was interrupted", cause=Cause.CANCELED))
+        self._finish_requests(Refusal("the planner was interrupted", cause=Cause.CANCELED))
         return False
 
-    def _end_goals(self, why: Refusal) -> None:
+    def _finish_requests(self, why: Refusal) -> None:
         """Answer every goal with this refusal; the answers are sent while the loop closes."""
         self._job.end(why)
-        self._release.answers.end()
-        if self._following is not None:
-            self._following.end(str(why))
+        self._release.responses.end()
+        if self._trajectory_server is not None:
+            self._trajectory_server.end(str(why))
 
     def leave(self) -> None:
         """End the actions."""
         self._actions.leave()
-        if self._following is not None:
-            self._following.leave()
+        if self._trajectory_server is not None:
+            self._trajectory_server.leave()
 
-    def _own_plan(self, outcome: Outcome) -> None:
+    def _on_plan(self, outcome: Outcome) -> None:
         """Publish what the parameters ask for; without it the node has no purpose."""
         if isinstance(outcome, Refusal):
             if self.loop.stopped or outcome.cause is Cause.CANCELED:
                 return  # the node ends for another reason
             raise failure(outcome)
-        self._release.begin_with(self._release.stated(outcome))
+        self._release.begin_with(self._release.with_statement(outcome))
 
     def _on_testbed(self, testbed: msg.Testbed) -> None:
-        if not self._release.announce(testbed):
+        if not self._release.notify(testbed):
             return
         self._watch.seen = True
         if self._settings.file:
             self._release.begin_with(load_plan(Path(self._settings.file)))
         elif self._settings.plan:
             self._plan_by = monotonic() + PATIENCE
-            self._next_look = 0.0
+            self._next_check = 0.0
 
-    def _begin_own_plan(self, now: float) -> None:
+    def _start_plan(self, now: float) -> None:
         """Make the plan of the parameters when it is known for which law, or patience is over."""
-        if self._job.busy or not (now >= self._plan_by or self._release.laws.known):
+        if self._job.busy or not (now >= self._plan_by or self._release.laws.has_active_law):
             return
         if self._plan_by < inf:
             self._plan_by = inf
-            own = partial(self._release.requests.own_request, self._settings.plan)
-            self._job.ask(own, self._own_plan)
+            request = partial(self._release.requests.parameter_request, self._settings.plan)
+            self._job.ask(request, self._on_plan)
 
 
 def main() -> None:

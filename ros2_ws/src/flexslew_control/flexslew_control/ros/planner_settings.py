@@ -24,5 +24,5 @@ class PlannerSettings:
         Raises:
             BadInput: its section is not YAML.
         """
-        own = load_yaml(self.law_settings, "law_settings") or {}
-        return ActiveLaw(self.law, own) if self.law else None
+        settings = load_yaml(self.law_settings, "law_settings") or {}
+        return ActiveLaw(self.law, settings) if self.law else None

@@ -56,7 +56,7 @@ def trajectory_section(message: JointTrajectory, start: float) -> dict[str, Any]
     names = list(message.joint_names)
     if not names or len({*names}) < len(names):
         raise BadInput("one joint or more, each once", METHOD, "joint_names", names)
-    stamped = seconds_of(message.header.stamp)
+    start_time = seconds_of(message.header.stamp)
     points = []
     for k, point in enumerate(message.points):
         values: dict[str, Any] = {"at": seconds_of(point.time_from_start)}
@@ -67,4 +67,4 @@ def trajectory_section(message: JointTrajectory, start: float) -> dict[str, Any]
                 raise BadInput(words, METHOD, f"points.{k}.{field}", given)
             values[key] = dict(zip(names, given, strict=False))
         points.append(values)
-    return {"method": METHOD, "start": stamped or start, "points": points}
+    return {"method": METHOD, "start": start_time or start, "points": points}

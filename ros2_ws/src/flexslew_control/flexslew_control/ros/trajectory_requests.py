@@ -34,7 +34,7 @@ class TrajectoryRequests:
             self._done(flight, BUSY)
             return
         try:
-            section = trajectory_section(message, self._release.requests.soonest())
+            section = trajectory_section(message, self._release.requests.next_start())
         except BadInput as error:
             self._done(flight, error.refusal)
             return

@@ -13,10 +13,10 @@ from flexslew_control.controllers import CONTROLLERS, CommonSettings, law_values
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
-from flexslew_plant.keys.settings_fields import meanings
+from flexslew_plant.keys.settings_fields import describe_fields
 from flexslew_plant.ros.messages import requested_tick
 from flexslew_plant.ros.offers import service
-from flexslew_plant.ros.parameters import declare, requested_text, serve_changes
+from flexslew_plant.ros.parameters import declare, handle_changes, requested_text
 from flexslew_plant.settings import flat, validated
 from flexslew_plant.yaml_data import load_yaml
 
@@ -31,8 +31,8 @@ class Tuning:
         node: node that offers the service.
         host: host of the controller.
         law: name of its law.
-        serve: answers a pending question; returns whether there was one.
-        granted: called after a change was granted, which may be due at a later tick.
+        answer_pending: answers a pending question; returns whether there was one.
+        on_change: called after a change was granted, which may be due at a later tick.
 
     Raises:
         BadInput: if the settings are not those of the law.
@@ -43,29 +43,29 @@ class Tuning:
         node: Node,
         host: ControllerHost,
         law: str,
-        serve: Callable[[], bool],
-        granted: Callable[[], None],
+        answer_pending: Callable[[], bool],
+        on_change: Callable[[], None],
     ) -> None:
-        self._node, self._host, self._serve, self._law = node, host, serve, law
-        self._granted = granted
-        self._taken = False  # what is set now has been granted already
+        self._node, self._host, self._answer_pending, self._law = node, host, answer_pending, law
+        self._on_change = on_change
+        self._is_setting = False  # what is set now has been granted already
         given = {k: v for k, v in host.values.items() if k in CommonSettings.__annotations__}
         common = validated(CommonSettings, given, f"node {host.name}")
-        declare(node, common, meanings(common))
+        declare(node, common, describe_fields(common))
         if law in CONTROLLERS:
-            own = law_values(host.values)
-            settings = validated(CONTROLLERS[law].settings, own, f"node {host.name}")
-            declare(node, settings, meanings(settings))
+            law_settings = law_values(host.values)
+            settings = validated(CONTROLLERS[law].settings, law_settings, f"node {host.name}")
+            declare(node, settings, describe_fields(settings))
         service(node, srv.Tune, topics.TUNE, self._on_tune)
-        serve_changes(node, self._set)
+        handle_changes(node, self._set)
 
     def _set(self, changes: dict[str, Any]) -> str:
         """Take parameters; return why not, or an empty text."""
-        if self._taken:
+        if self._is_setting:
             return ""
         done = self._host.tune(changes, 0, "a ROS parameter", self._make_in_thread)
         if done.ok:
-            self._granted()
+            self._on_change()
         return "" if done.ok else done.message
 
     def _on_tune(self, request: Any, reply: Any) -> Any:
@@ -87,7 +87,7 @@ class Tuning:
         reply.ok, reply.message, reply.tick = done.ok, done.message, done.tick
         if reply.ok:
             self._keep(changes)
-            self._granted()
+            self._on_change()
         return reply
 
     def _make_in_thread(self, make: Callable[[], _Made]) -> _Made:
@@ -98,7 +98,7 @@ class Tuning:
             with ThreadPoolExecutor(1) as pool:
                 made = pool.submit(make)
                 while not made.done():
-                    if not self._serve():
+                    if not self._answer_pending():
                         wait([made], _SHARE)
             return made.result()
         finally:
@@ -106,10 +106,10 @@ class Tuning:
 
     def _keep(self, changes: dict[str, Any]) -> None:
         """Set the parameters to the values that hold from now on."""
-        self._taken = True
+        self._is_setting = True
         try:
             for name, value in flat(changes).items():
                 if self._node.has_parameter(name):
                     self._node.set_parameters([Parameter(name, value=value)])
         finally:
-            self._taken = False
+            self._is_setting = False

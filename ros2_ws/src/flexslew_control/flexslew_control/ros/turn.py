@@ -8,10 +8,10 @@ from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import subscription
 
-SILENT = "this one is silent while that one lives"
+INACTIVE = "this one is silent while that one lives"
 
 
-def await_turn(loop: Loop, node: Node, exit_with_plant: bool) -> Alive:
+def wait_until_unique(loop: Loop, node: Node, exit_with_plant: bool) -> Alive:
     """Return a life of its own as soon as no other one of this name lives, or the plant has left.
 
     Args:
@@ -20,17 +20,17 @@ def await_turn(loop: Loop, node: Node, exit_with_plant: bool) -> Alive:
         exit_with_plant: end the process when the plant is gone.
     """
     alive = loop.live(node, "controller")
-    heard = subscription(node, topics.TESTBED, lambda _: None)
-    watch = PlantWatch(loop, node, heard, alive.presence, exit_with_plant)
-    told = False
+    listener = subscription(node, topics.TESTBED, lambda _: None)
+    watch = PlantWatch(loop, node, listener, alive.heartbeats, exit_with_plant)
+    logged = False
 
-    def look() -> None:
-        nonlocal told
+    def check() -> None:
+        nonlocal logged
         watch.look()
-        if not told and (older := alive.older):
-            told = True
-            node.get_logger().error(f"{older}; {SILENT}")
+        if not logged and (previous := alive.previous):
+            logged = True
+            node.get_logger().error(f"{previous}; {INACTIVE}")
 
-    loop.begin(alive, look)
-    node.destroy_subscription(heard)
+    loop.begin(alive, check)
+    node.destroy_subscription(listener)
     return alive

@@ -17,15 +17,15 @@ from flexslew_control.analysis.loop import (
 from flexslew_control.analysis.loop_margins import (
     ChannelMargins,
     DiskMargins,
-    Swept,
+    LoopFrequencyResponse,
     channel_margins,
     disk_margins,
+    frequency_response,
     peaks,
-    swept,
 )
 from flexslew_control.analysis.modes import Mode, natural_modes
 from flexslew_control.analysis.rest import rest_of
-from flexslew_control.analysis.rigid_motions import uncontrolled_motions
+from flexslew_control.analysis.rigid_motions import free_rigid_modes
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import RunningLaw, running_law
 from flexslew_control.plan import Plan
@@ -83,7 +83,7 @@ class Analysis:
     point: Point
     running: RunningLaw
     loop: ControlLoop
-    sweep: Swept
+    sweep: LoopFrequencyResponse
     modes: tuple[Mode, ...]
     poles: tuple[Pole, ...]
     stable: bool
@@ -134,10 +134,10 @@ class Analysis:
             return "stable"
         if not self.uncontrolled:
             return "not stable"
-        grows = any(np.hypot(*pole.z) > 1.0 + _ON_CIRCLE for pole in self.poles)
+        is_unstable = any(np.hypot(*pole.z) > 1.0 + _ON_CIRCLE for pole in self.poles)
         names = ", ".join(self.uncontrolled)
         verb = "is" if len(self.uncontrolled) == 1 else "are"
-        return f"{'not stable; ' if grows else ''}marginal: {names} {verb} not controlled"
+        return f"{'not stable; ' if is_unstable else ''}marginal: {names} {verb} not controlled"
 
     def plain(self) -> dict[str, Any]:
         """Return the numbers as JSON holds them; what is infinite or has no value is null."""
@@ -167,7 +167,7 @@ class Analysis:
         return numbers
 
 
-def analysed(
+def loop_analysis(
     trial: Trial,
     source: str,
     controller: str | None = None,
@@ -220,13 +220,13 @@ def _measured(
     loop: ControlLoop,
     plan: Plan | None,
 ) -> Analysis:
-    sweep = swept(loop)
-    motions, stable = uncontrolled_motions(loop), is_stable(loop)
-    rigid = (Pole(0.0, 0.0, (1.0, 0.0), 0.0),) * motions.poles
+    sweep = frequency_response(loop)
+    marginal, stable = free_rigid_modes(loop), is_stable(loop)
+    rigid = (Pole(0.0, 0.0, (1.0, 0.0), 0.0),) * marginal.poles
     poles = tuple(p for p in poles_of(loop) if not rigid or abs(complex(*p.z) - 1.0) > _ON_CIRCLE)
-    both = (*loop.effort_names, *loop.sensor_names)
-    places = {"input": loop.effort_names, "output": loop.sensor_names, "both": both}
-    margins = [channel_margins(sweep, channel) for channel in both] if stable else []
+    channels = (*loop.effort_names, *loop.sensor_names)
+    places = {"input": loop.effort_names, "output": loop.sensor_names, "both": channels}
+    margins = [channel_margins(sweep, channel) for channel in channels] if stable else []
     return Analysis(
         name,
         law,
@@ -237,12 +237,12 @@ def _measured(
         natural_modes(continuous_plant(point.rest, point.path.actuator)),
         (*rigid, *poles),
         stable,
-        motions.joints,
+        marginal.joints,
         tuple(margins[: loop.efforts]),
         tuple(margins[loop.efforts :]),
-        {place: disk_margins(sweep, cuts) for place, cuts in places.items()} if stable else {},
+        {place: disk_margins(sweep, names) for place, names in places.items()} if stable else {},
         {place: peaks(sweep, places[place]) for place in ("input", "output")} if stable else {},
-        _other_plants(trial, point, running) if stable else (),
+        _plant_variants(trial, point, running) if stable else (),
         plan,
     )
 
@@ -268,12 +268,12 @@ def poles_of(loop: ControlLoop) -> tuple[Pole, ...]:
 def is_stable(loop: ControlLoop) -> bool:
     """Return whether the loop returns every rigid motion and no pole that acts grows.
 
-    See uncontrolled_motions and unstable_poles.
+    See free_rigid_modes and unstable_poles.
     """
-    return not unstable_poles(loop).size and not uncontrolled_motions(loop).joints
+    return not unstable_poles(loop).size and not free_rigid_modes(loop).joints
 
 
-def _other_plants(trial: Trial, point: Point, running: RunningLaw) -> tuple[OtherPlant, ...]:
+def _plant_variants(trial: Trial, point: Point, running: RunningLaw) -> tuple[OtherPlant, ...]:
     """Return the margins on plants with errors, the law as it is."""
     here, testbed = point.rest, plant_of(trial).testbed
     position = here.model.joint_state(here.state)[0]
@@ -290,7 +290,7 @@ def _other_plants(trial: Trial, point: Point, running: RunningLaw) -> tuple[Othe
             if not is_stable(loop):
                 out.append(OtherPlant(stiffness, payload, False, 0.0, 0.0))
                 continue
-            sweep = swept(loop)
+            sweep = frequency_response(loop)
             delay = min(channel_margins(sweep, name).delay for name in loop.effort_names)
             alpha = disk_margins(sweep, loop.effort_names).alpha
             out.append(OtherPlant(stiffness, payload, True, alpha, float(delay)))
@@ -340,18 +340,18 @@ def residual_curve(plan: Plan, frequency: Vector) -> tuple[dict[str, Vector], bo
     Returns:
         the curves, and whether they are of the feedforward.
     """
-    effort, fed = plan.effort, bool(plan.effort.any())
-    if not fed:
+    effort, has_feedforward = plan.effort, bool(plan.effort.any())
+    if not has_feedforward:
         effort = np.diff(plan.velocity, axis=0)
     time = plan.period * (np.arange(len(effort)) + 0.5)
-    waves: Complex = np.exp(-1j * np.outer(frequency, time))
-    held = np.sinc(0.5 * frequency * plan.period / np.pi)
+    phases: Complex = np.exp(-1j * np.outer(frequency, time))
+    sample_gain = np.sinc(0.5 * frequency * plan.period / np.pi)
     curves = {}
     for name, column in zip(plan.joint_names, effort.T, strict=True):
         size = float(abs(column).sum())
         if size > 0.0:
-            curves[name] = held * abs(waves @ column) / size
-    return curves, fed
+            curves[name] = sample_gain * abs(phases @ column) / size
+    return curves, has_feedforward
 
 
 def finite(value: Any) -> Any:

@@ -15,26 +15,28 @@ from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
 from flexslew_plant.measurement import EffortCommand
-from flexslew_plant.testbeds import Model, varied
+from flexslew_plant.testbeds import Model, with_changes
 from flexslew_plant.testbeds.instruments.instrument import channels
 
 _EFFORT = 2e-4  # of the limits, at the start
 _MOTION = 1e-4  # of joints and modes, and of their rates, at the start [rad or m, and per second]
-_STICKS = 1e-3  # of `coulomb_speed`: of tanh the third power is below a millionth of the first
+_FRICTION_RATIO = (
+    1e-3  # of `coulomb_speed`: of tanh the third power is below a millionth of the first
+)
 _EXACT = {"noise": 0.0, "bias": 0.0, "quantisation": 0.0}
 
 
-def require_flyable(trial: Trial, analysis: Analysis) -> None:
+def require_same_bench(trial: Trial, analysis: Analysis) -> None:
     """Check that the loop can be flown as it was analysed.
 
     Raises:
         BadInput: the trial has another bench, or the plant changes with time, which the analysis
             takes as standing still.
     """
-    flown, analysed = trial.testbed.model(), analysis.point.rest.model
-    if _signals(flown) != _signals(analysed):
+    bench_model, loop_model = trial.testbed.model(), analysis.point.rest.model
+    if _signals(bench_model) != _signals(loop_model):
         raise BadInput("--prove: the analysis is of another bench; analyse the trial that is flown")
-    if analysed.time_varying:
+    if loop_model.time_varying:
         raise BadInput(
             "--prove: this plant changes with time, the margins are those of one moment; "
             "allowed: a testbed that does not turn by itself"
@@ -68,11 +70,12 @@ def mode_response(
     """
     parts = _Parts.of(mode, loop, analysis, path)
     commands = (loop.closed.c @ mode)[: loop.efforts]
-    asked = abs(np.vstack((commands, parts.queue, parts.motors))) / trial.testbed.effort_limit
+    request = abs(np.vstack((commands, parts.queue, parts.motors))) / trial.testbed.effort_limit
     rates = abs(parts.motion[len(parts.motion) // 2 :]).max() / _slow(trial)
-    size = max(abs(parts.motion).max() / _MOTION, rates, asked.max() / _EFFORT)
+    size = max(abs(parts.motion).max() / _MOTION, rates, request.max() / _EFFORT)
     first, second = (
-        _readings(trial, analysis, path, _Parts.of(sign * mode.real / size, loop, analysis, path),
+        _sensor_record(trial, analysis, path, _Parts.of(sign * mode.real / size, loop, analysis,
+        path),
                   ticks)
         for sign in (1.0, -1.0)
     )  # fmt: skip
@@ -82,7 +85,7 @@ def mode_response(
 def _slow(trial: Trial) -> float:
     """Return the largest rate of a start at which dry friction still has its slope at rest."""
     dry = trial.actuator.coulomb_friction
-    return _STICKS * trial.actuator.coulomb_speed if dry else np.inf
+    return _FRICTION_RATIO * trial.actuator.coulomb_speed if dry else np.inf
 
 
 class _Parts(NamedTuple):
@@ -100,7 +103,7 @@ class _Parts(NamedTuple):
     def of(cls, state: Any, loop: ControlLoop, analysis: Analysis, path: PlantPath) -> "_Parts":
         """Return them."""
         m, n = loop.efforts, analysis.point.rest.model.coordinates
-        kept = path.on_their_way(m)
+        kept = path.queue_lengths(m)
         sizes = [*kept, m * (path.actuator.lag > 0.0), 2 * n, m]
         *late, motors, motion, applied, law = np.split(state, np.cumsum(sizes))
         queue = np.zeros((kept.max(initial=0), m), dtype=state.dtype)
@@ -109,7 +112,7 @@ class _Parts(NamedTuple):
         return cls(queue, motors if len(motors) else np.zeros(m), motion, applied, law)
 
 
-def _readings(
+def _sensor_record(
     trial: Trial, analysis: Analysis, path: PlantPath, start: _Parts, ticks: int
 ) -> Matrix:
     """Return what the sensors read from a start on, shape (ticks, sensors)."""
@@ -117,30 +120,32 @@ def _readings(
     gain, delay = _faults(path, len(start.applied))
     bench = Bench(_settings(trial, analysis, gain, delay))
     bench.advance()
-    for gained in start.queue[::-1]:  # on their way when the bench is placed
-        asked = bench.question
-        effort = rest.effort + gained / gain
-        bench.offer(EffortCommand(asked.tick, asked.epoch, asked.controller, effort))
+    for command in start.queue[::-1]:  # on their way when the bench is placed
+        request = bench.question
+        effort = rest.effort + command / gain
+        bench.offer(EffortCommand(request.tick, request.epoch, request.controller, effort))
         bench.advance()
     n = rest.model.coordinates
     along = rest.model.position_rates(rest.q, rest.time)
-    moved = np.concatenate((along @ start.motion[:n], start.motion[n:]))
-    bench.place(rest.state + moved, rest.effort + start.applied, rest.effort + start.motors)
-    controller, shift = running.moved(start.law), running.ticks - bench.tick
+    displacement = np.concatenate((along @ start.motion[:n], start.motion[n:]))
+    bench.place(rest.state + displacement, rest.effort + start.applied, rest.effort + start.motors)
+    controller, shift = running.perturb(start.law), running.ticks - bench.tick
     rows, linear = [], np.ones(len(rest.model.appendages.names), bool)
     for instrument in rest.model.appendages.instruments:
         linear[channels(instrument)] = False
     for _ in range(ticks):
-        asked = bench.question
+        request = bench.question
         rows.append(
             np.concatenate(
-                (asked.joint_position, asked.joint_velocity, asked.tip_deflection[linear])
+                (request.joint_position, request.joint_velocity, request.tip_deflection[linear])
             )
         )
-        answer = controller.observe(asked._replace(tick=asked.tick + shift, epoch=0))
+        answer = controller.observe(request._replace(tick=request.tick + shift, epoch=0))
         if answer is None:
             raise BadInput(f"{controller.name} gives no answer in flight: {controller.reason}")
-        bench.offer(EffortCommand(asked.tick, asked.epoch, asked.controller, answer.command.effort))
+        bench.offer(
+            EffortCommand(request.tick, request.epoch, request.controller, answer.command.effort)
+        )
         bench.advance()
         if bench.failure:
             raise BadInput(f"the flight that proves a margin was lost: {bench.failure}")
@@ -172,12 +177,12 @@ def _settings(trial: Trial, analysis: Analysis, gain: Vector, delay: Vector) -> 
         if d > 0.0
     ]
     plain = bench_settings(replace(trial, sensors=type(trial.sensors)()))
-    own = getattr(trial.testbed, "sensors", {})  # on the appendages of a spacecraft
-    exact = {name: _EXACT for name, sensor in own.items() if hasattr(sensor, "quantisation")}
+    sensors = getattr(trial.testbed, "sensors", {})  # on the appendages of a spacecraft
+    exact = {name: _EXACT for name, sensor in sensors.items() if hasattr(sensor, "quantisation")}
     changes = {"initial": joints, **({"sensors": exact} if exact else {})}
     return replace(
         plain,
-        testbed=varied(trial.testbed, changes, "--prove"),
+        testbed=with_changes(trial.testbed, changes, "--prove"),
         duration=0.0,
         integration_steps=analysis.point.path.steps,
         active=analysis.controller,

@@ -13,8 +13,8 @@ from flexslew_lab.report.tables import Table, tables_page
 from flexslew_plant.arrays import Vector
 
 _MOST_TICKS = 4000  # of a response
-_FADED = 0.02  # of a pole's part at the end of a response
-_SHOWN = 2000  # points of a curve
+_DECAY_LEVEL = 0.02  # of a pole's part at the end of a response
+_MAX_POINTS = 2000  # points of a curve
 _NO_GAIN = 1e-12  # smallest size that is drawn [-]
 
 
@@ -22,7 +22,7 @@ def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> 
     """Return the analysis of a trial, and its proof, as HTML that needs nothing else."""
     rest = analysis.point.rest
     position = rest.model.joint_state(rest.state)[0]
-    there = ", ".join(
+    position_text = ", ".join(
         f"{joint} {at:.4g}" for joint, at in zip(rest.model.joint_names, position, strict=True)
     )
     groups = [_bode(analysis), _plane("Nyquist", analysis), _plane("Nichols", analysis),
@@ -32,7 +32,7 @@ def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> 
     return tables_page(
         "analysis",
         title=f"{name}: {analysis.controller}",
-        about=f"{analysis.law} about the rest at {there}, at {rest.time:g} s",
+        description=f"{analysis.law} about the rest at {position_text}, at {rest.time:g} s",
         tables=tables(analysis) + (proof_tables(proof) if proof is not None else []),
         groups=groups,
     )
@@ -76,17 +76,17 @@ def tables(analysis: Analysis) -> list[Table]:
 
 def _modes(analysis: Analysis) -> Table:
     modes = analysis.modes
-    shape, moved = (list(getattr(modes[0], key)) if modes else [] for key in ("shape", "moved"))
+    shape, actuation = (list(getattr(modes[0], key)) if modes else [] for key in ("shape", "moved"))
     seen = list(modes[0].seen) if modes else []
     rows = [
         [_number(m.frequency), f"{m.damping if abs(m.damping) > 1e-12 else 0.0:.3g}",
-         *(f"{m.shape[key]:+.3f}" for key in shape), *(f"{m.moved[key]:.3f}" for key in moved),
+         *(f"{m.shape[key]:+.3f}" for key in shape), *(f"{m.moved[key]:.3f}" for key in actuation),
          *(f"{m.seen[key]:.3f}" for key in seen)]
         for m in modes
     ]  # fmt: skip
     columns = (
         "frequency [rad/s]", "damping [-]", *(f"shape: {key}" for key in shape),
-        *(f"moved by {key}" for key in moved), *(f"seen by {key}" for key in seen),
+        *(f"moved by {key}" for key in actuation), *(f"seen by {key}" for key in seen),
     )  # fmt: skip
     words = (
         "Of the plant alone. Moved and seen: of the mode that this actuator moves most, or this "
@@ -132,14 +132,14 @@ def _decibels(size: Vector) -> Vector:
     return np.asarray(20.0 * np.log10(np.maximum(size, _NO_GAIN)))
 
 
-def _thinned(analysis: Analysis) -> Vector:
+def _select_points(analysis: Analysis) -> Vector:
     """Return which points of the sweep are drawn."""
     count = len(analysis.sweep.grid)
-    return np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).astype(int))
+    return np.unique(np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(int))
 
 
 def _bode(analysis: Analysis) -> Group:
-    rows, names = _thinned(analysis), analysis.loop.effort_names
+    rows, names = _select_points(analysis), analysis.loop.effort_names
     w = analysis.sweep.grid[rows]
     size, phase = Panel("gain of L", "dB", height=220), Panel("phase of L", "deg", height=180)
     for k, name in enumerate(names):
@@ -154,7 +154,7 @@ def _bode(analysis: Analysis) -> Group:
 
 
 def _plane(kind: str, analysis: Analysis) -> Group:
-    rows, names = _thinned(analysis), analysis.loop.effort_names
+    rows, names = _select_points(analysis), analysis.loop.effort_names
     nyquist = kind == "Nyquist"
     panel = Panel("L", "imaginary" if nyquist else "dB", height=420)
     panel.x_title = "real" if nyquist else "phase [deg]"
@@ -165,28 +165,28 @@ def _plane(kind: str, analysis: Analysis) -> Group:
         if nyquist:
             panel.line(value.real, value.imag, name, style(k))
         else:
-            turned = np.degrees(np.angle(value)) % -360.0
-            turned[np.append(False, abs(np.diff(turned)) > 180.0)] = np.nan
-            panel.line(np.asarray(turned), _decibels(abs(value)), name, style(k))
+            phase = np.degrees(np.angle(value)) % -360.0
+            phase[np.append(False, abs(np.diff(phase)) > 180.0)] = np.nan
+            panel.line(np.asarray(phase), _decibels(abs(value)), name, style(k))
     mark = (-1.0, 0.0) if nyquist else (-180.0, 0.0)
     panel.line(np.array(mark[:1]), np.array(mark[1:]), "-1", {"color": "#c2375f"}, mode="markers")
     return Group(kind, "Each effort's loop, the others closed.", [panel], legend(names))
 
 
 def _singular(analysis: Analysis) -> Group:
-    rows, names = _thinned(analysis), analysis.loop.effort_names
+    rows, names = _select_points(analysis), analysis.loop.effort_names
     w, gain = analysis.sweep.grid[rows], analysis.sweep.gain(names)[rows]
     s = np.linalg.inv(np.eye(len(names)) + gain)
     panel = Panel("singular values at the plant's input", "dB", height=240)
-    shown = (("L", gain), ("S", s), ("T", np.eye(len(names)) - s))
-    for k, (name, value) in enumerate(shown):
+    matrices = (("L", gain), ("S", s), ("T", np.eye(len(names)) - s))
+    for k, (name, value) in enumerate(matrices):
         sizes = np.linalg.svd(value, compute_uv=False)
         for column in (0, -1):
             panel.line(w, _decibels(sizes[:, column]), name, style(k))
     _over_frequency(panel, w)
     panel.limits, panel.y_range = (0.0,), (-80.0, 60.0)
     words = "Largest and smallest of the loop, its sensitivity and its complement."
-    return Group("Singular values", words, [panel], legend([name for name, _ in shown]))
+    return Group("Singular values", words, [panel], legend([name for name, _ in matrices]))
 
 
 def _steps(analysis: Analysis) -> Group:
@@ -196,7 +196,7 @@ def _steps(analysis: Analysis) -> Group:
     slow = [
         p.frequency * p.damping for p in analysis.poles if p.damping > 0.0 and p.strength > 0.01
     ]
-    ticks = int(np.clip(-np.log(_FADED) / min(slow, default=1.0) / period, 100, _MOST_TICKS))
+    ticks = int(np.clip(-np.log(_DECAY_LEVEL) / min(slow, default=1.0) / period, 100, _MOST_TICKS))
     time, names = period * np.arange(ticks), analysis.loop.sensor_names
     panels = []
     for name, answer in responses(analysis, ticks).items():
@@ -214,17 +214,17 @@ def _residual(analysis: Analysis) -> Group:
     assert plan is not None
     top = 2.0 * max((mode.frequency for mode in modes), default=10.0)
     w = np.geomspace(0.01 * top, top, 800)
-    curves, fed = residual_curve(plan, w)
+    curves, has_feedforward = residual_curve(plan, w)
     panel = Panel("what is left in an oscillator", "-", log=True, height=220)
     for k, (name, curve) in enumerate(curves.items()):
         panel.line(w, np.maximum(curve, 1e-6), name, style(k))
     panel.y_range = (1e-4, 1.0)
     _over_frequency(panel, w)
-    what = "feedforward" if fed else "acceleration of the reference"
-    natural = ", ".join(f"{mode.frequency:.4g}" for mode in modes)
+    what = "feedforward" if has_feedforward else "acceleration of the reference"
+    frequencies = ", ".join(f"{mode.frequency:.4g}" for mode in modes)
     words = (
         f"Of the plan's {what}, for an oscillator of every frequency, as a part of the worst that "
-        f"as much effort could leave. The plant's own: {natural} rad/s."
+        f"as much effort could leave. The plant's own: {frequencies} rad/s."
     )
     return Group("Residual over frequency", words, [panel], legend(list(curves)))
 

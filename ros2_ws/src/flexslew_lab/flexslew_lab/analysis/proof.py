@@ -9,9 +9,9 @@ from scipy.sparse.linalg import eigs
 
 from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
 from flexslew_control.analysis.loop import Complex, ControlLoop, loop_of, visible_poles
-from flexslew_control.analysis.ring_down import ring_down
+from flexslew_control.analysis.ring_down import fit_decay
 from flexslew_lab.analysis.analysis import Analysis
-from flexslew_lab.analysis.mode_flight import mode_response, require_flyable
+from flexslew_lab.analysis.mode_flight import mode_response, require_same_bench
 from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import Trial
@@ -21,13 +21,13 @@ from flexslew_plant.faults.actuators import MOST_TICKS
 
 MARGIN, FREQUENCY, DAMPING = 0.02, 0.005, 0.05  # largest differences that agree, of the prediction
 
-_BESIDE = 0.01  # how far inside and outside of a margin is flown, of it
-_TURNS, _FEWEST, _MOST = 1.0, 12, 1500  # length of a record: turns of the pole; ticks
-_FADES = 7.0  # longest record of a pole that decays, in its time constants
+_MARGIN_OFFSET = 0.01  # how far inside and outside of a margin is flown, of it
+_PERIODS, _MIN_TICKS, _MOST = 1.0, 12, 1500  # length of a record: turns of the pole; ticks
+_DECAY_TIMES = 7.0  # longest record of a pole that decays, in its time constants
 _LEFT = 0.01  # of a record that is not its one pole, at most
 _VISIBLE = 1e-6  # strength of a pole that is flown
 _REAL = 1e-9  # imaginary part of a pole that is real, of its size
-_GONE = 0.05  # z of a pole that is gone after a few ticks
+_FAST_POLE = 0.05  # z of a pole that is gone after a few ticks
 
 
 @dataclass(frozen=True)
@@ -83,18 +83,18 @@ class Proof:
 
     Args:
         poles, margins: that were flown.
-        not_flown: in words, margins beyond what a fault can do to the bench.
+        skipped: in words, margins beyond what a fault can do to the bench.
     """
 
     poles: tuple[ProvedPole, ...]
     margins: tuple[ProvedMargin, ...]
-    not_flown: tuple[str, ...] = ()
+    skipped: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Return one line: how many of what was predicted were flown."""
         poles = f"{sum(pole.agrees for pole in self.poles)} of {len(self.poles)} poles"
         margins = f"{sum(margin.agrees for margin in self.margins)} of {len(self.margins)} margins"
-        more = "".join(f"; not flown: {words}" for words in self.not_flown)
+        more = "".join(f"; not flown: {words}" for words in self.skipped)
         return f"<Proof: {poles} and {margins} flown as predicted{more}>"
 
     def _repr_html_(self) -> str:
@@ -104,9 +104,9 @@ class Proof:
             for m in self.margins
         ]
         rows += [
-            (f"pole: {what}", short(predicted), short(flown), pole.agrees)
+            (f"pole: {what}", short(predicted), short(measured), pole.agrees)
             for pole in self.poles
-            for what, predicted, flown in (
+            for what, predicted, measured in (
                 ("frequency [rad/s]", pole.frequency, pole.flown_frequency),
                 ("damping [-]", pole.damping, pole.flown_damping),
             )
@@ -115,26 +115,26 @@ class Proof:
         return in_notebook(repr(self), words, ((*row, "yes" if ok else "NO") for *row, ok in rows))
 
     @property
-    def verdicts(self) -> list[bool]:
+    def checks(self) -> list[bool]:
         """Whether each pole, then each margin, agrees."""
         return [pole.agrees for pole in self.poles] + [margin.agrees for margin in self.margins]
 
     @property
     def holds(self) -> bool:
         """Everything agrees."""
-        return all(self.verdicts)
+        return all(self.checks)
 
     def plain(self) -> dict[str, Any]:
         """Return it as plain data."""
         return {
             "poles": [asdict(pole) for pole in self.poles],
             "margins": [asdict(margin) for margin in self.margins],
-            "not_flown": list(self.not_flown),
+            "not_flown": list(self.skipped),
             "holds": self.holds,
         }
 
 
-def proved(trial: Trial, analysis: Analysis) -> Proof:
+def verify_margins(trial: Trial, analysis: Analysis) -> Proof:
     """Return the poles and the margins of an analysis together with those of the flown bench.
 
     Raises:
@@ -142,26 +142,28 @@ def proved(trial: Trial, analysis: Analysis) -> Proof:
     """
     if not analysis.stable:
         raise BadInput("--prove: the loop is not stable: there is no margin to prove")
-    require_flyable(trial, analysis)
-    flights = _Flights(trial, analysis)
-    margins, beyond = [], []
+    require_same_bench(trial, analysis)
+    simulator = _BenchSimulator(trial, analysis)
+    margins, excluded = [], []
     for channel, found in enumerate(analysis.efforts):
-        asked = (
+        candidates = (
             ("gain up", found.gain_up, found.up_frequency),
             ("gain down", found.gain_down, found.down_frequency),
             ("delay", found.delay, found.delay_frequency),
         )
         margins += [
-            flights.margin(channel, kind, size, frequency)
-            for kind, size, frequency in asked
-            if np.isfinite(size) and size > 0.0 and flights.can(channel, kind, size)
+            simulator.margin(channel, kind, size, frequency)
+            for kind, size, frequency in candidates
+            if np.isfinite(size) and size > 0.0 and simulator.can(channel, kind, size)
         ]
-        if np.isfinite(found.delay) and not flights.can(channel, "delay", found.delay):
-            beyond.append(f"{found.name}: delay of {found.delay:.4g} s, above {MOST_TICKS:g} ticks")
-    return Proof(flights.poles(), tuple(margins), tuple(beyond))
+        if np.isfinite(found.delay) and not simulator.can(channel, "delay", found.delay):
+            excluded.append(
+                f"{found.name}: delay of {found.delay:.4g} s, above {MOST_TICKS:g} ticks"
+            )
+    return Proof(simulator.poles(), tuple(margins), tuple(excluded))
 
 
-class _Flights:
+class _BenchSimulator:
     """Flights of the bench with faults, and what is predicted of each."""
 
     def __init__(self, trial: Trial, analysis: Analysis) -> None:
@@ -172,53 +174,55 @@ class _Flights:
 
     def poles(self) -> tuple[ProvedPole, ...]:
         """Return the visible poles of the loop without a further fault."""
-        path, loop = self._faulted(self._gain, self._delay)
+        path, loop = self._with_faults(self._gain, self._delay)
         out = []
         for s, mode in _modes(loop, _VISIBLE):
-            flown, left = self._measured_pole(loop, path, s, mode)
-            w, w_flown = float(abs(s)), float(abs(flown))
-            damping, damping_flown = float(-s.real / w), float(-flown.real / w_flown)
+            measured, left = self._measured_pole(loop, path, s, mode)
+            w, w_measured = float(abs(s)), float(abs(measured))
+            damping, damping_measured = float(-s.real / w), float(-measured.real / w_measured)
             near = (
-                abs(w_flown - w) <= FREQUENCY * w
-                and abs(damping_flown - damping) <= DAMPING * abs(damping)
+                abs(w_measured - w) <= FREQUENCY * w
+                and abs(damping_measured - damping) <= DAMPING * abs(damping)
                 and left <= _LEFT
             )
-            out.append(ProvedPole(w, damping, w_flown, damping_flown, left, bool(near)))
+            out.append(ProvedPole(w, damping, w_measured, damping_measured, left, bool(near)))
         return tuple(out)
 
     def can(self, channel: int, kind: str, size: float) -> bool:
         """Return whether a fault can take the bench just outside of a margin."""
-        late = self._delay[channel] + size * (1.0 + _BESIDE) / self._trial.period
+        late = self._delay[channel] + size * (1.0 + _MARGIN_OFFSET) / self._trial.period
         return kind != "delay" or bool(late <= MOST_TICKS)
 
     def margin(self, channel: int, kind: str, size: float, frequency: float) -> ProvedMargin:
         """Return a margin, flown just inside and just outside of it."""
-        outward = -1.0 if kind == "gain down" else 1.0
-        sizes, growth, lefts, at = [], [], [], []
+        direction = -1.0 if kind == "gain down" else 1.0
+        sizes, real_parts, residuals, at = [], [], [], []
         for side in (-1.0, 1.0):
-            sizes.append(size * (1.0 + side * outward * _BESIDE))
+            sizes.append(size * (1.0 + side * direction * _MARGIN_OFFSET))
             gain, delay = self._gain.copy(), self._delay.copy()
             if kind == "delay":
                 delay[channel] += sizes[-1] / self._trial.period
             else:
                 gain[channel] *= sizes[-1]
-            path, loop = self._faulted(gain, delay)
+            path, loop = self._with_faults(gain, delay)
             s, mode = _mode_near(loop, frequency)
-            flown, left = self._measured_pole(loop, path, s, mode)
-            growth.append(float(flown.real))
-            lefts.append(left)
-            at.append(float(abs(flown)))
-        inside, outside = growth
-        flown_at = float(sizes[0] - inside / (outside - inside) * (sizes[1] - sizes[0]))
+            measured, left = self._measured_pole(loop, path, s, mode)
+            real_parts.append(float(measured.real))
+            residuals.append(left)
+            at.append(float(abs(measured)))
+        inside, outside = real_parts
+        measured_margin = float(sizes[0] - inside / (outside - inside) * (sizes[1] - sizes[0]))
         agrees = (
-            inside < 0.0 < outside and abs(flown_at - size) <= MARGIN * size and max(lefts) <= _LEFT
+            inside < 0.0 < outside
+            and abs(measured_margin - size) <= MARGIN * size
+            and max(residuals) <= _LEFT
         )
         return ProvedMargin(
-            self._analysis.loop.effort_names[channel], kind, float(size), flown_at,
-            float(frequency), at[0], inside, outside, max(lefts), bool(agrees),
+            self._analysis.loop.effort_names[channel], kind, float(size), measured_margin,
+            float(frequency), at[0], inside, outside, max(residuals), bool(agrees),
         )  # fmt: skip
 
-    def _faulted(self, gain: Vector, delay: Vector) -> tuple[PlantPath, ControlLoop]:
+    def _with_faults(self, gain: Vector, delay: Vector) -> tuple[PlantPath, ControlLoop]:
         """Return a path with these gains and delays of the motors, and the loop predicted."""
         point = self._analysis.point
         path = replace(point.path, gain=gain, delay=delay)
@@ -230,11 +234,11 @@ class _Flights:
     ) -> tuple[complex, float]:
         """Return the pole [rad/s] that the bench rings down with, and what it leaves [-]."""
         period = self._trial.period
-        ticks = int(np.clip(_TURNS * 2.0 * np.pi / (abs(s) * period), _FEWEST, _MOST))
+        ticks = int(np.clip(_PERIODS * 2.0 * np.pi / (abs(s) * period), _MIN_TICKS, _MOST))
         if abs(s.real) > 0.0:
-            ticks = max(_FEWEST, min(ticks, int(_FADES / (abs(s.real) * period))))
+            ticks = max(_MIN_TICKS, min(ticks, int(_DECAY_TIMES / (abs(s.real) * period))))
         record = mode_response(self._trial, self._analysis, loop, path, mode, ticks)
-        found = ring_down(record, period, np.array([s]))
+        found = fit_decay(record, period, np.array([s]))
         return complex(found.s[0]), found.left
 
 
@@ -265,7 +269,7 @@ def _modes(loop: ControlLoop, strength: float) -> list[tuple[complex, Complex]]:
     z, right = np.linalg.eig(closed.a)
     out = []
     for value, mode in zip(z, right.T, strict=True):
-        if value.imag < 0.0 or abs(value) < _GONE or value not in visible:
+        if value.imag < 0.0 or abs(value) < _FAST_POLE or value not in visible:
             continue
         s = complex(np.log(complex(value)) / closed.period)
         real = abs(s.imag) < _REAL * abs(s)

@@ -24,21 +24,21 @@ def proof_tables(proof: Proof) -> list[Table]:
          f"{p.flown_damping:.6g}", _WORDS[p.agrees]]
         for p in proof.poles
     ]  # fmt: skip
-    flown = (
+    margin_text = (
         "The non-linear bench with a fault that multiplies or delays the effort, just inside and "
         "just outside of the margin; plant, motors and law start on the critical mode. Agrees: "
         f"it decays inside and grows outside, and the growth is zero within {100 * MARGIN:g} % of "
         "the prediction."
     )
-    heard = (
+    pole_text = (
         "The non-linear bench, started on one mode of the loop after the other. Agrees: it rings "
         f"with this one pole, its frequency within {100 * FREQUENCY:g} %, its damping within "
         f"{100 * DAMPING:g} %."
     )
     columns = ("frequency [rad/s]", "flown", "damping [-]", "flown", "agrees")
-    flown += "".join(f" Not flown: {words}." for words in proof.not_flown)
+    margin_text += "".join(f" Not flown: {words}." for words in proof.skipped)
     margins = [list(row) for row in margin_rows(proof)]
     return [
-        Table("Margins proved", flown, MARGIN_COLUMNS, margins),
-        Table("Poles proved", heard, columns, poles),
+        Table("Margins proved", margin_text, MARGIN_COLUMNS, margins),
+        Table("Poles proved", pole_text, columns, poles),
     ]

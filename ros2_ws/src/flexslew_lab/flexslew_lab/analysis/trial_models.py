@@ -11,7 +11,7 @@ from flexslew_control.analysis.rest import Rest, rest_of
 from flexslew_control.plan import Plan
 from flexslew_lab.trial.trial import Trial, plan_of_trial, plant_of
 from flexslew_plant.bench.divergence import integration_of
-from flexslew_plant.bench.schedule import command_delays
+from flexslew_plant.bench.schedule import command_delay_ticks
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import message_of
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
@@ -75,10 +75,10 @@ def point_of(
     if at is not None and not joints:
         plan = plan or plan_of_trial(trial, predict=False)
         if plan is not None:
-            there = plan.reference(round(time / trial.period)).position
-            joints = dict(zip(plant.joint_names, there.tolist(), strict=True))
+            position = plan.reference(round(time / trial.period)).position
+            joints = dict(zip(plant.joint_names, position.tolist(), strict=True))
     names, left_out = plant.joint_names, []
-    gain, delay = np.ones(len(names)), command_delays(trial.schedule, names, time)
+    gain, delay = np.ones(len(names)), command_delay_ticks(trial.schedule, names, time)
     for entry in trial.schedule:
         if entry.fault is None or not entry.at <= time < (entry.until or np.inf):
             continue
@@ -105,8 +105,8 @@ def _not_in_models(trial: Trial, model: Model) -> list[str]:
         words.append("that thrusters push one way")
     channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
     quanta = [key for key in channels if getattr(trial.sensors, key).quantisation]
-    if (own := model.appendages.errors) is not None:
-        quanta += [n for n, step in zip(model.appendages.names, own[2], strict=True) if step]
+    if (errors := model.appendages.errors) is not None:
+        quanta += [n for n, step in zip(model.appendages.names, errors[2], strict=True) if step]
     words += [f"quantisation of sensor {name}" for name in quanta]
     if model.outside is not None:
         words.append("forces from outside")

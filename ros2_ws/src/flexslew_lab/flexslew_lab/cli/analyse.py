@@ -8,9 +8,9 @@ import typer
 from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.model import At, Joints, joints_of
-from flexslew_lab.cli.terminal import for_people, link, print_table, say
+from flexslew_lab.cli.terminal import for_people, link, print_message, print_table
 from flexslew_lab.json_text import json_text
-from flexslew_lab.trial.outputs import new_file, writable_file
+from flexslew_lab.trial.outputs import check_output_file, new_file
 
 
 def analyse(
@@ -36,36 +36,36 @@ def analyse(
 
     Example: `./flexslew analyse m1 --at 25`
     """
-    from flexslew_lab.analysis.analysis import analysed, finite
+    from flexslew_lab.analysis.analysis import finite, loop_analysis
     from flexslew_lab.analysis.page import analysis_page, summary_rows
-    from flexslew_lab.analysis.proof import proved
+    from flexslew_lab.analysis.proof import verify_margins
     from flexslew_lab.analysis.proof_tables import MARGIN_COLUMNS, margin_rows
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
     requested, source = read_trial(file, sets)
-    target = writable_file(out or new_file(f"{requested.name}-analysis.html"), "--out", file)
+    target = check_output_file(out or new_file(f"{requested.name}-analysis.html"), "--out", file)
     with for_people.status("analysing"):
-        found = analysed(requested, source, controller, at, joints_of(rest))
+        found = loop_analysis(requested, source, controller, at, joints_of(rest))
     for words in found.point.warnings:
-        say(f"warning: {words}")
+        print_message(f"warning: {words}")
     proof = None
     if prove:
         with for_people.status("flying at both sides of the margins"):
-            proof = proved(requested, found)
+            proof = verify_margins(requested, found)
     if as_json:
-        proven = {} if proof is None else {"proof": finite(proof.plain())}
-        print(json_text({**found.plain(), **proven}))
+        report = {} if proof is None else {"proof": finite(proof.plain())}
+        print(json_text({**found.plain(), **report}))
     else:
         for kind in found.point.left_out:
-            say(f"left out: {kind}")
+            print_message(f"left out: {kind}")
         print_table(("", found.controller), summary_rows(found))
         if proof is not None:
             print_table(MARGIN_COLUMNS, margin_rows(proof))
-            for words in proof.not_flown:
-                say(f"not flown: {words}")
+            for words in proof.skipped:
+                print_message(f"not flown: {words}")
     if out is not None or not as_json:
         page = write_page(analysis_page(found, requested.name, proof), target)
-        say(f"written {link(page)}")
+        print_message(f"written {link(page)}")
     if not found.stable or (proof is not None and not proof.holds):
         raise typer.Exit(1)

@@ -11,13 +11,13 @@ import typer
 from flexslew_lab.background import machine_code_log, wait_for
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.suite import (
-    NOTHING_SELECTED,
+    NO_TESTS_EXIT_CODE,
     Selection,
     exit_code,
     parts,
     read_selection,
 )
-from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.cli.terminal import for_people, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import EXTRAS, LOCK, WITH_PIP
@@ -56,7 +56,7 @@ def bench(
                 figures |= _figures_of(name, folder / f"{name}.py")
             except Exception as error:  # the figures of the others are not lost with it
                 failed[name] = f"{type(error).__name__}: {' '.join(str(error).split())}"
-                say(f"{name}: {failed[name]}", head="failed: ")
+                print_message(f"{name}: {failed[name]}", head="failed: ")
     if as_json:
         print(json_text(figures))
     else:
@@ -98,7 +98,9 @@ def extras(
     for name in names or ():
         if name not in locked:
             raise BadInput(f"{name} is no extra; allowed: {', '.join(locked)}")
-    say(f"installed: {', '.join(names or locked)}")  # ./flexslew has done it before this call
+    print_message(
+        f"installed: {', '.join(names or locked)}"
+    )  # ./flexslew has done it before this call
 
 
 def run_tests(
@@ -128,7 +130,7 @@ def run_tests(
         codes = []
         for part in parts(selection, everything):
             codes.append(_pytest(*part))
-            if selection.stops and codes[-1] not in (0, NOTHING_SELECTED):
+            if selection.stops and codes[-1] not in (0, NO_TESTS_EXIT_CODE):
                 break
     raise typer.Exit(exit_code(codes))
 

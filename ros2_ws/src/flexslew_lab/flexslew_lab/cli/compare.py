@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import link, print_table, progress, say
+from flexslew_lab.cli.terminal import link, print_message, print_table, progress
 from flexslew_lab.json_text import json_text
-from flexslew_lab.trial.outputs import new_file, writable_file
+from flexslew_lab.trial.outputs import check_output_file, new_file
 
 TrialFile = Annotated[
     str | None,
@@ -39,7 +39,7 @@ def compare(
 
     Example: `./flexslew compare antenna_2 --laws --out laws.html`
     """
-    from flexslew_lab.comparison.comparison import compared
+    from flexslew_lab.comparison.comparison import compare_candidates
     from flexslew_lab.comparison.laws import laws
     from flexslew_lab.comparison.page import comparison_page
     from flexslew_lab.comparison.planners import planners
@@ -48,20 +48,20 @@ def compare(
 
     requested, source = read_trial(file, sets)
     words = "laws" if by_law else "compare"
-    target = writable_file(out or new_file(f"{requested.name}-{words}.html"), "--out", file)
-    described = (laws if by_law else planners)(requested, source)
-    with progress("compare", "plans and flights") as advance:
-        found = compared(described, advance, workers or os.cpu_count() or 1)
+    target = check_output_file(out or new_file(f"{requested.name}-{words}.html"), "--out", file)
+    comparison = (laws if by_law else planners)(requested, source)
+    with progress("compare", "plans and flights") as on_progress:
+        found = compare_candidates(comparison, on_progress, workers or os.cpu_count() or 1)
     if as_json:
         print(json_text(found.rows()))
     else:
         short = found.filled(found.short)
-        heads = (found.word, *(column.title for column in short))
-        print_table(heads, [(name, *cells) for name, cells in found.table(short)])
+        headers = (found.word, *(column.title for column in short))
+        print_table(headers, [(name, *cells) for name, cells in found.table(short)])
         if found.note:
-            say(found.note)
+            print_message(found.note)
         for entry in found.entries:
             if entry.refused:
-                say(f"not flown: {entry.name}: {entry.refused}")
+                print_message(f"not flown: {entry.name}: {entry.refused}")
     if out is not None or not as_json:
-        say(f"written {link(write_page(comparison_page(found), target))}")
+        print_message(f"written {link(write_page(comparison_page(found), target))}")

@@ -22,14 +22,14 @@ def completion(context: typer.Context) -> None:
 
     Example: `eval "$(./flexslew completion)"`
     """
-    from flexslew_lab.trial.sources import shipped_trials
+    from flexslew_lab.trial.sources import example_trials
 
     above = context.parent
     commands = sorted(getattr(above.command if above is not None else None, "commands", {}))
     script = _SCRIPT.format(
         commands=" ".join(commands),
         flying="|".join(_FLYING),
-        trials=" ".join(trial.name for trial in shipped_trials()),
+        trials=" ".join(trial.name for trial in example_trials()),
     )
     for line in script.splitlines():
         print_line(line)

@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.cli.terminal import for_people, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_plant.errors import BadInput
 
 # until a controller that received SIGTERM is killed [wall s]; a node may need 10 s to leave the
 # graph of Fast DDS (docs/limits.md), and more if other processes use the processors
-_LEAVING = 30.0
+_EXIT_TIMEOUT = 30.0
 
 
 def conform(
@@ -35,8 +35,8 @@ def conform(
 
     Example: `./flexslew conform -- python docs/examples/any_language.py`
     """
-    from flexslew_lab.ros.conformance import Examiner
-    from flexslew_lab.run.domain import own_domain
+    from flexslew_lab.ros.conformance import InterfaceTest
+    from flexslew_lab.run.domain import locked_domain
     from flexslew_lab.trial.sources import read_trial
     from flexslew_lab.trial.trial import bench_settings
     from flexslew_plant.bench.bench import Bench
@@ -44,11 +44,11 @@ def conform(
     if not context.args:
         raise BadInput("COMMAND: give the command that starts the controller, after --")
     bench = Bench(bench_settings(read_trial(trial)[0]))
-    with own_domain("conform", bench=False) as domain:
+    with locked_domain("conform", bench=False) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         process = _started(context.args)
 
-        def start_again() -> str:
+        def restart() -> str:
             nonlocal process
             wrong = _end(process)
             process = _started(context.args)
@@ -58,20 +58,20 @@ def conform(
             process.send_signal(signal.SIGSTOP if stopped else signal.SIGCONT)
 
         try:
-            examiner = Examiner(bench, patience, lambda: process.poll() is None, start_again, stop)
+            examiner = InterfaceTest(bench, patience, lambda: process.poll() is None, restart, stop)
             try:
                 with for_people.status(f"asking {' '.join(context.args)}"):
-                    findings = examiner.examine()
+                    results = examiner.check_rules()
             finally:
                 examiner.close()
         finally:
             _end(process)
-    wrong = sum(not finding.ok for finding in findings)
+    wrong = sum(not result.ok for result in results)
     if as_json:
-        print(json_text([{"rule": f.rule, "wrong": f.wrong} for f in findings]))
+        print(json_text([{"rule": f.rule, "wrong": f.wrong} for f in results]))
     else:
-        print_table(("rule", "result"), [(f.rule, f.wrong or "kept") for f in findings])
-        say(f"{len(findings) - wrong} of {len(findings)} rules kept")
+        print_table(("rule", "result"), [(f.rule, f.wrong or "kept") for f in results])
+        print_message(f"{len(results) - wrong} of {len(results)} rules kept")
     if wrong:
         raise typer.Exit(1)
 
@@ -92,9 +92,9 @@ def _end(process: "subprocess.Popen[bytes]") -> str:
     """End a process; return what is wrong if SIGTERM does not end it, else ""."""
     process.terminate()
     try:
-        process.wait(_LEAVING)
+        process.wait(_EXIT_TIMEOUT)
         return ""
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-        return f"SIGTERM has not ended its process within {_LEAVING:g} s; it was killed"
+        return f"SIGTERM has not ended its process within {_EXIT_TIMEOUT:g} s; it was killed"

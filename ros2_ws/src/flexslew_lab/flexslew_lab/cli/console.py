@@ -14,18 +14,18 @@ from typing import IO, Annotated
 
 import typer
 
-from flexslew_lab.cli.interrupt import INTERRUPTED, NODES_EXIT_TIMEOUT, patient
+from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, SIGNAL_EXIT_CODE, exit_timeout
 from flexslew_lab.cli.missing import require_ros
 from flexslew_lab.cli.operate import Namespace
 from flexslew_lab.cli.replay import TrustOption
-from flexslew_lab.cli.terminal import link, progress, say
+from flexslew_lab.cli.terminal import link, print_message, progress
 from flexslew_lab.run.domain import bench_domain
 from flexslew_lab.trial.outputs import bag_folder
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
 _GRACE = 10.0  # for the page to end [wall s]
-_ENDLESS = 1e9  # of a run without an end [s]
+_NO_END = 1e9  # of a run without an end [s]
 
 
 def console(
@@ -74,13 +74,13 @@ def console(
     if replay is not None:
         from flexslew_lab.console.replay_page import serve
 
-        serve(bag_folder(replay), host, port, say, Trust.of(trust or ()), not no_browser)
+        serve(bag_folder(replay), host, port, print_message, Trust.of(trust or ()), not no_browser)
         return
     require_ros()
     if attach:
         _attach((host, port, not no_browser), namespace, tuple(trust or ()))
     else:
-        raise typer.Exit(_fly(file, sets, out, (rate, open_ended), (host, port, not no_browser)))
+        raise typer.Exit(_run(file, sets, out, (rate, open_ended), (host, port, not no_browser)))
 
 
 def _attach(at: tuple[str, int, bool], namespace: str, trust: tuple[str, ...]) -> None:
@@ -89,46 +89,55 @@ def _attach(at: tuple[str, int, bool], namespace: str, trust: tuple[str, ...]) -
     from flexslew_lab.ros.console_node import ConsoleSettings
     from flexslew_lab.ros.console_node import console as serve
 
-    say(f"ROS_DOMAIN_ID {domain}; Ctrl-C ends the page, not the bench")
+    print_message(f"ROS_DOMAIN_ID {domain}; Ctrl-C ends the page, not the bench")
     host, port, browser = at
-    serve(ConsoleSettings(host=host, port=port, browser=browser, trust=trust), say, namespace)
+    serve(
+        ConsoleSettings(host=host, port=port, browser=browser, trust=trust),
+        print_message,
+        namespace,
+    )
 
 
-def _fly(
-    file: str | None, sets: list[str] | None, out: Path | None, pace: tuple[float, bool],
+def _run(
+    file: str | None, sets: list[str] | None, out: Path | None, rate_options: tuple[float, bool],
     at: tuple[str, int, bool],
 ) -> int:  # fmt: skip
     """Fly a trial together with its page; return the exit code."""
     from dataclasses import replace
 
-    from flexslew_lab.run.domain import own_domain
+    from flexslew_lab.run.domain import locked_domain
     from flexslew_lab.run.run_trial import run_trial
     from flexslew_lab.trial.outputs import new_folder
-    from flexslew_lab.trial.own_code import own_names
+    from flexslew_lab.trial.own_code import user_code_names
     from flexslew_lab.trial.sources import read_trial
 
     requested, source = read_trial(file, sets)
-    rate, open_ended = pace
+    rate, open_ended = rate_options
     requested = replace(
-        requested, rate_factor=rate, duration=_ENDLESS if open_ended else requested.duration
+        requested, rate_factor=rate, duration=_NO_END if open_ended else requested.duration
     )
     folder = new_folder(requested.name, out)
     words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in sets or ())]
-    page = partial(_page, folder, shlex.join(words), at, own_names(requested))
-    with own_domain(requested.name) as domain:
+    page = partial(_page, folder, shlex.join(words), at, user_code_names(requested))
+    with locked_domain(requested.name) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        with patient(NODES_EXIT_TIMEOUT), page() as child:
-            with progress(requested.name) as advance:
+        with exit_timeout(NODES_EXIT_TIMEOUT), page() as child:
+            with progress(requested.name) as on_progress:
                 result = run_trial(
-                    requested, source, folder, progress=advance, say=say, autostart=False
+                    requested,
+                    source,
+                    folder,
+                    progress=on_progress,
+                    notify=print_message,
+                    autostart=False,
                 )
             report = folder / "report.html"
-            say(f"{link(report)}" if report.exists() else str(folder))
-            if result.exit_code == INTERRUPTED:
-                return INTERRUPTED
+            print_message(f"{link(report)}" if report.exists() else str(folder))
+            if result.exit_code == SIGNAL_EXIT_CODE:
+                return SIGNAL_EXIT_CODE
             if result.message:
-                say(result.message)
-            say("the run is over; Ctrl-C ends the page")
+                print_message(result.message)
+            print_message("the run is over; Ctrl-C ends the page")
             child.wait()
     return result.exit_code
 
@@ -158,7 +167,7 @@ def _page(
     assert child.stdout is not None
     try:
         for line in child.stdout:
-            say(line.rstrip())
+            print_message(line.rstrip())
             if line.startswith("open "):
                 break
         else:
@@ -175,4 +184,4 @@ def _page(
 
 def _pass_on(lines: IO[str]) -> None:
     for line in lines:
-        say(line.rstrip())
+        print_message(line.rstrip())

@@ -21,9 +21,9 @@ def join(arguments: list[str]) -> None:
         with suppress(Exception):
             domain, known = bench_domain()
             if known:
-                from flexslew_lab.ros.operator import join_early
+                from flexslew_lab.ros.operator import join_graph
 
-                join_early(domain)
+                join_graph(domain)
 
 
 def _others(arguments: list[str]) -> bool:

@@ -7,9 +7,9 @@ import typer
 
 from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import for_people, link, print_table, say
+from flexslew_lab.cli.terminal import for_people, link, print_message, print_table
 from flexslew_lab.json_text import json_text
-from flexslew_lab.trial.outputs import new_file, writable_file
+from flexslew_lab.trial.outputs import check_output_file, new_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
 
@@ -53,27 +53,33 @@ def gains(
     required("optuna")  # its extra brings pyarrow, too
     from flexslew_lab.gains.ensemble import GainEnsemble, gains_of
     from flexslew_lab.gains.page import columns, gains_page, summary_rows
-    from flexslew_lab.gains.search import searched
+    from flexslew_lab.gains.search import search_gains
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
     requested, source = read_trial(file, sets)
     if journal is not None:
-        writable_file(journal, "--journal", file)
+        check_output_file(journal, "--journal", file)
         if out is not None and out.resolve() == journal.resolve():
             raise BadInput(f"--out: {out} is the file of --journal, too; give another name")
-    target = writable_file(out or new_file(f"{requested.name}-gains.html"), "--out", file)
-    varied = gains_of(requested, source, controller, gain or ())
+    target = check_output_file(out or new_file(f"{requested.name}-gains.html"), "--out", file)
+    selected = gains_of(requested, source, controller, gain or ())
     with for_people.status("flying"):
-        found = searched(
-            GainEnsemble(requested, source, varied), varied, trials, octaves, margin, journal, seed
+        found = search_gains(
+            GainEnsemble(requested, source, selected),
+            selected,
+            trials,
+            octaves,
+            margin,
+            journal,
+            seed,
         )
     if as_json:
         print(json_text(found.plain()))
     else:
         print_table(columns(found), summary_rows(found))
-        say(found.verdict)
+        print_message(found.verdict)
     if out is not None or not as_json:
-        say(f"written {link(write_page(gains_page(found, requested.name), target))}")
+        print_message(f"written {link(write_page(gains_page(found, requested.name), target))}")
     if found.gain <= 0.0:
         raise typer.Exit(1)

@@ -8,9 +8,9 @@ import typer
 
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.replay import TrustOption
-from flexslew_lab.cli.terminal import for_people, link, print_table, say
+from flexslew_lab.cli.terminal import for_people, link, print_message, print_table
 from flexslew_lab.json_text import json_text
-from flexslew_lab.trial.outputs import bag_folder, new_folder, writable_file
+from flexslew_lab.trial.outputs import bag_folder, check_output_file, new_folder
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -81,9 +81,9 @@ def identify(
     experiments = [_experiment(run, inputs, outputs, period, past, trust) for run in runs]
     folder = out or _output_folder(runs[0])
     for name in (MODEL, PAGE):
-        writable_file(folder / name, "--out")
+        check_output_file(folder / name, "--out")
     if system is not None:
-        writable_file(system, "--system")
+        check_output_file(system, "--system")
     with for_people.status("identifying") as status:
         found = identified(
             experiments,
@@ -104,19 +104,19 @@ def identify(
     if system is not None:
         save_system(found.model, system)
     if as_json:
-        told = {"next_plan": None if better is None else better._asdict()}
-        print(json_text(found.plain() | told))
+        plan_values = {"next_plan": None if better is None else better._asdict()}
+        print(json_text(found.plain() | plan_values))
     else:
         print_table(("", runs[0].name), summary_rows(found))
-        say(verdict(found), "bold")
+        print_message(verdict(found), "bold")
         if better is not None:
-            say(
+            print_message(
                 f"on the bench as found, the plan that was flown leaves {better.flown:.3g} m at "
                 f"the tips, {better.method} on this model {better.again:.3g} m"
             )
     if without_model:
-        say(f"no model to plan with: {without_model}", "red")
-    say(f"written {folder / MODEL} and {link(page)}")
+        print_message(f"no model to plan with: {without_model}", "red")
+    print_message(f"written {folder / MODEL} and {link(page)}")
 
 
 def _next(
@@ -141,7 +141,7 @@ def _experiment(
     past: bool,
     trust: list[str] | None,
 ) -> "Experiment":
-    from flexslew_lab.identification.foreign import foreign_record
+    from flexslew_lab.identification.foreign import external_record
     from flexslew_lab.identification.identification import Experiment, experiment_of
 
     if not os.path.exists(run):
@@ -152,10 +152,10 @@ def _experiment(
         return experiment_of(run, Trust.of(trust or ()))
     if not inputs or not outputs:
         raise BadInput(f"{run}: --inputs and --outputs belong together")
-    repaired = foreign_record(bag_folder(run), _names(inputs), _names(outputs), period, past)
-    for words in repaired.words:
-        say(f"{run}: {words}")
-    return Experiment(repaired.record, None, None)
+    imported = external_record(bag_folder(run), _names(inputs), _names(outputs), period, past)
+    for words in imported.words:
+        print_message(f"{run}: {words}")
+    return Experiment(imported.record, None, None)
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -10,13 +10,13 @@ from types import FrameType
 
 from flexslew_plant.processes.atomic import atomic
 
-INTERRUPTED = 130  # exit code
+SIGNAL_EXIT_CODE = 130  # exit code
 EXIT_TIMEOUT = 1.5  # until the process ends, for any cause of delay [wall s]
 NODES_EXIT_TIMEOUT = 30.0  # the same where files have to be closed [wall s]
 _patience = EXIT_TIMEOUT
 
 
-def while_importing() -> None:
+def set_import_handler() -> None:
     """End at once when interrupted, without the traceback of an import cut short."""
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, _end_at_once)
@@ -40,7 +40,7 @@ def while_running() -> Iterator[None]:
 
 
 @contextmanager
-def patient(seconds: float) -> Iterator[None]:
+def exit_timeout(seconds: float) -> Iterator[None]:
     """Give a block more time to end in order: nodes that have to close their files [wall s]."""
     global _patience
     before, _patience = _patience, seconds
@@ -61,4 +61,4 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 def _end_at_once(number: int, frame: FrameType | None) -> None:
     sys.stdout.flush()
     os.write(2, b"interrupted\n")
-    os._exit(INTERRUPTED)
+    os._exit(SIGNAL_EXIT_CODE)

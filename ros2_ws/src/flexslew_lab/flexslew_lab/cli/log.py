@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from flexslew_lab.cli.terminal import print_line, print_table, say
+from flexslew_lab.cli.terminal import print_line, print_message, print_table
 from flexslew_lab.json_text import json_text
-from flexslew_lab.trial.outputs import bag_folder, writable_folder
-from flexslew_plant.counted import counted
+from flexslew_lab.trial.outputs import bag_folder, check_output_folder
+from flexslew_plant.counted import count_text
 from flexslew_plant.version import VERSION
 
 log = typer.Typer(
@@ -42,7 +42,8 @@ def info(bag: Bag, as_json: Json = False) -> None:
         ("time", f"{found['start']:g} s, {found['duration']:g} s long"),
         (
             "testbed",
-            f"{bench['kind']}, {counted(bench['modes'], 'mode')}, ticks of {bench['period']:g} s",
+            f"{bench['kind']}, {count_text(bench['modes'], 'mode')}, ticks of {bench['period']:g} "
+            "s",
         ),
         ("plans", plans),
         ("controllers", ", ".join(f"{n} ({law})" for n, law in found["controllers"].items())),
@@ -68,7 +69,7 @@ def check_bag(bag: Bag, as_json: Json = False) -> None:
     else:
         rows = [("ok" if f.ok else "WRONG", f.what, f.detail) for f in findings]
         print_table(("", "checked", "result"), rows)
-    demand(all(finding.ok for finding in findings))
+    exit_unless(all(finding.ok for finding in findings))
 
 
 @log.command()
@@ -91,7 +92,7 @@ def export(
     """
     from flexslew_lab.log.export import export_log
 
-    target = writable_folder(out or Path("export") / run_name(bag), "--out")
+    target = check_output_folder(out or Path("export") / run_name(bag), "--out")
     done = export_log(bag_folder(bag), target, kind, topic)  # type: ignore[arg-type]  # it lists the allowed ones
     if as_json:
         files = {t: str(path) for t, path in done.files.items()}
@@ -114,19 +115,19 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
     from flexslew_lab.log.recover import recover as mend
 
     if out is not None:
-        writable_folder(out, "--out")
+        check_output_folder(out, "--out")
     done = mend(bag_folder(bag), out)
     if as_json:
         values = {**done._asdict(), "statement": done.statement}
         print(json_text(values | {k: str(values[k]) for k in ("source", "out")}))
     else:
         print_line(done.statement)
-        say(str(done.out), "bold")
+        print_message(str(done.out), "bold")
 
 
-def _version(asked: bool) -> None:
+def _version(requested: bool) -> None:
     """Print the version and leave."""
-    if asked:
+    if requested:
         print_line(f"flexslew {VERSION}")
         raise typer.Exit
 
@@ -153,7 +154,7 @@ def run_name(path: Path) -> str:
     return folder.parent.name if folder.name == "bag" else folder.name
 
 
-def demand(ok: bool) -> None:
+def exit_unless(ok: bool) -> None:
     """Leave with exit code 1 unless a check was passed."""
     if not ok:
         raise typer.Exit(1)

@@ -14,7 +14,7 @@ from typer.main import get_command
 from flexslew_lab.cli.analyse import analyse
 from flexslew_lab.cli.checkout import bench, extras, run_tests
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
-from flexslew_lab.cli.compiling import say_when_compiling
+from flexslew_lab.cli.compiling import print_compile_progress
 from flexslew_lab.cli.completion import completion
 from flexslew_lab.cli.conform import conform
 from flexslew_lab.cli.console import console
@@ -23,9 +23,9 @@ from flexslew_lab.cli.gains import gains
 from flexslew_lab.cli.identify import identify
 from flexslew_lab.cli.interrupt import (
     EXIT_TIMEOUT,
-    INTERRUPTED,
     NODES_EXIT_TIMEOUT,
-    patient,
+    SIGNAL_EXIT_CODE,
+    exit_timeout,
     while_running,
 )
 from flexslew_lab.cli.log import Json, log, reading_limits, recover
@@ -39,13 +39,13 @@ from flexslew_lab.cli.reproduced import show_rows
 from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
-from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say
+from flexslew_lab.cli.terminal import for_people, link, print_message, print_table, progress
 from flexslew_lab.json_text import json_text
 from flexslew_lab.reproduce import REPRODUCTIONS
 from flexslew_lab.short_values import short
-from flexslew_lab.trial.outputs import RUNS, WITHOUT, bag_folder, new_file, writable_file
+from flexslew_lab.trial.outputs import RUNS, WITHOUT, bag_folder, check_output_file, new_file
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed, RunFault
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.own_code import Trust
 from flexslew_plant.processes.interrupted import keep_exit_code
 
@@ -60,7 +60,7 @@ app.add_typer(log, name="log", rich_help_panel="Logs and replay")
 app.add_typer(study, name="study", rich_help_panel="Analyse and identify")
 app.callback()(reading_limits)
 
-_UNREAD = 141  # exit code that a shell has for the signal of a closed pipe
+_PIPE_EXIT_CODE = 141  # exit code that a shell has for the signal of a closed pipe
 Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
 
 
@@ -87,8 +87,8 @@ def trial(
     from dataclasses import replace
 
     from flexslew_lab.cli.summary import metric_rows
-    from flexslew_lab.metrics.own import keys_of, own_metrics
-    from flexslew_lab.report.verdict import verdict
+    from flexslew_lab.metrics.own import keys_of, load_user_metrics
+    from flexslew_lab.report.verdict import run_summary
     from flexslew_lab.run.run_trial import run_trial
     from flexslew_lab.trial.sources import read_trial
 
@@ -102,25 +102,27 @@ def trial(
             raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=rate)
         requested = replace(requested, rate_factor=rate)
     with (
-        progress(requested.name) as advance,
-        patient(EXIT_TIMEOUT if in_process else NODES_EXIT_TIMEOUT),
+        progress(requested.name) as update,
+        exit_timeout(EXIT_TIMEOUT if in_process else NODES_EXIT_TIMEOUT),
     ):
-        result = run_trial(requested, source, out, in_process, not no_report, advance, say)
-    if result.exit_code == INTERRUPTED:
-        say(f"interrupted; what was recorded until then is in {result.folder}")
-        sys.exit(INTERRUPTED)
+        result = run_trial(requested, source, out, in_process, not no_report, update, print_message)
+    if result.exit_code == SIGNAL_EXIT_CODE:
+        print_message(f"interrupted; what was recorded until then is in {result.folder}")
+        sys.exit(SIGNAL_EXIT_CODE)
     if as_json:
         print(json_text(result.metrics))
     else:
         units = requested.testbed.model().units_by_joint
-        own = keys_of(own_metrics(requested.metrics, f"{source}: metrics", requested.trust))
-        print_table(("metric", "value", "unit"), metric_rows(result.metrics, units, own))
-        words = verdict(
+        user_keys = keys_of(
+            load_user_metrics(requested.metrics, f"{source}: metrics", requested.trust)
+        )
+        print_table(("metric", "value", "unit"), metric_rows(result.metrics, units, user_keys))
+        words = run_summary(
             result.metrics, result.bare_metrics, requested.goal_tolerance, result.changes, units
         )
-        say(words, "bold")
+        print_message(words, "bold")
     page = result.folder / "report.html"
-    say(f"{link(page)}" if page.exists() else str(result.folder))
+    print_message(f"{link(page)}" if page.exists() else str(result.folder))
     if out is None and result.metrics:
         from flexslew_lab.report.runs_index import write_index
 
@@ -128,7 +130,7 @@ def trial(
     if open_it and page.exists():
         open_page(page)
     if result.exit_code:
-        say(result.message, "red")
+        print_message(result.message, "red")
         raise typer.Exit(result.exit_code)
 
 
@@ -137,9 +139,9 @@ def trials(as_json: Json = False) -> None:
 
     Example: `./flexslew trial swap_demo --in-process`
     """
-    from flexslew_lab.trial.sources import shipped_trials
+    from flexslew_lab.trial.sources import example_trials
 
-    shipped = shipped_trials()
+    shipped = example_trials()
     if as_json:
         rows = [{"name": t.name, "about": t.about, "file": str(t.path)} for t in shipped]
         print(json_text(rows))
@@ -167,12 +169,12 @@ def plan(
         law_in_charge,
         plan_section_of,
         plant_of,
-        with_stated_law,
+        with_law_statement,
     )
 
     for path, option in ((out, "--out"), (figure, "--figure")):
         if path is not None:
-            writable_file(path, option, file)
+            check_output_file(path, option, file)
     if out is not None and figure is not None and out.resolve() == figure.resolve():
         raise BadInput(f"--figure: {figure} is the file of --out, too; give another name")
     requested, source = read_trial(file, sets)
@@ -188,32 +190,34 @@ def plan(
     def iteration(update: Any) -> None:
         size = f"  |Y| {update.norm_terminal_error:.3e}  |U| {update.norm_input:.4f}"
         known = not math.isnan(update.norm_input)  # a start of a multistart has none
-        say(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
+        print_message(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
 
-    told = None if as_json else iteration
+    callback = None if as_json else iteration
     law = law_in_charge(requested)
     try:
-        made = make_plan(settings, plant_of(requested), feedback_of(requested), told, law)
-        made = with_stated_law(requested, made)
+        made = make_plan(settings, plant_of(requested), feedback_of(requested), callback, law)
+        made = with_law_statement(requested, made)
     except BadInput as error:  # the error names its key
         raise BadInput(str(error), source) from None
     except PlanFailed as error:
         raise PlanFailed(f"{source}: plan: {error}") from None
     efforts = zip(made.joint_names, made.effort.T, strict=True)
-    drives = [name for name, effort in efforts if effort.any()]  # that the plan itself commands
-    facts = {"duration": made.duration, "drives": drives, "hash": plan_hash(made)}
+    effort_names = [
+        name for name, effort in efforts if effort.any()
+    ]  # that the plan itself commands
+    facts = {"duration": made.duration, "drives": effort_names, "hash": plan_hash(made)}
     summary = {**made.summary, **facts}
     rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         save_plan(made, out)
-        say(f"saved {out}")
+        print_message(f"saved {out}")
     if figure is not None:
         from flexslew_lab.report.report import write_plan
 
         units = requested.testbed.model().joint_units
         write_plan(made, units, tuple(requested.testbed.effort_limit), rows, figure)
-        say(f"drawn {link(figure)}")
+        print_message(f"drawn {link(figure)}")
     if as_json:
         print(json_text(summary))
     else:
@@ -241,19 +245,19 @@ def report(
     for path in bags:
         if not os.path.exists(path):
             raise BadInput("no such run", path)
-    beside = bags[0] if bags[0].is_dir() else bags[0].parent
-    beside = beside.parent if beside.name == "bag" else beside
-    target = out or (beside / "report.html" if len(bags) == 1 else new_file("overlay.html"))
-    writable_file(target, "--out")
-    bare, comparison = beside / WITHOUT, None
+    folder = bags[0] if bags[0].is_dir() else bags[0].parent
+    folder = folder.parent if folder.name == "bag" else folder
+    target = out or (folder / "report.html" if len(bags) == 1 else new_file("overlay.html"))
+    check_output_file(target, "--out")
+    bare, comparison = folder / WITHOUT, None
     logs = [BagReader(bag_folder(path), trust=Trust.of(trust or ())) for path in bags]
     if len(bags) == 1 and bare.is_dir():
         try:
             comparison = read_run(bare)
         except BadInput as error:  # for example after a full disk
-            say(f"without the comparison: {error}", "red")
+            print_message(f"without the comparison: {error}", "red")
     write_report(logs, target, comparison)
-    say(f"written {link(target)}")
+    print_message(f"written {link(target)}")
     if open_it:
         open_page(target)
 
@@ -280,12 +284,12 @@ def reproduce(
     from flexslew_lab.reproduce import write_figures
 
     if name and name not in REPRODUCTIONS:
-        hint = did_you_mean(name, REPRODUCTIONS)
+        hint = spelling_hint(name, REPRODUCTIONS)
         raise BadInput(f"unknown reproduction {name}; {hint}allowed: {', '.join(REPRODUCTIONS)}")
     if figures is not None:
         if not name:
             raise BadInput("--figures: give the name of the paper whose figures are drawn")
-        writable_file(figures, "--figures")
+        check_output_file(figures, "--figures")
     found = {}
     for one in [name] if name else REPRODUCTIONS:
         with for_people.status(f"computing {one}"):
@@ -350,42 +354,42 @@ def _require_text(words: list[str]) -> None:
 def _exit_code() -> int:
     code = 0
     if "--json" not in sys.argv:  # with a reader that may take both outputs for one
-        say_when_compiling()
+        print_compile_progress()
     try:
         _require_text(sys.argv[1:])
         command = without_types(get_command(app))
         code = command(prog_name=_called(), standalone_mode=False) or 0
-        if code == INTERRUPTED:  # how typer passes a KeyboardInterrupt on
-            say("interrupted")
+        if code == SIGNAL_EXIT_CODE:  # how typer passes a KeyboardInterrupt on
+            print_message("interrupted")
     except typer.Exit as leave:
         code = leave.exit_code
     except (typer.Abort, KeyboardInterrupt):
-        say("interrupted")
-        code = INTERRUPTED
+        print_message("interrupted")
+        code = SIGNAL_EXIT_CODE
     except SystemExit as leave:
         if not isinstance(leave.__context__, BrokenPipeError):
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = _UNREAD  # the reader of our output has left, of which typer makes a 1
+        code = _PIPE_EXIT_CODE  # the reader of our output has left, of which typer makes a 1
     except RunFault as error:
-        say(str(error), head="error: ")
+        print_message(str(error), head="error: ")
         code = 3
     except FlexslewError as error:
-        say(str(error), head="error: ")
+        print_message(str(error), head="error: ")
         code = 2
     except MemoryError as error:
-        say(f"out of memory: {error}", head="error: ")
+        print_message(f"out of memory: {error}", head="error: ")
         code = 3
     except OSError as error:  # a disk that is full, a file that went away
         where = f"{error.filename}: " if error.filename else ""
-        say(f"{where}{error.strerror or error}", head="error: ")
+        print_message(f"{where}{error.strerror or error}", head="error: ")
         code = 2
     except Exception as error:
         code = 2
         if hasattr(error, "format_message"):  # click's usage errors have it
-            say(str(error.format_message()), head="error: ")
+            print_message(str(error.format_message()), head="error: ")
         elif isinstance(error, ModuleNotFoundError) and remedy(error):
-            say(remedy(error), head="error: ")
+            print_message(remedy(error), head="error: ")
         else:  # Python would end with 1, which means a check that failed
             traceback.print_exc()
             code = 3

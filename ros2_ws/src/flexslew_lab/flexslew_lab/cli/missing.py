@@ -3,8 +3,8 @@
 from importlib.util import find_spec
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.extras import EXTRAS, how_to_install
-from flexslew_plant.network import tell
+from flexslew_plant.extras import EXTRAS, install_command
+from flexslew_plant.network import report_network
 
 ROS = frozenset(
     {
@@ -25,7 +25,7 @@ def remedy(error: ModuleNotFoundError) -> str:
         return WITHOUT_ROS
     if package in EXTRAS:
         return (
-            f"this needs the package {package}, which is not installed: {how_to_install(package)}"
+            f"this needs the package {package}, which is not installed: {install_command(package)}"
         )
     return ""
 
@@ -38,4 +38,4 @@ def require_ros() -> None:
     """
     if any(find_spec(package) is None for package in ("rclpy", "flexslew_msgs")):
         raise BadInput(WITHOUT_ROS)
-    tell()
+    report_network()

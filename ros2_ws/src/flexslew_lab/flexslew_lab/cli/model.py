@@ -6,11 +6,11 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.compare import Sets, TrialFile
-from flexslew_lab.cli.terminal import print_table, say
-from flexslew_lab.trial.outputs import writable_file
+from flexslew_lab.cli.terminal import print_message, print_table
+from flexslew_lab.trial.outputs import check_output_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.keys.units import is_quantity
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 
 At = Annotated[
     float | None,
@@ -49,7 +49,7 @@ def model(
     from flexslew_lab.analysis.trial_models import model_of, point_of
     from flexslew_lab.trial.sources import read_trial
 
-    writable_file(to, "--to", file)
+    check_output_file(to, "--to", file)
     requested, _ = read_trial(file, sets)
     point = point_of(requested, at, joints_of(rest))
     system = model_of(point, sampled)
@@ -61,7 +61,7 @@ def model(
         system = minimal_part(system)
     save_model(system, to)
     for kind in point.left_out:
-        say(f"left out: {kind}")
+        print_message(f"left out: {kind}")
     rows = [
         ("inputs", ", ".join(system.inputs)),
         ("outputs", ", ".join(system.outputs)),
@@ -74,7 +74,7 @@ def model(
 def _require_known(names: list[str], outputs: tuple[str, ...]) -> list[str]:
     for name in names:
         if name not in outputs:
-            hint = did_you_mean(name, outputs)
+            hint = spelling_hint(name, outputs)
             raise BadInput(f"--outputs: no {name!r}; {hint}allowed: {', '.join(outputs)}")
     return names
 

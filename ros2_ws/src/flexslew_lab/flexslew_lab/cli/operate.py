@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import print_table, say
+from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.run.domain import (
     RunningBench,
-    bench_to_operate,
-    bench_without_claim,
+    bench_without_lock,
+    default_bench,
     running_benches,
 )
 from flexslew_lab.short_values import short
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flexslew_lab.ros.operator import Operator
     from flexslew_plant.bench.operation.run_state import Reply
 
-_BY_HAND = 1.5  # patience where no run has left its domain [wall s]
+_FALLBACK_TIMEOUT = 1.5  # patience where no run has left its domain [wall s]
 
 Namespace = Annotated[str, typer.Option(help="Namespace of the bench, if it has one.")]
 At = Annotated[float, typer.Option(help="Simulated time [s]; 0: the next tick.")]
@@ -113,7 +113,7 @@ def controllers(as_json: Json = False, namespace: Namespace = "") -> None:
 
     Example: `./flexslew controllers`
     """
-    which = _meant()
+    which = _selected_bench()
     with _bench(namespace, which) as bench:
         active, rows = bench.controllers()
     if as_json:
@@ -122,7 +122,7 @@ def controllers(as_json: Json = False, namespace: Namespace = "") -> None:
         columns = ("controller", "law", "ready", "reason", "last_tick")
         table = [[short(row[c]) for c in columns] for row in rows]
         print_table(("in charge", *columns), [["*" * (r[0] == active), *r] for r in table])
-        say(which.words)
+        print_message(which.words)
 
 
 def switch(
@@ -148,7 +148,9 @@ COMMANDS = (controllers, switch, start, pause, step, reset, brake, inject, retar
 def _bench(namespace: str, which: RunningBench) -> Iterator["Operator"]:
     from flexslew_lab.ros.operator import PATIENCE, connected  # or the error without ROS
 
-    with connected(which.domain, namespace, PATIENCE if which.known else _BY_HAND) as bench:
+    with connected(
+        which.domain, namespace, PATIENCE if which.known else _FALLBACK_TIMEOUT
+    ) as bench:
         try:
             yield bench
         except FlexslewError as error:
@@ -156,18 +158,18 @@ def _bench(namespace: str, which: RunningBench) -> Iterator["Operator"]:
             raise FlexslewError(f"{error}{'' if which.known else hint}") from None
 
 
-def _meant() -> RunningBench:
+def _selected_bench() -> RunningBench:
     """Return the bench that is meant; without ROS, raise the error before a user has to choose."""
     import flexslew_lab.ros.operator  # noqa: F401
 
-    return bench_to_operate()
+    return default_bench()
 
 
-def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
+def _done(namespace: str, request: Callable[["Operator"], "Reply"]) -> None:
     """Print what the bench answers, and which it is; leave with exit code 1 if it refuses."""
-    which = _meant()
+    which = _selected_bench()
     with _bench(namespace, which) as bench:
-        reply = ask(bench)
+        reply = request(bench)
     if not _print_reply(reply, which):
         raise typer.Exit(1)
 
@@ -175,25 +177,25 @@ def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
 def _print_reply(reply: "Reply", which: RunningBench, place: str = "") -> bool:
     """Print the answer of a bench, and which it is; return whether it grants the request."""
     where = f", namespace {place}" if place else ""
-    say(f"{reply.message} ({which.words}{where})")
+    print_message(f"{reply.message} ({which.words}{where})")
     return reply.ok
 
 
 def _brake_all(namespace: str, release: bool) -> None:
     """Brake each bench of this user; exit code 1 if one of them did not."""
-    found, unclaimed, failed = running_benches(), bench_without_claim(), False
-    action, braked = "release_brake" if release else "brake", len(found)
+    found, unclaimed, failed = running_benches(), bench_without_lock(), False
+    action, brake_count = "release_brake" if release else "brake", len(found)
     for which in [*found, *unclaimed]:
         try:
             with _bench(namespace, which) as bench:
                 for place, reply in bench.act_everywhere(action):
                     failed |= not _print_reply(reply, which, place)
-                    braked += which in unclaimed
+                    brake_count += which in unclaimed
         except FlexslewError as error:  # the others are braked all the same
             if which not in unclaimed:
                 failed = True
-                say(f"{error} ({which.words})")
-    if not braked:
+                print_message(f"{error} ({which.words})")
+    if not brake_count:
         raise BadInput("no bench of yours runs on this machine", key="--all")
     if failed:
         raise typer.Exit(1)

@@ -7,12 +7,19 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TextColumn
 
-from flexslew_lab.cli.log import Bag, Json, demand
-from flexslew_lab.cli.terminal import for_people, link, print_line, print_table, progress, say
+from flexslew_lab.cli.log import Bag, Json, exit_unless
+from flexslew_lab.cli.terminal import (
+    for_people,
+    link,
+    print_line,
+    print_message,
+    print_table,
+    progress,
+)
 from flexslew_lab.json_text import json_text
-from flexslew_lab.run.domain import chosen_domain
-from flexslew_lab.trial.outputs import bag_folder, writable_file
-from flexslew_plant.counted import counted
+from flexslew_lab.run.domain import requested_domain
+from flexslew_lab.trial.outputs import bag_folder, check_output_file
+from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -54,35 +61,37 @@ def resim(
     from flexslew_lab.replay.resim import resim as fly_again
     from flexslew_lab.trial.sources import changes_of
 
-    with progress("resim") as advance:
-        again = fly_again(bag_folder(bag), advance, changes_of(sets), Trust.of(trust or ()))
-    first = again.first_difference
+    with progress("resim") as update:
+        result = fly_again(bag_folder(bag), update, changes_of(sets), Trust.of(trust or ()))
+    first = result.first_difference
     if as_json:
-        values = {**again._asdict(), "first_difference": first and first._asdict()}
-        values |= {"within_tolerance": again.within_tolerance, "tolerance": TOLERANCE}
+        values = {**result._asdict(), "first_difference": first and first._asdict()}
+        values |= {"within_tolerance": result.within_tolerance, "tolerance": TOLERANCE}
         print(json_text(values))
     else:
-        replayed = ", ".join(f"{count} {kind}" for kind, count in again.replayed.items() if count)
+        replay_counts = ", ".join(
+            f"{count} {kind}" for kind, count in result.replayed.items() if count
+        )
         rows = [
-            ("recorded", again.recorded_hash),
-            ("again", again.hash),
-            ("ticks", f"{again.ticks}"),
-            ("from the log", replayed or "no request of an operator, no missed tick"),
-            *((f"largest of {name}", f"{value:.3g}") for name, value in again.largest.items()),
+            ("recorded", result.recorded_hash),
+            ("again", result.hash),
+            ("ticks", f"{result.ticks}"),
+            ("from the log", replay_counts or "no request of an operator, no missed tick"),
+            *((f"largest of {name}", f"{value:.3g}") for name, value in result.largest.items()),
             *(
                 (f"version of {n}", f"{a} there, {b} here")
-                for n, (a, b) in again.other_versions.items()
+                for n, (a, b) in result.other_versions.items()
             ),
         ]
-        print_table(("", "bit-identical" if again.identical else "DIFFERENT"), rows)
+        print_table(("", "bit-identical" if result.identical else "DIFFERENT"), rows)
         if first is not None:
             print_line(
                 f"first difference: tick {first.tick} of epoch {first.epoch}, {first.field}: "
                 f"recorded {first.recorded!r}, here {first.ours!r}"
             )
-    _tell(again.missing, again.changed_code)
-    demand(again.identical or (elsewhere and again.within_tolerance))
-    demand(partial or not again.missing)
+    _print_coverage(result.missing, result.changed_code)
+    exit_unless(result.identical or (elsewhere and result.within_tolerance))
+    exit_unless(partial or not result.missing)
 
 
 def check(
@@ -115,17 +124,17 @@ def check(
     from flexslew_lab.replay.logged_controllers import logged_laws
 
     if figure is not None:
-        writable_file(figure, "--figure")
+        check_output_file(figure, "--figure")
     place = bag_folder(bag)
     trusted = Trust.of(trust or ())
     with reading(reader := BagReader(place, trust=trusted)):
         name = controller or next(iter(logged_laws(reader)))
-    with progress("check") as advance:
-        result = compare(place, name, law, _settings(settings or []), advance, trusted)
+    with progress("check") as update:
+        result = compare(place, name, law, _settings(settings or []), update, trusted)
     if figure is not None:
         figure.parent.mkdir(parents=True, exist_ok=True)
         difference_figure(result).write_html(figure)
-        say(f"drawn {link(figure)}")
+        print_message(f"drawn {link(figure)}")
     first = result.first_divergence
     if as_json:
         values = result._asdict()
@@ -146,7 +155,7 @@ def check(
         ]
         print_table(columns, rows)
         print_line(
-            f"{result.controller} ({result.law}): {counted(result.ticks, 'answer')} compared, "
+            f"{result.controller} ({result.law}): {count_text(result.ticks, 'answer')} compared, "
             f"{result.only_recorded} only in the log, {result.only_ours} only from this controller"
         )
         if first is not None:
@@ -154,8 +163,8 @@ def check(
                 f"first divergence: tick {first.tick} of epoch {first.epoch}, {first.field}: "
                 f"recorded {first.recorded!r}, here {first.ours!r}"
             )
-    _tell(result.missing, result.changed_code)
-    demand(result.ok and (partial or not result.missing))
+    _print_coverage(result.missing, result.changed_code)
+    exit_unless(result.ok and (partial or not result.missing))
 
 
 def play(
@@ -201,7 +210,7 @@ def play(
         "wait_for": wait_for or (),
     }  # fmt: skip
     settings: PlaySettings = validated(PlaySettings, values, "play")
-    say(f"playing on ROS_DOMAIN_ID {chosen_domain() or 0}; Ctrl-C ends it")
+    print_message(f"playing on ROS_DOMAIN_ID {requested_domain() or 0}; Ctrl-C ends it")
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[at]}"))
     hidden = not for_people.is_terminal
     with Progress(*columns, console=for_people, transient=True, disable=hidden) as bar:
@@ -238,17 +247,19 @@ def live(
         raise BadInput("0 to 65535", key="--port", value=port)
     domain, _ = bench_domain()
     os.environ["ROS_DOMAIN_ID"] = str(domain)
-    say(f"ROS_DOMAIN_ID {domain}")
+    print_message(f"ROS_DOMAIN_ID {domain}")
     settings = LiveSettings(port=port, operate=operate, origins=tuple(origin or ()))
-    run(settings, say, namespace)
+    run(settings, print_message, namespace)
 
 
-def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:
+def _print_coverage(missing: str, changed: dict[str, tuple[str, str]]) -> None:
     """Print what a comparison does not cover, and the code that differs from the recorded one."""
-    for name, (there, here) in changed.items():
-        say(f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here")
+    for name, (recorded, here) in changed.items():
+        print_message(
+            f"{name} is another file: SHA-256 {recorded[:16]} in the log, {here[:16]} here"
+        )
     if missing:
-        say(missing, head="partial: ")
+        print_message(missing, head="partial: ")
 
 
 def _settings(pairs: list[str]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from flexslew_lab.cli.terminal import print_table, say
+from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.short_values import short
 
 _COLUMNS = ("item", "paper", "reference", "ours", "tolerance", "state")
@@ -17,16 +17,16 @@ def show_rows(name: str, rows: Sequence[dict[str, Any]]) -> None:
         rows: see reproduce.rows.
     """
     print_table(_COLUMNS, [_cells(row) for row in rows])
-    within = sum(row["ok"] is True for row in rows)
+    passed = sum(row["ok"] is True for row in rows)
     off = sum(row["ok"] is False for row in rows)
     left = [row for row in rows if row["ok"] is None]
-    counted = [f"{name}: {within} of {len(rows)} within tolerance"]
-    counted += [f"{off} off"] * (off > 0) + [f"{len(left)} not reproduced"] * bool(left)
-    say(", ".join(counted), "bold")
+    summary = [f"{name}: {passed} of {len(rows)} within tolerance"]
+    summary += [f"{off} off"] * (off > 0) + [f"{len(left)} not reproduced"] * bool(left)
+    print_message(", ".join(summary), "bold")
     for why in dict.fromkeys(row["because"] for row in left):
         names = [row["item"] for row in left if row["because"] == why]
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        say(f"not reproduced, because {why} ({names[0]}{more})")
+        print_message(f"not reproduced, because {why} ({names[0]}{more})")
 
 
 def _cells(row: dict[str, Any]) -> list[str]:

@@ -8,7 +8,7 @@ import typer
 
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.open_page import Open, open_page
-from flexslew_lab.cli.terminal import link, print_table, say
+from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS
@@ -31,16 +31,16 @@ def runs(
 
     if not os.path.isdir(folder):
         raise BadInput("no such folder; a first run makes it", folder)
-    found, unread = runs_in(folder, trial, law, testbed)
+    found, skipped = runs_in(folder, trial, law, testbed)
     page = None
     try:
         page = write_index(folder)
     except OSError as error:  # of a folder that is there to read alone the table is enough
         if open_it:
             raise
-        say(f"no page is written: {error.filename}: {error.strerror}")
-    if unread:
-        say(f"not readable, left out: {', '.join(unread)}")
+        print_message(f"no page is written: {error.filename}: {error.strerror}")
+    if skipped:
+        print_message(f"not readable, left out: {', '.join(skipped)}")
     if as_json:
         rows = [run._asdict() | {"folder": str(run.folder)} for run in found]
         print(json_text(rows))
@@ -55,6 +55,6 @@ def runs(
         ],
     )
     if page is not None:
-        say(f"{link(page)}")
+        print_message(f"{link(page)}")
         if open_it:
             open_page(page)

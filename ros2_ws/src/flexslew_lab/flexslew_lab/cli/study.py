@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexslew_lab.cli.compare import Workers
-from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, patient
-from flexslew_lab.cli.log import Json, demand
+from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, exit_timeout
+from flexslew_lab.cli.log import Json, exit_unless
 from flexslew_lab.cli.replay import TrustOption
-from flexslew_lab.cli.study_words import progress, side_by_side, tell
-from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.cli.study_words import print_summary, progress, side_by_side
+from flexslew_lab.cli.terminal import for_people, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
@@ -20,8 +20,8 @@ from flexslew_plant.own_code import ANY_CODE, Trust
 if TYPE_CHECKING:
     from flexslew_lab.run.pool import Executor
     from flexslew_lab.studies.cases import Case
-    from flexslew_lab.studies.flight import Flown
-    from flexslew_lab.studies.run import Preparation, Shard
+    from flexslew_lab.studies.flight import FlightResult
+    from flexslew_lab.studies.run import PreparedStudy, Shard
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import Study
 
@@ -60,7 +60,7 @@ def run(
     from flexslew_lab.studies.run import default_folder, prepare, run_study
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import load_study, study_path
-    from flexslew_lab.trial.outputs import writable_folder
+    from flexslew_lab.trial.outputs import check_output_folder
 
     if retry not in (None, "failed"):
         raise BadInput("failed", key="--retry", value=retry)
@@ -69,28 +69,30 @@ def run(
     part = _shard(shard)
     requested = load_study(study_path(file), ANY_CODE)
     folder = out or default_folder(requested, part)
-    writable_folder(folder, "--out" if out else "--out (default)")
+    check_output_folder(folder, "--out" if out else "--out (default)")
     with for_people.status("preparing"):
         ready = prepare(requested)
     for line in needed(requested, ready.samples):
-        say(line)
+        print_message(line)
     executor = _executor(ready, workers, dask)
     if Store(folder).exists:
-        _tell_damaged(Store(folder))
+        _print_invalid_parts(Store(folder))
     try:
-        with progress(requested.settings.study) as advance, patient(NODES_EXIT_TIMEOUT):
-            store = run_study(ready, folder, executor, part, retry is not None, advance)
+        with progress(requested.settings.study) as update, exit_timeout(NODES_EXIT_TIMEOUT):
+            store = run_study(ready, folder, executor, part, retry is not None, update)
     finally:
         executor.close()
     if part.of == 1 and requested.settings.lanes:
         _check_lanes(ready, store, workers)
     if part.of > 1:
-        say(": join all shards with ./flexslew study merge", head=str(folder), head_style="bold")
+        print_message(
+            ": join all shards with ./flexslew study merge", head=str(folder), head_style="bold"
+        )
         return
     found = finished(requested, store)
-    keep_worst(requested, store, say)
-    tell(found, as_json)
-    demand(passed(found))
+    keep_worst(requested, store, print_message)
+    print_summary(found, as_json)
+    exit_unless(passed(found))
 
 
 @study.command()
@@ -113,10 +115,10 @@ def status(file: Place, out: Out = None, trust: TrustOption = None, as_json: Jso
     if as_json:
         print(json_text(counts))
     else:
-        shown = [(k, v) for k, v in counts.items() if k != "damaged"]
-        print_table(("", store.identity["study"]["study"]), shown)
-    _tell_damaged(store)
-    demand(not store.damaged)
+        count_rows = [(k, v) for k, v in counts.items() if k != "damaged"]
+        print_table(("", store.identity["study"]["study"]), count_rows)
+    _print_invalid_parts(store)
+    exit_unless(not store.damaged)
 
 
 @study.command()
@@ -133,14 +135,14 @@ def report(
     from flexslew_lab.log.files.whole_file import write_whole
     from flexslew_lab.studies.findings.page import comparison_page, names_of
     from flexslew_lab.studies.findings.summary import passed, summary
-    from flexslew_lab.studies.run import flights_of
+    from flexslew_lab.studies.run import flight_records
 
     if len(places) > 2:
         raise BadInput(f"report: {len(places)} studies are not allowed: give one or two")
     opened = [_opened(place, None, trust) for place in places]
     for _, store in opened:
         store.write_table()
-    found = [summary(one, store, flights_of(store)) for one, store in opened]
+    found = [summary(one, store, flight_records(store)) for one, store in opened]
     if len(opened) == 1:
         from flexslew_lab.studies.findings.page import study_page
 
@@ -149,16 +151,16 @@ def report(
     else:
         page = out or Path("studies.html")
         write_whole(page, comparison_page(opened, found))
-    say(f"written {page}")
+    print_message(f"written {page}")
     for _, store in opened:
-        _tell_damaged(store)
+        _print_invalid_parts(store)
     if len(found) == 1:
-        tell(found[0] | {"report": str(page)}, as_json)
+        print_summary(found[0] | {"report": str(page)}, as_json)
     elif as_json:
         print(json_text(found))
     else:
         side_by_side(names_of(opened), found)
-    demand(all(map(passed, found)) and not any(store.damaged for _, store in opened))
+    exit_unless(all(map(passed, found)) and not any(store.damaged for _, store in opened))
 
 
 @study.command()
@@ -175,7 +177,7 @@ def fly(
 
     Example: `./flexslew study fly csa_robustness 17`
     """
-    from flexslew_lab.studies.finish import fly_again
+    from flexslew_lab.studies.finish import repeat_trial
     from flexslew_lab.studies.run import default_folder
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import load_study, study_path
@@ -187,15 +189,15 @@ def fly(
         requested = load_study(study_path(file), ANY_CODE)
         store = Store(default_folder(requested))
         store = store if store.exists else None
-    result, difference = fly_again(requested, store, index, out, say)
+    result, difference = repeat_trial(requested, store, index, out, print_message)
     if as_json:
         print(json_text(result.metrics))
     else:
         print_table(("metric", "value"), [(k, short(v)) for k, v in result.metrics.items()])
-    say(str(result.folder), "bold")
+    print_message(str(result.folder), "bold")
     if difference:
-        say(difference, "red")
-    demand(not difference)
+        print_message(difference, "red")
+    exit_unless(not difference)
 
 
 @study.command()
@@ -215,10 +217,10 @@ def merge(
     from flexslew_lab.studies.finish import finished
     from flexslew_lab.studies.merge import merged
 
-    joined = merged(folders, out, Trust.of(trust or ()))
-    found = finished(*joined)
-    tell(found, as_json)
-    demand(passed(found) and found["complete"])
+    study_and_store = merged(folders, out, Trust.of(trust or ()))
+    found = finished(*study_and_store)
+    print_summary(found, as_json)
+    exit_unless(passed(found) and found["complete"])
 
 
 @study.command("list")
@@ -228,29 +230,29 @@ def list_studies(as_json: Json = False) -> None:
     Example: `./flexslew study list`
     """
     from flexslew_lab.studies.identity_file import IDENTITY, kept_identity
-    from flexslew_lab.studies.study import SHIPPED, shipped_names
+    from flexslew_lab.studies.study import EXAMPLES, example_names
     from flexslew_lab.trial.outputs import RUNS
 
     rows: list[dict[str, Any]] = []
-    for name in shipped_names():
-        first = (SHIPPED / f"{name}.yaml").read_text().splitlines()[0]
+    for name in example_names():
+        first = (EXAMPLES / f"{name}.yaml").read_text().splitlines()[0]
         rows.append({"study": name, "where": "shipped", "about": first.removeprefix("# ")})
     for path in sorted(RUNS.glob(f"*/{IDENTITY}")):
-        name, about = path.parent.name, ""
+        name, description = path.parent.name, ""
         try:
             name = kept_identity(path.parent).identity["study"].get("study", name)
         except BadInput as error:
-            about = str(error)
-        rows.append({"study": name, "where": str(path.parent), "about": about})
+            description = str(error)
+        rows.append({"study": name, "where": str(path.parent), "about": description})
     if as_json:
         print(json_text(rows))
     else:
         print_table(("study", "where", "about"), [row.values() for row in rows])
 
 
-def _tell_damaged(store: "Store") -> None:
+def _print_invalid_parts(store: "Store") -> None:
     for name in store.damaged:
-        say(
+        print_message(
             f"{store.folder}: {name} is damaged; its trials count as not flown until the study runs"
         )
 
@@ -277,8 +279,8 @@ def _opened(place: str, out: Path | None, trust: list[str] | None) -> tuple["Stu
 
 
 def _executor(
-    ready: "Preparation", workers: int | None, dask: str | None
-) -> "Executor[Case, Flown]":
+    ready: "PreparedStudy", workers: int | None, dask: str | None
+) -> "Executor[Case, FlightResult]":
     from flexslew_lab.run.pool import Pool
 
     if dask is not None:
@@ -288,14 +290,14 @@ def _executor(
     return Pool(ready.job, workers or os.cpu_count() or 1)
 
 
-def _check_lanes(ready: "Preparation", store: "Store", workers: int | None) -> None:
+def _check_lanes(ready: "PreparedStudy", store: "Store", workers: int | None) -> None:
     from flexslew_lab.run.pool import Pool
-    from flexslew_lab.studies.lanes.check import bench_job, check_lanes
+    from flexslew_lab.studies.lanes.check import bench_job, check_batch
 
     pool = Pool(bench_job(ready), workers or os.cpu_count() or 1)
     try:
         with for_people.status("flying some trials of the lanes again by the ordinary bench"):
-            check_lanes(ready, store, pool)
+            check_batch(ready, store, pool)
     finally:
         pool.close()
 
@@ -305,7 +307,7 @@ def _shard(text: str | None) -> "Shard":
 
     if text is None:
         return Shard()
-    number, slash, of = text.partition("/")
-    if not (slash and number.isdigit() and of.isdigit() and 1 <= int(number) <= int(of)):
+    number, separator, of = text.partition("/")
+    if not (separator and number.isdigit() and of.isdigit() and 1 <= int(number) <= int(of)):
         raise BadInput("I/N with I from 1 to N, such as 1/4", key="--shard", value=text)
     return Shard(int(number), int(of))

@@ -15,14 +15,14 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.cli.terminal import for_people, print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.short_values import short
-from flexslew_lab.studies.execution.pace import Pace
+from flexslew_lab.studies.execution.pace import RemainingTime
 from flexslew_plant.refusal import one_line
 
-ESTIMATING = "estimating the time left"
-_OFTEN = 30.0  # between two lines where no bar can be drawn [wall s]
+NO_ESTIMATE = "estimating the time left"
+_PRINT_INTERVAL = 30.0  # between two lines where no bar can be drawn [wall s]
 
 
 @contextmanager
@@ -41,33 +41,33 @@ def progress(name: str) -> Iterator[Callable[[int, int], None]]:
         TimeElapsedColumn(),
         TextColumn("{task.fields[left]}"),
     )
-    pace = Pace()
+    pace = RemainingTime()
     with Progress(*columns, console=for_people, transient=True) as bar:
         task = bar.add_task(
-            f"{escape(one_line(name))} [dim]trials[/dim]", total=None, left=ESTIMATING
+            f"{escape(one_line(name))} [dim]trials[/dim]", total=None, left=NO_ESTIMATE
         )
 
-        def advance(done: int, requested: int) -> None:
+        def update(done: int, requested: int) -> None:
             pace.take(done, monotonic())
             bar.update(task, completed=done, total=requested, left=left_words(pace.left(requested)))
 
-        yield advance
+        yield update
 
 
 class _Lines:
     """Prints the progress of a study, at most every half minute."""
 
     def __init__(self, name: str) -> None:
-        self._name, self._pace = name, Pace()
-        self._began = self._last = monotonic()
+        self._name, self._pace = name, RemainingTime()
+        self._start_time = self._last = monotonic()
 
     def __call__(self, done: int, requested: int) -> None:
         now = monotonic()
         self._pace.take(done, now)
-        if now - self._last >= _OFTEN:
+        if now - self._last >= _PRINT_INTERVAL:
             self._last = now
             left = self._pace.left(requested)
-            say(f"{self._name}: {far(done, requested, now - self._began, left)}")
+            print_message(f"{self._name}: {far(done, requested, now - self._start_time, left)}")
 
 
 def far(done: int, requested: int, seconds: float, left: float | None) -> str:
@@ -85,15 +85,15 @@ def far(done: int, requested: int, seconds: float, left: float | None) -> str:
 
 def left_words(left: float | None) -> str:
     """Return how long a study will take yet, in words."""
-    return ESTIMATING if left is None else f"{timedelta(seconds=round(left))} left"
+    return NO_ESTIMATE if left is None else f"{timedelta(seconds=round(left))} left"
 
 
-def tell(found: dict[str, Any], as_json: bool) -> None:
+def print_summary(found: dict[str, Any], as_json: bool) -> None:
     """Print what a study found: a table for people, or the whole summary as JSON."""
     if as_json:
         print(json_text(found))
         return
-    from flexslew_lab.studies.findings.criteria import Verdict
+    from flexslew_lab.studies.findings.criteria import Decision
     from flexslew_lab.studies.findings.tables import (
         QUANTILE_NAMES,
         criterion_words,
@@ -102,7 +102,7 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
         pair_rows,
     )
 
-    colours = {Verdict.PASSED: "green", Verdict.REFUTED: "red", Verdict.UNDECIDED: "yellow"}
+    colors = {Decision.PASSED: "green", Decision.REJECTED: "red", Decision.UNKNOWN: "yellow"}
     rate = found["trials_per_second"]
     rows = [
         ("trials", f"{found['trials']} of {found['planned']}, {found['failed']} failed"),
@@ -114,7 +114,7 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
     ]
     print_table(("", found["study"]), rows)
     if words := missing_words(found):
-        say(words, "red", head="incomplete: ")
+        print_message(words, "red", head="incomplete: ")
     for label, lines in metric_tables(found).items():
         print_table(
             (label or "metric", "unit", "mean", *QUANTILE_NAMES, "failed", "missing"),
@@ -125,17 +125,17 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
         )
     if found["paired"]:
         against = found["paired"][0]["against"]
-        heads = ("smaller / larger in", "mean difference", "median difference", "p", "pairs")
-        print_table((f"against {against}", "variant", "is", *heads), pair_rows(found))
+        header = ("smaller / larger in", "mean difference", "median difference", "p", "pairs")
+        print_table((f"against {against}", "variant", "is", *header), pair_rows(found))
     for row in found["criteria"]:
-        verdict = Verdict(row["verdict"])
-        say(f" {criterion_words(row)}", head=verdict.value, head_style=colours[verdict])
+        verdict = Decision(row["verdict"])
+        print_message(f" {criterion_words(row)}", head=verdict.value, head_style=colors[verdict])
 
 
 def side_by_side(names: Sequence[str], found: list[dict[str, Any]]) -> None:
     """Print the 99 % quantiles of two studies side by side."""
-    from flexslew_lab.studies.findings.tables import overall_rows
+    from flexslew_lab.studies.findings.tables import total_rows
 
-    first, second = ({row.name: row.quantiles[-1] for row in overall_rows(one)} for one in found)
+    first, second = ({row.name: row.quantiles[-1] for row in total_rows(one)} for one in found)
     lines = [(name, value, second[name]) for name, value in first.items() if name in second]
     print_table(("99 % of", *names), lines)

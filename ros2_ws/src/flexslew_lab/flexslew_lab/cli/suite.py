@@ -8,8 +8,8 @@ from typing import NamedTuple
 OVER_ROS = ("tests/ros", "tests/campaigns/ros")
 # Each with processes of its own, as a process keeps all machine code that it has loaded
 GROUPS = ("tests/control", "tests/lab", "tests/lab/studies")
-BEYOND_DEFAULT = ("ros", "browser", "campaign", "matrix", "slow")
-NOTHING_SELECTED = 5  # pytest's exit code
+OPTIONAL_MARKERS = ("ros", "browser", "campaign", "matrix", "slow")
+NO_TESTS_EXIT_CODE = 5  # pytest's exit code
 _MOST = 8  # processes that compute, of three quarters of a gigabyte each
 # pytest answers these without a test
 _QUERIES = ("help", "markers", "showfixtures", "show_fixtures_per_test", "cacheshow")
@@ -23,14 +23,14 @@ class Selection(NamedTuple):
     markers: str = ""  # the expression of -m
     cases: bool = False  # a number of random cases is given
     stops: bool = False  # at a failure: -x, --maxfail
-    debugs: bool = False  # --pdb, which needs the terminal
+    debug: bool = False  # --pdb, which needs the terminal
 
-    def expression(self, everything: bool) -> str:
+    def expression(self, all_tests: bool) -> str:
         """Return the marker expression; a file that is named runs whole, as do given cases."""
         files = bool(self.paths) and all(Path(p.split("::")[0]).is_file() for p in self.paths)
         if self.markers:
             return f"({self.markers})"
-        return "" if everything or files or self.cases else f"not ({' or '.join(BEYOND_DEFAULT)})"
+        return "" if all_tests or files or self.cases else f"not ({' or '.join(OPTIONAL_MARKERS)})"
 
 
 def read_selection(arguments: Sequence[str]) -> Selection | int:
@@ -70,7 +70,7 @@ def read_selection(arguments: Sequence[str]) -> Selection | int:
     )
 
 
-def parts(selection: Selection, everything: bool) -> Iterator[tuple[str, ...]]:
+def parts(selection: Selection, all_tests: bool) -> Iterator[tuple[str, ...]]:
     """Yield the arguments of pytest for each part that a selection needs.
 
     A long file without ROS is shared by workers. A file over ROS stays with one, and twice as many
@@ -79,51 +79,51 @@ def parts(selection: Selection, everything: bool) -> Iterator[tuple[str, ...]]:
     """
     workers = min(os.cpu_count() or 2, _MOST)
     waiting = min(2 * workers, _MOST)
-    if selection.debugs:
+    if selection.debug:
         workers = waiting = 0
-    ros = _inside(selection.paths, OVER_ROS)
+    ros = _selected_paths(selection.paths, OVER_ROS)
     options = selection.options
-    expression = selection.expression(everything)
-    marked = ("-m", expression) if expression else ()
-    shared = ("-n", f"{workers}", "--dist", "worksteal", *options, *marked)
-    apart: tuple[str, ...] = OVER_ROS
-    if selection.paths or not everything:
-        groups = [[path for path in selection.paths or ("tests",) if not _within(path, OVER_ROS)]]
+    expression = selection.expression(all_tests)
+    marker_options = ("-m", expression) if expression else ()
+    shared = ("-n", f"{workers}", "--dist", "worksteal", *options, *marker_options)
+    separate: tuple[str, ...] = OVER_ROS
+    if selection.paths or not all_tests:
+        groups = [[path for path in selection.paths or ("tests",) if not _is_in(path, OVER_ROS)]]
     else:
-        apart += GROUPS
+        separate += GROUPS
         groups = [["tests"], *([group] for group in GROUPS)]
     for paths in filter(None, groups):
-        ignored = [part for part in apart if part not in paths and _within_any(part, paths)]
+        ignored = [part for part in separate if part not in paths and _is_in_any(part, paths)]
         yield (*shared, *(f"--ignore={part}" for part in ignored), *paths)
     if ros:
-        joined = f"{expression} and " if expression else ""
+        prefix = f"{expression} and " if expression else ""
         by_file = ("-n", f"{waiting}", "--dist", "loadfile")
-        yield (*by_file, *options, "-m", f"{joined}not alone", *ros)
-        yield (*options, "-m", f"{joined}alone", *ros)
+        yield (*by_file, *options, "-m", f"{prefix}not alone", *ros)
+        yield (*options, "-m", f"{prefix}alone", *ros)
 
 
 def exit_code(codes: Sequence[int]) -> int:
     """Return the exit code of all parts; one that selects nothing fails only if all do."""
-    return max((code for code in codes if code != NOTHING_SELECTED), default=NOTHING_SELECTED)
+    return max((code for code in codes if code != NO_TESTS_EXIT_CODE), default=NO_TESTS_EXIT_CODE)
 
 
-def _within_any(folder: str, paths: Sequence[str]) -> bool:
+def _is_in_any(folder: str, paths: Sequence[str]) -> bool:
     """Return True if a folder is in one of the paths."""
-    return _within(folder, [path.split("::")[0] for path in paths])
+    return _is_in(folder, [path.split("::")[0] for path in paths])
 
 
-def _within(path: str, folders: Sequence[str]) -> bool:
+def _is_in(path: str, folders: Sequence[str]) -> bool:
     """Return True if a path, or the test in it, is in one of the folders."""
     place = Path(path.split("::")[0]).resolve()
     return any(place.is_relative_to(Path(folder).resolve()) for folder in folders)
 
 
-def _inside(paths: Sequence[str], folders: Sequence[str]) -> list[str]:
+def _selected_paths(paths: Sequence[str], folders: Sequence[str]) -> list[str]:
     """Return what paths select of folders: paths in one of them, and folders in one of the paths.
 
     Without paths, all folders.
     """
     if not paths:
         return [*folders]
-    inner = (f for path in paths for f in folders if _within(f, [path.split("::")[0]]))
-    return list(dict.fromkeys([*(path for path in paths if _within(path, folders)), *inner]))
+    inner = (f for path in paths for f in folders if _is_in(f, [path.split("::")[0]]))
+    return list(dict.fromkeys([*(path for path in paths if _is_in(path, folders)), *inner]))

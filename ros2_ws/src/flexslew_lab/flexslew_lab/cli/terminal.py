@@ -56,7 +56,7 @@ def print_line(words: str) -> None:
     print(one_line(words))
 
 
-def say(words: str, style: str = "", head: str = "", head_style: str = "red") -> None:
+def print_message(words: str, style: str = "", head: str = "", head_style: str = "red") -> None:
     """Print a line for a user, as it is.
 
     Args:

@@ -59,15 +59,15 @@ def other_benches(
     """
     least = min(stiffness, key=abs)
     nominal = testbed.scaled(stiffness=1.0 + least)
-    stiffer = [OtherBench(e, 0.0, testbed.scaled(stiffness=1.0 + e)) for e in stiffness]
+    stiffness_cases = [OtherBench(e, 0.0, testbed.scaled(stiffness=1.0 + e)) for e in stiffness]
     try:
-        return stiffer + [OtherBench(least, e, load(nominal, 1.0 + e)) for e in carried]
+        return stiffness_cases + [OtherBench(least, e, load(nominal, 1.0 + e)) for e in carried]
     except BadInput:  # it is fixed
-        return stiffer
+        return stiffness_cases
 
 
 @dataclass(frozen=True)
-class ComparedFlight:
+class CandidateFlight:
     """What a candidate did on one bench; see FlightOutcome."""
 
     stiffness: float  # errors as of OtherBench [-]
@@ -79,27 +79,27 @@ class ComparedFlight:
 
 
 @dataclass(frozen=True)
-class ComparedEntry:
+class CandidateResult:
     """A candidate with its plan and its flights, or why there are none."""
 
     name: str
     plan: Plan | None
     refused: str
-    flights: tuple[ComparedFlight, ...] = ()
+    flights: tuple[CandidateFlight, ...] = ()
 
     @property
-    def nominal(self) -> ComparedFlight:
+    def nominal(self) -> CandidateFlight:
         """The flight with the smallest errors."""
         return min(self.flights, key=lambda f: (abs(f.stiffness), abs(f.carried)))
 
-    def by(self, kind: str) -> tuple[ComparedFlight, ...]:
+    def by(self, kind: str) -> tuple[CandidateFlight, ...]:
         """Return the flights with errors of one kind alone, the nominal one among them."""
         other = CARRIED if kind == STIFFNESS else STIFFNESS
-        alone = (f for f in self.flights if getattr(f, other) == getattr(self.nominal, other))
-        return tuple(sorted(alone, key=lambda flight: float(getattr(flight, kind))))
+        matching = (f for f in self.flights if getattr(f, other) == getattr(self.nominal, other))
+        return tuple(sorted(matching, key=lambda flight: float(getattr(flight, kind))))
 
 
-Entries = tuple[ComparedEntry, ...]
+Entries = tuple[CandidateResult, ...]
 
 
 NO_VALUE = "-"  # of a cell
@@ -109,7 +109,7 @@ class TableColumn(NamedTuple):
     """A column of a table."""
 
     title: str
-    cell: Callable[[ComparedEntry], str]
+    cell: Callable[[CandidateResult], str]
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,15 +122,15 @@ class Comparison:
     words: str  # how the table is read
     note: str
     entries: Entries
-    numbers: Callable[[ComparedEntry], dict[str, Any]]  # of one that flew, by key
+    numbers: Callable[[CandidateResult], dict[str, Any]]  # of one that flew, by key
     short: Sequence[TableColumn]  # for a terminal
     columns: Sequence[TableColumn]
     groups: Sequence[Group]
 
     def __repr__(self) -> str:
         """Return one line: the candidates that flew."""
-        flown = ", ".join(entry.name for entry in self.flown)
-        return f"<Comparison by {self.word}: {flown or 'nothing'} flown of {len(self.entries)}>"
+        names = ", ".join(entry.name for entry in self.simulated_entries)
+        return f"<Comparison by {self.word}: {names or 'nothing'} flown of {len(self.entries)}>"
 
     def _repr_html_(self) -> str:
         """Return the numbers of those that flew, for notebooks."""
@@ -139,7 +139,7 @@ class Comparison:
         return in_notebook(repr(self), [self.word, *(c.title for c in columns)], rows)
 
     @property
-    def flown(self) -> Entries:
+    def simulated_entries(self) -> Entries:
         """The candidates that could be flown."""
         return tuple(entry for entry in self.entries if entry.flights)
 
@@ -153,11 +153,13 @@ class Comparison:
 
     def table(self, columns: Sequence[TableColumn]) -> list[tuple[str, list[str]]]:
         """Return name and cells of each candidate that flew."""
-        return [(e.name, [column.cell(e) for column in columns]) for e in self.flown]
+        return [(e.name, [column.cell(e) for column in columns]) for e in self.simulated_entries]
 
     def filled(self, columns: Sequence[TableColumn]) -> tuple[TableColumn, ...]:
         """Return the columns in which any candidate has a value."""
-        return tuple(c for c in columns if any(c.cell(entry) != NO_VALUE for entry in self.flown))
+        return tuple(
+            c for c in columns if any(c.cell(entry) != NO_VALUE for entry in self.simulated_entries)
+        )
 
 
 @dataclass(frozen=True)
@@ -189,36 +191,36 @@ class Description:
     distinct: bool = False
 
 
-_Planned = list[tuple[Candidate, ComparedEntry]]
+_CandidatePairs = list[tuple[Candidate, CandidateResult]]
 
 
-def compared(
-    described: Description,
+def compare_candidates(
+    description: Description,
     progress: Callable[[int, int], None] = lambda done, last: None,
     workers: int = 1,
 ) -> Comparison:
     """Return what every candidate does with the manoeuvre.
 
     Args:
-        described: what is compared.
+        description: what is compared.
         progress: called with the plans and flights done and their number, at most that many at
             first.
         workers: processes that plan and fly; 1: this one.
     """
     job = ComparisonJob(
-        trial_text(described.trial),
-        described.source,
-        described.trial.trust,
-        described.redesigned,
-        described.metrics,
-        described.curves,
+        trial_text(description.trial),
+        description.source,
+        description.trial.trust,
+        description.redesigned,
+        description.metrics,
+        description.curves,
     )
     with closing(InThisProcess(job) if workers == 1 else Pool(job, workers)) as executor:
         work = _Work(executor, progress)
-        planned = _make_plans(described, work)
-        if described.distinct:
-            planned = _distinct(planned)
-        return described.view(tuple(_flown(described, planned, work)))
+        pairs = _make_plans(description, work)
+        if description.distinct:
+            pairs = _distinct(pairs)
+        return description.view(tuple(_simulate(description, pairs, work)))
 
 
 @dataclass
@@ -248,25 +250,25 @@ class _Work:
         return made
 
 
-def _make_plans(described: Description, work: _Work) -> _Planned:
+def _make_plans(description: Description, work: _Work) -> _CandidatePairs:
     """Return the candidates with their plans, or why they have none; a plan is made once."""
-    if described.trial.plan is None:
-        return [(c, ComparedEntry(c.name, None, "")) for c in described.candidates]
-    keys = [yaml_text([c.method, plain(dict(c.keys))]) for c in described.candidates]
-    firsts = {key: keys.index(key) for key in keys}
-    cases = [PlanCase(k, *described.candidates[k][1:3]) for k in firsts.values()]
-    made = work.outcomes(cases, len(described.candidates) * len(described.benches))
-    found = [made[firsts[key]] for key in keys]
+    if description.trial.plan is None:
+        return [(c, CandidateResult(c.name, None, "")) for c in description.candidates]
+    keys = [yaml_text([c.method, plain(dict(c.keys))]) for c in description.candidates]
+    first_indices = {key: keys.index(key) for key in keys}
+    cases = [PlanCase(k, *description.candidates[k][1:3]) for k in first_indices.values()]
+    made = work.outcomes(cases, len(description.candidates) * len(description.benches))
+    found = [made[first_indices[key]] for key in keys]
     return [
-        (c, ComparedEntry(c.name, outcome.plan, outcome.refused))
-        for c, outcome in zip(described.candidates, found, strict=True)
+        (c, CandidateResult(c.name, outcome.plan, outcome.refused))
+        for c, outcome in zip(description.candidates, found, strict=True)
     ]
 
 
-def _distinct(planned: _Planned) -> _Planned:
+def _distinct(pairs: _CandidatePairs) -> _CandidatePairs:
     """Leave out variants with the same plan as an earlier one of their method."""
-    kept: _Planned = []
-    for candidate, entry in planned:
+    kept: _CandidatePairs = []
+    for candidate, entry in pairs:
         others = (e.plan for c, e in kept if c.method == candidate.method)
         if not any(_same_motion(entry.plan, other) for other in others):
             kept.append((candidate, entry))
@@ -281,32 +283,34 @@ def _same_motion(one: Plan | None, other: Plan | None) -> bool:
     )
 
 
-def _flown(described: Description, planned: _Planned, work: _Work) -> list[ComparedEntry]:
+def _simulate(
+    description: Description, pairs: _CandidatePairs, work: _Work
+) -> list[CandidateResult]:
     """Return the entries with their flights; one that is refused on a bench has none."""
-    longest = max((e.plan.end for _, e in planned if e.plan is not None), default=0.0)
-    duration, benches = described.trial.duration, described.benches
-    if described.rest is not None:
-        duration = max(duration, longest + described.rest)
+    latest_end = max((e.plan.end for _, e in pairs if e.plan is not None), default=0.0)
+    duration, benches = description.trial.duration, description.benches
+    if description.rest is not None:
+        duration = max(duration, latest_end + description.rest)
     sections = [plain(bench.testbed) for bench in benches]
     cases = [
         FlightCase(
-            k * len(benches) + b, c.controllers, c.active, entry.plan, section, duration, longest
+            k * len(benches) + b, c.controllers, c.active, entry.plan, section, duration, latest_end
         )
-        for k, (c, entry) in enumerate(planned)
+        for k, (c, entry) in enumerate(pairs)
         if not entry.refused
         for b, section in enumerate(sections)
     ]
     made = work.outcomes(cases)
     entries = []
-    for k, (_, entry) in enumerate(planned):
+    for k, (_, entry) in enumerate(pairs):
         if not entry.refused:
             outcomes = [made[k * len(benches) + b] for b in range(len(benches))]
-            refused = next((o.refused for o in outcomes if o.refused), "")
+            reason = next((o.refused for o in outcomes if o.refused), "")
             flights = tuple(
-                ComparedFlight(bench.stiffness, bench.carried, *outcome.flight)
+                CandidateFlight(bench.stiffness, bench.carried, *outcome.flight)
                 for bench, outcome in zip(benches, outcomes, strict=True)
-                if outcome.flight is not None and not refused
+                if outcome.flight is not None and not reason
             )
-            entry = replace(entry, refused=refused, flights=flights)
+            entry = replace(entry, refused=reason, flights=flights)
         entries.append(entry)
     return entries

@@ -9,15 +9,15 @@ import numpy as np
 from flexslew_control.plan import Plan
 from flexslew_control.planners import other_method
 from flexslew_lab.run.flight_log import FlightLog
-from flexslew_lab.run.in_process import fly
-from flexslew_lab.trial.trial import SavedPlan, Trial, follow, parse_trial, plan_of_trial, set_up
+from flexslew_lab.run.in_process import run_bench
+from flexslew_lab.trial.trial import SavedPlan, Trial, parse_trial, plan_of_trial, set_plan, set_up
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Truth
 from flexslew_plant.errors import BadInput, FlexslewError, without_source
 from flexslew_plant.own_code import Trust, one_line
 from flexslew_plant.testbeds import read_testbed
 
-_SHOWN = 600  # samples of a curve
+_CURVE_SAMPLES = 600  # samples of a curve
 _LIMIT = 3600.0  # of a plan or a flight [wall s]
 
 
@@ -87,16 +87,16 @@ class ComparisonJob:
     limit: float = _LIMIT
     at_once: int = 1
 
-    def flyer(self) -> "_Flyer":
+    def flyer(self) -> "_CaseRunner":
         """Return what plans and flies in this process."""
-        return _Flyer(self, parse_trial(self.trial, self.source, self.trust))
+        return _CaseRunner(self, parse_trial(self.trial, self.source, self.trust))
 
     def failed(self, number: int, reason: str) -> CaseOutcome:
         """Return the outcome of a case that came to nothing."""
         return CaseOutcome(number, refused=reason)
 
 
-class _Flyer(NamedTuple):
+class _CaseRunner(NamedTuple):
     job: ComparisonJob
     trial: Trial
 
@@ -106,7 +106,7 @@ class _Flyer(NamedTuple):
         report: Callable[[list[CaseOutcome]], None],
         begin: Callable[[int], None] = lambda number: None,
     ) -> None:
-        """Do the cases; see CaseFlyer."""
+        """Do the cases; see CaseRunner."""
         for case in cases:
             begin(case.number)
             report([self._outcome(case)])
@@ -115,19 +115,19 @@ class _Flyer(NamedTuple):
         try:
             if isinstance(case, PlanCase):
                 return CaseOutcome(case.number, plan=self._make_plan(case))
-            return CaseOutcome(case.number, flight=self._fly(case))
-        except FlexslewError as refused:
-            return CaseOutcome(case.number, refused=without_source(refused))
+            return CaseOutcome(case.number, flight=self._simulate(case))
+        except FlexslewError as reason:
+            return CaseOutcome(case.number, refused=without_source(reason))
         except Exception as error:  # a class of the user's own may do anything
             return CaseOutcome(case.number, refused=one_line(error))
 
     def _make_plan(self, case: PlanCase) -> Plan | None:
-        asked = self.trial.plan
-        assert not isinstance(asked, SavedPlan | None)
-        section = other_method(asked, case.method, f"{self.job.source}: plan", **case.keys)
+        trial_plan = self.trial.plan
+        assert not isinstance(trial_plan, SavedPlan | None)
+        section = other_method(trial_plan, case.method, f"{self.job.source}: plan", **case.keys)
         return plan_of_trial(replace(self.trial, plan=section), predict=False)
 
-    def _fly(self, case: FlightCase) -> FlightOutcome:
+    def _simulate(self, case: FlightCase) -> FlightOutcome:
         """Return the flight of a candidate on another bench than it believes in.
 
         Raises:
@@ -144,14 +144,14 @@ class _Flyer(NamedTuple):
             trial = replace(trial, testbed=testbed)
         bench, controllers = set_up(trial, self.job.source, testbed)
         plan = case.plan
-        refused = follow(controllers, trial.active, plan) or controllers[trial.active].reason
-        if refused is not None:
-            raise BadInput(refused)
+        reason = set_plan(controllers, trial.active, plan) or controllers[trial.active].reason
+        if reason is not None:
+            raise BadInput(reason)
         seen = FlightLog(bench, plan)
-        fly(bench, controllers, seen)
+        run_bench(bench, controllers, seen)
         end = plan.end if plan is not None and plan.duration else case.longest
-        shown = np.unique(np.linspace(0, len(seen.truths) - 1, _SHOWN).astype(int))
-        some = [seen.truths[row] for row in shown]
+        sample_rows = np.unique(np.linspace(0, len(seen.truth_log) - 1, _CURVE_SAMPLES).astype(int))
+        some = [seen.truth_log[row] for row in sample_rows]
         return FlightOutcome(
             self.job.metrics(seen, end),
             bench.failure,

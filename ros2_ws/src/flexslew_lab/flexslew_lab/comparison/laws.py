@@ -14,8 +14,8 @@ from flexslew_lab.comparison.comparison import (
     NO_VALUE,
     STIFFNESS,
     Candidate,
-    ComparedEntry,
-    ComparedFlight,
+    CandidateFlight,
+    CandidateResult,
     Comparison,
     Description,
     Entries,
@@ -23,19 +23,19 @@ from flexslew_lab.comparison.comparison import (
     other_benches,
 )
 from flexslew_lab.comparison.flights import largest_tip
-from flexslew_lab.comparison.page import DrawnQuantity, motion, robustness
-from flexslew_lab.comparison.quantities import ComparedQuantity, quantities
+from flexslew_lab.comparison.page import PlotMetric, motion, robustness
+from flexslew_lab.comparison.quantities import ComparisonMetric, quantities
 from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.trial.trial import SavedPlan, Trial, law_of, plan_section_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Truth
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.contract import Pointing, ScalableInertia
 
 ERRORS = (-0.2, -0.1, 0.1, 0.2)  # of stiffness and inertia, relative [-]
-ALONE = "no feedback"
+NO_FEEDBACK = "no feedback"
 _BARE = {"law": PD_FEEDFORWARD.name, "kp": [0.0], "kd": [0.0]}
 _ERROR_NAMES = {STIFFNESS: "stiffness", CARRIED: "inertia"}
 
@@ -62,7 +62,7 @@ def laws(trial: Trial, source: str, errors: Sequence[float] = ERRORS) -> Descrip
         trial,
         source,
         _candidates(trial),
-        other_benches(trial.testbed, (0.0, *errors), errors, _heavier),
+        other_benches(trial.testbed, (0.0, *errors), errors, _scale_load),
         False,
         _metrics,
         _curves,
@@ -70,7 +70,7 @@ def laws(trial: Trial, source: str, errors: Sequence[float] = ERRORS) -> Descrip
     )
 
 
-def _heavier(testbed: Testbed, factor: float) -> Testbed:
+def _scale_load(testbed: Testbed, factor: float) -> Testbed:
     """Return a testbed with another mass and inertia of what carries the appendages."""
     if isinstance(testbed, ScalableInertia):
         return testbed.heavier(factor)
@@ -83,19 +83,21 @@ def _candidates(trial: Trial) -> list[Candidate]:
     requested = [(name, dict(trial.controllers[name] or {})) for name in names]
     used = {law_of(name, values)[0] for name, values in requested}
     requested += [(law, dict(CONTROLLERS[law].compared)) for law in CONTROLLERS if law not in used]
-    requested.append((ALONE, _BARE))
+    requested.append((NO_FEEDBACK, _BARE))
     assert not isinstance(trial.plan, SavedPlan)
     method = "" if trial.plan is None else trial.plan.method
-    usual = None if trial.plan is None else planner_of(trial.plan).by_law
+    law_keys = None if trial.plan is None else planner_of(trial.plan).by_law
     found = []
     for name, values in requested:
         law, _ = law_of(name, values)
-        one_plan = usual is None or law not in CONTROLLERS
+        one_plan = law_keys is None or law not in CONTROLLERS
         for more, keys in (PlanVariant("", {}),) if one_plan else CONTROLLERS[law].plans:
             called = f"{name}, {more}" if more else name
             active = called.replace(" ", "_").replace(",", "")
             controllers = {active: {**values, "law": law}}
-            found.append(Candidate(called, method, {**(usual or {}), **keys}, controllers, active))
+            found.append(
+                Candidate(called, method, {**(law_keys or {}), **keys}, controllers, active)
+            )
     return found
 
 
@@ -130,35 +132,37 @@ def _curve_names(trial: Trial) -> list[tuple[str, str]]:
 
 
 def _view(trial: Trial, entries: Entries) -> Comparison:
-    flown = tuple(entry for entry in entries if entry.flights)
-    nominal = [entry.nominal.metrics for entry in flown]
+    simulated = tuple(entry for entry in entries if entry.flights)
+    nominal = [entry.nominal.metrics for entry in simulated]
     # what any of them has
     by = [
         q
         for q in (quantities(nominal[0]) if nominal else ())
         if any(q.of(metrics) is not None for metrics in nominal)
     ]
-    drawn = [q for q in by if q.drawn]
+    plot_quantities = [q for q in by if q.drawn]
     short = [
         TableColumn(f"{q.title}{f' [{q.unit}]' if q.unit else ''}", partial(_nominal, q))
         for q in by
     ]
-    worst = [TableColumn(f"{q.title}, worst", partial(_worst, q)) for q in drawn]
+    worst = [TableColumn(f"{q.title}, worst", partial(_worst, q)) for q in plot_quantities]
     panels = [
-        DrawnQuantity(
+        PlotMetric(
             f"{q.title} against {name}",
             q.unit,
             f"error of the {name} [%]",
             kind,
             partial(_number, q),
         )
-        for q in drawn
+        for q in plot_quantities
         for kind, name in _ERROR_NAMES.items()
     ]
     return Comparison(
         word="law",
         title=f"{trial.name}: every law",
-        about=f"{trial.testbed.kind}, {counted(trial.testbed.modes, 'mode')}, {trial.duration:g} s",
+        about=(
+            f"{trial.testbed.kind}, {count_text(trial.testbed.modes, 'mode')}, {trial.duration:g} s"
+        ),
         words="Every law is designed for the trial's testbed, with the trial's settings where it "
         "has some and its defaults otherwise, and flies the manoeuvre alone. Columns without a "
         "remark: on the nominal testbed. Worst: over all errors of stiffness and inertia.",
@@ -169,22 +173,22 @@ def _view(trial: Trial, entries: Entries) -> Comparison:
         columns=[*short, *worst],
         groups=[
             robustness(
-                flown,
+                simulated,
                 panels,
                 "On benches whose stiffness, or whose carrier's mass and inertia, is not what "
                 "every law was designed for. A law that does not hold the bench has no point "
                 "there.",
                 170,
             ),
-            motion(flown, _curve_names(trial)),
+            motion(simulated, _curve_names(trial)),
         ],
     )
 
 
-def _by_error(by: Sequence[ComparedQuantity], entry: ComparedEntry) -> dict[str, Any]:
+def _by_error(by: Sequence[ComparisonMetric], entry: CandidateResult) -> dict[str, Any]:
     """Return the numbers of a law on the nominal bench, and on those with errors."""
 
-    def numbers(flight: ComparedFlight) -> dict[str, Any]:
+    def numbers(flight: CandidateFlight) -> dict[str, Any]:
         found: dict[str, Any] = {q.key: q.of(flight.metrics) for q in by}
         return found | ({"lost": flight.lost} if flight.lost else {})
 
@@ -196,16 +200,16 @@ def _by_error(by: Sequence[ComparedQuantity], entry: ComparedEntry) -> dict[str,
     }
 
 
-def _nominal(quantity: ComparedQuantity, entry: ComparedEntry) -> str:
+def _nominal(quantity: ComparisonMetric, entry: CandidateResult) -> str:
     return _cell(quantity.of(entry.nominal.metrics))
 
 
-def _worst(quantity: ComparedQuantity, entry: ComparedEntry) -> str:
+def _worst(quantity: ComparisonMetric, entry: CandidateResult) -> str:
     values = [_number(quantity, flight) for flight in entry.flights]
     return "lost" if not np.isfinite(values).all() else _cell(max(values))
 
 
-def _number(quantity: ComparedQuantity, flight: ComparedFlight) -> float:
+def _number(quantity: ComparisonMetric, flight: CandidateFlight) -> float:
     """Return a quantity of a flight; NaN where the bench was lost."""
     value = None if flight.lost else quantity.of(flight.metrics)
     return float("nan") if value is None else value

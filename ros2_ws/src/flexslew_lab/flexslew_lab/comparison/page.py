@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_lab.comparison.comparison import ComparedFlight, Comparison, Entries
+from flexslew_lab.comparison.comparison import CandidateFlight, Comparison, Entries
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.tables import Table, tables_page
 from flexslew_plant.arrays import Vector
@@ -13,14 +13,14 @@ from flexslew_plant.arrays import Vector
 _FAR = 30.0  # a curve beyond that many times the median candidate's is cut off [-]
 
 
-class DrawnQuantity(NamedTuple):
+class PlotMetric(NamedTuple):
     """A panel over the errors of a bench."""
 
     title: str
     unit: str
     x_title: str
     kind: str  # of the error: STIFFNESS or CARRIED
-    of: Callable[[ComparedFlight], float]  # NaN where the bench was lost
+    of: Callable[[CandidateFlight], float]  # NaN where the bench was lost
 
 
 def comparison_page(comparison: Comparison) -> str:
@@ -32,47 +32,49 @@ def comparison_page(comparison: Comparison) -> str:
         [comparison.word, *(column.title for column in columns)],
         [(name, *cells) for name, cells in comparison.table(columns)],
         comparison.note,
-        [style(k)["color"] for k in range(len(comparison.flown))],
+        [style(k)["color"] for k in range(len(comparison.simulated_entries))],
     )
-    refused = [(entry.name, entry.refused) for entry in comparison.entries if entry.refused]
-    tables = (numbers, Table("Not flown", "", (), refused))
+    reasons = [(entry.name, entry.refused) for entry in comparison.entries if entry.refused]
+    tables = (numbers, Table("Not flown", "", (), reasons))
     return tables_page("comparison", comparison.title, comparison.about, tables, comparison.groups)
 
 
-def robustness(flown: Entries, drawn: Sequence[DrawnQuantity], words: str, height: int) -> Group:
+def robustness(
+    simulated: Entries, plot_quantities: Sequence[PlotMetric], words: str, height: int
+) -> Group:
     """Return quantities against errors of the bench, one candidate after the other."""
     panels = []
-    for quantity in drawn:
+    for quantity in plot_quantities:
         panel = Panel(quantity.title, quantity.unit, log=True, height=height)
         panel.x_title = quantity.x_title
-        for number, entry in enumerate(flown):
+        for number, entry in enumerate(simulated):
             flights = entry.by(quantity.kind)
             x = np.array([100.0 * getattr(f, quantity.kind) for f in flights])
             y = np.array([quantity.of(f) for f in flights])
             if len(x) > 1:
                 panel.line(x, y, entry.name, style(number), mode="lines+markers")
-                widen(panel, y)
+                extend_range(panel, y)
         panels.append(panel)
-    names = legend([entry.name for entry in flown])
+    names = legend([entry.name for entry in simulated])
     return Group("Robustness", words, [panel for panel in panels if panel.traces], names)
 
 
-def motion(flown: Entries, named: Sequence[tuple[str, str]]) -> Group:
+def motion(simulated: Entries, named: Sequence[tuple[str, str]]) -> Group:
     """Return the curves of the nominal flights over time; each has a name and a unit."""
     panels = [Panel(name, unit) for name, unit in named]
-    for number, entry in enumerate(flown):
+    for number, entry in enumerate(simulated):
         flight = entry.nominal
         for panel, values in zip(panels, flight.curves.T, strict=True):
             panel.line(flight.time, values, entry.name, {**style(number), "width": 1.4})
             panel.x_title = "time [s]"
-            panel.x_range = (0.0, max(float(e.nominal.time[-1]) for e in flown))
+            panel.x_range = (0.0, max(float(e.nominal.time[-1]) for e in simulated))
     for column, panel in enumerate(panels):
-        _cut(panel, [entry.nominal.curves[:, column] for entry in flown])
-    names = legend([entry.name for entry in flown])
+        _cut(panel, [entry.nominal.curves[:, column] for entry in simulated])
+    names = legend([entry.name for entry in simulated])
     return Group("The flights", "On the nominal bench.", panels, names)
 
 
-def widen(panel: Panel, values: Vector) -> None:
+def extend_range(panel: Panel, values: Vector) -> None:
     """Let the panel show these values, all positive."""
     positive = values[values > 0.0]  # NaN is not
     if positive.size:

@@ -12,7 +12,7 @@ from flexslew_lab.comparison.comparison import (
     NO_VALUE,
     STIFFNESS,
     Candidate,
-    ComparedEntry,
+    CandidateResult,
     Comparison,
     Description,
     Entries,
@@ -20,7 +20,7 @@ from flexslew_lab.comparison.comparison import (
     other_benches,
 )
 from flexslew_lab.comparison.flights import largest_tip
-from flexslew_lab.comparison.page import DrawnQuantity, motion, robustness
+from flexslew_lab.comparison.page import PlotMetric, motion, robustness
 from flexslew_lab.comparison.slew import (
     SlewComparison,
     duration_of,
@@ -28,20 +28,20 @@ from flexslew_lab.comparison.slew import (
     tip_of,
     worst_residual,
 )
-from flexslew_lab.metrics.settling import commanded_moves, overshoots, settling_band
+from flexslew_lab.metrics.settling import goal_displacement, relative_overshoot, settling_band
 from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.trial.trial import SavedPlan, Trial, plan_section_of, set_up
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Truth
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.model import Model
 
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
-PAYLOADS = (-0.2, 0.2)  # of what the testbed carries, relative [-]
+PAYLOAD_ERRORS = (-0.2, 0.2)  # of what the testbed carries, relative [-]
 _ERROR_NAMES = {STIFFNESS: "stiffness", CARRIED: "payload"}
-_WATCHED = 40.0  # at least, after the longest slew [s]
+_OBSERVATION_TIME = 40.0  # at least, after the longest slew [s]
 _BOUND = "No rigid body could do it in less than {:.3f} s with these drives. "
 _WORDS = (
     "Tip: the largest deflection after the end of the slew, for errors of the stiffness and of the "
@@ -74,12 +74,12 @@ def planners(trial: Trial, source: str, errors: Sequence[float] = ERRORS) -> Des
         trial,
         source,
         [_candidate(trial, method, variant) for method, variant in _variants(trial)],
-        other_benches(trial.testbed, errors, PAYLOADS, lambda t, by: t.scaled(payload=by)),
+        other_benches(trial.testbed, errors, PAYLOAD_ERRORS, lambda t, by: t.scaled(payload=by)),
         True,
         _metrics,
         _curves,
         lambda entries: _view(trial, entries, errors),
-        rest=_WATCHED,
+        rest=_OBSERVATION_TIME,
         distinct=True,
     )
 
@@ -90,21 +90,30 @@ def _variants(trial: Trial) -> list[tuple[str, Variant]]:
     A trial with a variant in its plan has that one first, then the method with its defaults.
     """
     assert not isinstance(trial.plan, SavedPlan | None)
-    own, usual = planner_of(trial.plan), Variant("", {})
-    others = [entry for entry in PLANNERS.values() if entry.slews and entry is not own]
+    trial_planner, default_variant = planner_of(trial.plan), Variant("", {})
+    others = [entry for entry in PLANNERS.values() if entry.slews and entry is not trial_planner]
     others.sort(key=lambda entry: not entry.feedforward)
-    methods = {trial.plan.method: own} | {entry.name: entry for entry in others}
+    methods = {trial.plan.method: trial_planner} | {entry.name: entry for entry in others}
     found = [
-        (name, variant) for name, entry in methods.items() for variant in (usual, *entry.variants)
+        (name, variant)
+        for name, entry in methods.items()
+        for variant in (default_variant, *entry.variants)
     ]
     given = plain(trial.plan)
-    asked = [v for v in own.variants if _plain_keys(v) == {k: given.get(k) for k in v.keys}]
-    if not asked:
+    matching_variants = [
+        v for v in trial_planner.variants if _plain_keys(v) == {k: given.get(k) for k in v.keys}
+    ]
+    if not matching_variants:
         return found
-    defaults = {item.name: item.default for item in fields(own.settings)}
-    bare = Variant("", {key: defaults[key] for key in asked[0].keys})
-    rest = [c for c in found if c not in ((own.name, usual), (own.name, asked[0]))]
-    return [(own.name, asked[0]), (own.name, bare), *rest]
+    defaults = {item.name: item.default for item in fields(trial_planner.settings)}
+    bare = Variant("", {key: defaults[key] for key in matching_variants[0].keys})
+    rest = [
+        c
+        for c in found
+        if c
+        not in ((trial_planner.name, default_variant), (trial_planner.name, matching_variants[0]))
+    ]
+    return [(trial_planner.name, matching_variants[0]), (trial_planner.name, bare), *rest]
 
 
 def _plain_keys(variant: Variant) -> dict[str, Any]:
@@ -120,7 +129,7 @@ def _candidate(trial: Trial, method: str, variant: Variant) -> Candidate:
     keys: dict[str, Any] = dict(variant.keys)
     duration = plain(trial.plan).get("duration")
     if duration and requested.takes_duration and given.takes_duration:
-        keys["duration"] = duration * variant.longer
+        keys["duration"] = duration * variant.duration_factor
     if requested is not given:
         keys |= requested.compared
     name = f"{method}, {variant.name}" if variant.name else method
@@ -144,25 +153,25 @@ def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
     assert plan is not None
     if seen.bench.failure:
         raise BadInput(seen.bench.failure)
-    time = np.array([truth.time for truth in seen.truths])
-    position = _joints(seen.bench.model, seen.truths)
-    applied = np.array([truth.applied_effort for truth in seen.truths])
+    time = np.array([truth.time for truth in seen.truth_log])
+    position = _joints(seen.bench.model, seen.truth_log)
+    applied = np.array([truth.applied_effort for truth in seen.truth_log])
     goal = plan.position[-1]
     attitude = seen.bench.model.attitude
     error = position - goal if attitude is None else -attitude.error(position, goal)
     move = goal - position[0] if attitude is None else attitude.displacement(position[0], goal)
-    move, away = commanded_moves(move, error[0]), np.abs(error)
-    outside: Any = (away > settling_band(move)).any(axis=1)
+    move, absolute_error = goal_displacement(move, error[0]), np.abs(error)
+    outside: Any = (absolute_error > settling_band(move)).any(axis=1)
     last = float(time[outside][-1]) if outside.any() else plan.start
     over = time >= end - 1e-9
-    moved = np.abs(position - position[0]).argmax(axis=0)[None]
-    beyond = np.maximum((error * np.sign(move)).max(axis=0), 0.0)
-    overshoot = overshoots(move, beyond)
-    peak = np.take_along_axis(position, moved, axis=0)[0]
+    peak_index = np.abs(position - position[0]).argmax(axis=0)[None]
+    excess = np.maximum((error * np.sign(move)).max(axis=0), 0.0)
+    overshoot = relative_overshoot(move, excess)
+    peak = np.take_along_axis(position, peak_index, axis=0)[0]
     return {
         "settling_time": None if outside[-1] else max(last - plan.start, 0.0),
-        "residual_tip": float(np.abs(largest_tip(seen.truths)[over]).max()),
-        "residual_joint": float(away[over].max()),
+        "residual_tip": float(np.abs(largest_tip(seen.truth_log)[over]).max()),
+        "residual_joint": float(absolute_error[over].max()),
         "peak_position": dict(zip(plan.joint_names, peak.tolist(), strict=True)),
         "overshoot": {
             name: value if value == value else None
@@ -188,14 +197,14 @@ def _curves(seen: FlightLog, truths: Sequence[Truth]) -> Matrix:
 
 def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison:
     found = slew_comparison(trial, entries, errors)
-    named, flown = found.named, found.flown
+    named, simulated = found.named, found.flown
     plan = entries[0].plan
     goal = [] if plan is None else zip(plan.joint_names, plan.position[-1], strict=True)
     to = ", ".join(f"{name} {at:.4g} {dict(named)[name]}" for name, at in goal)
     curves = [*named, ("largest tip deflection", "m")]
     curves += [(f"effort on {name}", "N" if unit == "m" else "N m") for name, unit in named]
-    drawn = [
-        DrawnQuantity(
+    plot_quantities = [
+        PlotMetric(
             f"error of the {words}, residual tip deflection",
             "m",
             f"error of the {words} [%]",
@@ -204,7 +213,7 @@ def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison
         )
         for kind, words in _ERROR_NAMES.items()
     ]
-    modes = counted(trial.testbed.modes, "mode")
+    modes = count_text(trial.testbed.modes, "mode")
     return Comparison(
         word="method",
         title=f"{trial.name}: every method",
@@ -217,13 +226,13 @@ def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison
         columns=_columns(found),
         groups=[
             robustness(
-                flown,
-                drawn,
+                simulated,
+                plot_quantities,
                 "Residual tip deflection when the bench differs from the planner's model.",
                 260,
             ),
             found.cost(),
-            motion(flown, curves),
+            motion(simulated, curves),
         ],
     )
 
@@ -234,11 +243,11 @@ def _columns(found: SlewComparison) -> list[TableColumn]:
     torque, joint = ("N", "m") if linear else ("N m", "rad")
     names, bound = [name for name, _ in found.named], found.lower_bound
 
-    def over(entry: ComparedEntry) -> str:
+    def over(entry: CandidateResult) -> str:
         duration = duration_of(entry)
         return f"{duration / bound:.2f}" if bound > 0.0 and duration > 0.0 else NO_VALUE
 
-    def tip(kind: str, k: int) -> Callable[[ComparedEntry], str]:
+    def tip(kind: str, k: int) -> Callable[[CandidateResult], str]:
         return lambda entry: f"{tip_of(entry.by(kind)[k]):.3g}"
 
     tips = [
@@ -248,7 +257,9 @@ def _columns(found: SlewComparison) -> list[TableColumn]:
         if kind == STIFFNESS or flight.carried
     ]
     peaks = [(f"peak {n} [{unit}]", _cell(".3g", "peak_position", n)) for n, unit in found.named]
-    overs = [(f"overshoot {name} [%]", _cell(".1%", "overshoot", name)) for name in names]
+    overshoot_columns = [
+        (f"overshoot {name} [%]", _cell(".1%", "overshoot", name)) for name in names
+    ]
     efforts = [
         (f"peak effort on {name} [{torque}]", _cell(".4g", "peak_effort", k))
         for k, name in enumerate(names)
@@ -259,7 +270,7 @@ def _columns(found: SlewComparison) -> list[TableColumn]:
         TableColumn("settled [s]", _cell(".2f", "settling_time")),
         TableColumn(f"joint error [{joint}]", _cell(".2e", "residual_joint")),
         *tips,
-        *(TableColumn(*column) for column in (*peaks, *overs, *efforts)),
+        *(TableColumn(*column) for column in (*peaks, *overshoot_columns, *efforts)),
         TableColumn(f"effort [({torque})² s]", _cell(".4g", "effort")),
     ]
 
@@ -275,14 +286,14 @@ def _short(found: SlewComparison) -> list[TableColumn]:
     ]
 
 
-def _step_or(entry: ComparedEntry, form: str) -> str:
+def _step_or(entry: CandidateResult, form: str) -> str:
     return format(duration_of(entry), form) if duration_of(entry) > 0.0 else "step"
 
 
-def _cell(form: str, *path: str | int) -> Callable[[ComparedEntry], str]:
+def _cell(form: str, *path: str | int) -> Callable[[CandidateResult], str]:
     """Return what writes a number of the nominal flight; its unit stands in the title."""
 
-    def cell(entry: ComparedEntry) -> str:
+    def cell(entry: CandidateResult) -> str:
         value: Any = entry.nominal.metrics
         for key in path:
             value = value[key]

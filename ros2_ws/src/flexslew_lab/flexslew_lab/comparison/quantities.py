@@ -8,7 +8,7 @@ import numpy as np
 Metrics = Mapping[str, Any]
 
 
-class ComparedQuantity(NamedTuple):
+class ComparisonMetric(NamedTuple):
     """One column of the table."""
 
     key: str  # in JSON
@@ -48,47 +48,47 @@ def _numbers(value: Any) -> list[float | None]:
 
 # of a platform that points and its antennas
 _PLATFORM = (
-    ComparedQuantity(
+    ComparisonMetric(
         "platform_place", "platform position, rms", "m", _largest("rms_platform_position"),
     ),
-    ComparedQuantity(
+    ComparisonMetric(
         "platform_turn", "platform attitude, rms", "rad", _largest("rms_platform_attitude"),
         drawn=True,
     ),
-    ComparedQuantity("peak_place", "platform position, peak", "m", _norm("peak_platform_position")),
-    ComparedQuantity(
+    ComparisonMetric("peak_place", "platform position, peak", "m", _norm("peak_platform_position")),
+    ComparisonMetric(
         "peak_turn", "platform attitude, peak", "rad", _norm("peak_platform_attitude"),
     ),
-    ComparedQuantity(
+    ComparisonMetric(
         "line_of_sight", "line of sight after its turn", "rad", _largest("line_of_sight_error"),
         drawn=True,
     ),
-    ComparedQuantity("vibration", "tip, peak", "m", _largest("peak_tip_deflection"), drawn=True),
-    ComparedQuantity("settled", "tip settled after", "s", _largest("vibration_settling_time")),
+    ComparisonMetric("vibration", "tip, peak", "m", _largest("peak_tip_deflection"), drawn=True),
+    ComparisonMetric("settled", "tip settled after", "s", _largest("vibration_settling_time")),
 )  # fmt: skip
 # of joints that go to a goal
 _JOINTS = (
-    ComparedQuantity(
+    ComparisonMetric(
         "joint_error",
         "joints, after the end",
         "rad or m",
         _largest("residual_attitude_error"),
         drawn=True,
     ),
-    ComparedQuantity("settled", "joints settled after", "s", _largest("settling_time")),
-    ComparedQuantity(
+    ComparisonMetric("settled", "joints settled after", "s", _largest("settling_time")),
+    ComparisonMetric(
         "residual_tip", "tip, after the end", "m", _largest("residual_tip_deflection"), drawn=True
     ),
-    ComparedQuantity("vibration", "tip, peak", "m", _largest("peak_tip_deflection")),
+    ComparisonMetric("vibration", "tip, peak", "m", _largest("peak_tip_deflection")),
 )
 _ANY = (
-    ComparedQuantity(
+    ComparisonMetric(
         "effort", "effort", "(N m)² s or N² s", _largest("control_effort"), drawn=True
     ),
-    ComparedQuantity("peak_effort", "largest effort", "N m or N", _largest("peak_effort")),
+    ComparisonMetric("peak_effort", "largest effort", "N m or N", _largest("peak_effort")),
 )
 
 
-def quantities(metrics: Metrics) -> tuple[ComparedQuantity, ...]:
+def quantities(metrics: Metrics) -> tuple[ComparisonMetric, ...]:
     """Return what a run with these metrics is compared by."""
     return (*(_PLATFORM if "rms_platform_attitude" in metrics else _JOINTS), *_ANY)

@@ -12,11 +12,11 @@ from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_lab.comparison.comparison import (
     CARRIED,
     STIFFNESS,
-    ComparedEntry,
-    ComparedFlight,
+    CandidateFlight,
+    CandidateResult,
     Entries,
 )
-from flexslew_lab.comparison.page import widen
+from flexslew_lab.comparison.page import extend_range
 from flexslew_lab.report.panels import Group, Mark, Panel, legend, style
 from flexslew_lab.trial.trial import Trial, feedback_of, plant_of
 from flexslew_plant.arrays import Vector
@@ -53,8 +53,8 @@ class SlewComparison:
     @property
     def other_durations(self) -> tuple[str, ...]:
         """The methods that fly at another duration than the trial's own."""
-        own = duration_of(self.flown[0]) if self.flown else 0.0
-        return tuple(e.name for e in self.flown if abs(duration_of(e) - own) > 1e-9)
+        trial_duration = duration_of(self.flown[0]) if self.flown else 0.0
+        return tuple(e.name for e in self.flown if abs(duration_of(e) - trial_duration) > 1e-9)
 
     @property
     def best_found(self) -> tuple[Vector, Vector]:
@@ -76,7 +76,7 @@ class SlewComparison:
             )
         return " ".join(words)
 
-    def numbers(self, entry: ComparedEntry) -> dict[str, Any]:
+    def numbers(self, entry: CandidateResult) -> dict[str, Any]:
         """Return the numbers of a method as plain data."""
         duration = duration_of(entry)
         return {
@@ -94,16 +94,16 @@ class SlewComparison:
         """Return the worst residual against the duration, with the rigid-body lower bound."""
         panel = Panel("worst residual tip deflection", "m", log=True, height=280)
         panel.x_title = "duration [s]"
-        longest = 1.0
+        largest_duration = 1.0
         for number, entry in enumerate(self.flown):
             if (duration := duration_of(entry)) <= 0.0:
                 continue
             x, y = np.array([duration]), np.array([worst_residual(entry)])
-            look = {"size": 12, "color": style(number)["color"], "symbol": number}
-            panel.line(x, y, entry.name, {}, mode="markers", marker=look)
-            widen(panel, y)
-            longest = max(longest, duration)
-        panel.x_range = (0.0, 1.06 * longest)
+            marker = {"size": 12, "color": style(number)["color"], "symbol": number}
+            panel.line(x, y, entry.name, {}, mode="markers", marker=marker)
+            extend_range(panel, y)
+            largest_duration = max(largest_duration, duration)
+        panel.x_range = (0.0, 1.06 * largest_duration)
         marks = []
         if self.lower_bound > 0.0:
             marks.append(("rigid-body lower bound", self.lower_bound, "#000"))
@@ -119,28 +119,28 @@ class SlewComparison:
                 marks.append(("least time to rest, nominal", self.least_time, "#777"))
         if x.size > 1:
             panel.line(x, y, name, {"color": "#777", "dash": "dot", "shape": shape})
-            widen(panel, y)
+            extend_range(panel, y)
         return Group(
             "Cost in time",
             f"The worst residual over all errors of the stiffness against the duration. {words}",
             [panel],
             legend([entry.name for entry in self.flown]),
-            tuple(Mark(label, at, at, colour) for label, at, colour in marks),
+            tuple(Mark(label, at, at, color) for label, at, color in marks),
         )
 
 
-def duration_of(entry: ComparedEntry) -> float:
+def duration_of(entry: CandidateResult) -> float:
     """Return the duration of a method's plan; 0 for a step [s]."""
     assert entry.plan is not None
     return entry.plan.duration
 
 
-def worst_residual(entry: ComparedEntry) -> float:
+def worst_residual(entry: CandidateResult) -> float:
     """Return the largest residual tip deflection over all errors of the stiffness [m]."""
     return max(map(tip_of, entry.by(STIFFNESS)))
 
 
-def tip_of(flight: ComparedFlight) -> float:
+def tip_of(flight: CandidateFlight) -> float:
     """Return the residual tip deflection [m]."""
     return float(flight.metrics["residual_tip"])
 
@@ -148,18 +148,18 @@ def tip_of(flight: ComparedFlight) -> float:
 def slew_comparison(trial: Trial, entries: Entries, errors: Sequence[float]) -> SlewComparison:
     """Return the results of the entries on the manoeuvre; see SlewComparison."""
     plans = [entry.plan for entry in entries if entry.plan is not None]
-    flown = tuple(entry for entry in entries if entry.flights)
-    model, resting = trial.testbed.model(), initial_positions(trial.testbed)
+    simulated = tuple(entry for entry in entries if entry.flights)
+    model, initial = trial.testbed.model(), initial_positions(trial.testbed)
     if model.reading is not None:  # other joints and axes take part in its turn
-        return SlewComparison(trial, flown, 0.0, None)
-    first = np.array([resting[name] for name in model.joint_names])
+        return SlewComparison(trial, simulated, 0.0, None)
+    first = np.array([initial[name] for name in model.joint_names])
     most = np.array(trial.testbed.effort_limit)
     bound = max((rigid_duration(model, first, p.position[-1], most) for p in plans), default=0.0)
-    longest = max((plan.end for plan in plans), default=0.0)
-    return SlewComparison(trial, flown, bound, _limit(trial, errors, longest))
+    largest_duration = max((plan.end for plan in plans), default=0.0)
+    return SlewComparison(trial, simulated, bound, _limit(trial, errors, largest_duration))
 
 
-def _limit(trial: Trial, errors: Sequence[float], longest: float) -> LimitCurve | None:
+def _limit(trial: Trial, errors: Sequence[float], largest_duration: float) -> LimitCurve | None:
     """Return the convex optimum over the duration; None: the plant is not linear."""
     try:
         slew = slew_of(trial.plan, plant_of(trial), feedback_of(trial))
@@ -167,4 +167,4 @@ def _limit(trial: Trial, errors: Sequence[float], longest: float) -> LimitCurve 
         return None
     if slew.effort_limit.size != slew.goal.size:
         return None
-    return limit_curve(slew, (min(errors), max(errors)), longest)
+    return limit_curve(slew, (min(errors), max(errors)), largest_duration)

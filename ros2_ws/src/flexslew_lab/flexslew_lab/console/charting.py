@@ -21,7 +21,7 @@ class ChartData(NamedTuple):
     """What a chart shows."""
 
     options: dict[str, Any]  # what changes with the curves, and not with time
-    news: dict[str, Any]  # the window and the rows in it
+    updates: dict[str, Any]  # the window and the rows in it
 
 
 def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
@@ -48,11 +48,11 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
         },
     }  # fmt: skip
     labels = [curve.label for curve in curves]
-    spoken = {"description": f"chart of {', '.join(labels) or 'nothing'} over {title}"}
+    description = {"description": f"chart of {', '.join(labels) or 'nothing'} over {title}"}
     small = {"fontSize": 10}
     digits = {**small, ":formatter": _DIGITS}
     return {
-        "animation": False, "aria": {"enabled": True, "label": spoken},
+        "animation": False, "aria": {"enabled": True, "label": description},
         "title": {"text": title, "textStyle": {"fontSize": 11}, "left": "center", "bottom": 0},
         "grid": {"left": 58, "right": 14, "top": 34, "bottom": 36},
         "legend": {
@@ -72,14 +72,14 @@ def options(curves: list[Curve], title: str = TIME) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def logarithmic(layout: dict[str, Any]) -> dict[str, Any]:
+def with_log_axes(layout: dict[str, Any]) -> dict[str, Any]:
     """Return the layout of a chart with both axes logarithmic."""
     axes: dict[str, Any] = {axis: {**layout[axis], "type": "log"} for axis in ("xAxis", "yAxis")}
     axes["yAxis"].pop("scale", None)
     return {**layout, **axes}
 
 
-def news(axis: Vector, rows: list[Vector], events: Vector) -> dict[str, Any]:
+def chart_update(axis: Vector, rows: list[Vector], events: Vector) -> dict[str, Any]:
     """Return the rows of a chart, its window exactly as wide as the axis, and lines for events."""
     source: dict[str, Any] = {"t": np.round(axis, 6).tolist()}
     for k, row in enumerate(rows):
@@ -96,12 +96,12 @@ def news(axis: Vector, rows: list[Vector], events: Vector) -> dict[str, Any]:
     }
 
 
-def whole(data: ChartData) -> dict[str, Any]:
+def full_chart(data: ChartData) -> dict[str, Any]:
     """Return all of a chart, for a browser that does not have it yet."""
-    found = {**data.options, "dataset": data.news["dataset"]}
-    found["xAxis"] = {**data.options["xAxis"], **data.news["xAxis"]}
+    found = {**data.options, "dataset": data.updates["dataset"]}
+    found["xAxis"] = {**data.options["xAxis"], **data.updates["xAxis"]}
     *series, events = data.options["series"]
-    marks = {**events["markLine"], **data.news["series"][-1]["markLine"]}
+    marks = {**events["markLine"], **data.updates["series"][-1]["markLine"]}
     found["series"] = [*(dict(one) for one in series), {**events, "markLine": marks}]
     return found
 

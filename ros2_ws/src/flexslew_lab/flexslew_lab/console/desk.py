@@ -7,36 +7,38 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Protocol
 
-from flexslew_lab.console.gui import Element, Told
+from flexslew_lab.console.gui import Element, PageCallback
 from flexslew_lab.console.link import BenchLink, RequestResult
 from flexslew_lab.console.server import ConsoleServer
 
 Act = Callable[[str], None]  # takes the user and page of the request
 
 
-class DeskPanel(Protocol):
+class PagePanel(Protocol):
     """A part of the page."""
 
     def refresh(self) -> None:
         """Show what is known now; called at most ten times a second."""
 
 
-class Desk:
+class PanelContext:
     """Hands the clicks of all pages to the thread that serves the bench.
 
     Args:
         server: server of the page.
         link: link to the bench.
-        say: called with one line when a page sends what none of its forms can send.
+        notify: called with one line when a page sends what none of its forms can send.
     """
 
     _accepted: tuple[str, dict[str, Any]] | None = None  # the settings of its bench, the model
 
-    def __init__(self, server: ConsoleServer, link: BenchLink, say: Callable[[str], None]) -> None:
+    def __init__(
+        self, server: ConsoleServer, link: BenchLink, notify: Callable[[str], None]
+    ) -> None:
         self.server, self.gui = server, server.gui
         self.link, self.view = link, link.view
         self._waiting: deque[tuple[Act, int]] = deque()
-        self._user, self._say = _user(), say
+        self._user, self._notify = _user(), notify
 
     @property
     def identified(self) -> dict[str, Any] | None:
@@ -51,7 +53,7 @@ class Desk:
 
     def click(self, button: Element, act: Act) -> None:
         """Let a button do something."""
-        button.clicked.append(self._handler(act))
+        button.on_click.append(self._handler(act))
 
     def change(self, field: Element, act: Act) -> None:
         """Do something whenever a page, and not the console itself, changes a field."""
@@ -77,22 +79,22 @@ class Desk:
             try:
                 act(f"{self._user}, page {page}")
             except (LookupError, TypeError, ValueError) as error:  # others go on working
-                self._say(f"a page sent invalid data: {error!r:.200}")
+                self._notify(f"a page sent invalid data: {error!r:.200}")
 
-    def _handler(self, act: Act) -> Told:
+    def _handler(self, act: Act) -> PageCallback:
         return lambda page: self._waiting.append((act, page))
 
 
-class DeskReply:
+class ReplyLine:
     """A line that shows the outcome of the last request of its panel.
 
     Args:
-        desk: desk of the page.
+        context: desk of the page.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self._link, self._shown = desk.link, ""
-        self._html = desk.gui.html()
+    def __init__(self, context: PanelContext) -> None:
+        self._link, self._content = context.link, ""
+        self._html = context.gui.html()
 
     def ask(
         self,
@@ -120,8 +122,8 @@ class DeskReply:
         self._show("")
 
     def _show(self, content: str) -> None:
-        if content != self._shown:
-            self._html.content = self._shown = content
+        if content != self._content:
+            self._html.content = self._content = content
 
 
 def line(words: str, role: str = "", color: str = "inherit") -> str:

@@ -7,17 +7,17 @@ from typing import Any, NamedTuple, get_args
 
 from pydantic import FiniteFloat
 
-from flexslew_lab.console.desk import Desk, line
+from flexslew_lab.console.desk import PanelContext, line
 from flexslew_lab.console.gui import Element
 from flexslew_plant.errors import BadInput
-from flexslew_plant.keys.settings_fields import own_meanings
+from flexslew_plant.keys.settings_fields import describe_section
 from flexslew_plant.keys.units import in_si, units_in
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import validated
 from flexslew_plant.yaml_data import load_yaml, yaml_text
 
 LATEST = 1e9  # of a simulated time [s]
-_LONGEST = 4000  # characters of a field
+_MAX_LENGTH = 4000  # characters of a field
 
 
 class FormKey(NamedTuple):
@@ -50,7 +50,7 @@ def keys_of(
         without: keys that are left out.
         known: what a key may be, by its name, where the section cannot know.
     """
-    words = own_meanings(kind)
+    words = describe_section(kind)
     found = []
     for item in dataclasses.fields(kind):
         if item.name in without:
@@ -60,7 +60,7 @@ def keys_of(
         given = options[0] if options and required else None if required else item.default
         optional = ("",) if options and not required and given is None else ()
         found.append(
-            FormKey(item.name, words[item.name].told, text_of(given), (*optional, *options))
+            FormKey(item.name, words[item.name].description, text_of(given), (*optional, *options))
         )
     return found
 
@@ -114,12 +114,12 @@ def one_of(name: str, value: Any, known: Mapping[str, float]) -> float:
     return known[str(value)]
 
 
-def offer(field: Element, options: tuple[str, ...], nothing: str) -> None:
-    """Set the options of a list; without options it shows the text `nothing`."""
-    shown = options or (nothing,)
-    if shown != field.options:
-        field.value = field.value if field.value in shown else shown[0]
-        field.options = shown
+def set_options(field: Element, options: tuple[str, ...], empty_text: str) -> None:
+    """Set the options of a list; without options it shows the text `empty_text`."""
+    choices = options or (empty_text,)
+    if choices != field.options:
+        field.value = field.value if field.value in choices else choices[0]
+        field.options = choices
 
 
 class OpenedOn:
@@ -131,18 +131,18 @@ class OpenedOn:
 
     def __init__(self, field: Element) -> None:
         self._field = field
-        self._shown = field.value  # chosen by the list itself, not by a user
+        self._initial_value = field.value  # chosen by the list itself, not by a user
         self._open = False
 
-    def offer(self, options: tuple[str, ...], nothing: str, active: str) -> None:
+    def offer(self, options: tuple[str, ...], empty_text: str, active: str) -> None:
         """Let the list offer these; see `offer`."""
-        chosen = self._field.value != self._shown
-        offer(self._field, options, nothing)
+        is_user_choice = self._field.value != self._initial_value
+        set_options(self._field, options, empty_text)
         if not self._open and active in options:
-            self._field.value = self._field.value if chosen else active
+            self._field.value = self._field.value if is_user_choice else active
             self._open = True
-        elif not chosen:
-            self._shown = self._field.value
+        elif not is_user_choice:
+            self._initial_value = self._field.value
 
 
 def _choices(kind: Any) -> tuple[str, ...]:
@@ -155,16 +155,16 @@ class Form:
     """Fields below one another; `values` returns what they hold.
 
     Args:
-        desk: desk of the page.
+        context: desk of the page.
         keys: keys of the fields.
         place: folder of the page that contains the fields.
         sliders: add a slider next to each positive number, over two powers of ten.
     """
 
     def __init__(
-        self, desk: Desk, keys: list[FormKey], place: Element, sliders: bool = False
+        self, context: PanelContext, keys: list[FormKey], place: Element, sliders: bool = False
     ) -> None:
-        gui = desk.gui
+        gui = context.gui
         self._keys = keys
         self._elements: dict[str, Element] = {}
         self._errors: dict[str, Element] = {}
@@ -178,7 +178,7 @@ class Form:
                     element = gui.text(key.label, key.text, hint=key.words)
                 self._elements[key.name] = element
                 if sliders and scaled(key.text, 0.0) is not None:
-                    self._sliders.append(_slider(desk, element, key.text))
+                    self._sliders.append(_slider(context, element, key.text))
                 self._errors[key.name] = gui.html(visible=False)
 
     def changed(self) -> dict[str, Any] | None:
@@ -197,7 +197,7 @@ class Form:
         """Show a refusal next to the field that it names; return whether there is one."""
         for name in sorted(self._errors, key=len, reverse=True):
             if why.key == name or why.key.startswith(f"{name}."):
-                self._tell(name, str(why))
+                self._show_message(name, str(why))
                 return True
         return False
 
@@ -212,7 +212,7 @@ class Form:
 
     def _read(self, known: Mapping[str, str], as_written: bool = False) -> dict[str, Any] | None:
         for name in self._errors:
-            self._tell(name, "")
+            self._show_message(name, "")
         found, wrong = {}, False
         for key in self._keys:
             text = str(self._elements[key.name].value)
@@ -224,10 +224,10 @@ class Form:
                     found[key.name] = load_yaml(text, key.name)
             except BadInput as error:
                 wrong = True
-                self._tell(key.name, str(error))
+                self._show_message(key.name, str(error))
         return None if wrong else found
 
-    def _tell(self, name: str, words: str) -> None:
+    def _show_message(self, name: str, words: str) -> None:
         error = self._errors[name]
         if error.visible != bool(words):
             error.visible = bool(words)
@@ -248,10 +248,10 @@ def scaled(text: str, power: float) -> str | None:
     return text_of(rows if isinstance(found, list) else rows[0])
 
 
-def _slider(desk: Desk, field: Element, text: str) -> Element:
+def _slider(context: PanelContext, field: Element, text: str) -> Element:
     """Add a slider of powers of ten that writes into a field what stood there, scaled."""
     name = f"{field.label}, times a power of ten"
-    found = desk.gui.add("slider", name, low=-1.0, high=1.0, step=0.01, value=0.0)
+    found = context.gui.add("slider", name, low=-1.0, high=1.0, step=0.01, value=0.0)
 
     def write(page: int) -> None:
         field.value = (scaled(text, found.value) if found.value else text) or text
@@ -270,8 +270,8 @@ def value_of(key: FormKey, text: str) -> Any:
         if text not in key.options:
             raise BadInput(", ".join(key.options), key=key.name, value=text)
         return text
-    if len(text) > _LONGEST:
-        words = f"{len(text)} characters are too many: at most {_LONGEST}"
+    if len(text) > _MAX_LENGTH:
+        words = f"{len(text)} characters are too many: at most {_MAX_LENGTH}"
         raise BadInput(words, key=key.name)
     value, units = load_yaml(text, key.name), units_in(key.words)
     try:

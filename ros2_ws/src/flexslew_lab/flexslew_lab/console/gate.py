@@ -26,7 +26,7 @@ _RULES = (
     (b"referrer-policy", b"no-referrer"),
     (b"x-content-type-options", b"nosniff"),
 )
-_USUAL = 80  # port of http and ws
+_HTTP_PORT = 80  # port of http and ws
 _STORED = b"/_nicegui/"  # below it stand files of the page that never change: they may be kept
 
 Scope = MutableMapping[str, Any]
@@ -75,15 +75,17 @@ class Gate:
         local = host.startswith("127.") or host in ("localhost", "::1")
         names = {*LOOPBACK, f"[{host}]" if ":" in host else host}
         # elsewhere a machine has names that it does not know itself
-        self._hosts = {host for name in names for host in spoken(name, port)} if local else None
+        self._hosts = (
+            {host for name in names for host in host_headers(name, port)} if local else None
+        )
         self.files: dict[str, Path] = {}  # by name below FILES
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or pass it on."""
         if scope["type"] == "lifespan":
             return
-        by_address = _query_knows(scope.get("query_string", b""), self.token)
-        why = self._refusal(scope, by_address)
+        by_address = _query_has_token(scope.get("query_string", b""), self.token)
+        why = self._reject_reason(scope, by_address)
         if scope["type"] == "websocket":
             if why:
                 await _close(scope, receive, send, why)
@@ -91,29 +93,29 @@ class Gate:
                 await self._inner(scope, receive, send)
             return
         cookie = f"{self._cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/"
-        sealed = _sealed(scope, send, cookie if by_address and not why else "")
+        safe_send = _with_security_headers(scope, send, cookie if by_address and not why else "")
         if why:
-            await answer(sealed, 403, why.encode())
+            await answer(safe_send, 403, why.encode())
         elif scope["path"].startswith(FILES):
-            await self._file(scope["path"].removeprefix(FILES), sealed)
+            await self._file(scope["path"].removeprefix(FILES), safe_send)
         else:
-            await self._inner(scope, receive, sealed)
+            await self._inner(scope, receive, safe_send)
 
-    def _refusal(self, scope: Scope, by_address: bool) -> str:
+    def _reject_reason(self, scope: Scope, by_address: bool) -> str:
         """Return why a request is refused; empty lets it in."""
         try:
             host, origin = (header(scope, name) for name in ("host", "origin"))
-            asked = urlsplit(origin or "").netloc
+            candidate = urlsplit(origin or "").netloc
         except (LookupError, ValueError):  # given twice, or no address
             return "a header is given twice or cannot be read"
         if host is None or (self._hosts is not None and host not in self._hosts):
             return "the request names another host"  # a name that a stranger's DNS led here
-        acts = scope["type"] == "websocket" or scope.get("method") not in ("GET", "HEAD")
-        if asked != host and (acts or origin is not None):
+        is_write = scope["type"] == "websocket" or scope.get("method") not in ("GET", "HEAD")
+        if candidate != host and (is_write or origin is not None):
             return "this page comes from another origin"
-        return "" if by_address or self._knows(scope) else WORDS
+        return "" if by_address or self._has_token(scope) else WORDS
 
-    def _knows(self, scope: Scope) -> bool:
+    def _has_token(self, scope: Scope) -> bool:
         cookies: SimpleCookie = SimpleCookie()
         with suppress(CookieError):
             cookies.load("; ".join(_headers(scope, "cookie")))
@@ -130,23 +132,23 @@ class Gate:
         await answer(send, 200, body, f"{kind}; charset=utf-8")
 
 
-def spoken(name: str, port: int) -> tuple[str, ...]:
+def host_headers(name: str, port: int) -> tuple[str, ...]:
     """Return the Host headers of clients for a name and a port; the usual port may be left out."""
-    return (f"{name}:{port}", name) if port == _USUAL else (f"{name}:{port}",)
+    return (f"{name}:{port}", name) if port == _HTTP_PORT else (f"{name}:{port}",)
 
 
-def address_knows(path: str, token: str) -> bool:
+def address_has_token(path: str, token: str) -> bool:
     """Return whether the path of a request names the token."""
     try:
-        return _query_knows(urlsplit(path).query.encode(), token)
+        return _query_has_token(urlsplit(path).query.encode(), token)
     except ValueError:  # no address
         return False
 
 
-def _query_knows(query: bytes, token: str) -> bool:
+def _query_has_token(query: bytes, token: str) -> bool:
     try:
-        asked = parse_qs(query.decode("latin-1"), max_num_fields=100).get("token", [""])[0]
-        return secrets.compare_digest(asked.encode(), token.encode())
+        candidate = parse_qs(query.decode("latin-1"), max_num_fields=100).get("token", [""])[0]
+        return secrets.compare_digest(candidate.encode(), token.encode())
     except ValueError:  # more fields than anybody gives
         return False
 
@@ -177,19 +179,21 @@ async def answer(
     await send({"type": "http.response.body", "body": body})
 
 
-def _sealed(scope: Scope, send: Send, cookie: str) -> Send:
+def _with_security_headers(scope: Scope, send: Send, cookie: str) -> Send:
     """Return a send that adds the rules of the browser: nothing is fetched from elsewhere."""
     kept = scope["path"].encode(errors="replace").startswith(_STORED)
 
-    async def sending(message: Any) -> None:
+    async def send_with_headers(message: Any) -> None:
         if message["type"] == "http.response.start":
-            own = [(k, v) for k, v in message.get("headers", ()) if kept or k != b"cache-control"]
+            headers = [
+                (k, v) for k, v in message.get("headers", ()) if kept or k != b"cache-control"
+            ]
             more = [] if kept else [(b"cache-control", b"no-store")]
             more += [(b"set-cookie", cookie.encode())] if cookie else []
-            message = {**message, "headers": [*own, *_RULES, *more]}
+            message = {**message, "headers": [*headers, *_RULES, *more]}
         await send(message)
 
-    return sending
+    return send_with_headers
 
 
 async def _close(scope: Scope, receive: Receive, send: Send, why: str) -> None:

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any
 
-Told = Callable[[int], None]  # takes the number of the page that did it
-_SHOWN = frozenset(
+PageCallback = Callable[[int], None]  # takes the number of the page that did it
+_VISIBLE_FIELDS = frozenset(
     {"label", "value", "options", "visible", "enabled", "content", "data", "children"}
 )
 
@@ -49,16 +49,16 @@ class Element:
     def __init__(self, gui: "Gui", kind: str, label: str = "", **given: Any) -> None:
         self.__dict__ |= {"gui": gui, "kind": kind, "label": label, **given}
         self.gui, self.kind, self.label = gui, kind, label
-        self.clicked: list[Told] = []
-        self.changed: list[Told] = []  # by a page
+        self.on_click: list[PageCallback] = []
+        self.changed: list[PageCallback] = []  # by a page
 
     def __setattr__(self, name: str, value: Any) -> None:
         old = getattr(self, name, None)
         self.__dict__[name] = value
-        if name not in _SHOWN or old is value:
+        if name not in _VISIBLE_FIELDS or old is value:
             return
         if name == "data" or old != value:
-            self.gui.news.append(self)
+            self.gui.updates.append(self)
 
     def __enter__(self) -> "Element":
         self.gui.places.append(self)
@@ -89,7 +89,7 @@ class Gui:
     """
 
     def __init__(self) -> None:
-        self.news: deque[Element] = deque()
+        self.updates: deque[Element] = deque()
         self.header, self.left, self.middle = (Element(self, "column") for _ in range(3))
         self.places: list[Element] = [self.left]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from flexslew_lab.console import quantities
 from flexslew_plant.errors import BadInput
 
-CHARTS, _LONGEST = 4, 60
+CHART_COUNT, _MAX_LENGTH = 4, 60
 _BUILT_IN = {
     "flight": (quantities.POSITION, quantities.ERROR, quantities.EFFORT, quantities.TIPS),
     "estimation": (
@@ -45,13 +45,13 @@ class Layouts:
             found = json.loads(file.read_text())
         if isinstance(found, dict):
             layouts = found.get("layouts")
-            for name, shown in layouts.items() if isinstance(layouts, dict) else ():
-                if name not in self.known and self._valid(shown):
-                    self.known[str(name)[:_LONGEST]] = tuple(shown)
+            for name, selection in layouts.items() if isinstance(layouts, dict) else ():
+                if name not in self.known and self._valid(selection):
+                    self.known[str(name)[:_MAX_LENGTH]] = tuple(selection)
             if found.get("last") in self.known:
                 self.last = str(found["last"])
 
-    def chosen(self) -> tuple[str, ...]:
+    def active_plots(self) -> tuple[str, ...]:
         """Return what the charts show, in their order."""
         return self.known[self.last]
 
@@ -61,7 +61,7 @@ class Layouts:
         with suppress(OSError):  # it holds for this session then
             self._write()
 
-    def save(self, name: str, shown: list[str]) -> None:
+    def save(self, name: str, selection: list[str]) -> None:
         """Keep a layout under a name.
 
         Raises:
@@ -69,20 +69,22 @@ class Layouts:
             OSError: the file cannot be written.
         """
         name = name.strip()
-        if not name or len(name) > _LONGEST or name in _BUILT_IN:
-            words = f"write one of at most {_LONGEST} characters, not {', '.join(_BUILT_IN)}"
-            raise BadInput(words, key="Name of the layout", value=name[:_LONGEST])
-        self.known[name], self.last = tuple(shown), name
+        if not name or len(name) > _MAX_LENGTH or name in _BUILT_IN:
+            words = f"write one of at most {_MAX_LENGTH} characters, not {', '.join(_BUILT_IN)}"
+            raise BadInput(words, key="Name of the layout", value=name[:_MAX_LENGTH])
+        self.known[name], self.last = tuple(selection), name
         self._write()
 
-    def _valid(self, shown: object) -> bool:
+    def _valid(self, selection: object) -> bool:
         return (
-            isinstance(shown, list)
-            and len(shown) == CHARTS
-            and all(one in self._allowed for one in shown)
+            isinstance(selection, list)
+            and len(selection) == CHART_COUNT
+            and all(one in self._allowed for one in selection)
         )
 
     def _write(self) -> None:
-        own = {name: shown for name, shown in self.known.items() if name not in _BUILT_IN}
+        user_entries = {
+            name: selection for name, selection in self.known.items() if name not in _BUILT_IN
+        }
         self._file.parent.mkdir(parents=True, exist_ok=True)
-        self._file.write_text(json.dumps({"last": self.last, "layouts": own}, indent=1))
+        self._file.write_text(json.dumps({"last": self.last, "layouts": user_entries}, indent=1))

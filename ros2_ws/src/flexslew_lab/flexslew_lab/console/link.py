@@ -24,7 +24,9 @@ class Iterate(NamedTuple):
 
 
 Then = Callable[[RequestResult], None]
-Drafted = Callable[[RequestResult, Any], None]  # takes a flexslew_msgs/Plan, or None without one
+PlanCallback = Callable[
+    [RequestResult, Any], None
+]  # takes a flexslew_msgs/Plan, or None without one
 
 
 class BenchLink(Protocol):
@@ -47,7 +49,9 @@ class BenchLink(Protocol):
             then: called with the answer, also where there is none.
         """
 
-    def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
+    def draft(
+        self, request: str, who: str, progress: Callable[[Iterate], None], then: PlanCallback
+    ) -> None:
         """Request a manoeuvre, YAML of a `plan` section, that no controller follows yet."""
 
     def cancel(self) -> None:

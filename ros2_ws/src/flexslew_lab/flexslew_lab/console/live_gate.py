@@ -20,13 +20,13 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from flexslew_lab.console.gate import WORDS, address_knows, listening, spoken
+from flexslew_lab.console.gate import WORDS, address_has_token, host_headers, listening
 from flexslew_plant.errors import BadInput
 
 HOST = "127.0.0.1"  # never another one
 ORIGINS = ("https://app.foxglove.dev",)  # pages of Foxglove's own
 _PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
-_TOLD = 16  # foreign origins that are named, of a page that may invent as many as it likes
+_MAX_ORIGINS = 16  # foreign origins that are named, of a page that may invent as many as it likes
 
 
 def hidden_address() -> str:
@@ -60,8 +60,8 @@ class LiveGate:
         self._token = secrets.token_urlsafe(24)
         self.address = f"ws://{HOST}:{self._port}/?token={self._token}"
         self.server_host = hidden_address()
-        self._foreign: list[str] = []
-        self._told = 0
+        self._rejected_origins: list[str] = []
+        self._report_count = 0
         self._loop = asyncio.new_event_loop()
         self._thread = Thread(target=self._loop.run_forever, daemon=True)
 
@@ -71,9 +71,12 @@ class LiveGate:
         self._thread.start()
         asyncio.run_coroutine_threadsafe(self._serve(), self._loop).result()
 
-    def refused_origins(self) -> list[str]:
+    def rejected_origins(self) -> list[str]:
         """Return the origins of pages that were refused since the last call, each once."""
-        found, self._told = self._foreign[self._told :], len(self._foreign)
+        found, self._report_count = (
+            self._rejected_origins[self._report_count :],
+            len(self._rejected_origins),
+        )
         return found
 
     def close(self) -> None:
@@ -90,7 +93,7 @@ class LiveGate:
         quiet = logging.getLogger("websockets.server")
         quiet.setLevel(logging.CRITICAL)
         self._server = await serve(
-            self._pass_on, sock=self._sock, process_request=self._admit,
+            self._pass_on, sock=self._sock, process_request=self._check_request,
             subprotocols=_PROTOCOLS, compression=None, max_size=None, logger=quiet,  # type: ignore[arg-type]
         )  # fmt: skip
 
@@ -98,19 +101,21 @@ class LiveGate:
         self._server.close()
         await self._server.wait_closed()
 
-    def _admit(self, connection: Any, request: Request) -> Response | None:
+    def _check_request(self, connection: Any, request: Request) -> Response | None:
         """Return why a client is refused; None lets it in."""
         try:
             host, origin = request.headers.get("Host"), request.headers.get("Origin")
         except LookupError:
-            return _refused("a header is given twice")
-        if host not in (*spoken(HOST, self._port), *spoken("localhost", self._port)):
-            return _refused("the request names another host")  # led here by another DNS server
+            return _reject_response("a header is given twice")
+        if host not in (*host_headers(HOST, self._port), *host_headers("localhost", self._port)):
+            return _reject_response(
+                "the request names another host"
+            )  # led here by another DNS server
         if origin is not None and origin not in self._origins:
-            if origin not in self._foreign and len(self._foreign) < _TOLD:
-                self._foreign.append(origin)
-            return _refused("this page comes from another origin")
-        return None if address_knows(request.path, self._token) else _refused(WORDS)
+            if origin not in self._rejected_origins and len(self._rejected_origins) < _MAX_ORIGINS:
+                self._rejected_origins.append(origin)
+            return _reject_response("this page comes from another origin")
+        return None if address_has_token(request.path, self._token) else _reject_response(WORDS)
 
     async def _pass_on(self, client: ServerConnection) -> None:
         protocols: Any = [client.subprotocol] if client.subprotocol else None
@@ -119,14 +124,14 @@ class LiveGate:
                 self._server_address, subprotocols=protocols, compression=None, max_size=None,
                 proxy=None,
             ) as server:  # fmt: skip
-                ways = {
+                tasks = {
                     asyncio.ensure_future(_copy(client, server)),
                     asyncio.ensure_future(_copy(server, client)),
                 }
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-                for way in ways:
+                await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+                for way in tasks:
                     way.cancel()
-                await asyncio.gather(*ways, return_exceptions=True)
+                await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _copy(source: Any, target: Any) -> None:
@@ -135,7 +140,7 @@ async def _copy(source: Any, target: Any) -> None:
             await target.send(message)
 
 
-def _refused(words: str) -> Response:
+def _reject_response(words: str) -> Response:
     """Return the answer to refused clients."""
     status, body = http.HTTPStatus.FORBIDDEN, words.encode()
     headers = {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}

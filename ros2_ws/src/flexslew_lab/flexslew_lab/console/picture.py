@@ -12,10 +12,10 @@ from flexslew_plant.testbeds.robot_model import Frame
 from flexslew_plant.testbeds.scene import Scene
 
 Pose = tuple[Matrix, Vector]  # rotation (3, 3), position (3,) [m]
-AUTOMATIC, SOLID, FLAT = DRAWINGS = ("automatic", "three dimensions", "flat")
+AUTOMATIC, SOLID, FLAT = VIEW_MODES = ("automatic", "three dimensions", "flat")
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 25)
-_VIEWS = (("from above", 0, 1), ("from the side", 0, 2))
-_BENT, _OUTLINE = "#0072b2", "#969696"
+_VIEW_AXES = (("from above", 0, 1), ("from the side", 0, 2))
+_BODY_COLOR, _REFERENCE_COLOR = "#0072b2", "#969696"
 
 
 class Shape(NamedTuple):
@@ -29,7 +29,7 @@ class Shape(NamedTuple):
     opacity: float
 
 
-class DrawnBody(NamedTuple):
+class BodyGeometry(NamedTuple):
     """Where the frames and the lines of a testbed are."""
 
     poses: dict[str, Pose]
@@ -37,27 +37,31 @@ class DrawnBody(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class SceneState:
     """A testbed bent as it is, and its reference as an outline."""
 
     shapes: tuple[Shape, ...]
-    bent: DrawnBody
-    outline: DrawnBody | None
+    deflection: BodyGeometry
+    reference_body: BodyGeometry | None
     reach: float  # how far the testbed reaches [m]
     look: int  # how often a direction was chosen
     direction: tuple[float, float, float]  # that is looked from
-    drawing: str  # one of DRAWINGS
+    view_mode: str  # one of DRAWINGS
 
     @cached_property
     def flat(self) -> str:
         """It from above and from the side, as SVG."""
         span, width = 1.15 * self.reach, 2.3 * self.reach
         parts = []
-        for k, (name, across, up) in enumerate(_VIEWS):
-            drawn = _projected(self.outline, self.shapes, across, up, True) if self.outline else ""
-            drawn += _projected(self.bent, self.shapes, across, up, False)
+        for k, (name, x_axis, up) in enumerate(_VIEW_AXES):
+            content = (
+                _projected(self.reference_body, self.shapes, x_axis, up, True)
+                if self.reference_body
+                else ""
+            )
+            content += _projected(self.deflection, self.shapes, x_axis, up, False)
             parts.append(
-                f'<g transform="translate({(k + 0.5) * width:.4g} {span:.4g})">{drawn}</g>'
+                f'<g transform="translate({(k + 0.5) * width:.4g} {span:.4g})">{content}</g>'
                 f'<text x="{(k + 0.5) * width:.4g}" y="{0.08 * width:.4g}" text-anchor="middle" '
                 f'font-size="{0.05 * width:.4g}">{name}</text>'
             )
@@ -67,17 +71,20 @@ class Picture:
         )
 
 
-def body(scene: Scene, q: Vector, t: float) -> DrawnBody:
+def body(scene: Scene, q: Vector, t: float) -> BodyGeometry:
     """Return where everything is at positions q and a time [s]."""
     poses: dict[str, Pose] = {}
     for frame in scene.frames_at(q, t):
-        turn, at = poses.setdefault(frame.parent, (np.eye(3), np.zeros(3)))
-        poses[frame.child] = turn @ rotation(frame), at + turn @ np.asarray(frame.translation)
+        rotation_matrix, at = poses.setdefault(frame.parent, (np.eye(3), np.zeros(3)))
+        poses[frame.child] = (
+            rotation_matrix @ rotation(frame),
+            at + rotation_matrix @ np.asarray(frame.translation),
+        )
     lines = []
     for line, name in zip(scene.lines(q), scene.line_frames, strict=True):
-        turn, at = poses.get(name, (np.eye(3), np.zeros(3)))
-        lines.append(at + np.asarray(line) @ turn.T)
-    return DrawnBody(poses, lines)
+        rotation_matrix, at = poses.get(name, (np.eye(3), np.zeros(3)))
+        lines.append(at + np.asarray(line) @ rotation_matrix.T)
+    return BodyGeometry(poses, lines)
 
 
 def rotation(frame: Frame) -> Matrix:
@@ -128,25 +135,25 @@ def _size(shape: ElementTree.Element) -> tuple[float, ...]:
 
 
 def _projected(
-    where: DrawnBody, shapes: tuple[Shape, ...], across: int, up: int, outline: bool
+    where: BodyGeometry, shapes: tuple[Shape, ...], x_axis: int, up: int, is_reference: bool
 ) -> str:
     found = []
     for shape in shapes:
-        turn, at = where.poses[shape.frame]
-        points = at + (shape.origin + _corners(shape)) @ turn.T
-        ring = _hull(points[:, [across, up]])
-        color, opacity = (_OUTLINE, 0.2) if outline else (shape.color, shape.opacity)
-        found.append(f'<polygon points="{_pairs(ring)}" fill="{color}" opacity="{opacity:g}"/>')
-    color = _OUTLINE if outline else _BENT
+        rotation_matrix, at = where.poses[shape.frame]
+        points = at + (shape.origin + _hull_points(shape)) @ rotation_matrix.T
+        hull = _hull(points[:, [x_axis, up]])
+        color, opacity = (_REFERENCE_COLOR, 0.2) if is_reference else (shape.color, shape.opacity)
+        found.append(f'<polygon points="{_pairs(hull)}" fill="{color}" opacity="{opacity:g}"/>')
+    color = _REFERENCE_COLOR if is_reference else _BODY_COLOR
     found += [
-        f'<polyline points="{_pairs(line[:, [across, up]])}" fill="none" stroke="{color}" '
+        f'<polyline points="{_pairs(line[:, [x_axis, up]])}" fill="none" stroke="{color}" '
         'stroke-width="2" vector-effect="non-scaling-stroke"/>'
         for line in where.lines
     ]
     return "".join(found)
 
 
-def _corners(shape: Shape) -> Matrix:
+def _hull_points(shape: Shape) -> Matrix:
     """Return points with the shape as their convex hull, around its own origin."""
     if shape.kind == "box":
         signs = np.array(np.meshgrid((-0.5, 0.5), (-0.5, 0.5), (-0.5, 0.5))).reshape(3, -1).T
@@ -161,18 +168,18 @@ def _corners(shape: Shape) -> Matrix:
 def _hull(points: Matrix) -> Matrix:
     """Return the convex hull of points in the plane, in order."""
     rows = sorted(map(tuple, np.round(points, 6).tolist()))
-    halves = []
+    chain = []
     for way in (rows, rows[::-1]):
         half: list[tuple[float, ...]] = []
         for p in way:
-            while len(half) > 1 and _turns(half[-2], half[-1], p) <= 0.0:
+            while len(half) > 1 and _orientation(half[-2], half[-1], p) <= 0.0:
                 half.pop()
             half.append(p)
-        halves += half[:-1]
-    return np.array(halves or rows[:1])
+        chain += half[:-1]
+    return np.array(chain or rows[:1])
 
 
-def _turns(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
+def _orientation(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 

@@ -31,8 +31,10 @@ def _named(prefix: str, joints: Joints, units: tuple[str, ...]) -> tuple[str, ..
 
 def _shared(view: BenchView, field: str, truth: str) -> tuple[Vector, Matrix, Matrix]:
     """Return the times of both topics, and their rows there."""
-    ours, theirs = view.controller_state.time, view.truth.time
-    time, a, b = np.intersect1d(ours, theirs, assume_unique=True, return_indices=True)
+    controller_time, truth_time = view.controller_state.time, view.truth.time
+    time, a, b = np.intersect1d(
+        controller_time, truth_time, assume_unique=True, return_indices=True
+    )
     return time, view.controller_state.column(field)[a], view.truth.column(truth)[b]
 
 
@@ -78,11 +80,11 @@ def _effort(view: BenchView, joints: Joints) -> list[Curve]:
 
 def _tips(view: BenchView, joints: Joints) -> list[Curve]:
     rows = view.truth.column("tip_deflection")
-    shown = [(k, name, "m") for k, name in enumerate(joints.appendages)]
+    channels = [(k, name, "m") for k, name in enumerate(joints.appendages)]
     if view.model is not None and rows.shape[1] == len(view.model.appendages.names):
-        shown = view.model.appendages.deflections
-    names = tuple(f"{name} [{unit or '-'}]" for _, name, unit in shown)
-    return _columns(names, view.truth.time, rows[:, [k for k, *_ in shown if k < rows.shape[1]]])
+        channels = view.model.appendages.deflections
+    names = tuple(f"{name} [{unit or '-'}]" for _, name, unit in channels)
+    return _columns(names, view.truth.time, rows[:, [k for k, *_ in channels if k < rows.shape[1]]])
 
 
 def _innovation(view: BenchView, joints: Joints) -> list[Curve]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
+from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult, Then
 from flexslew_lab.console.view import BenchView, Now
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import Outgoing, Player, PlaySettings
@@ -13,7 +13,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.own_code import NO_CODE, Trust
 
-_SHOWN = (
+_TOPICS = (
     topics.TESTBED, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN, topics.TRUTH,
     topics.CONTROLLER_STATE,
 )  # fmt: skip
@@ -38,11 +38,11 @@ class Replay:
     replay = True
 
     def __init__(self, bag: Path, trust: Trust = NO_CODE) -> None:
-        there = Player(PlaySettings(bag=str(bag))).topics
-        shown = tuple(f"/{name}" for name in _SHOWN if f"/{name}" in there)
-        if f"/{topics.TRUTH}" not in shown:
+        available = Player(PlaySettings(bag=str(bag))).topics
+        selected_topics = tuple(f"/{name}" for name in _TOPICS if f"/{name}" in available)
+        if f"/{topics.TRUTH}" not in selected_topics:
             raise BadInput("holds no truth", bag)
-        self._player = Player(PlaySettings(bag=str(bag), topics=shown, paused=True))
+        self._player = Player(PlaySettings(bag=str(bag), topics=selected_topics, paused=True))
         self.view, self.folder = BenchView(trust), str(bag.parent if bag.name == "bag" else bag)
         self.command = f"./flexslew resim {self.folder}"
         self.first, self.last = self._player.first * 1e-9, self._player.last * 1e-9
@@ -92,7 +92,7 @@ class Replay:
             self._player.seek(min(max(time - before, self.first), self.last))
         except BadInput as error:
             return RequestResult(False, str(error))
-        self.view.forget()
+        self.view.clear()
         self._take(self._player.step(time + 1e-6))
         return RequestResult(True, f"at {self.view.time:.2f} s")
 
@@ -100,7 +100,9 @@ class Replay:
         """Refuse."""
         then(RequestResult(False, _WORDS))
 
-    def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
+    def draft(
+        self, request: str, who: str, progress: Callable[[Iterate], None], then: PlanCallback
+    ) -> None:
         """Refuse."""
         then(RequestResult(False, _WORDS), None)
 

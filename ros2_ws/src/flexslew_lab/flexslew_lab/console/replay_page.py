@@ -13,7 +13,7 @@ def serve(
     bag: Path,
     host: str,
     port: int,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
     trust: Trust = NO_CODE,
     browser: bool = False,
 ) -> None:
@@ -23,7 +23,7 @@ def serve(
         bag: folder or file of the log.
         host: address to listen on.
         port: 0 takes any.
-        say: called with the address of the page.
+        notify: called with the address of the page.
         trust: testbeds of the user's own that are drawn.
         browser: open the page where there is a screen.
 
@@ -31,7 +31,7 @@ def serve(
         BadInput: the bag cannot be read, or the port cannot be opened.
     """
     link = Replay(bag, trust)
-    page, never = Page(link, host, port, say, link), Event()
+    page, never = Page(link, host, port, notify, link), Event()
     if browser:
         page.server.open_browser()
     try:

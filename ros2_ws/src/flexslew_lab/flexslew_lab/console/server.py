@@ -22,7 +22,7 @@ from flexslew_lab.console.gui import Element, Gui
 RECONNECT = 30.0  # for so long a page that is held up finds itself again [wall s]
 _HISTORY = 4000  # messages that are sent again to such a page
 _MESSAGE = 1 << 20  # bytes that a page may send at once
-_SCREENS = {"DISPLAY", "WAYLAND_DISPLAY"}  # environment variables: a browser can be seen
+_DISPLAY_VARIABLES = {"DISPLAY", "WAYLAND_DISPLAY"}  # environment variables: a browser can be seen
 _SERVER = "flexslew.server"  # key of a request's scope
 
 
@@ -32,7 +32,7 @@ class ConsoleServer:
     Args:
         host: address to listen on.
         port: 0 takes any.
-        say: called with one line when a page sends what cannot be read.
+        notify: called with one line when a page sends what cannot be read.
 
     Attributes:
         gui: what stands on the page.
@@ -41,24 +41,24 @@ class ConsoleServer:
         BadInput: the port cannot be opened.
     """
 
-    def __init__(self, host: str, port: int, say: Callable[[str], None]) -> None:
+    def __init__(self, host: str, port: int, notify: Callable[[str], None]) -> None:
         sock = listening(host, port)
         self.host, self.port = host, int(sock.getsockname()[1])
-        self.gui, self.say, self.pages = Gui(), say, 0
+        self.gui, self.notify, self.pages = Gui(), notify, 0
         self.views: list[PageView] = []
         self._loop, inner = _nicegui()
 
-        async def own(scope: Scope, receive: Receive, send: Send) -> None:
+        async def application(scope: Scope, receive: Receive, send: Send) -> None:
             await inner({**scope, _SERVER: self}, receive, send)
 
-        self.gate = Gate(own, host, self.port)
+        self.gate = Gate(application, host, self.port)
         config = uvicorn.Config(
             self.gate, lifespan="off", log_config=None, access_log=False, ws_max_size=_MESSAGE,
             proxy_headers=False, server_header=False, timeout_graceful_shutdown=1,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
         self._over = asyncio.run_coroutine_threadsafe(self._server.serve([sock]), self._loop)
-        self._drawing = False
+        self._update_pending = False
 
     @property
     def address(self) -> str:
@@ -68,25 +68,25 @@ class ConsoleServer:
 
     def open_browser(self) -> None:
         """Open the page in a browser, if there is a screen."""
-        if sys.platform == "linux" and not _SCREENS & os.environ.keys():
+        if sys.platform == "linux" and not _DISPLAY_VARIABLES & os.environ.keys():
             return
         with suppress(webbrowser.Error):
             webbrowser.open(self.address)
 
     def show(self) -> None:
         """Have all pages show what has changed; may be called by any thread."""
-        if self.gui.news and not self._drawing:
-            self._drawing = True
+        if self.gui.updates and not self._update_pending:
+            self._update_pending = True
             self._loop.call_soon_threadsafe(self._draw)
 
     def call(self, act: Callable[[], None]) -> None:
         """Do something in the thread that takes what pages write, and show what it changes."""
 
-        def acting() -> None:
+        def run_action() -> None:
             act()
             self._draw()
 
-        self._loop.call_soon_threadsafe(acting)
+        self._loop.call_soon_threadsafe(run_action)
 
     def close(self) -> None:
         """End all pages."""
@@ -95,16 +95,16 @@ class ConsoleServer:
         self.views.clear()
 
     def _draw(self) -> None:
-        self._drawing = False
+        self._update_pending = False
         changed: dict[int, Element] = {}
-        while self.gui.news:
-            element = self.gui.news.popleft()
+        while self.gui.updates:
+            element = self.gui.updates.popleft()
             changed[id(element)] = element
-        self.views = [view for view in self.views if not view.gone]
+        self.views = [view for view in self.views if not view.closed]
         for view in self.views:
             for element in changed.values():
                 view.update(element)
-            view.follow()
+            view.track()
 
 
 @cache
@@ -139,6 +139,6 @@ async def _page(request: Request) -> None:
     """Draw the page of the server that has let the request in."""
     server: ConsoleServer = request.scope[_SERVER]
     server.pages += 1
-    view = PageView(server.gui, server.pages, server.say, server.show)
+    view = PageView(server.gui, server.pages, server.notify, server.show)
     server.views.append(view)
     await view.settle()

@@ -10,7 +10,7 @@ from flexslew_lab.console.view import BenchView
 from flexslew_lab.identification.frequency_response import (
     FrequencyResponse,
     frequency_response,
-    periods_told,
+    period_count,
 )
 from flexslew_lab.identification.measurements import FIELDS, Channels, ticks_record
 from flexslew_lab.identification.record import Record
@@ -33,7 +33,7 @@ def progress(plan: Plan, time: float) -> Progress:
     done = min((time - plan.start) / plan.summary["duration"], 1.0)
     words = f"{done:.0%} of {plan.summary['duration']:g} s shaken"
     try:
-        periods = periods_told(plan, int((time - plan.start) / plan.period))
+        periods = period_count(plan, int((time - plan.start) / plan.period))
     except BadInput as error:
         return Progress(0, f"{words}; {error}")
     if periods >= LEAST:

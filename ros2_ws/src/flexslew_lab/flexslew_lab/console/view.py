@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.law import described
+from flexslew_control.law import plant_description
 from flexslew_lab.console.history import Track
 from flexslew_lab.identification.measurements import FIELDS
 from flexslew_lab.log.bag_columns import blocks_of
@@ -95,7 +95,7 @@ class BenchView:
         self.bench_settings = ""  # as it announced them, YAML
         self.controllers: dict[str, ControllerView] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
-        self.heard = 0  # rises whenever other events are kept than before
+        self.received = 0  # rises whenever other events are kept than before
         self.plan: Any = None  # the last flexslew_msgs/Plan
         self.truth, self.controller_state = Track(), Track()
         self.measured = Track()  # empty unless the link listens to the sensors
@@ -135,13 +135,13 @@ class BenchView:
         elif name == topics.PLAN:
             self.plan = message
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Start again with empty tracks, as after a jump in a log or with another plant."""
         self.truth.clear()
         self.controller_state.clear()
         self.measured.clear()
         self.events.clear()
-        self.heard += 1
+        self.received += 1
         self.plan, self.position, self.time = None, np.zeros(0), 0.0
 
     def _take_rows(self, name: str, kind: str, data: Sequence[bytes]) -> None:
@@ -156,9 +156,9 @@ class BenchView:
             if not new.any():
                 continue
             time, columns = time[new], {k: v[new] for k, v in columns.items()}
-            rises = np.concatenate(([True], np.diff(time) > 0.0))
-            if not rises.all():  # a reset within the batch: only what came after it
-                first = int(np.flatnonzero(~rises)[-1])
+            increasing = np.concatenate(([True], np.diff(time) > 0.0))
+            if not increasing.all():  # a reset within the batch: only what came after it
+                first = int(np.flatnonzero(~increasing)[-1])
                 time, columns = time[first:], {k: v[first:] for k, v in columns.items()}
             rows = {field: columns[field] for field in _ROWS[name]}
             if name == topics.TRUTH:
@@ -193,7 +193,7 @@ class BenchView:
         )  # fmt: skip
         self.bench_settings = m.settings
         try:
-            testbed = described(m.settings, "the bench", self.trust).testbed
+            testbed = plant_description(m.settings, "the bench", self.trust).testbed
         except BadInput:
             self.testbed = self.model = None
             return
@@ -203,7 +203,7 @@ class BenchView:
     def _take_event(self, m: Any) -> None:
         event = logged_event(m, "the bench")
         self.events.append(event)
-        self.heard += 1
+        self.received += 1
         if isinstance(
             event.what, RunFinished
         ):  # the plant may leave before it shows its state again

@@ -10,18 +10,18 @@ import numpy as np
 
 from flexslew_control.analysis.linear_plant import sampled_plant
 from flexslew_control.analysis.loop import loop_of
-from flexslew_control.analysis.loop_margins import disk_margins, swept
+from flexslew_control.analysis.loop_margins import disk_margins, frequency_response
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.probing.running_law import running_law
 from flexslew_lab.analysis.analysis import is_stable
 from flexslew_lab.analysis.trial_models import Point, point_of
 from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.execution.worker import Flyer, Job
-from flexslew_lab.studies.flight import Flown, Plans
+from flexslew_lab.studies.execution.worker import Job, StudyRunner
+from flexslew_lab.studies.flight import FlightResult, PlanCache
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.study_settings import StudySettings
 from flexslew_lab.studies.variants import StudyVariant
-from flexslew_lab.studies.varied import Varied
+from flexslew_lab.studies.varied import SampledParameter
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
@@ -82,16 +82,16 @@ def gains_of(trial: Trial, source: str, controller: str | None, keys: Sequence[s
         raise BadInput(f"{source}: --controller: {name} is not in controllers; allowed: {known}")
     if trial.plan is None:
         raise BadInput(f"{source}: plan: there is no manoeuvre to find gains for")
-    law, own = law_of(name, trial.controllers[name] or {})
+    law, settings = law_of(name, trial.controllers[name] or {})
     if law not in CONTROLLERS:
         raise BadInput(f"{source}: --controller: {name} is no built-in law; allowed: those of docs")
-    section = plain(CONTROLLERS[law].settings(**{k: v for k, v in own.items() if k != "law"}))
+    section = plain(CONTROLLERS[law].settings(**{k: v for k, v in settings.items() if k != "law"}))
     positive = [key for key, value in section.items() if _positive(value)]
-    requested = tuple(keys) or CONTROLLERS[law].lane_gains
+    requested = tuple(keys) or CONTROLLERS[law].batch_gains
     if not requested or not set(requested) <= set(positive):
-        asked = ", ".join(requested) or "none"
+        requested_names = ", ".join(requested) or "none"
         raise BadInput(
-            f"{source}: --gain: {asked}; positive numbers of {law}: {', '.join(positive)}"
+            f"{source}: --gain: {requested_names}; positive numbers of {law}: {', '.join(positive)}"
         )
     return Gains(name, {key: section[key] for key in requested})
 
@@ -113,15 +113,15 @@ class GainEnsemble:
 
     def __init__(self, trial: Trial, source: str, gains: Gains) -> None:
         self._trial, self._source, self._gains = trial, source, gains
-        own = {name: trial.controllers[name] for name in (gains.controller,)}
+        settings = {name: trial.controllers[name] for name in (gains.controller,)}
         quiet = [entry for entry in trial.schedule if entry.switch is None]
         self._base = plain(trial) | {
-            "controllers": own, "active": gains.controller, "fallback": [],
+            "controllers": settings, "active": gains.controller, "fallback": [],
             "schedule": plain(quiet),
         }  # fmt: skip
         self._benches = list(_scaled(trial))
         self._point: Point = point_of(trial, at=trial.duration)
-        self._plans = Plans()
+        self._plans = PlanCache()
 
     @property
     def identity(self) -> str:
@@ -136,15 +136,15 @@ class GainEnsemble:
         """
         alphas = [self._alpha(factors) for factors in choices]
         stable = [k for k, alpha in enumerate(alphas) if alpha > 0.0]
-        flown = self._fly_choices([choices[k] for k in stable])
+        all_results = self._simulate_choices([choices[k] for k in stable])
         out = [MemberOutcome(np.nan, np.nan, alpha) for alpha in alphas]
-        for k, results in zip(stable, flown, strict=True):
+        for k, results in zip(stable, all_results, strict=True):
             out[k] = MemberOutcome(_worst(results, RESIDUAL), _worst(results, EFFORT), alphas[k])
         return out
 
     def _section(self, factors: Sequence[float]) -> dict[str, Any]:
-        own = self._trial.controllers[self._gains.controller] or {}
-        return {**own, **self._gains.times(factors)}
+        settings = self._trial.controllers[self._gains.controller] or {}
+        return {**settings, **self._gains.times(factors)}
 
     def _alpha(self, factors: Sequence[float]) -> float:
         """Return the disk margin at the plant's input; 0: not stable."""
@@ -157,15 +157,19 @@ class GainEnsemble:
             return 0.0
         form = running_law(built, self._point.rest, plant.effort_limit).form
         loop = loop_of(sampled_plant(self._point.rest, self._point.path, applied=True), form)
-        return disk_margins(swept(loop), loop.effort_names).alpha if is_stable(loop) else 0.0
+        return (
+            disk_margins(frequency_response(loop), loop.effort_names).alpha
+            if is_stable(loop)
+            else 0.0
+        )
 
-    def _fly_choices(self, choices: Sequence[Sequence[float]]) -> list[list[Flown]]:
+    def _simulate_choices(self, choices: Sequence[Sequence[float]]) -> list[list[FlightResult]]:
         """Return the flights on all benches, by choice."""
         key = f"controllers.{self._gains.controller}"
         variants = tuple(
             StudyVariant(str(k), {key: self._section(factors)}) for k, factors in enumerate(choices)
         )
-        bench = Varied("testbed", ("testbed",), "absolute", None)
+        bench = SampledParameter("testbed", ("testbed",), "absolute", None)
         settings = StudySettings(study="gains", trial=self._source)
         study = Study(settings, self._source, self._source, self._base, (bench,), variants, (), {})
         cases = [
@@ -173,13 +177,13 @@ class GainEnsemble:
             for k in range(len(choices))
             for j, testbed in enumerate(self._benches)
         ]
-        found: list[list[Flown]] = [[] for _ in choices]
+        found: list[list[FlightResult]] = [[] for _ in choices]
 
-        def report(results: list[Flown]) -> None:
+        def report(results: list[FlightResult]) -> None:
             for one in results:
                 found[one.number // len(self._benches)].append(one)
 
-        Flyer(Job(study, self._plans)).fly(cases, report)
+        StudyRunner(Job(study, self._plans)).fly(cases, report)
         return found
 
 
@@ -196,7 +200,7 @@ def _scaled(trial: Trial) -> list[dict[str, Any]]:
     return out
 
 
-def _worst(results: Sequence[Flown], metric: str) -> float:
+def _worst(results: Sequence[FlightResult], metric: str) -> float:
     """Return the largest of a metric, all of its parts; NaN where a flight failed."""
     worst = 0.0
     for one in results:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.gains.ensemble import MemberOutcome
-from flexslew_lab.gains.search import FoundGains, Tried
+from flexslew_lab.gains.search import FoundGains, GainEvaluation
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_lab.report.tables import Table, tables_page
 
@@ -18,8 +18,8 @@ def gains_page(found: FoundGains, name: str) -> str:
     return tables_page(
         "gains",
         title=f"{name}: gains of {found.gains.controller}",
-        about=found.verdict,
-        tables=[_compared(found), _front(found)],
+        description=found.verdict,
+        tables=[_comparison_table(found), _front(found)],
         groups=[_trade_off(found)],
     )
 
@@ -43,7 +43,7 @@ def _cells(gains: dict[str, Any], outcome: MemberOutcome) -> list[str]:
     return [*numbers, *(f"{v:.5g}" for v in outcome)]
 
 
-def _compared(found: FoundGains) -> Table:
+def _comparison_table(found: FoundGains) -> Table:
     words = (
         "The largest deflection of a tip after the manoeuvre and the largest integral of squared "
         "efforts, over benches with +-20 % of stiffness and payload; the disk margin at the "
@@ -55,17 +55,17 @@ def _compared(found: FoundGains) -> Table:
 def _front(found: FoundGains) -> Table:
     front = found.front
     rows = np.unique(np.linspace(0, len(front) - 1, min(len(front), _FRONT)).round().astype(int))
-    shown = [_cells(found.gains.times(front[k].factors), front[k].outcome) for k in rows]
+    entries = [_cells(found.gains.times(front[k].factors), front[k].outcome) for k in rows]
     words = "None that was tried has both a smaller residual and a larger margin."
-    return Table("What the margin costs", words, columns(found)[1:], shown)
+    return Table("What the margin costs", words, columns(found)[1:], entries)
 
 
 def _trade_off(found: FoundGains) -> Group:
     panel = Panel("worst residual", "m", log=True, x_title="disk margin [-]", height=320)
-    shipped = Tried((1.0,), found.shipped)
-    shown = (("tried", found.tried), ("front", found.front), ("in the trial", (shipped,)),
+    shipped = GainEvaluation((1.0,), found.shipped)
+    entries = (("tried", found.tried), ("front", found.front), ("in the trial", (shipped,)),
              ("found", (found.best,)))  # fmt: skip
-    for k, (name, ones) in enumerate(shown):
+    for k, (name, ones) in enumerate(entries):
         x, y = _points(ones)
         mode = "lines+markers" if name == "front" else "markers"
         marker = {"size": 5 if name in ("tried", "front") else 11, "color": style(k)["color"]}
@@ -73,10 +73,10 @@ def _trade_off(found: FoundGains) -> Group:
     _, every = _points(found.tried)
     panel.y_range = (float(every.min()), float(every.max()))
     words = f"Every choice that was tried; a disk margin of {found.least:.4g} had to be kept."
-    return Group("Trade-off", words, [panel], legend([name for name, _ in shown]))
+    return Group("Trade-off", words, [panel], legend([name for name, _ in entries]))
 
 
-def _points(ones: Sequence[Tried]) -> tuple[Any, Any]:
+def _points(ones: Sequence[GainEvaluation]) -> tuple[Any, Any]:
     """Return margins and residuals of those that fly."""
     kept = [one.outcome for one in ones if np.isfinite(one.outcome.residual)]
     return np.array([o.alpha for o in kept]), np.array([o.residual for o in kept])

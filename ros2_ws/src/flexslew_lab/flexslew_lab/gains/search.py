@@ -22,7 +22,7 @@ _PENALTY = 10.0  # in the logarithm of the residual, for all of the margin
 _LOST = 1e3  # logarithm of the residual where nothing flies
 
 
-class Tried(NamedTuple):
+class GainEvaluation(NamedTuple):
     """A choice that was tried: factors on the shipped gains, and what they do."""
 
     factors: tuple[float, ...]
@@ -44,8 +44,8 @@ class FoundGains:
     gains: Gains
     least: float
     shipped: MemberOutcome
-    best: Tried
-    tried: tuple[Tried, ...]
+    best: GainEvaluation
+    tried: tuple[GainEvaluation, ...]
 
     def __repr__(self) -> str:
         """Return one line: what is gained over the gains of the trial."""
@@ -61,8 +61,8 @@ class FoundGains:
                 ("found", *self.best),
             )
         )
-        did = ("worst residual [m]", "worst effort", "disk margin")
-        return in_notebook(repr(self), ("", *self.gains.shipped, *did), rows)
+        header = ("worst residual [m]", "worst effort", "disk margin")
+        return in_notebook(repr(self), ("", *self.gains.shipped, *header), rows)
 
     @property
     def verdict(self) -> str:
@@ -76,7 +76,7 @@ class FoundGains:
         return f"{words}, at a disk margin of at least {self.least:.4g}"
 
     @property
-    def front(self) -> tuple[Tried, ...]:
+    def front(self) -> tuple[GainEvaluation, ...]:
         """Those than which none has both a smaller residual and a larger margin."""
         best, out = np.inf, []
         for one in sorted(self.tried, key=lambda one: -one.outcome.alpha):
@@ -113,7 +113,7 @@ class FoundGains:
         return 1.0 - self.best.outcome.residual / self.shipped.residual
 
 
-def searched(
+def search_gains(
     ensemble: GainEnsemble,
     gains: Gains,
     trials: int = 200,
@@ -145,9 +145,14 @@ def searched(
     if shipped.residual == 0.0:
         raise BadInput("plan: no tip rings after this manoeuvre: no gains leave less; give another")
     margin = shipped.alpha if least is None else least
-    about = {"gains": gains.shipped, "controller": gains.controller, "ensemble": ensemble.identity,
-             "octaves": octaves, "least": margin}  # fmt: skip
-    study = _study(journal, about)
+    description = {
+        "gains": gains.shipped,
+        "controller": gains.controller,
+        "ensemble": ensemble.identity,
+        "octaves": octaves,
+        "least": margin,
+    }
+    study = _study(journal, description)
     done = [
         _trial_result(one) for one in study.get_trials(states=(optuna.trial.TrialState.COMPLETE,))
     ]
@@ -158,24 +163,24 @@ def searched(
     while len(done) < trials:
         count = min(_BATCH, trials - len(done))
         if len(done) >= trials // 2:
-            for point in _neighbours(done, margin, octaves, count):
+            for point in _near_points(done, margin, octaves, count):
                 study.enqueue_trial(dict(zip(span, point, strict=True)))
-        asked = [study.ask(span) for _ in range(count)]
-        factors = [tuple(2.0 ** one.params[key] for key in span) for one in asked]
+        suggestions = [study.ask(span) for _ in range(count)]
+        factors = [tuple(2.0 ** one.params[key] for key in span) for one in suggestions]
         outcomes = ensemble.outcomes(factors)
-        for one, outcome in zip(asked, outcomes, strict=True):
+        for one, outcome in zip(suggestions, outcomes, strict=True):
             one.set_user_attr("outcome", [float(value) for value in outcome])
             study.tell(one, _cost(outcome, margin))
-        done += [Tried(*pair) for pair in zip(factors, outcomes, strict=True)]
+        done += [GainEvaluation(*pair) for pair in zip(factors, outcomes, strict=True)]
         progress(len(done), trials)
-    keeping = [one for one in done if _keeps(one.outcome, margin)]
+    keeping = [one for one in done if _has_margin(one.outcome, margin)]
     if not keeping:
         raise BadInput(f"--margin: none of {trials} choices keeps a disk margin of {margin:.4g}")
     best = min(keeping, key=lambda one: one.outcome.residual)
     return FoundGains(gains, margin, shipped, best, tuple(done))
 
 
-def _study(journal: Path | None, about: dict[str, Any]) -> "optuna.Study":
+def _study(journal: Path | None, description: dict[str, Any]) -> "optuna.Study":
     """Return a new study, or that of the journal.
 
     Raises:
@@ -194,18 +199,18 @@ def _study(journal: Path | None, about: dict[str, Any]) -> "optuna.Study":
         raise BadInput(f"is no journal of a search: {error}", journal) from None
     known = study.user_attrs.get("about")
     if known is None and not study.trials:
-        study.set_user_attr("about", about)
-    elif known != about:
+        study.set_user_attr("about", description)
+    elif known != description:
         raise BadInput("is the journal of another search; name another file", journal)
     return study
 
 
-def _trial_result(one: "optuna.trial.FrozenTrial") -> Tried:
+def _trial_result(one: "optuna.trial.FrozenTrial") -> GainEvaluation:
     factors = tuple(2.0**value for value in one.params.values())
-    return Tried(factors, MemberOutcome(*one.user_attrs["outcome"]))
+    return GainEvaluation(factors, MemberOutcome(*one.user_attrs["outcome"]))
 
 
-def _keeps(outcome: MemberOutcome, margin: float) -> bool:
+def _has_margin(outcome: MemberOutcome, margin: float) -> bool:
     return bool(outcome.alpha >= margin * (1.0 - 1e-9) and np.isfinite(outcome.residual))
 
 
@@ -213,16 +218,16 @@ def _cost(outcome: MemberOutcome, margin: float) -> float:
     """Return what the sampler minimises: the residual's logarithm, and what the margin lacks."""
     if not (np.isfinite(outcome.residual) and outcome.residual > 0.0):
         return _LOST
-    lacks = max(0.0, 1.0 - outcome.alpha / margin)
-    return float(np.log(outcome.residual) + _PENALTY * lacks)
+    margin_violation = max(0.0, 1.0 - outcome.alpha / margin)
+    return float(np.log(outcome.residual) + _PENALTY * margin_violation)
 
 
-def _neighbours(
-    done: Sequence[Tried], margin: float, octaves: float, count: int
+def _near_points(
+    done: Sequence[GainEvaluation], margin: float, octaves: float, count: int
 ) -> Iterator[list[float]]:
     """Yield up to `count` new points about the best one, in octaves, at the largest step left."""
     known = {_rounded(np.log2(one.factors)) for one in done}
-    keeping = [one for one in done if _keeps(one.outcome, margin)]
+    keeping = [one for one in done if _has_margin(one.outcome, margin)]
     if not keeping:
         return
     best = np.log2(min(keeping, key=lambda one: one.outcome.residual).factors)

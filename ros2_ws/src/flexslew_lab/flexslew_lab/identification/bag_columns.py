@@ -49,9 +49,9 @@ def read_bag(path: Path, names: list[str]) -> Columns:
                     raise BadInput(f"no topic {place.topic}; there are {', '.join(known)}", path)
             topics = {place.topic for place in places}
             connections = [c for c in reader.connections if c.topic in topics]
-            stores = {c.id: _store(c, path) for c in connections}
+            types_by_id = {c.id: _store(c, path) for c in connections}
             for connection, recorded, raw in reader.messages(connections=connections):
-                message = stores[connection.id].deserialize_cdr(raw, connection.msgtype)
+                message = types_by_id[connection.id].deserialize_cdr(raw, connection.msgtype)
                 stamp = _stamp(message)
                 for name, place in zip(names, places, strict=True):
                     if place.topic != connection.topic:
@@ -91,18 +91,18 @@ def _store(connection: "Connection", path: Path) -> "Typestore":
             )
             raise BadInput(words, path)
         return known
-    own = get_typestore(Stores.EMPTY)
+    type_store = get_typestore(Stores.EMPTY)
     try:
         if definition.format == Format.MSG:
-            own.register(get_types_from_msg(definition.data, kind))
+            type_store.register(get_types_from_msg(definition.data, kind))
         else:
             first, *parts = definition.data.split(_IDL)
             for text in (part.partition("\n")[2] for part in parts) if parts else (first,):
-                own.register(get_types_from_idl(text))
+                type_store.register(get_types_from_idl(text))
     except Exception as error:  # a parser that is given anything at all
         words = f"{connection.topic}: the definition of {kind} cannot be read: {error}"
         raise BadInput(words, path) from None
-    return own
+    return type_store
 
 
 def _place(path: Path, name: str) -> _Place:

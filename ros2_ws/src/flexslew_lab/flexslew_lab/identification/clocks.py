@@ -13,10 +13,10 @@ from flexslew_plant.errors import BadInput
 
 _EVEN = 1e-3  # of a tick: jitter up to which samples lie on ticks
 _SAME = 1e-6  # of a tick, within which two stamps are one
-_AROUND = 11  # steps; their median is a clock's present one
+_MEDIAN_WINDOW = 11  # steps; their median is a clock's present one
 _GAP = 1.5  # steps of a clock beyond which a sample is missing
-_IRREGULAR = 0.3  # spread of a clock's steps from which a gap must exceed it _SPREADS times
-_SPREADS = 5.0
+_SPREAD_LIMIT = 0.3  # spread of a clock's steps from which a gap must exceed it _SPREADS times
+_GAP_FACTOR = 5.0
 _QUARTILES = 1.349  # between the quartiles of a normal distribution, in standard deviations
 _MOST_PIECES = 16  # of a gap: they lead a bench of seven modes to any state, as any effort does
 _MOST_UNKNOWN = 1000  # pieces of a record
@@ -32,7 +32,7 @@ class Effort(NamedTuple):
     past: bool
 
 
-class _Held(NamedTuple):
+class _PiecewiseEffort(NamedTuple):
     """A piecewise constant effort, with a guess for each span that no sample gives."""
 
     edges: Vector  # (spans + 1,) [s]
@@ -68,17 +68,17 @@ def record_on_clocks(
     ticks = int((last - first) / h + 1e-6)
     if ticks < 1:
         raise BadInput(f"{source}: the columns have no time in common")
-    held = [_with_pieces(one) for one in efforts]
+    piecewise = [_with_pieces(one) for one in efforts]
     grid = first + h * np.arange(ticks + 1)
     even = all(_on(t, grid, h) for t in clocks)
     if not even:
-        grid = _union([*clocks, *(one.edges for one in held)], first, last, h)
+        grid = _union([*clocks, *(one.edges for one in piecewise)], first, last, h)
     middle = 0.5 * (grid[1:] + grid[:-1])
     measured = np.column_stack([np.interp(grid, t, values) for _, t, values in outputs])
     known = np.column_stack([_near(grid, t, (_EVEN if even else _SAME) * h) for _, t, _ in outputs])
     record = Record(
         h,
-        np.column_stack([one.values[_span(one, middle)] for one in held]),
+        np.column_stack([one.values[_span(one, middle)] for one in piecewise]),
         measured,
         tuple(one.joint for one in efforts),
         tuple(output for output, _, _ in outputs),
@@ -86,15 +86,15 @@ def record_on_clocks(
         np.full(len(efforts), np.inf),
         None if even else np.diff(grid),
         None if known.all() else known,
-        _pieces(held, middle, source),
+        _pieces(piecewise, middle, source),
     )
-    return record.moved()
+    return record.active_channels()
 
 
 def clock_notes(name: str, t: Vector) -> list[str]:
     """Return what a reader should know about the clock of a column, a sentence each."""
     h = float(np.median(np.diff(t)))
-    gaps = _gaps(t)
+    gaps = _missing_samples(t)
     notes = []
     if (missing := int(gaps.sum())) > 0:
         notes.append(
@@ -104,21 +104,22 @@ def clock_notes(name: str, t: Vector) -> list[str]:
     jitter = float(np.diff(t)[gaps == 0].std())  # the median step is never a gap
     if jitter > _EVEN * h:
         notes.append(f"{name}: jitter of {jitter:.2g} s; samples count at their own times")
-    if (spread := _spread(_relative_steps(t))) >= _IRREGULAR:
+    if (spread := _spread(_relative_steps(t))) >= _SPREAD_LIMIT:
         notes.append(
-            f"{name}: the clock is irregular; steps of up to {(1.0 + _SPREADS * spread) * h:.3g} s "
+            f"{name}: the clock is irregular; steps of up to "
+            f"{(1.0 + _GAP_FACTOR * spread) * h:.3g} s "
             "count as whole, and samples that are missing in them show in the residual alone"
         )
     return notes
 
 
-def evened(record: Record) -> Record:
+def resample_evenly(record: Record) -> Record:
     """Return a record on ticks of one period: means of efforts, outputs on lines between samples.
 
     Args:
         record: at the times of its samples.
     """
-    if record.steps is None and record.whole:
+    if record.steps is None and record.is_complete:
         return record
     t, h = record.times, record.period
     grid = h * np.arange(int(t[-1] / h + 1e-6) + 1)
@@ -133,19 +134,19 @@ def evened(record: Record) -> Record:
     return replace(record, effort=effort, measured=measured, steps=None, known=None, pieces=None)
 
 
-def _gaps(t: Vector) -> NDArray[np.int64]:
+def _missing_samples(t: Vector) -> NDArray[np.int64]:
     """Return how many samples are missing in every step of a clock."""
     ratio = _relative_steps(t)
     spread = _spread(ratio)
-    longest = _GAP if spread < _IRREGULAR else 1.0 + _SPREADS * spread
-    missing = np.where(ratio > longest, np.maximum(np.round(ratio) - 1.0, 1.0), 0.0)
+    gap_threshold = _GAP if spread < _SPREAD_LIMIT else 1.0 + _GAP_FACTOR * spread
+    missing = np.where(ratio > gap_threshold, np.maximum(np.round(ratio) - 1.0, 1.0), 0.0)
     return np.asarray(missing, dtype=np.int64)
 
 
 def _relative_steps(t: Vector) -> Vector:
     """Return the steps of a clock in medians of those around them: its rate may wander."""
     steps = np.diff(t)
-    return np.asarray(steps / median_filter(steps, size=_AROUND, mode="nearest"))
+    return np.asarray(steps / median_filter(steps, size=_MEDIAN_WINDOW, mode="nearest"))
 
 
 def _spread(ratio: Vector) -> float:
@@ -154,36 +155,36 @@ def _spread(ratio: Vector) -> float:
     return float(high - low) / _QUARTILES
 
 
-def _with_pieces(effort: Effort) -> _Held:
+def _with_pieces(effort: Effort) -> _PiecewiseEffort:
     """Return an effort with its gaps cut into pieces of unknown values, a line for a guess."""
     t, values = effort.t, effort.values
-    gaps = _gaps(t)
+    gaps = _missing_samples(t)
     known = values[1:] if effort.past else values[:-1]
-    edges, held, spread = [t[:1]], [], []
+    edges, piecewise, spread = [t[:1]], [], []
     for k, missing in enumerate(gaps):
         if not missing:
             edges.append(t[k + 1 : k + 2])
-            held.append(known[k : k + 1])
+            piecewise.append(known[k : k + 1])
             spread.append(np.zeros(1))
             continue
         step = (t[k + 1] - t[k]) / (missing + 1)
         count = min(int(missing), _MOST_PIECES)
         begin, end = (t[k], t[k + 1] - step) if effort.past else (t[k] + step, t[k + 1])
-        cuts = np.linspace(begin, end, count + 1)
-        line = np.interp(0.5 * (cuts[1:] + cuts[:-1]), *_middles(effort))
-        own = np.full(count, _worst_guess(values, int(missing)))
+        piece_edges = np.linspace(begin, end, count + 1)
+        line = np.interp(0.5 * (piece_edges[1:] + piece_edges[:-1]), *_tick_centers(effort))
+        guess_spread = np.full(count, _largest_guess_error(values, int(missing)))
         if effort.past:
-            edges.append(np.append(cuts[1:], t[k + 1]))
-            held.append(np.append(line, known[k]))
-            spread.append(np.append(own, 0.0))
+            edges.append(np.append(piece_edges[1:], t[k + 1]))
+            piecewise.append(np.append(line, known[k]))
+            spread.append(np.append(guess_spread, 0.0))
         else:
-            edges.append(cuts)
-            held.append(np.append(known[k], line))
-            spread.append(np.append(0.0, own))
-    return _Held(*(np.concatenate(part) for part in (edges, held, spread)))
+            edges.append(piece_edges)
+            piecewise.append(np.append(known[k], line))
+            spread.append(np.append(0.0, guess_spread))
+    return _PiecewiseEffort(*(np.concatenate(part) for part in (edges, piecewise, spread)))
 
 
-def _worst_guess(values: Vector, missing: int) -> float:
+def _largest_guess_error(values: Vector, missing: int) -> float:
     """Return the largest error that a line over so many samples has anywhere in a record.
 
     As a standard deviation it covers efforts that jump, too, where the mean error would not.
@@ -193,16 +194,18 @@ def _worst_guess(values: Vector, missing: int) -> float:
     return float(max(np.abs(errors).max(), _RESOLVED * np.abs(values).max(), 1e-300))
 
 
-def _middles(effort: Effort) -> tuple[Vector, Vector]:
+def _tick_centers(effort: Effort) -> tuple[Vector, Vector]:
     """Return the middles of the ticks over which samples are held, and these."""
     half = 0.5 * float(np.median(np.diff(effort.t)))
     return effort.t + (-half if effort.past else half), effort.values
 
 
-def _pieces(held: list[_Held], middle: Vector, source: str) -> UnknownEfforts | None:
+def _pieces(
+    piecewise: list[_PiecewiseEffort], middle: Vector, source: str
+) -> UnknownEfforts | None:
     """Return the unknown spans as ticks of a grid, given the ticks' middles."""
     found = []
-    for column, one in enumerate(held):
+    for column, one in enumerate(piecewise):
         span = _span(one, middle)
         for k in np.unique(span[one.unknown[span]]):
             first, last = np.searchsorted(span, [k, k + 1])
@@ -219,18 +222,18 @@ def _pieces(held: list[_Held], middle: Vector, source: str) -> UnknownEfforts | 
     return UnknownEfforts(*map(np.array, zip(*sorted(found), strict=True)))
 
 
-def _span(held: _Held, t: Vector) -> NDArray[np.int64]:
+def _span(piecewise: _PiecewiseEffort, t: Vector) -> NDArray[np.int64]:
     """Return the span of an effort that holds each time."""
-    found = np.searchsorted(held.edges, t, side="right") - 1
-    return np.asarray(np.clip(found, 0, len(held.values) - 1), dtype=np.int64)
+    found = np.searchsorted(piecewise.edges, t, side="right") - 1
+    return np.asarray(np.clip(found, 0, len(piecewise.values) - 1), dtype=np.int64)
 
 
 def _on(t: Vector, grid: Vector, h: float) -> bool:
     """Return whether all samples of a clock lie on ticks, one on each."""
-    inside = t[(t > grid[0] - 0.5 * h) & (t < grid[-1] + 0.5 * h)]
-    places = np.round((inside - grid[0]) / h)
-    even = np.abs(inside - grid[0] - places * h).max() <= _EVEN * h
-    return bool(even and len(np.unique(places)) == len(inside) == len(grid))
+    inner_times = t[(t > grid[0] - 0.5 * h) & (t < grid[-1] + 0.5 * h)]
+    places = np.round((inner_times - grid[0]) / h)
+    even = np.abs(inner_times - grid[0] - places * h).max() <= _EVEN * h
+    return bool(even and len(np.unique(places)) == len(inner_times) == len(grid))
 
 
 def _union(clocks: list[Vector], first: float, last: float, h: float) -> Vector:
@@ -244,5 +247,5 @@ def _union(clocks: list[Vector], first: float, last: float, h: float) -> Vector:
 def _near(grid: Vector, t: Vector, distance: float) -> NDArray[np.bool_]:
     """Return at which times of a grid a clock has a sample."""
     after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
-    away = np.minimum(np.abs(grid - t[after]), np.abs(grid - t[after - 1]))
-    return np.asarray(away <= distance, dtype=bool)
+    distances = np.minimum(np.abs(grid - t[after]), np.abs(grid - t[after - 1]))
+    return np.asarray(distances <= distance, dtype=bool)

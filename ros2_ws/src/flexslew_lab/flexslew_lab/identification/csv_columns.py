@@ -11,7 +11,7 @@ from flexslew_lab.identification.columns import Columns
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import open_given
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 
 _TIME = ("time", "t", "stamp")  # names of a column of times [s]
 _DELIMITERS = ",;\t"
@@ -56,7 +56,7 @@ def read_csv(path: Path, names: list[str]) -> Columns:
     columns: dict[str, Vector] = {}
     for name in (clock, *names):
         if name not in header:
-            hint = did_you_mean(name, header)
+            hint = spelling_hint(name, header)
             raise BadInput(f"no column {name}; {hint}the header is: {found}", path)
         columns[name] = _numbers(rows, header.index(name), delimiter, f"{path}: {name}")
     return Columns({name: (columns[clock], columns[name]) for name in names}, str(path))

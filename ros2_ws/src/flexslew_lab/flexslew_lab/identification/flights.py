@@ -12,7 +12,7 @@ from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import Model, Testbed, initial_state, varied
+from flexslew_plant.testbeds import Model, Testbed, initial_state, with_changes
 
 _STEP = 2.0**-8  # relative, of differences of what is algebraic
 
@@ -25,7 +25,7 @@ class Mismatch:
     projections: tuple[Projection, ...]
 
 
-class Flights:
+class FlightSimulation:
     """Flights of a testbed with the efforts of a record."""
 
     def __init__(self, record: Record, testbed: Testbed, names: tuple[str, ...]) -> None:
@@ -40,9 +40,9 @@ class Flights:
     def testbed(self, values: Vector) -> Testbed:
         """Return the testbed with these logarithms of its parameters."""
         keys = dict(zip(self._names, np.exp(values).tolist(), strict=True))
-        return varied(self._testbed, nested(keys), "--fit")
+        return with_changes(self._testbed, nested(keys), "--fit")
 
-    def flown(self, values: Vector) -> Matrix:
+    def simulate(self, values: Vector) -> Matrix:
         """Return the readings of the sensors without errors, (ticks + 1, outputs)."""
         self.flights += 1
         testbed = self.testbed(values)
@@ -53,12 +53,12 @@ class Flights:
     def solve(self, values: Vector, noise: Vector) -> Mismatch:
         """Return the residual of a flight without bias and free motions."""
         model = self.testbed(values).model()
-        free = _free_motions(self.record, model)
-        away = self.record.measured - self.flown(values)
+        free = _free_responses(self.record, model)
+        error = self.record.measured - self.simulate(values)
         parts, projections = [], []
         for k, output in enumerate(self.record.outputs):
             projection = Projection(_unit(free[output.quantity]))
-            parts.append(projection.solve(away[:, k])[1] / noise[k])
+            parts.append(projection.solve(error[:, k])[1] / noise[k])
             projections.append(projection)
         return Mismatch(np.concatenate(parts), tuple(projections))
 
@@ -86,7 +86,7 @@ class Flights:
         self.flights += 1
         testbed, record = self.testbed(values), self.record
         each = range(values.size)
-        path, moved = testbed.model().flight_with_slopes(
+        path, path_slopes = testbed.model().flight_with_slopes(
             initial_state(testbed),
             np.array([self._slope(values, k, lambda near, _: initial_state(near)) for k in each]),
             np.array([self._slope(values, k, lambda near, _: near.model().packed) for k in each]),
@@ -97,7 +97,7 @@ class Flights:
         def seen(by: Matrix) -> Callable[[Testbed, float], Matrix]:
             return lambda near, h: self._rows(near.model(), path + h * by)
 
-        return [self._slope(values, k, seen(moved[:, k])) for k in each]
+        return [self._slope(values, k, seen(path_slopes[:, k])) for k in each]
 
     def _slope(
         self, values: Vector, which: int, what: Callable[[Testbed, float], Matrix]
@@ -112,8 +112,8 @@ class Flights:
 
         def difference(h: float) -> Matrix:
             step = h * np.eye(values.size)[which]
-            ahead, behind = self.testbed(values + step), self.testbed(values - step)
-            return np.asarray((what(ahead, h) - what(behind, -h)) / (2.0 * h))
+            forward, backward = self.testbed(values + step), self.testbed(values - step)
+            return np.asarray((what(forward, h) - what(backward, -h)) / (2.0 * h))
 
         return np.asarray((4.0 * difference(0.5 * _STEP) - difference(_STEP)) / 3.0)
 
@@ -150,32 +150,32 @@ def _reading(record: Record, model: Model) -> Callable[[Model, Matrix], Matrix]:
             Quantity.DEFLECTION: (deflection, tips),
             Quantity.DEFLECTION_RATE: (deflection, tips),
         }
-        picked = []
+        selected = []
         for output in record.outputs:
             values, places = columns[output.quantity]
-            picked.append(values[:, places[output.joint or output.name]])
-        return np.column_stack(picked)
+            selected.append(values[:, places[output.joint or output.name]])
+        return np.column_stack(selected)
 
     return read
 
 
-def _free_motions(record: Record, model: Model) -> dict[Quantity, Matrix]:
+def _free_responses(record: Record, model: Model) -> dict[Quantity, Matrix]:
     """Return bias and the small motions that the bench may have had before, by quantity."""
     t = record.times
     one, line = np.ones_like(t), t / record.duration
     linear = model.linearise(model.rest({}))
     poles = linear.eigenvalues
     poles = poles[poles.imag > 1e-6]
-    still = np.zeros((record.ticks, 0))
+    no_effort = np.zeros((record.ticks, 0))
     free = [
-        Oscillator(float(abs(s)), float(-s.real / abs(s))).responses(still, record.period)
+        Oscillator(float(abs(s)), float(-s.real / abs(s))).responses(no_effort, record.period)
         for s in poles
     ]
-    moves, rates = [q for q, _ in free], [v for _, v in free]
+    positions, rates = [q for q, _ in free], [v for _, v in free]
     return {
-        Quantity.JOINT_POSITION: np.column_stack((one, line, *moves)),
+        Quantity.JOINT_POSITION: np.column_stack((one, line, *positions)),
         Quantity.JOINT_RATE: np.column_stack((one, *rates)),
-        Quantity.DEFLECTION: np.column_stack((one, *moves)),
+        Quantity.DEFLECTION: np.column_stack((one, *positions)),
         Quantity.DEFLECTION_RATE: np.column_stack((one, *rates)),
     }
 

@@ -14,23 +14,23 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
 _AT_LIMIT = (0.01, 0.5)  # part of the samples at the largest value that suggests a drive's limit
-_FEW = 5  # samples
+_MIN_SAMPLES = 5  # samples
 
 
-class Repaired(NamedTuple):
+class RecordWithNotes(NamedTuple):
     """A record, and notes about its gaps and clocks."""
 
     record: Record
     words: tuple[str, ...]
 
 
-def foreign_record(
+def external_record(
     path: Path,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
     period: float | None = None,
     past: bool = False,
-) -> Repaired:
+) -> RecordWithNotes:
     """Return a record of a CSV file or a bag, at the times of its samples.
 
     An input `torque_1` or `/effort.data[0]` is held until its next value; where a sample is
@@ -68,16 +68,16 @@ def foreign_record(
         period,
         str(path),
     )
-    return Repaired(record.moved(), tuple(words))
+    return RecordWithNotes(record.active_channels(), tuple(words))
 
 
 def _limited(name: str, values: Vector) -> list[str]:
     """Return a warning that the drive of an effort seems to have been at its limit; else none."""
     size = np.abs(values)
-    there = size >= size.max() * (1.0 - 1e-9)
-    share = float(there.mean())
+    at_limit = size >= size.max() * (1.0 - 1e-9)
+    share = float(at_limit.mean())
     # a few are the top of any signal; more than the most are a signal of two values
-    if there.sum() < _FEW or not _AT_LIMIT[0] < share < _AT_LIMIT[1]:
+    if at_limit.sum() < _MIN_SAMPLES or not _AT_LIMIT[0] < share < _AT_LIMIT[1]:
         return []
     return [
         f"{name}: at its largest value, {size.max():.4g}, in {share:.0%} of the samples; if that "

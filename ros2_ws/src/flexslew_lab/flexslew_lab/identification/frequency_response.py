@@ -50,7 +50,7 @@ class FrequencyResponse:
     periods: int
 
 
-def periods_told(plan: Plan, ticks: int) -> int:
+def period_count(plan: Plan, ticks: int) -> int:
     """Return how many periods of every experiment were flown in so many ticks.
 
     Args:
@@ -99,7 +99,7 @@ def frequency_response(
     effort = np.concatenate([one[0] for one in spectra], axis=1)  # (experiments, periods, n, lines)
     output = np.concatenate([one[1] for one in spectra], axis=1)
     added = spectra[0][2]
-    averaged = effort.shape[1]
+    average_count = effort.shape[1]
     u, y = effort.mean(axis=1), output.mean(axis=1)  # (experiments, n, lines)
     lines = len(first.lines)
     response = np.empty((lines, y.shape[1], u.shape[1]), dtype=np.complex128)
@@ -111,13 +111,15 @@ def frequency_response(
         response[line] = g
         noise = output[:, :, :, line] - np.einsum("oi,epi->epo", g, effort[:, :, :, line])
         scatter = (np.abs(noise - noise.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
-        variance = scatter.mean(axis=0) / (averaged - 1) / averaged  # of a mean, (outputs,)
+        variance = (
+            scatter.mean(axis=0) / (average_count - 1) / average_count
+        )  # of a mean, (outputs,)
         inverse = np.linalg.inv(u[:, :, line].T)  # (experiments, inputs)
         deviation[line] = np.sqrt(np.outer(variance, (np.abs(inverse) ** 2).sum(axis=0)))
-    freedom = 2 * u.shape[0] * (averaged - 1)
-    radius = deviation * np.sqrt(float(fisher.ppf(CONFIDENCE, 2, freedom)))
+    dof = 2 * u.shape[0] * (average_count - 1)
+    radius = deviation * np.sqrt(float(fisher.ppf(CONFIDENCE, 2, dof)))
     repeated = (np.abs(y) ** 2).mean(axis=0)
-    scatter = output.var(axis=1).mean(axis=0) * averaged / (averaged - 1)
+    scatter = output.var(axis=1).mean(axis=0) * average_count / (average_count - 1)
     coherence = repeated / (repeated + scatter + 1e-300)
     return FrequencyResponse(
         first.frequency,
@@ -127,7 +129,7 @@ def frequency_response(
         deviation,
         radius,
         np.asarray(coherence.T),
-        averaged,
+        average_count,
     )
 
 
@@ -137,7 +139,7 @@ def _whole_periods(record: Record, plan: Plan) -> int:
     Raises:
         BadInput: less than three.
     """
-    found = periods_told(plan, len(record.effort) - round(plan.start / plan.period))
+    found = period_count(plan, len(record.effort) - round(plan.start / plan.period))
     if found < _LEAST:
         raise BadInput(
             f"{record.source}: ends after {found} periods of its last experiment: frequency "
@@ -197,7 +199,7 @@ def _spectra(
             first = layout.first + (e * layout.repeated + p) * n
             part = record.effort[first : first + n]
             of_effort.append(_lines(part, layout) * half_tick)
-            of_output.append(_lines(_straightened(record, first, n), layout))
+            of_output.append(_lines(_remove_line(record, first, n), layout))
         begin = first - round(plan.start / plan.period)
         added.append(_lines(plan.effort[begin : begin + n][:, columns], layout) * half_tick)
         efforts.append(np.array(of_effort))
@@ -205,7 +207,7 @@ def _spectra(
     return np.array(efforts), np.array(outputs), np.array(added)
 
 
-def _straightened(record: Record, first: int, ticks: int) -> Matrix:
+def _remove_line(record: Record, first: int, ticks: int) -> Matrix:
     """Return the outputs of a period, joint positions without the line from end to end."""
     values = record.measured[first : first + ticks].copy()
     ends = record.measured[first + ticks] - record.measured[first]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.law import described
+from flexslew_control.law import plant_description
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
 from flexslew_control.planners.excitation.excitation import EXCITATION
@@ -27,11 +27,11 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import plain
-from flexslew_plant.testbeds import Testbed, initial_positions, read_testbed, varied
+from flexslew_plant.testbeds import Testbed, initial_positions, read_testbed, with_changes
 
 _BELOW, _ABOVE = 0.4, 2.5  # band of a slew, in parts of the modes that its plan believed
 
-Tell = Callable[[str], None]
+ProgressCallback = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Identification:
         return in_notebook(repr(self), ("", "estimate", "interval"), rows)
 
     @property
-    def believed(self) -> dict[str, Any]:
+    def model_section(self) -> dict[str, Any]:
         """What `plan.model` and a law's `model` believe: the keys of a testbed.
 
         Raises:
@@ -170,9 +170,9 @@ def experiment_of(run: Path, trust: Trust = NO_CODE) -> Experiment:
     testbed = _testbed(bag, trust)
     record = record_of(bag, testbed.model().appendages if testbed is not None else None)
     plans = [plan_of(message, f"{bag.path}: plan") for message in bag.overview.plans]
-    shaken = [plan for plan in plans if plan.method == EXCITATION.name]
+    test_inputs = [plan for plan in plans if plan.method == EXCITATION.name]
     last = plans[-1] if plans else None
-    return Experiment(record, shaken[-1] if shaken else None, testbed, last)
+    return Experiment(record, test_inputs[-1] if test_inputs else None, testbed, last)
 
 
 def _testbed(bag: BagReader, trust: Trust) -> Testbed | None:
@@ -180,7 +180,7 @@ def _testbed(bag: BagReader, trust: Trust) -> Testbed | None:
     if message is None:
         return None
     try:
-        return described(message.settings, f"{bag.path}: /testbed", trust).testbed
+        return plant_description(message.settings, f"{bag.path}: /testbed", trust).testbed
     except BadInput:  # one's own class that this reader does not trust: modes need none
         return None
 
@@ -190,7 +190,7 @@ def identify(
     band: tuple[float, float] | None = None,
     fit: tuple[str, ...] = (),
     start: dict[str, float] | None = None,
-    tell: Tell | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Identification:
     """Return the responses of all runs and a model of the first, validated on the others.
 
@@ -200,7 +200,7 @@ def identify(
             of a slew, around the modes of its plan's model.
         fit: paths of numbers in the testbed's section to fit.
         start: first values of some of them.
-        tell: called with words on each step of the work.
+        progress: called with words on each step of the work.
 
     Raises:
         BadInput: if an experiment cannot be used; the message gives the reason and the numbers.
@@ -208,13 +208,13 @@ def identify(
     first = experiments[0]
     if band is None:
         band = band_of(first.plan or first.flown, first.record.source)
-    model = identify_modes(first.record, band, tell)
+    model = identify_modes(first.record, band, progress)
     response, why = _response(experiments)
     return Identification(
         model,
         response,
         why,
-        _physical(first, model, fit, start or {}, tell) if fit else None,
+        _physical(first, model, fit, start or {}, progress) if fit else None,
         tuple(validated_on(model, other.record) for other in experiments[1:]),
     )
 
@@ -229,10 +229,10 @@ def band_of(plan: Plan | None, source: str) -> tuple[float, float] | None:
     if plan is not None and plan.method == EXCITATION.name:
         low, high = plan.summary["band"]
         return float(low), float(high)
-    believed = plan.request.get("model") if plan is not None else None
-    if not isinstance(believed, dict) or "kind" not in believed:
+    model_section = plan.request.get("model") if plan is not None else None
+    if not isinstance(model_section, dict) or "kind" not in model_section:
         return None
-    testbed = read_testbed(believed, f"{source}: plan")
+    testbed = read_testbed(model_section, f"{source}: plan")
     model = testbed.model()
     frequencies = model.linearise(model.rest(initial_positions(testbed))).frequencies
     if not frequencies.size:
@@ -255,12 +255,12 @@ def _physical(
     model: ModalModel,
     fit: tuple[str, ...],
     start: dict[str, float],
-    tell: Tell | None,
+    progress: ProgressCallback | None,
 ) -> PhysicalFit:
     if first.testbed is None:
         raise BadInput(f"{first.record.source}: --fit needs the testbed, which this log lacks")
-    testbed = varied(first.testbed, nested(start), "--start") if start else first.testbed
-    return fit_parameters(model, testbed, fit, tell)
+    testbed = with_changes(first.testbed, nested(start), "--start") if start else first.testbed
+    return fit_parameters(model, testbed, fit, progress)
 
 
 def validated_on(model: ModalModel, record: Record) -> Validation:
@@ -272,12 +272,12 @@ def validated_on(model: ModalModel, record: Record) -> Validation:
     Raises:
         BadInput: it has other inputs or outputs.
     """
-    mine = model.record
-    if (record.inputs, record.outputs) != (mine.inputs, mine.outputs):
-        raise BadInput(f"{record.source}: has not the inputs and outputs of {mine.source}")
+    model_record = model.record
+    if (record.inputs, record.outputs) != (model_record.inputs, model_record.outputs):
+        raise BadInput(f"{record.source}: has not the inputs and outputs of {model_record.source}")
     if record.pieces is not None:  # its unknown efforts are its own, too
-        own, _ = refined(RegressorSignals(record, None), model.fit.modes, model.fit.noise)
-        record = own.problem.record
+        solution, _ = refined(RegressorSignals(record, None), model.fit.modes, model.fit.noise)
+        record = solution.problem.record
     spread = record.deviation(record.measured)
     size = record.deviation(prediction_error(record, model.fit))
     return Validation(

@@ -57,7 +57,7 @@ def ticks_record(
         outputs,
         source,
         channels.effort_limit,
-    ).moved()
+    ).active_channels()
 
 
 class Listener:
@@ -65,15 +65,15 @@ class Listener:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._heard: list[Measurement] = []
+        self._measurements: list[Measurement] = []
 
     def truth(self, truth: Truth) -> None:
         """Ignore it: a lab has none."""
 
     def question(self, question: Measurement) -> None:
         """Keep a measurement, once."""
-        if not self._heard or question.tick != self._heard[-1].tick:
-            self._heard.append(question)
+        if not self._measurements or question.tick != self._measurements[-1].tick:
+            self._measurements.append(question)
 
     def answer(self, answer: Any) -> None:
         """Ignore it: the effort really applied is measured."""
@@ -87,11 +87,11 @@ class Listener:
         Raises:
             BadInput: if there are none, or see ticks_record.
         """
-        if not self._heard:
+        if not self._measurements:
             raise BadInput(f"{source}: no measurements")
         model = self._bench.model
         values = {
-            name: np.array([getattr(one, name) for one in self._heard], dtype=np.float64)
+            name: np.array([getattr(one, name) for one in self._measurements], dtype=np.float64)
             for name in FIELDS
         }
         known = Channels(
@@ -131,7 +131,7 @@ def _quantity(sensors: Appendages | None, k: int) -> Quantity | None:
     """Return what a sensor of an appendage measures; None: neither deflection nor its rate."""
     if sensors is None or sensors.rate is None:
         return Quantity.DEFLECTION
-    bends, moves = sensors.tip[k].any(), sensors.rate[k].any()
-    if bends and moves:
+    has_deflection, has_rate = sensors.tip[k].any(), sensors.rate[k].any()
+    if has_deflection and has_rate:
         return None
-    return Quantity.DEFLECTION_RATE if moves else Quantity.DEFLECTION
+    return Quantity.DEFLECTION_RATE if has_rate else Quantity.DEFLECTION

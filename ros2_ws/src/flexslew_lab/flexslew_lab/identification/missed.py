@@ -11,10 +11,10 @@ from flexslew_plant.arrays import Vector
 _GRID = 0.05  # relative distance of its frequencies
 # Next to a known mode: how many places on either side, and how many times its price a mode must
 # explain there, where the non-linear part is left, too.
-_BESIDE, _DEARER = 6, 10.0
+_OFFSET_COUNT, _PRICE_FACTOR = 6, 10.0
 
 
-def missed_mode(
+def missing_mode(
     signals: RegressorSignals, solution: Solution, noise: Vector, band: tuple[float, float]
 ) -> Oscillator | None:
     """Return the oscillator of a grid that explains most of what is left; None: none pays.
@@ -35,27 +35,27 @@ def missed_mode(
         if any(abs(w / mode.frequency - 1.0) < 0.5 * _GRID for mode in solution.modes):
             continue
         one = Oscillator(float(w), 0.5 * _GRID)  # half its width: none falls between two
-        explained = gain(now, one)
-        if explained > most:
-            most, best = explained, one
+        cost_reduction = gain(now, one)
+        if cost_reduction > most:
+            most, best = cost_reduction, one
     if best is None:
-        most *= _DEARER
-        for one in _neighbours(solution.modes, signals.record.duration):
-            explained = gain(now, one)
-            if explained > most:
-                most, best = explained, one
+        most *= _PRICE_FACTOR
+        for one in _near_modes(solution.modes, signals.record.duration):
+            cost_reduction = gain(now, one)
+            if cost_reduction > most:
+                most, best = cost_reduction, one
     return best
 
 
-def _neighbours(modes: tuple[Oscillator, ...], duration: float) -> list[Oscillator]:
+def _near_modes(modes: tuple[Oscillator, ...], duration: float) -> list[Oscillator]:
     """Return oscillators next to modes, from half a period of the record to half the grid away."""
     found = []
     for mode in modes:
         nearest = np.pi / (duration * mode.frequency)
         if nearest < 0.5 * _GRID:
-            for away in np.geomspace(nearest, 0.5 * _GRID, _BESIDE).tolist():
-                sides = (1.0 - away, 1.0 + away)
-                found += [Oscillator(side * mode.frequency, 0.5 * away) for side in sides]
+            for offset in np.geomspace(nearest, 0.5 * _GRID, _OFFSET_COUNT).tolist():
+                sides = (1.0 - offset, 1.0 + offset)
+                found += [Oscillator(side * mode.frequency, 0.5 * offset) for side in sides]
     return found
 
 
@@ -73,19 +73,21 @@ def split_mode(
     """
     problem = ModalLeastSquares(signals, noise)
     now = problem.solve(solution.modes, slopes=False).cost
-    most, best = now - _DEARER * price(problem), None
+    most, best = now - _PRICE_FACTOR * price(problem), None
     for mode in solution.modes:
         others = tuple(one for one in solution.modes if one is not mode)
         nearest = np.pi / (signals.record.duration * mode.frequency)
         if nearest >= 0.5 * _GRID:
             continue
-        for away in np.geomspace(nearest, 0.5 * _GRID, _BESIDE).tolist():
-            for damping in (0.5 * away, 0.2 * away):
-                pair = [Oscillator(s * mode.frequency, damping) for s in (1.0 - away, 1.0 + away)]
-                tried = tuple(sorted((*others, *pair), key=lambda one: one.frequency))
-                cost = problem.solve(tried, slopes=False).cost
+        for offset in np.geomspace(nearest, 0.5 * _GRID, _OFFSET_COUNT).tolist():
+            for damping in (0.5 * offset, 0.2 * offset):
+                pair = [
+                    Oscillator(s * mode.frequency, damping) for s in (1.0 - offset, 1.0 + offset)
+                ]
+                candidate = tuple(sorted((*others, *pair), key=lambda one: one.frequency))
+                cost = problem.solve(candidate, slopes=False).cost
                 if cost < most:
-                    most, best = cost, tried
+                    most, best = cost, candidate
     return best
 
 
@@ -108,17 +110,17 @@ def gain(solution: Solution, mode: Oscillator) -> float:
     """
     problem = solution.problem
     pair = problem.signals.responses(mode)
-    turned: dict[int, tuple[Vector, Vector]] = {}  # of groups with the same columns
+    projected: dict[int, tuple[Vector, Vector]] = {}  # of groups with the same columns
     total = 0.0
     for part in solution.parts:
         key = id(part.basis)
-        if key not in turned:
+        if key not in projected:
             columns = np.vstack([w * pair[which] for _, which, w in problem.rows(part.group)])
             columns = columns / np.sqrt(np.einsum("ij,ij->j", columns, columns))
             basis = part.basis
             columns -= basis.columns @ basis.projection.coordinates(columns)
-            turned[key] = columns, columns.T @ columns
-        columns, gram = turned[key]
+            projected[key] = columns, columns.T @ columns
+        columns, gram = projected[key]
         along = columns.T @ part.residual
         try:
             total += 0.5 * float(along @ solve(gram, along, assume_a="pos"))

@@ -15,8 +15,8 @@ from flexslew_lab.identification.separable import ModalLeastSquares, Solution
 from flexslew_plant.arrays import Matrix, Vector
 
 FLOOR = 1e-6  # of an output's largest value: what no sensor resolves, and no fit may explain
-_ROUNDS = 30
-_GROWS = 20.0  # exponent by which a mode may grow over the record: it rings, or is none
+_MAX_ITERATIONS = 30
+_MAX_EXPONENT = 20.0  # exponent by which a mode may grow over the record: it rings, or is none
 _CONVERGED = 1e-2  # of a step, in standard deviations
 
 
@@ -59,7 +59,7 @@ def refined(
     signals: RegressorSignals,
     modes: tuple[Oscillator, ...],
     noise: Vector,
-    rounds: int = _ROUNDS,
+    iterations: int = _MAX_ITERATIONS,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Solution, Vector]:
     """Return the least squares of the residual over frequencies and damping, and the noise found.
@@ -71,35 +71,35 @@ def refined(
         signals: of the experiment.
         modes: to start from.
         noise: first estimate of every output's standard deviation, (outputs,).
-        rounds: at most.
+        iterations: at most.
         progress: called with the cost after every step.
     """
     problem = ModalLeastSquares(signals, noise)
     now, damping = problem.solve(modes), 1e-3
-    for _ in range(rounds):
+    for _ in range(iterations):
         if progress is not None:
             progress(now.cost)
-        information, downhill = now.information, now.gradient
-        if not len(downhill):
+        information, gradient = now.information, now.gradient
+        if not len(gradient):
             break
         step = np.asarray(
-            np.linalg.solve(information + damping * np.diag(np.diag(information)), downhill)
+            np.linalg.solve(information + damping * np.diag(np.diag(information)), gradient)
         )
-        tried = _after_step(now.modes, step[: 2 * len(modes)], signals.record.duration)
-        there = None
-        if tried is not None:
-            moved = now.problem.signals.with_efforts_moved(step[2 * len(modes) :])
-            there = ModalLeastSquares(moved, problem.noise).solve(tried)
-        if there is None or there.cost > now.cost * (1.0 + 1e-12):
+        candidate = _after_step(now.modes, step[: 2 * len(modes)], signals.record.duration)
+        next_solution = None
+        if candidate is not None:
+            step_signals = now.problem.signals.with_effort_step(step[2 * len(modes) :])
+            next_solution = ModalLeastSquares(step_signals, problem.noise).solve(candidate)
+        if next_solution is None or next_solution.cost > now.cost * (1.0 + 1e-12):
             damping = max(10.0 * damping, 1e-6)
             if damping > 1e8:
                 break
             continue
-        deviations = np.sqrt(np.maximum(step @ information @ step, 0.0))
+        step_deviation = np.sqrt(np.maximum(step @ information @ step, 0.0))
         damping = 0.1 * damping if damping > 1e-9 else 0.0
-        problem = ModalLeastSquares(there.problem.signals, noise_of(there))
-        now = problem.solve(there.modes)
-        if deviations < _CONVERGED:
+        problem = ModalLeastSquares(next_solution.problem.signals, noise_of(next_solution))
+        now = problem.solve(next_solution.modes)
+        if step_deviation < _CONVERGED:
             break
     return now, noise_of(now)
 
@@ -112,7 +112,7 @@ def _after_step(
     for k, mode in enumerate(modes):
         w, zeta = mode.frequency + step[2 * k], mode.damping_ratio + step[2 * k + 1]
         near = 0.5 * mode.frequency < w < 2.0 * mode.frequency
-        if not (near and zeta * w * duration > -_GROWS and zeta < 0.9):
+        if not (near and zeta * w * duration > -_MAX_EXPONENT and zeta < 0.9):
             return None
         out.append(Oscillator(float(w), float(zeta)))
     return tuple(out)
@@ -127,8 +127,11 @@ def noise_of(solution: Solution) -> Vector:
         part = next(p for p in solution.parts if column in (p.group.position, p.group.rate))
         fitted = part.weights.size / (2 if min(part.group.position, part.group.rate) >= 0 else 1)
         if record.pieces is not None:  # those that this output's group takes for unknown efforts
-            own = slice(2 * len(solution.modes), None)
-            fitted += np.sum(solution.covariance[own, own] * part.information[own, own])
+            group_terms = slice(2 * len(solution.modes), None)
+            fitted += np.sum(
+                solution.covariance[group_terms, group_terms]
+                * part.information[group_terms, group_terms]
+            )
         residual = solution.residual_of(column)
         n = whole if record.known is None else record.samples(column)
         found[column] = np.sqrt(residual @ residual / max(n - fitted, 1.0))
@@ -142,17 +145,17 @@ def modal_fit(solution: Solution) -> ModalFit:
     inputs = problem.record.effort.shape[1]
     order = np.argsort([mode.frequency for mode in modes])
     covariance = solution.covariance
-    both = np.array([[2 * k, 2 * k + 1] for k in order], dtype=int).ravel()
+    indices = np.array([[2 * k, 2 * k + 1] for k in order], dtype=int).ravel()
     displacements = [p for p in solution.parts if p.group.position >= 0]
     residues = np.zeros((len(modes), len(displacements), inputs))
     lags = np.zeros(residues.shape)
     inverse, spread = [], []
     for row, part in enumerate(displacements):
         for place, k in enumerate(order):
-            own, w = part.of_modes[k], modes[k].frequency
-            residues[place, row] = own[:inputs] * w**2
-            if own.size > inputs + 2:
-                lags[place, row] = own[inputs + 2 :]
+            group_terms, w = part.of_modes[k], modes[k].frequency
+            residues[place, row] = group_terms[:inputs] * w**2
+            if group_terms.size > inputs + 2:
+                lags[place, row] = group_terms[inputs + 2 :]
         if part.group.rigid:
             first = bias_columns(part.group)
             inverse.append(part.weights[first : first + inputs])
@@ -166,7 +169,7 @@ def modal_fit(solution: Solution) -> ModalFit:
     residual = problem.residual_in_time(modes, solution.parts)
     return ModalFit(
         tuple(modes[k] for k in order),
-        covariance[np.ix_(both, both)],
+        covariance[np.ix_(indices, indices)],
         residues,
         lags,
         np.array(inverse).reshape(joints, inputs),
@@ -197,28 +200,28 @@ def prediction_error(record: Record, fit: ModalFit) -> Matrix:
         for column, which in ((group.position, 0), (group.rate, 1)):
             if column < 0:
                 continue
-            away = record.measured[:, column].copy()
+            remainder = record.measured[:, column].copy()
             if group.rigid:
-                away -= signals.rigid[which] @ fit.inverse_inertia[joint]
-            own = [signals.line if which == 0 and group.rigid else signals.constant]
+                remainder -= signals.rigid[which] @ fit.inverse_inertia[joint]
+            group_terms = [signals.line if which == 0 and group.rigid else signals.constant]
             for k, (mode, columns) in enumerate(zip(fit.modes, terms[which].modes, strict=True)):
-                away -= columns[:, :inputs] @ (fit.residues[k, row] / mode.frequency**2)
-                away -= columns[:, inputs + 2 :] @ fit.lags[k, row]
-                own.append(columns[:, inputs : inputs + 2])
-            free = np.hstack(own)
+                remainder -= columns[:, :inputs] @ (fit.residues[k, row] / mode.frequency**2)
+                remainder -= columns[:, inputs + 2 :] @ fit.lags[k, row]
+                group_terms.append(columns[:, inputs : inputs + 2])
+            free = np.hstack(group_terms)
             free /= np.sqrt(np.einsum("ij,ij->j", free, free))
-            left[:, column] = _left(record, column, free, away)
+            left[:, column] = _left(record, column, free, remainder)
         row += group.position >= 0
         joint += group.rigid and group.position >= 0
     return left
 
 
-def _left(record: Record, column: int, free: Matrix, away: Vector) -> Vector:
+def _left(record: Record, column: int, free: Matrix, remainder: Vector) -> Vector:
     """Return what free motions leave of an output, 0 where it has no sample, (ticks + 1,)."""
     if record.known is None:
-        return Projection(free).solve(away)[1]
-    left, at = np.zeros_like(away), record.known[:, column]
-    left[at] = Projection(free[at]).solve(away[at])[1]
+        return Projection(free).solve(remainder)[1]
+    left, at = np.zeros_like(remainder), record.known[:, column]
+    left[at] = Projection(free[at]).solve(remainder[at])[1]
     return left
 
 

@@ -37,7 +37,7 @@ def testbed_of(found: ModalModel) -> IdentifiedTestbed:
             f"{record.source}: shaken were {', '.join(record.inputs)}, measured "
             f"{', '.join(record.joints) or 'no joints'}: a model needs both of every joint"
         )
-    rows, tips = list(record.driven), record.columns(Quantity.DEFLECTION)
+    rows, tips = list(record.actuation), record.columns(Quantity.DEFLECTION)
     inverse = fit.inverse_inertia[rows]
     inverse = 0.5 * (inverse + inverse.T)
     if np.linalg.eigvalsh(inverse).min() <= 0.0:

@@ -7,14 +7,14 @@ import numpy as np
 from scipy.signal import welch
 from scipy.stats import chi2, norm
 
-from flexslew_lab.identification.clocks import evened
+from flexslew_lab.identification.clocks import resample_evenly
 from flexslew_lab.identification.modal_fit import ModalFit, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import RegressorSignals
-from flexslew_lab.identification.selection import pruned, selected
+from flexslew_lab.identification.selection import prune, selected
 from flexslew_lab.identification.separable import Solution
-from flexslew_lab.identification.subspace import METHODS, Poles, slowed, stable
+from flexslew_lab.identification.subspace import METHODS, Poles, resample, stable
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
@@ -25,10 +25,10 @@ _SEPARATE = 0.01  # relative distance of two modes, at least
 _SINGULAR = 1e4  # condition number from which inertias cannot be separated
 _POWER = 0.99  # of the efforts' power in the band, where no band is given
 _BELOW = 0.5  # of the band, down to which modes are looked for [-]
-_BEYOND = 1.3  # of the band, from which on a mode stands for others [-]
-_FADING = 0.5  # damping ratio beyond which a mode may be none [-]
-_SEARCHES = 3  # at most, of a record with gaps, each with better estimates of its efforts
-_SHAKEN = 1e-3  # of the efforts' power that a band must hold
+_ABOVE = 1.3  # of the band, from which on a mode stands for others [-]
+_DAMPING_LIMIT = 0.5  # damping ratio beyond which a mode may be none [-]
+_SEARCH_LIMIT = 3  # at most, of a record with gaps, each with better estimates of its efforts
+_MIN_POWER_SHARE = 1e-3  # of the efforts' power that a band must hold
 
 
 @dataclass(frozen=True)
@@ -108,15 +108,15 @@ class ModalModel:
         return sum(self._outside(mode) for mode in self.modes)
 
     def _outside(self, mode: FittedMode) -> bool:
-        low, high = _BELOW * self.band[0], _BEYOND * self.band[1]
+        low, high = _BELOW * self.band[0], _ABOVE * self.band[1]
         return not low <= mode.frequency.value <= high
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """What the model lacks, and modes that may be none: outside of the band, or fading fast."""
-        coloured = ", ".join(w.output for w in self.whiteness if not w.white)
-        lacks = (
-            f"the residual of {coloured} is not white: something moves that the model lacks, or "
+        not_white = ", ".join(w.output for w in self.whiteness if not w.white)
+        warning = (
+            f"the residual of {not_white} is not white: something moves that the model lacks, or "
             "the steps of a sensor are coarser than its noise; intervals are too narrow"
         )
         outside = tuple(
@@ -131,9 +131,9 @@ class ModalModel:
             "of the motors, of which the rigid motion that is assumed has none, and inertias may "
             "be further off than their intervals"
             for k, mode in enumerate(self.modes, 1)
-            if mode.damping_ratio.value > _FADING
+            if mode.damping_ratio.value > _DAMPING_LIMIT
         )
-        return ((lacks,) if coloured else ()) + outside + fast
+        return ((warning,) if not_white else ()) + outside + fast
 
 
 def identify_modes(
@@ -156,24 +156,24 @@ def identify_modes(
         BadInput: the drives were saturated, the record is shorter than ten periods of the band's
             end, the efforts do not shake the band, or ctrlsys is missing.
     """
-    tell = progress or (lambda words: None)
-    even = evened(record)
+    report = progress or (lambda words: None)
+    even = resample_evenly(record)
     band = band or power_band(even)
     _require(even, band)
-    slow = slowed(even, band[1])
+    slow = resample(even, band[1])
     starts = []
     for name, method in METHODS.items():
-        tell(f"poles by {name}")
+        report(f"poles by {name}")
         starts.append(method(slow, _ORDERS))
     edges = _BELOW * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
     candidates = _merged([mode for poles in starts for mode in stable(poles, *edges)])
-    tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
+    report(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
     lowest = 0.0 if record.pieces is None else edges[0]
     modes, noise = _select_modes(RegressorSignals(even, band[1], lowest), candidates, edges)
     solution = _refined_whole(RegressorSignals(record, None), modes, noise)
-    for _ in range(_SEARCHES if record.pieces is not None else 0):
-        tell(f"{len(solution.modes)} modes; searched again with the efforts that were estimated")
-        signals = RegressorSignals(evened(_filled(solution)), band[1])
+    for _ in range(_SEARCH_LIMIT if record.pieces is not None else 0):
+        report(f"{len(solution.modes)} modes; searched again with the efforts that were estimated")
+        signals = RegressorSignals(resample_evenly(_filled(solution)), band[1])
         modes, noise = _select_modes(signals, solution.modes, edges)
         if len(modes) == len(solution.modes):
             break
@@ -195,8 +195,8 @@ def _select_modes(
     signals: RegressorSignals, candidates: tuple[Oscillator, ...], edges: tuple[float, float]
 ) -> tuple[tuple[Oscillator, ...], Vector]:
     """Return the candidates that are modes and the noise; the signals of the search are freed."""
-    chosen = selected(signals, candidates, edges)
-    return chosen.modes, noise_of(chosen)
+    selection = selected(signals, candidates, edges)
+    return selection.modes, noise_of(selection)
 
 
 def _filled(solution: Solution) -> Record:
@@ -218,22 +218,22 @@ def _refined_whole(
     """
     solution, noise = refined(whole, modes, noise)
     whole = solution.problem.signals
-    paying = pruned(whole, solution.modes, noise)
-    if len(paying) < len(solution.modes):  # one stood for what complex shapes explain now
-        solution, _ = refined(whole, paying, noise)
-    return solution if whole.record.pieces is None else _without_drifts(solution)
+    remaining_modes = prune(whole, solution.modes, noise)
+    if len(remaining_modes) < len(solution.modes):  # one stood for what complex shapes explain now
+        solution, _ = refined(whole, remaining_modes, noise)
+    return solution if whole.record.pieces is None else _without_drift(solution)
 
 
-def _without_drifts(solution: Solution) -> Solution:
+def _without_drift(solution: Solution) -> Solution:
     """Return a fit without the modes that estimated efforts make superfluous.
 
     Errors of the first guesses add up to a drift that a slow mode may follow.
     """
     for mode in solution.modes:
         others = tuple(one for one in solution.modes if one is not mode)
-        fewer, _ = refined(solution.problem.signals, others, solution.problem.noise)
-        if modal_fit(fewer).criterion < modal_fit(solution).criterion:
-            return _without_drifts(fewer)
+        reduced, _ = refined(solution.problem.signals, others, solution.problem.noise)
+        if modal_fit(reduced).criterion < modal_fit(solution).criterion:
+            return _without_drift(reduced)
     return solution
 
 
@@ -267,12 +267,16 @@ def _require(record: Record, band: tuple[float, float]) -> None:
             "rad/s, the end of the band; at least 10 are needed"
         )
     w, share = _power_below(record)
-    inside = float(np.interp(band[1], w, share) - np.interp(_BELOW * band[0], w, share, left=0.0))
-    if inside < _SHAKEN:
+    power_share = float(
+        np.interp(band[1], w, share) - np.interp(_BELOW * band[0], w, share, left=0.0)
+    )
+    if power_share < _MIN_POWER_SHARE:
         low, high = power_band(record)
         raise BadInput(
-            f"{record.source}: the band of {band[0]:.3g} to {band[1]:.3g} rad/s holds {inside:.1g} "
-            f"of the efforts' power, and at least {_SHAKEN:g} is needed: no excitation there, they "
+            f"{record.source}: the band of {band[0]:.3g} to {band[1]:.3g} rad/s holds "
+            f"{power_share:.1g} "
+            f"of the efforts' power, and at least {_MIN_POWER_SHARE:g} is needed: no excitation "
+            "there, they "
             f"shake {low:.3g} to {high:.3g} rad/s"
         )
 
@@ -292,14 +296,14 @@ def _fitted_modes(fit: ModalFit, record: Record) -> tuple[FittedMode, ...]:
     for k, mode in enumerate(fit.modes):
         residues = fit.residues[k]
         left, _, right = np.linalg.svd(residues)
-        shape, drive = left[:, 0], right[0]
-        sign = 1.0 if drive[int(np.argmax(np.abs(drive)))] > 0.0 else -1.0
+        shape, input_shape = left[:, 0], right[0]
+        sign = 1.0 if input_shape[int(np.argmax(np.abs(input_shape)))] > 0.0 else -1.0
         found.append(
             FittedMode(
                 interval(mode.frequency, spread[2 * k]),
                 interval(mode.damping_ratio, spread[2 * k + 1]),
                 record.duration * mode.frequency / (2.0 * np.pi),
-                sign * drive / np.abs(drive).max(),
+                sign * input_shape / np.abs(input_shape).max(),
                 sign * shape / np.abs(shape).max(),
             )
         )
@@ -308,7 +312,7 @@ def _fitted_modes(fit: ModalFit, record: Record) -> tuple[FittedMode, ...]:
 
 def _inertia(fit: ModalFit, record: Record) -> tuple[tuple[Interval, ...], ...]:
     """Return the inverse of R0 with intervals by the delta method."""
-    rows, inputs = list(record.driven), len(record.inputs)
+    rows, inputs = list(record.actuation), len(record.inputs)
     inverse = fit.inverse_inertia[rows]
     # a drive on an appendage moves the same rigid body as those on the platform do
     if not rows or np.linalg.cond(inverse) > _SINGULAR:
@@ -341,9 +345,9 @@ def whiteness_of(record: Record, residual: Matrix) -> tuple[Whiteness, ...]:
     bound = float(chi2.ppf(0.99 ** (1.0 / len(record.outputs)), _WHITE_LAGS))
     found = []
     for output, column in zip(record.outputs, residual.T, strict=True):
-        centred = column - column.mean()
-        size = float(centred @ centred) or 1.0
-        r = np.array([float(centred[k:] @ centred[:-k]) for k in lags]) / size
+        centered = column - column.mean()
+        size = float(centered @ centered) or 1.0
+        r = np.array([float(centered[k:] @ centered[:-k]) for k in lags]) / size
         found.append(
             Whiteness(output.name, float(n * (n + 2.0) * (r**2 / (n - lags)).sum()), bound)
         )

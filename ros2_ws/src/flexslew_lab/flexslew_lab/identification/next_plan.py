@@ -8,9 +8,9 @@ from flexslew_lab.identification.model_file import testbed_of
 from flexslew_lab.identification.modes import ModalModel
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.logged_controllers import trial_of
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.run.metrics_observer import MetricsObserver
-from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up, trial_of_values
+from flexslew_lab.trial.trial import Trial, plan_of_trial, set_plan, set_up, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import initial_positions
@@ -33,7 +33,7 @@ class NextPlan(NamedTuple):
     again: float
 
 
-def next_plan(bag: BagReader, found: ModalModel, flown: Plan) -> NextPlan:
+def next_plan(bag: BagReader, found: ModalModel, recorded_plan: Plan) -> NextPlan:
     """Return what the plan of a log leaves at the tips, and one that believes what was found.
 
     Both are flown in simulation on the bench that was found, under the same controllers, with the
@@ -42,7 +42,7 @@ def next_plan(bag: BagReader, found: ModalModel, flown: Plan) -> NextPlan:
     Args:
         bag: of the manoeuvre.
         found: modes of its record.
-        flown: the plan that its log has.
+        recorded_plan: the plan that its log has.
 
     Raises:
         BadInput: what was found is no bench to plan with, the trial had no plan that slews, or the
@@ -55,11 +55,11 @@ def next_plan(bag: BagReader, found: ModalModel, flown: Plan) -> NextPlan:
     plan = values.get("plan")
     if not isinstance(plan, dict) or "model" not in plan:
         raise BadInput(f"{bag.path}: its trial has no plan with a design model")
-    believes = plain(replace(bench, initial={}))
-    on = _on(trial, bench, {"plan": plan | {"model": believes}}, str(bag.path))
-    again = plan_of_trial(on, predict=False)
-    assert again is not None  # a section with a model is a planner's
-    return NextPlan(flown.method, _residual(on, flown), _residual(on, again))
+    model_section = plain(replace(bench, initial={}))
+    on = _on(trial, bench, {"plan": plan | {"model": model_section}}, str(bag.path))
+    new_plan = plan_of_trial(on, predict=False)
+    assert new_plan is not None  # a section with a model is a planner's
+    return NextPlan(recorded_plan.method, _residual(on, recorded_plan), _residual(on, new_plan))
 
 
 def _on(trial: Trial, bench: IdentifiedTestbed, changes: dict[str, object], place: str) -> Trial:
@@ -70,10 +70,10 @@ def _on(trial: Trial, bench: IdentifiedTestbed, changes: dict[str, object], plac
 
 def _residual(trial: Trial, plan: Plan) -> float:
     bench, controllers = set_up(trial, trial.name)
-    if (refused := follow(controllers, trial.active, plan)) is not None:
-        raise BadInput(f"{trial.name}: {refused}")
+    if (reason := set_plan(controllers, trial.active, plan)) is not None:
+        raise BadInput(f"{trial.name}: {reason}")
     seen = MetricsObserver(bench, plan)
-    fly(bench, controllers, seen)
+    run_bench(bench, controllers, seen)
     value = seen.result()[_METRIC]
     if value is None:
         raise BadInput(f"{trial.name}: the run ends with its plan: nothing is left to compare")

@@ -17,23 +17,23 @@ class Oscillator:
     def transition(self, h: float | Vector) -> np.ndarray:
         """Return exp(A h) of x = (q, q'), shape (2, 2), or (ticks, 2, 2) of many lengths."""
         w, s = self.frequency, self.damping_ratio * self.frequency
-        c, n = self._decaying(h)
+        c, n = self._decay_terms(h)
         found = np.array([[c + s * n, n], [-w * w * n, c - s * n]])
         return np.moveaxis(np.asarray(found, dtype=np.float64), (0, 1), (-2, -1))
 
     def step_response(self, t: Matrix) -> tuple[Matrix, Matrix]:
         """Return w^2 q and w^2 q' at times t after a unit effort begins, from rest."""
         w, s = self.frequency, self.damping_ratio * self.frequency
-        c, n = self._decaying(t)
+        c, n = self._decay_terms(t)
         return 1.0 - c - s * n, w * w * n
 
-    def _decaying(self, t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _decay_terms(self, t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return exp(-s t) cos(wd t) and exp(-s t) sin(wd t) / wd, also for an imaginary wd."""
         w, s = self.frequency, self.damping_ratio * self.frequency
         square = w * w - s * s
         if square > 0.0:
-            wd, fading = np.sqrt(square), np.exp(-s * t)
-            return fading * np.cos(wd * t), fading * (np.sin(wd * t) / wd)
+            wd, decay = np.sqrt(square), np.exp(-s * t)
+            return decay * np.cos(wd * t), decay * (np.sin(wd * t) / wd)
         wd = np.sqrt(-square) if square < 0.0 else 1e-12  # overdamped
         slow = np.exp((wd - s) * t)
         return 0.5 * slow * (1.0 + np.exp(-2.0 * wd * t)), -0.5 * slow * np.expm1(
@@ -67,7 +67,7 @@ def _sweep(
 ) -> None:
     """Write sums of what an oscillator does, column by column."""
     inputs = effort.shape[1]
-    own = 1 if step.shape[0] > 1 else 0  # transition of each tick, or one for all
+    stride = 1 if step.shape[0] > 1 else 0  # transition of each tick, or one for all
     last = step.shape[0] - 1
     for column in range(inputs + 2):
         x = 1.0 if column == inputs else 0.0
@@ -77,10 +77,10 @@ def _sweep(
             for _ in range(each):
                 q[row, column] += x
                 rate[row, column] += v
-                k = min(own * tick, last)  # behind the last tick nothing is read
-                ahead = step[k, 0, 0] * x + step[k, 0, 1] * v
+                k = min(stride * tick, last)  # behind the last tick nothing is read
+                next_x = step[k, 0, 0] * x + step[k, 0, 1] * v
                 v = step[k, 1, 0] * x + step[k, 1, 1] * v
-                x = ahead
+                x = next_x
                 if column < inputs and tick < effort.shape[0]:
                     x += gain[k, 0] * effort[tick, column]
                     v += gain[k, 1] * effort[tick, column]
@@ -97,5 +97,5 @@ def double_integral(effort: Matrix, h: float | Vector) -> tuple[Matrix, Matrix]:
     start = np.zeros((1, effort.shape[1]))
     h = np.reshape(h, (-1, 1))
     rate = np.vstack((start, np.cumsum(h * effort, axis=0)))
-    moved = np.cumsum(h * rate[:-1] + 0.5 * h * h * effort, axis=0)
-    return np.vstack((start, moved)), rate
+    position = np.cumsum(h * rate[:-1] + 0.5 * h * h * effort, axis=0)
+    return np.vstack((start, position)), rate

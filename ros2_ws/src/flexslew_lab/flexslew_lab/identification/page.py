@@ -11,9 +11,9 @@ from flexslew_lab.identification.record import Output
 from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_plant.arrays import Vector
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 
-_SHOWN = 2000  # points of a residual's curve
+_MAX_POINTS = 2000  # points of a residual's curve
 
 
 def identification_page(found: Identification) -> str:
@@ -29,8 +29,8 @@ def identification_page(found: Identification) -> str:
         verdict=verdict(found),
         modes=[
             [
-                shown(mode.frequency),
-                shown(mode.damping_ratio),
+                format_interval(mode.frequency),
+                format_interval(mode.damping_ratio),
                 f"{mode.periods:.0f}",
                 ", ".join(
                     f"{name} {value:+.2f}"
@@ -41,12 +41,12 @@ def identification_page(found: Identification) -> str:
         ],
         joints=model.record.inputs,
         inertia=[
-            (name, [shown(entry) for entry in row])
+            (name, [format_interval(entry) for entry in row])
             for name, row in zip(model.record.inputs, model.inertia, strict=False)
         ],
         parameters=[]
         if found.physical is None
-        else [(p.key, shown(p.value)) for p in found.physical.parameters],
+        else [(p.key, format_interval(p.value)) for p in found.physical.parameters],
         warnings=[] if found.physical is None else list(found.physical.warnings),
         without_response=found.without_response,
         whiteness=[
@@ -72,13 +72,13 @@ def summary_rows(found: Identification) -> list[tuple[str, str]]:
     model = found.model
     rows = []
     for k, mode in enumerate(model.modes, 1):
-        rows.append((f"mode {k}, frequency [rad/s]", shown(mode.frequency)))
-        words = f"{shown(mode.damping_ratio)} over {mode.periods:.0f} periods"
+        rows.append((f"mode {k}, frequency [rad/s]", format_interval(mode.frequency)))
+        words = f"{format_interval(mode.damping_ratio)} over {mode.periods:.0f} periods"
         rows.append((f"mode {k}, damping ratio", words))
     for k, (name, row) in enumerate(zip(model.record.inputs, model.inertia, strict=False)):
-        rows.append((f"inertia, {name}", shown(row[k])))
+        rows.append((f"inertia, {name}", format_interval(row[k])))
     if found.physical is not None:
-        rows += [(p.key, shown(p.value)) for p in found.physical.parameters]
+        rows += [(p.key, format_interval(p.value)) for p in found.physical.parameters]
         rows += [("warning", words) for words in found.physical.warnings]
     if found.without_response:
         rows.append(("no frequency responses", found.without_response))
@@ -89,7 +89,7 @@ def verdict(found: Identification) -> str:
     """Return in one sentence what was found and whether to trust it."""
     model = found.model
     words = [
-        f"{counted(len(model.modes) - model.outside, 'mode')} between {model.band[0]:.3g} and "
+        f"{count_text(len(model.modes) - model.outside, 'mode')} between {model.band[0]:.3g} and "
         f"{model.band[1]:.3g} rad/s{f', {model.outside} outside,' if model.outside else ''} from "
         f"{model.record.duration:.4g} s"
     ]
@@ -120,11 +120,13 @@ def responses(response: FrequencyResponse) -> Group:
         unit = per_effort(response, output)
         panel = Panel(output.name, unit, log=True, height=200, x_title="frequency [rad/s]")
         for i, name in enumerate(response.inputs):
-            look = style(i)
+            plot_style = style(i)
             size, radius = np.abs(response.response[:, o, i]), response.radius[:, o, i]
-            panel.line(w, size, f"from {name}", look, mode="lines+markers", marker={"size": 4})
+            panel.line(
+                w, size, f"from {name}", plot_style, mode="lines+markers", marker={"size": 4}
+            )
             for edge in (size + radius, np.maximum(size - radius, 1e-3 * size)):
-                panel.line(w, edge, f"from {name}", {**look, "width": 0.6, "dash": "dot"})
+                panel.line(w, edge, f"from {name}", {**plot_style, "width": 0.6, "dash": "dot"})
             if f"from {name}" not in names:
                 names.append(f"from {name}")
         values = np.abs(response.response[:, o])
@@ -143,10 +145,12 @@ def stabilisation(found: Identification) -> Group:
     names = []
     for k, poles in enumerate(found.model.starts):
         points = [(m.frequency, order) for order, ms in poles.by_order.items() for m in ms]
-        shown = [p for p in points if found.model.band[0] * 0.5 <= p[0] <= found.model.band[1]]
-        x, y = (np.array([p[axis] for p in shown], dtype=np.float64) for axis in (0, 1))
-        look = {"size": 6, "color": style(k)["color"], "symbol": k}
-        panel.line(x, y, poles.method, {}, mode="markers", marker=look)
+        band_points = [
+            p for p in points if found.model.band[0] * 0.5 <= p[0] <= found.model.band[1]
+        ]
+        x, y = (np.array([p[axis] for p in band_points], dtype=np.float64) for axis in (0, 1))
+        plot_style = {"size": 6, "color": style(k)["color"], "symbol": k}
+        panel.line(x, y, poles.method, {}, mode="markers", marker=plot_style)
         names.append(poles.method)
     top = max((max(p.by_order, default=1) for p in found.model.starts), default=1)
     for mode in found.model.modes:
@@ -181,12 +185,12 @@ def residuals(found: Identification) -> Group:
 
 
 def _autocorrelation(values: Vector, lags: Any) -> Vector:
-    centred = values - values.mean()
-    size = float(centred @ centred) or 1.0
-    return np.array([float(centred[k:] @ centred[: len(centred) - k]) / size for k in lags])
+    centered = values - values.mean()
+    size = float(centered @ centered) or 1.0
+    return np.array([float(centered[k:] @ centered[: len(centered) - k]) / size for k in lags])
 
 
-def shown(one: Interval) -> str:
+def format_interval(one: Interval) -> str:
     """Return an estimate with half of its interval, for people."""
     half = 0.5 * (one.high - one.low)
     return f"{one.value:.6g} ± {half:.2g}"

@@ -42,24 +42,28 @@ class Part:
     sigma: float  # standard deviation of the first quantity's noise
     basis: SharedColumns
     residual: Vector  # in standard deviations
-    downhill: Vector  # J^T r
+    gradient: Vector  # J^T r
     information: Matrix  # J^T J
     along: Matrix  # d(linear)/d(nonlinear) of the scaled columns, negative
     own: Matrix  # what turns the slopes of all columns into those by the modes' numbers
 
-    def with_pieces(self, downhill: Vector, cross: Matrix, own: Matrix, along: Matrix) -> "Part":
+    def with_pieces(
+        self, gradient: Vector, cross: Matrix, piece_information: Matrix, along: Matrix
+    ) -> "Part":
         """Return the part with unknown efforts behind the numbers of the modes.
 
         Args:
-            downhill: slopes by the pieces times the residual, (pieces,).
+            gradient: slopes by the pieces times the residual, (pieces,).
             cross: slopes by the modes' numbers times those by the pieces, (2 modes, pieces).
-            own: slopes by the pieces times one another, (pieces, pieces).
+            piece_information: slopes by the pieces times one another, (pieces, pieces).
             along: weights of the columns in the pulses, (n, pieces).
         """
         cross = cross / self.sigma**2
         return replace(
             self,
-            downhill=np.concatenate((self.downhill, downhill / self.sigma)),
-            information=np.block([[self.information, cross], [cross.T, own / self.sigma**2]]),
+            gradient=np.concatenate((self.gradient, gradient / self.sigma)),
+            information=np.block(
+                [[self.information, cross], [cross.T, piece_information / self.sigma**2]]
+            ),
             along=np.hstack((self.along, along)),
         )

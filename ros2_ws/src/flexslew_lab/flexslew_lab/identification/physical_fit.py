@@ -15,17 +15,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares, linear_sum_assignment
 
-from flexslew_lab.identification.flights import Flights, Mismatch, nested
+from flexslew_lab.identification.flights import FlightSimulation, Mismatch, nested
 from flexslew_lab.identification.modes import Interval, ModalModel, interval
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import flat, plain
 from flexslew_plant.testbeds import Testbed, initial_positions
 
-_ROUNDS = 12
+_MAX_ITERATIONS = 12
 _CONVERGED = 1e-2  # of a step, in standard deviations; flights round at some 5e-3 of them
-_ALIKE = 0.99  # correlation from which two parameters cannot be separated
-_UNTOLD = 1e-12  # eigenvalue of the scaled information below which rounding dominates
+_MAX_CORRELATION = 0.99  # correlation from which two parameters cannot be separated
+_RANK_TOLERANCE = 1e-12  # eigenvalue of the scaled information below which rounding dominates
 _UNKNOWN = 0.5  # relative standard deviation from which a parameter is not known at all
 _LIGHT = 0.1  # weight of damping and inertia relative to frequencies, for a start
 _PREFIX = "testbed."
@@ -82,27 +82,27 @@ def fit_parameters(
     Raises:
         BadInput: a key is no number of the testbed, or no flight explains the record.
     """
-    tell = progress or (lambda words: None)
+    report = progress or (lambda words: None)
     names = tuple(key.removeprefix(_PREFIX) for key in keys)
     first = _values(testbed, names)
-    problem = Flights(found.record, testbed, names)
+    problem = FlightSimulation(found.record, testbed, names)
     start = _by_modes(found, problem, first)
-    tell(f"parameters from the modes: {_words(names, start)}")
+    report(f"parameters from the modes: {_words(names, start)}")
     now, noise = start, found.fit.noise
     state = problem.solve(now, noise)
-    for number in range(1, _ROUNDS + 1):
+    for number in range(1, _MAX_ITERATIONS + 1):
         slopes = problem.slopes(now, state, noise)
         information = slopes.T @ slopes
         step = np.asarray(
             np.linalg.lstsq(information, slopes.T @ state.residual, rcond=1e-14)[0],
             dtype=np.float64,
         )
-        deviations = float(np.sqrt(abs(step @ information @ step)))
+        step_deviation = float(np.sqrt(abs(step @ information @ step)))
         now, state = _along(problem, now, step, state, noise)
         noise = problem.noise_of(state, noise)
         state = problem.solve(now, noise)
-        tell(f"flight {problem.flights}, round {number}: {_words(names, now)}")
-        if deviations < _CONVERGED:
+        report(f"flight {problem.flights}, round {number}: {_words(names, now)}")
+        if step_deviation < _CONVERGED:
             break
     covariance = _covariance(information)
     spread = np.sqrt(np.diag(covariance))
@@ -121,7 +121,7 @@ def _covariance(information: Matrix) -> Matrix:
     size = np.sqrt(np.diag(information))
     size = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
-    scaled = (vectors / np.maximum(values, _UNTOLD)) @ vectors.T
+    scaled = (vectors / np.maximum(values, _RANK_TOLERANCE)) @ vectors.T
     return np.asarray(scaled / np.outer(size, size))
 
 
@@ -150,18 +150,18 @@ def _words(names: tuple[str, ...], values: Vector) -> str:
 
 
 def _along(
-    problem: Flights, now: Vector, step: Vector, state: Mismatch, noise: Vector
+    problem: FlightSimulation, now: Vector, step: Vector, state: Mismatch, noise: Vector
 ) -> tuple[Vector, Mismatch]:
     """Return the parameters after a step, halved until the residual falls."""
     cost = state.residual @ state.residual
     for share in 0.5 ** np.arange(8):
-        tried = problem.solve(now + share * step, noise)
-        if tried.residual @ tried.residual <= cost * (1.0 + 1e-12):
-            return now + share * step, tried
+        candidate = problem.solve(now + share * step, noise)
+        if candidate.residual @ candidate.residual <= cost * (1.0 + 1e-12):
+            return now + share * step, candidate
     return now, state
 
 
-def _by_modes(found: ModalModel, problem: Flights, first: Vector) -> Vector:
+def _by_modes(found: ModalModel, problem: FlightSimulation, first: Vector) -> Vector:
     """Return the parameters that give small motions the modes and the inertia found."""
     if not found.modes:
         return first
@@ -175,16 +175,16 @@ def _by_modes(found: ModalModel, problem: Flights, first: Vector) -> Vector:
         poles = linear.eigenvalues
         poles = poles[poles.imag > 1e-6]
         w, zeta = np.abs(poles), -poles.real / np.abs(poles)
-        mine, theirs = linear_sum_assignment(np.abs(np.log(requested[:, :1] / w)))
+        requested_rows, model_rows = linear_sum_assignment(np.abs(np.log(requested[:, :1] / w)))
         parts = [
-            np.log(w[theirs] / requested[mine, 0]),
-            _LIGHT * (zeta[theirs] - requested[mine, 1]),
+            np.log(w[model_rows] / requested[requested_rows, 0]),
+            _LIGHT * (zeta[model_rows] - requested[requested_rows, 1]),
         ]
         if inertia.size:
             rigid = linear.mass[: model.before_modes, : model.before_modes]
-            pushed = linear.input_matrix[: model.before_modes, problem.inputs]
-            felt = np.linalg.inv(pushed.T @ np.linalg.solve(rigid, pushed))
-            parts.append((_LIGHT * (felt - inertia) / np.diag(inertia).mean()).ravel())
+            input_matrix = linear.input_matrix[: model.before_modes, problem.inputs]
+            effective_inertia = np.linalg.inv(input_matrix.T @ np.linalg.solve(rigid, input_matrix))
+            parts.append((_LIGHT * (effective_inertia - inertia) / np.diag(inertia).mean()).ravel())
         return np.concatenate(parts)
 
     return np.asarray(least_squares(mismatch, first, jac="3-point").x)
@@ -200,6 +200,6 @@ def _warnings(names: tuple[str, ...], correlation: Matrix, spread: Vector) -> tu
             f"{names[j]} and {name} cannot be distinguished (correlation {correlation[i, j]:.4f}); "
             "fit one of them"
             for j in range(i)
-            if abs(correlation[i, j]) > _ALIKE
+            if abs(correlation[i, j]) > _MAX_CORRELATION
         ]
     return tuple(words)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
-_SHORTEST = 64  # ticks
+_MIN_TICKS = 64  # ticks
 
 
 class Quantity(Enum):
@@ -95,10 +95,10 @@ class Record:
         Raises:
             BadInput: it is too short, an input never moves, or a number is missing.
         """
-        if len(self.effort) < _SHORTEST:
+        if len(self.effort) < _MIN_TICKS:
             raise BadInput(
                 f"{self.source}: {len(self.effort)} ticks are not enough to identify anything: "
-                f"give at least {_SHORTEST}"
+                f"give at least {_MIN_TICKS}"
             )
         for values, names in (
             (self.effort, self.inputs),
@@ -126,7 +126,7 @@ class Record:
         return self.period if self.steps is None else self.steps
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether no sample is missing."""
         return self.known is None and self.pieces is None
 
@@ -165,7 +165,7 @@ class Record:
         return tuple(o.joint for o in self.outputs if o.quantity is Quantity.JOINT_POSITION)
 
     @cached_property
-    def driven(self) -> tuple[int, ...]:
+    def actuation(self) -> tuple[int, ...]:
         """Which of the joints have an effort of their own, in the order of the efforts.
 
         Empty where the position of a joint that is shaken is not measured.
@@ -180,7 +180,7 @@ class Record:
         at_limit = np.abs(self.effort) >= self.limits * (1.0 - 1e-9)
         return float(at_limit.any(axis=1).mean())
 
-    def moved(self) -> "Record":
+    def active_channels(self) -> "Record":
         """Return the record with the inputs that moved alone, and the outputs that did.
 
         Raises:

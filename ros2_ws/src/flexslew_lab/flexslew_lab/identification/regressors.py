@@ -58,14 +58,16 @@ class RegressorSignals:
         self.rigid = self.cut(position), self.cut(rate)
         self._responses: dict[Oscillator, Pair] = {}
         self._slopes: dict[Oscillator, list[Pair]] = {}
-        self._turned: tuple[tuple[tuple[Oscillator, ...], bool], tuple[Terms, Terms]] | None = None
+        self._reduced_terms: (
+            tuple[tuple[tuple[Oscillator, ...], bool], tuple[Terms, Terms]] | None
+        ) = None
 
     def cut(self, columns: Matrix) -> Matrix:
         """Return what columns of the time domain hold below the frequency."""
         return columns if self._low is None else self._low(columns)
 
     @property
-    def whole(self) -> bool:
+    def has_all_ticks(self) -> bool:
         """Whether they are of all ticks."""
         return self._low is None
 
@@ -82,21 +84,21 @@ class RegressorSignals:
             slopes: whether those of the modes are needed, too.
         """
         found = [self.responses(mode) for mode in modes]
-        moved = [pair for mode in (modes if slopes else ()) for pair in self.slopes(mode)]
+        derivatives = [pair for mode in (modes if slopes else ()) for pair in self.slopes(mode)]
         position, rate = (
             Terms(
                 self.constant,
                 self.line,
                 self.rigid[k],
                 tuple(pair[k] for pair in found),
-                tuple(pair[k] for pair in moved),
+                tuple(pair[k] for pair in derivatives),
                 self.measured,
             )
             for k in (0, 1)
         )
         return position, rate
 
-    def with_efforts_moved(self, step: Vector) -> "RegressorSignals":
+    def with_effort_step(self, step: Vector) -> "RegressorSignals":
         """Return the signals of all ticks with other estimates of the unknown efforts.
 
         Args:
@@ -108,13 +110,13 @@ class RegressorSignals:
 
     def terms(self, modes: tuple[Oscillator, ...], slopes: bool) -> tuple[Terms, Terms]:
         """Return the terms for least squares: of all ticks, turned to as many rows as columns."""
-        if self._low is not None or not self.record.whole:
+        if self._low is not None or not self.record.is_complete:
             return self.columns(modes, slopes)
         key = modes, slopes
-        if self._turned is None or self._turned[0] != key:
+        if self._reduced_terms is None or self._reduced_terms[0] != key:
             position, rate = self.columns(modes, slopes)
-            self._turned = key, (turned(position), turned(rate))
-        return self._turned[1]
+            self._reduced_terms = key, (reduce_rows(position), reduce_rows(rate))
+        return self._reduced_terms[1]
 
     def responses(self, mode: Oscillator) -> Pair:
         """Return the columns of a mode: positions and rates, forced by each input, then free."""
@@ -141,9 +143,9 @@ class RegressorSignals:
 
     def _differences(self, mode: Oscillator) -> list[Pair]:
         found = []
-        for ahead, behind, distance in neighbours(mode):
-            (q, rate), (q_behind, rate_behind) = self._sums(ahead), self._sums(behind)
-            by = (q - q_behind) / distance, (rate - rate_behind) / distance
+        for forward, backward, distance in difference_modes(mode):
+            (q, rate), (q_backward, rate_backward) = self._sums(forward), self._sums(backward)
+            by = (q - q_backward) / distance, (rate - rate_backward) / distance
             found.append((self._of_sums(by[0]), self._of_sums(by[1])))
         return found
 
@@ -153,16 +155,16 @@ class RegressorSignals:
             return mode.responses(effort, h, self._low.each)
         q, rate = mode.responses(effort, h)
         w, inputs = mode.frequency, effort.shape[1]
-        forced, moved = q[:, :inputs], rate[:, :inputs]  # times w^2
+        forced, derivatives = q[:, :inputs], rate[:, :inputs]  # times w^2
         # q' and q'' less the effort, of which all modes together have nothing
-        slowed = -2.0 * mode.damping_ratio / w * moved - forced
-        return np.hstack((q, moved / w**2)), np.hstack((rate, slowed))
+        acceleration = -2.0 * mode.damping_ratio / w * derivatives - forced
+        return np.hstack((q, derivatives / w**2)), np.hstack((rate, acceleration))
 
     def _of_sums(self, columns: Matrix) -> Matrix:
         return columns if self._low is None else self._low.of_sums(columns)
 
 
-def neighbours(mode: Oscillator) -> tuple[tuple[Oscillator, Oscillator, float], ...]:
+def difference_modes(mode: Oscillator) -> tuple[tuple[Oscillator, Oscillator, float], ...]:
     """Return two pairs of modes for the slopes by differences, with their distances."""
     dw, dz = _STEP * mode.frequency, _DAMPING_STEP
     return (
@@ -179,7 +181,7 @@ def neighbours(mode: Oscillator) -> tuple[tuple[Oscillator, Oscillator, float], 
     )
 
 
-def turned(terms: Terms) -> Terms:
+def reduce_rows(terms: Terms) -> Terms:
     """Return the terms times an orthogonal matrix that leaves as many rows as columns.
 
     It is the triangular factor of all columns, block of rows by block (Golub and Van Loan 2013,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_lab.identification.missed import missed_mode, price, split_mode
+from flexslew_lab.identification.missed import missing_mode, price, split_mode
 from flexslew_lab.identification.modal_fit import FLOOR, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
@@ -11,8 +11,8 @@ from flexslew_lab.identification.separable import ModalLeastSquares, Solution
 from flexslew_plant.arrays import Vector
 
 _BACKWARD = 2.0  # times that a mode must push forward more than back
-_UNEXPLAINED = 2.0  # times the noise that a record shows by itself
-_FIRST_ROUNDS = 10  # candidates that are no modes hardly converge
+_NOISE_FACTOR = 2.0  # times the noise that a record shows by itself
+_FIRST_ITERATIONS = 10  # candidates that are no modes hardly converge
 
 
 def selected(
@@ -28,26 +28,26 @@ def selected(
         modes: candidates.
         band: lowest and highest frequency that a mode may have [rad/s].
     """
-    rough = _rough_noise(signals.record)
-    solution = _searched(signals, modes, band, rough)
-    if modes and (noise_of(solution) > _UNEXPLAINED * rough).any():
-        other = _searched(signals, (), band, rough)
+    noise_estimate = _estimate_noise(signals.record)
+    solution = _search(signals, modes, band, noise_estimate)
+    if modes and (noise_of(solution) > _NOISE_FACTOR * noise_estimate).any():
+        other = _search(signals, (), band, noise_estimate)
         if np.log(noise_of(other)).sum() < np.log(noise_of(solution)).sum():
             return other
     return solution
 
 
-def _searched(
+def _search(
     signals: RegressorSignals,
     modes: tuple[Oscillator, ...],
     band: tuple[float, float],
-    rough: Vector,
+    noise_estimate: Vector,
 ) -> Solution:
     """Return what is found from these candidates on; see selected."""
-    first = noise_of(ModalLeastSquares(signals, rough).solve(modes, slopes=False))
+    first = noise_of(ModalLeastSquares(signals, noise_estimate).solve(modes, slopes=False))
     # a start that is out of phase explains little: no candidate goes before it has moved
-    solution, noise = refined(signals, modes, first, _FIRST_ROUNDS)
-    solution, noise = _refine_selection(signals, pruned(signals, solution.modes, noise), noise)
+    solution, noise = refined(signals, modes, first, _FIRST_ITERATIONS)
+    solution, noise = _refine_selection(signals, prune(signals, solution.modes, noise), noise)
     while (more := _more(signals, solution, noise, band)) is not None:
         solution, noise = more
     return solution
@@ -57,17 +57,17 @@ def _more(
     signals: RegressorSignals, solution: Solution, noise: Vector, band: tuple[float, float]
 ) -> tuple[Solution, Vector] | None:
     """Return a fit with more modes: one that was missed, or two for one; None: there are none."""
-    missed = missed_mode(signals, solution, noise, band)
-    starts = [] if missed is None else [(*solution.modes, missed)]
+    missing = missing_mode(signals, solution, noise, band)
+    starts = [] if missing is None else [(*solution.modes, missing)]
     for start in (*starts, None):
         modes = split_mode(signals, solution, noise) if start is None else start
         if modes is None:
             continue
         modes = tuple(sorted(modes, key=lambda mode: mode.frequency))
-        tried, found = refined(signals, modes, noise, _FIRST_ROUNDS)
-        tried, found = _refine_selection(signals, pruned(signals, tried.modes, found), found)
-        if len(tried.modes) > len(solution.modes):
-            return tried, found
+        candidate, found = refined(signals, modes, noise, _FIRST_ITERATIONS)
+        candidate, found = _refine_selection(signals, prune(signals, candidate.modes, found), found)
+        if len(candidate.modes) > len(solution.modes):
+            return candidate, found
     return None
 
 
@@ -77,10 +77,10 @@ def _refine_selection(
     """Return the refined modes when none is left that must go, and the noise."""
     solution, noise = refined(signals, modes, noise)
     while True:
-        fewer = _passive(solution, pruned(signals, solution.modes, noise))
-        if len(fewer) == len(solution.modes):
+        reduced = _passive(solution, prune(signals, solution.modes, noise))
+        if len(reduced) == len(solution.modes):
             return solution, noise
-        solution, noise = refined(signals, fewer, noise)
+        solution, noise = refined(signals, reduced, noise)
 
 
 def _passive(solution: Solution, modes: tuple[Oscillator, ...]) -> tuple[Oscillator, ...]:
@@ -89,7 +89,7 @@ def _passive(solution: Solution, modes: tuple[Oscillator, ...]) -> tuple[Oscilla
     There the residues of a mode are phi phi^T: one that pushes back is an error of another mode.
     """
     record = solution.problem.record
-    fit, rows = modal_fit(solution), list(record.driven)
+    fit, rows = modal_fit(solution), list(record.actuation)
     if not rows:
         return modes
     wrong = set()
@@ -100,25 +100,25 @@ def _passive(solution: Solution, modes: tuple[Oscillator, ...]) -> tuple[Oscilla
     return tuple(mode for mode in modes if mode not in wrong)
 
 
-def _rough_noise(record: Record) -> Vector:
+def _estimate_noise(record: Record) -> Vector:
     """Return the noise of every output as differences of third order show it."""
-    jumps = np.diff(record.measured, n=3, axis=0).std(axis=0) / np.sqrt(20.0)
+    differences = np.diff(record.measured, n=3, axis=0).std(axis=0) / np.sqrt(20.0)
     spread = record.measured.std(axis=0)
-    return np.asarray(np.maximum(jumps, FLOOR * np.maximum(spread, 1e-300)))
+    return np.asarray(np.maximum(differences, FLOOR * np.maximum(spread, 1e-300)))
 
 
-def pruned(
+def prune(
     signals: RegressorSignals, modes: tuple[Oscillator, ...], noise: Vector
 ) -> tuple[Oscillator, ...]:
     """Return the modes without those with a smaller gain than the price of their parameters."""
     problem = ModalLeastSquares(signals, noise)
     kept = list(modes)
     now = problem.solve(tuple(kept), slopes=False).cost if kept else 0.0
-    dear = price(problem)
+    parameter_price = price(problem)
     while kept:
         costs = [_cost_without(problem, kept, one) for one in kept]
         least = int(np.argmin(costs))
-        if costs[least] - now > dear:
+        if costs[least] - now > parameter_price:
             break
         now = costs[least]
         del kept[least]

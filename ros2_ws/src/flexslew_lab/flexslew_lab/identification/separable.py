@@ -96,8 +96,12 @@ class ModalLeastSquares:
 
     def _ratio(self, group: ParameterGroup) -> float:
         """Return the weight of a group's rate relative to its position."""
-        both = group.position >= 0 and group.rate >= 0
-        return float(self.noise[group.position] / self.noise[group.rate]) if both else 1.0
+        has_position_and_rate = group.position >= 0 and group.rate >= 0
+        return (
+            float(self.noise[group.position] / self.noise[group.rate])
+            if has_position_and_rate
+            else 1.0
+        )
 
     def rows(self, group: ParameterGroup) -> list[tuple[int, int, float]]:
         """Return column of the record, derivative and weight of each quantity of a group."""
@@ -143,9 +147,9 @@ class ModalLeastSquares:
         c = weights / basis.scale
         of_modes = self._of_modes(c, terms[0].modes)
         width, count = of_modes.shape[1], len(terms[0].slopes)  # two for each mode
-        own = np.zeros((basis.turned.shape[1], count))
+        group_terms = np.zeros((basis.turned.shape[1], count))
         for k in range(count):
-            own[k * width : (k + 1) * width, k] = of_modes[k // 2]
+            group_terms[k * width : (k + 1) * width, k] = of_modes[k // 2]
         return Part(
             group,
             c,
@@ -153,10 +157,10 @@ class ModalLeastSquares:
             sigma,
             basis,
             residual / sigma,
-            own.T @ (basis.turned.T @ residual) / sigma**2,
-            own.T @ basis.products @ own / sigma**2,
-            basis.along @ own,
-            own,
+            group_terms.T @ (basis.turned.T @ residual) / sigma**2,
+            group_terms.T @ basis.products @ group_terms / sigma**2,
+            basis.along @ group_terms,
+            group_terms,
         )
 
     def _of_modes(self, c: Vector, modes: tuple[Matrix, ...]) -> Matrix:
@@ -182,27 +186,29 @@ class ModalLeastSquares:
         terms = RegressorSignals(self.record, None).columns(modes)
         fitted = np.zeros_like(self.record.measured)
         for part in parts:
-            own = part.of_modes.shape[1]  # without rates where the fit has none
+            group_terms = part.of_modes.shape[1]  # without rates where the fit has none
             for column, which, _ in self.rows(part.group):
-                kept = tuple(mode[:, :own] for mode in terms[which].modes)
+                kept = tuple(mode[:, :group_terms] for mode in terms[which].modes)
                 columns = self._matrix(part.group, terms[which]._replace(modes=kept), which)
                 fitted[:, column] = columns @ part.weights
         return fitted
 
-    def _matrix(self, group: ParameterGroup, own: Terms, which: int) -> Matrix:
+    def _matrix(self, group: ParameterGroup, group_terms: Terms, which: int) -> Matrix:
         """Return the columns of a position (which 0) or a rate (1): bias, rigid, then modes."""
-        one = own.constant
+        one = group_terms.constant
         if which == 0:
-            bias = own.line if group.rigid else one
+            bias = group_terms.line if group.rigid else one
             bias = np.hstack((bias, np.zeros_like(one))) if group.rate >= 0 else bias
         elif group.position >= 0:  # the derivative of the line, and the sensor's own bias
             bias = np.hstack((0.0 * one, self.signals.slope * one, one))
         else:
             bias = one
-        rigid = [own.rigid] if group.rigid else []
+        rigid = [group_terms.rigid] if group.rigid else []
         first = self.record.effort.shape[1] + 2
-        lags = [mode[:, first:] - own.modes[-1][:, first:] for mode in own.modes[:-1]]
-        return np.hstack([bias, *rigid, *(mode[:, :first] for mode in own.modes), *lags])
+        lags = [
+            mode[:, first:] - group_terms.modes[-1][:, first:] for mode in group_terms.modes[:-1]
+        ]
+        return np.hstack([bias, *rigid, *(mode[:, :first] for mode in group_terms.modes), *lags])
 
 
 @dataclass(frozen=True)
@@ -232,10 +238,10 @@ class Solution:
     @property
     def gradient(self) -> Vector:
         """Of the cost, downhill."""
-        total: Vector = sum((p.downhill for p in self.parts[1:]), self.parts[0].downhill)
+        total: Vector = sum((p.gradient for p in self.parts[1:]), self.parts[0].gradient)
         if (pieces := self.problem.record.pieces) is not None:
-            back = (pieces.guess - estimates(self.problem.record)) / pieces.spread**2
-            total = total + np.concatenate((np.zeros(2 * len(self.modes)), back))
+            prior_gradient = (pieces.guess - estimates(self.problem.record)) / pieces.spread**2
+            total = total + np.concatenate((np.zeros(2 * len(self.modes)), prior_gradient))
         return total
 
     @cached_property

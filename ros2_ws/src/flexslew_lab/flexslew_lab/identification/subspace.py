@@ -15,15 +15,15 @@ from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.extras import how_to_install
+from flexslew_plant.extras import install_command
 
 _SAMPLES = 5.0  # per period of the highest frequency of the band, at least
 _BLOCK_ROWS = 30
 _MARKOV = 200  # parameters that ERA gets
 _OBSERVER = 30  # past samples of the observer
-_MOST_DAMPED = 0.3
+_MAX_DAMPING = 0.3
 _SAME = 0.02  # relative distance within which two poles are one mode
-_FOUND_AGAIN = 0.5  # part of the orders in which a mode must be found
+_ORDER_SHARE = 0.5  # part of the orders in which a mode must be found
 
 
 class Poles(NamedTuple):
@@ -34,7 +34,7 @@ class Poles(NamedTuple):
     by_order: dict[int, tuple[Oscillator, ...]]
 
 
-class Slowed(NamedTuple):
+class ResampledRecord(NamedTuple):
     """A record at the rate that its band needs."""
 
     effort: Matrix  # (samples, inputs)
@@ -43,10 +43,10 @@ class Slowed(NamedTuple):
     period: float  # [s]
 
 
-Method: TypeAlias = Callable[[Slowed, tuple[int, ...]], Poles]
+Method: TypeAlias = Callable[[ResampledRecord, tuple[int, ...]], Poles]
 
 
-def slowed(record: Record, highest: float) -> Slowed:
+def resample(record: Record, highest: float) -> ResampledRecord:
     """Return a record with few samples per period of the band's end.
 
     Efforts are means over many ticks, outputs are read at their ends: the slow record is causal
@@ -73,7 +73,9 @@ def slowed(record: Record, highest: float) -> Slowed:
     kept = [
         k for k, o in enumerate(record.outputs) if k not in drift or o.joint not in measured_rates
     ]
-    return Slowed(np.asfortranarray(effort), np.asfortranarray(measured), rates[:, kept], period)
+    return ResampledRecord(
+        np.asfortranarray(effort), np.asfortranarray(measured), rates[:, kept], period
+    )
 
 
 def _means(values: Matrix, factor: int) -> Matrix:
@@ -82,7 +84,7 @@ def _means(values: Matrix, factor: int) -> Matrix:
     return np.asarray(values[: rows * factor].reshape(rows, factor, -1).mean(axis=1))
 
 
-def moesp(record: Slowed, orders: tuple[int, ...]) -> Poles:
+def moesp(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
     """Return the poles of every order by MOESP.
 
     Raises:
@@ -92,7 +94,7 @@ def moesp(record: Slowed, orders: tuple[int, ...]) -> Poles:
         import ctrlsys
     except ModuleNotFoundError:
         raise BadInput(
-            f"subspace identification needs the package ctrlsys: {how_to_install('ctrlsys')}"
+            f"subspace identification needs the package ctrlsys: {install_command('ctrlsys')}"
         ) from None
     inputs, outputs = record.effort.shape[1], record.measured.shape[1]
     rows = min(_BLOCK_ROWS, len(record.effort) // (4 * (inputs + outputs + 1)))
@@ -123,7 +125,7 @@ def moesp(record: Slowed, orders: tuple[int, ...]) -> Poles:
     return Poles("MOESP", np.asarray(values) / max(float(np.max(values)), 1e-300), found)
 
 
-def okid_era(record: Slowed, orders: tuple[int, ...]) -> Poles:
+def okid_era(record: ResampledRecord, orders: tuple[int, ...]) -> Poles:
     """Return the poles of every order by ERA from the Markov parameters of an observer."""
     import control
 
@@ -138,22 +140,22 @@ def okid_era(record: Slowed, orders: tuple[int, ...]) -> Poles:
     return Poles("OKID/ERA", values / max(float(values.max()), 1e-300), found)
 
 
-def markov_parameters(record: Slowed) -> np.ndarray:
+def markov_parameters(record: ResampledRecord) -> np.ndarray:
     """Return D, CB, CAB, ... by an observer's ARX model, shape (outputs, inputs, parameters)."""
     u, y = record.effort, record.bounded
-    inputs, outputs, back = u.shape[1], y.shape[1], _OBSERVER
+    inputs, outputs, lags = u.shape[1], y.shape[1], _OBSERVER
     past = []
-    for k in range(1, back + 1):
-        past += [u[back - k : -k], y[back - k : -k]]
-    found = np.linalg.lstsq(np.hstack(past), y[back:], rcond=None)[0].T
+    for k in range(1, lags + 1):
+        past += [u[lags - k : -k], y[lags - k : -k]]
+    found = np.linalg.lstsq(np.hstack(past), y[lags:], rcond=None)[0].T
     width = inputs + outputs
-    observer = [found[:, k * width : (k + 1) * width] for k in range(back)]
+    observer = [found[:, k * width : (k + 1) * width] for k in range(lags)]
     system = [np.zeros((outputs, inputs))]
     for k in range(1, _MARKOV):
-        own = observer[k - 1][:, :inputs] if k <= back else np.zeros((outputs, inputs))
-        for i in range(1, min(k, back) + 1):
-            own = own + observer[i - 1][:, inputs:] @ system[k - i]
-        system.append(np.asarray(own))
+        parameter = observer[k - 1][:, :inputs] if k <= lags else np.zeros((outputs, inputs))
+        for i in range(1, min(k, lags) + 1):
+            parameter = parameter + observer[i - 1][:, inputs:] @ system[k - i]
+        system.append(np.asarray(parameter))
     return np.stack(system, axis=2)
 
 
@@ -180,7 +182,7 @@ def stable(poles: Poles, low: float, high: float) -> tuple[Oscillator, ...]:
     groups: list[list[tuple[int, Oscillator]]] = []
     for order, modes in sorted(poles.by_order.items()):
         for mode in modes:
-            if not (low <= mode.frequency <= high and -0.05 < mode.damping_ratio < _MOST_DAMPED):
+            if not (low <= mode.frequency <= high and -0.05 < mode.damping_ratio < _MAX_DAMPING):
                 continue
             near = [g for g in groups if _same(g[-1][1], mode)]
             if near:
@@ -193,7 +195,7 @@ def stable(poles: Poles, low: float, high: float) -> tuple[Oscillator, ...]:
         first = group[0][0]
         possible = sum(1 for order in poles.by_order if first <= order <= last)
         orders = {order for order, _ in group}
-        if len(orders) >= max(_FOUND_AGAIN * possible, 2):
+        if len(orders) >= max(_ORDER_SHARE * possible, 2):
             kept.append(
                 Oscillator(
                     float(np.median([m.frequency for _, m in group])),

@@ -37,8 +37,8 @@ def log_prior(record: Record) -> float:
     pieces = record.pieces
     if pieces is None:
         return 0.0
-    away = (estimates(record) - pieces.guess) / pieces.spread
-    return float(0.5 * away @ away)
+    deviation = (estimates(record) - pieces.guess) / pieces.spread
+    return float(0.5 * deviation @ deviation)
 
 
 class PulseResponses:
@@ -59,19 +59,21 @@ class PulseResponses:
         )
         self._first, self._last = np.split(places, 2)
         size = len(self._t) * len(self.pieces.first) * (2 + 2 * len(modes))
-        self._kept: list[tuple[slice, slice, PulseBlock]] | None = [] if size < _KEPT else None
+        self._cached_blocks: list[tuple[slice, slice, PulseBlock]] | None = (
+            [] if size < _KEPT else None
+        )
 
     def blocks(self) -> Iterator[tuple[slice, slice, "PulseBlock"]]:
         """Yield rows, the pieces that begin before their end, and their pulses."""
-        if self._kept:
-            yield from self._kept
+        if self._cached_blocks:
+            yield from self._cached_blocks
             return
         for begin in range(0, len(self._t), _BLOCK):
             rows = slice(begin, min(begin + _BLOCK, len(self._t)))
             count = int(np.searchsorted(self.pieces.first, rows.stop - 1))
             found = rows, slice(0, count), self._block(rows, count)
-            if self._kept is not None:
-                self._kept.append(found)
+            if self._cached_blocks is not None:
+                self._cached_blocks.append(found)
             yield found
 
     def _block(self, rows: slice, count: int) -> "PulseBlock":
@@ -121,8 +123,8 @@ class PulseBlock:
             lags = weights[self._inputs + 2 :]
             if lags.size:
                 w = mode.frequency
-                slowed = -2.0 * mode.damping_ratio / w * v - x if which else v / w**2
-                z += lags[self._column] * slowed
+                derivative = -2.0 * mode.damping_ratio / w * v - x if which else v / w**2
+                z += lags[self._column] * derivative
         return z
 
 

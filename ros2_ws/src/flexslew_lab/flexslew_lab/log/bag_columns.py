@@ -47,7 +47,7 @@ def blocks_of(
             same = (rows[:, places] == rows[0, places]).all(axis=1)
             n = len(rows) if same.all() else int(np.argmin(same))
             columns = {
-                name: np.full(n, value) if isinstance(value, str) else _texts(value, n)
+                name: np.full(n, value) if isinstance(value, str) else _text_column(value, n)
                 for name, value in gather(kind_of, rows[:n])
             }
             yield ColumnBlock(topic, stamps[:n], columns)
@@ -67,7 +67,7 @@ def _layout_of(kind: str, row: np.ndarray, known: list[Layout]) -> Layout:
     return found
 
 
-def _texts(value: Any, n: int) -> np.ndarray:
+def _text_column(value: Any, n: int) -> np.ndarray:
     """Return a column as an array; a tuple of texts is repeated for every message."""
     if isinstance(value, tuple):
         column = np.empty((n, len(value)), dtype=object)
@@ -76,11 +76,13 @@ def _texts(value: Any, n: int) -> np.ndarray:
     return np.asarray(value)
 
 
-def widened(part: np.ndarray, width: int) -> np.ndarray:
+def pad_columns(part: np.ndarray, width: int) -> np.ndarray:
     """Return the rows filled up to width, with NaN or empty texts."""
     if part.ndim == 1 or part.shape[1] == width:
         return part
-    filler: Any = "" if part.dtype == object else np.nan
-    wide = np.full((len(part), width), filler, dtype=part.dtype if part.dtype == object else float)
-    wide[:, : part.shape[1]] = part
-    return wide
+    fill_value: Any = "" if part.dtype == object else np.nan
+    padded = np.full(
+        (len(part), width), fill_value, dtype=part.dtype if part.dtype == object else float
+    )
+    padded[:, : part.shape[1]] = part
+    return padded

@@ -23,7 +23,7 @@ from flexslew_lab.log.files.mcap_scan import (
     chunk_records,
 )
 from flexslew_lab.log.files.mcap_summary import Summary, find_summary, summary_records
-from flexslew_lab.log.files.read_limits import CHANNELS, UnpackedSize, check_size, most_chunks
+from flexslew_lab.log.files.read_limits import CHANNELS, SizeCheck, check_size, most_chunks
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
@@ -31,7 +31,7 @@ from flexslew_plant.given_file import open_given
 
 # Every controller on the graph repeats its status more often than this
 STATUS_EVERY = 20_000_000_000  # simulated [ns]
-SETS = 1024  # groups of topics that chunks hold; a bag of the bench has a dozen
+MAX_GROUPS = 1024  # groups of topics that chunks hold; a bag of the bench has a dozen
 _LATEST = (1 << 63) - 1
 _HEAD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQQI")
@@ -67,19 +67,21 @@ class BagIndex:
         bag = BagReader(path)
         self.path = bag.path
         self._lookup = Lookup(self.path)
-        self._sets: dict[frozenset[int], int] = {}  # of channels; most chunks hold the same ones
+        self._channel_groups: dict[
+            frozenset[int], int
+        ] = {}  # of channels; most chunks hold the same ones
         summary = find_summary(self.path)
         rows, kinds, whole = bytearray(), array("H"), 0
-        for place in self._indexed(summary) if summary else self._scanned():
+        for place in self._indexed(summary) if summary else self._scan():
             if place.at < whole:
                 words = "damaged: its index names a chunk twice; `log recover` makes it again"
                 raise BadInput(words, self.path)
             whole = place.at + place.length
             rows += _ROW.pack(*place[:4])
-            kinds.append(self._sets.setdefault(place.channels, len(self._sets)))
-            if len(kinds) > most_chunks() or len(self._sets) > SETS:
+            kinds.append(self._channel_groups.setdefault(place.channels, len(self._channel_groups)))
+            if len(kinds) > most_chunks() or len(self._channel_groups) > MAX_GROUPS:
                 raise BadInput(
-                    f"an index of more than {len(kinds) - 1} chunks or of {SETS} groups of "
+                    f"an index of more than {len(kinds) - 1} chunks or of {MAX_GROUPS} groups of "
                     "topics, which no bag has",
                     self.path,
                 )
@@ -91,27 +93,27 @@ class BagIndex:
 
     def messages(self, topics: Collection[str], start: int = 0) -> Iterator[BagMessage]:
         """Yield the messages of the topics from a log time [ns] on, in their order."""
-        unpacked = UnpackedSize(self.path)
+        size_check = SizeCheck(self.path)
         for place in self._places(topics, self._rows["end"] >= start):
-            for message in self._chunk(place, topics, unpacked):
+            for message in self._chunk(place, topics, size_check):
                 if message.stamp >= start:
                     yield message
 
-    def held(self, topic: str, before: int) -> list[BagMessage]:
+    def stored_messages(self, topic: str, before: int) -> list[BagMessage]:
         """Return the latched messages that a listener joining at a log time [ns] receives.
 
         These are the last messages before it, as many as the topic's publisher keeps; of
         /controller_status, which every controller publishes, the last one of each.
         """
-        everybody = topic == "/controller_status"
-        depth = 1 << 62 if everybody else TOPICS[topic].depth
+        all_controllers = topic == "/controller_status"
+        depth = 1 << 62 if all_controllers else TOPICS[topic].depth
         found: deque[BagMessage] = deque()
         names: set[str] = set()
-        unpacked = UnpackedSize(self.path)
-        for place in self._places([topic], self._rows["start"] < before, backwards=True):
-            chunk = [m for m in self._chunk(place, [topic], unpacked) if m.stamp < before]
+        size_check = SizeCheck(self.path)
+        for place in self._places([topic], self._rows["start"] < before, reverse=True):
+            chunk = [m for m in self._chunk(place, [topic], size_check) if m.stamp < before]
             for message in reversed(chunk):
-                if everybody:
+                if all_controllers:
                     if found and message.stamp < found[-1].stamp - STATUS_EVERY:
                         return list(found)
                     name = cdr.decode(message.type, message.data).controller
@@ -124,17 +126,17 @@ class BagIndex:
         return list(found)
 
     def _places(
-        self, topics: Collection[str], mask: Any, backwards: bool = False
+        self, topics: Collection[str], mask: Any, reverse: bool = False
     ) -> Iterator[tuple[int, int]]:
         """Yield position and length of the chunks that hold these topics."""
         channels = {n for n in self._lookup.channels if self._lookup.topic(n)[0] in topics}
-        requested = [number for kinds, number in self._sets.items() if kinds & channels]
+        requested = [number for kinds, number in self._channel_groups.items() if kinds & channels]
         rows = self._rows[mask & np.isin(self._kinds, requested)]
-        for row in rows[::-1] if backwards else rows:
+        for row in rows[::-1] if reverse else rows:
             yield int(row["at"]), int(row["length"])
 
     def _chunk(
-        self, place: tuple[int, int], topics: Collection[str], unpacked: UnpackedSize
+        self, place: tuple[int, int], topics: Collection[str], size_check: SizeCheck
     ) -> Iterator[BagMessage]:
         at, length = place
         with open_given(self.path) as file:
@@ -142,7 +144,7 @@ class BagIndex:
         if record.opcode != CHUNK or len(record.body) + _HEAD.size != length:
             raise BadInput(f"damaged at byte {at}: its index names another record", self.path)
         data = chunk_content(record.body, f"{self.path}: byte {at}")
-        unpacked.add(len(data))
+        size_check.add(len(data))
         for m in chunk_records(data, str(self.path)):
             if isinstance(m, RawMessage):
                 topic, kind = self._lookup.topic(m.channel)
@@ -155,27 +157,29 @@ class BagIndex:
                 self._lookup.take(record)
             elif record.opcode == CHUNK_INDEX:
                 try:
-                    start, end, place, size, room = _CHUNK.unpack_from(record.body)
-                    count = room // _CHANNELS.itemsize
-                    held = np.frombuffer(record.body, _CHANNELS, count, _CHUNK.size)["channel"]
+                    start, end, place, size, index_size = _CHUNK.unpack_from(record.body)
+                    count = index_size // _CHANNELS.itemsize
+                    channel_entries = np.frombuffer(record.body, _CHANNELS, count, _CHUNK.size)[
+                        "channel"
+                    ]
                 except (struct.error, ValueError):
                     raise BadInput(
                         f"damaged at byte {record.offset}: its index is cut", self.path
                     ) from None
                 if max(start, end, place, size) > _LATEST:
                     raise BadInput("damaged: its index names an impossible place", self.path)
-                channels = frozenset(held[: CHANNELS + 1].tolist())
+                channels = frozenset(channel_entries[: CHANNELS + 1].tolist())
                 yield _Place(start, end, place, size, channels)
 
-    def _scanned(self) -> Iterator[_Place]:
-        unpacked = UnpackedSize(self.path)
+    def _scan(self) -> Iterator[_Place]:
+        size_check = SizeCheck(self.path)
         for record in RecordStream(self.path):
             if record.opcode in (SCHEMA, CHANNEL):
                 self._lookup.take(record)
             elif record.opcode == CHUNK:
                 channels = set()
                 data = chunk_content(record.body, f"{self.path}: byte {record.offset}")
-                unpacked.add(len(data))
+                size_check.add(len(data))
                 for m in chunk_records(data, str(self.path)):
                     if isinstance(m, RawMessage):
                         channels.add(m.channel)

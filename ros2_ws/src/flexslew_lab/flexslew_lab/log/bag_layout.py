@@ -21,7 +21,7 @@ TOPICS: dict[str, Topic] = {
     if name not in topics.NOT_RECORDED
 }
 
-_FOREVER = {"sec": 9223372036, "nsec": 854775807}
+_INFINITE_DURATION = {"sec": 9223372036, "nsec": 854775807}
 
 
 def qos_profile(topic: str) -> dict[str, object]:
@@ -32,15 +32,15 @@ def qos_profile(topic: str) -> dict[str, object]:
         "depth": known.depth,
         "reliability": "reliable" if known.reliable else "best_effort",
         "durability": "transient_local" if known.latched else "volatile",
-        "deadline": dict(_FOREVER),
-        "lifespan": dict(_FOREVER),
+        "deadline": dict(_INFINITE_DURATION),
+        "lifespan": dict(_INFINITE_DURATION),
         "liveliness": "automatic",
-        "liveliness_lease_duration": dict(_FOREVER),
+        "liveliness_lease_duration": dict(_INFINITE_DURATION),
         "avoid_ros_namespace_conventions": False,
     }
 
 
-def sealed(data: Mapping[str, str]) -> dict[str, str]:
+def with_checksum(data: Mapping[str, str]) -> dict[str, str]:
     """Return a metadata record with its format and checksum, which MCAP itself does not give."""
     record = {"format": FORMAT, **{key: str(value) for key, value in data.items()}}
     return {**record, "checksum": checksum(record)}

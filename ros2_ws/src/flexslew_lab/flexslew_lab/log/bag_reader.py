@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.log.bag_columns import ColumnBlock, blocks_of, widened
+from flexslew_lab.log.bag_columns import ColumnBlock, blocks_of, pad_columns
 from flexslew_lab.log.bag_layout import (
     FORMAT,
     METADATA_FILE,
@@ -17,7 +17,6 @@ from flexslew_lab.log.bag_layout import (
     TRIAL_RECORD,
     checksum,
 )
-from flexslew_lab.log.described_trial import described_trial
 from flexslew_lab.log.files.mcap_scan import (
     CHANNEL,
     CHUNK,
@@ -34,7 +33,7 @@ from flexslew_lab.log.files.mcap_scan import (
     read_header,
     read_metadata,
 )
-from flexslew_lab.log.files.read_limits import TEXT, UnpackedSize, check_size
+from flexslew_lab.log.files.read_limits import TEXT, SizeCheck, check_size
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
@@ -44,14 +43,15 @@ from flexslew_lab.log.messages.record_schema import (
     check_record,
     check_run_record,
     check_truth,
-    texts_of,
+    new_yaml,
 )
 from flexslew_lab.log.messages.topic_lookup import Lookup
+from flexslew_lab.log.trial_from_messages import trial_from_messages
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event
 from flexslew_plant.own_code import NO_CODE, Trust
 
-RARE = ("/events", "/plan", "/testbed", "/controller_status")
+STATUS_TOPICS = ("/events", "/plan", "/testbed", "/controller_status")
 # What a decoded event takes in memory [B], at most, and each byte of its JSON
 _EVENT_SIZE, _TEXT_SIZE = 300, 12
 BATCH = 1 << 14  # messages of a chunk that become arrays at once
@@ -80,7 +80,7 @@ class Overview(NamedTuple):
     statuses: dict[str, Any]  # the last ControllerStatus of every controller
     metadata: dict[str, dict[str, str]]  # the records by name
     cut: Cut | None
-    unprotected: tuple[str, ...]  # parts without a checksum over their numbers, as text
+    without_checksum: tuple[str, ...]  # parts without a checksum over their numbers, as text
 
 
 class BagReader:
@@ -88,7 +88,7 @@ class BagReader:
 
     Args:
         path: rosbag2 folder or .mcap file.
-        foreign: also read bags that this project has not written.
+        external: also read bags that this project has not written.
         trust: classes named by the log that its readers may load, and files that they may read;
             none by default.
 
@@ -98,10 +98,10 @@ class BagReader:
 
     """
 
-    def __init__(self, path: Path, foreign: bool = False, trust: Trust = NO_CODE) -> None:
+    def __init__(self, path: Path, external: bool = False, trust: Trust = NO_CODE) -> None:
         self.path = find_mcap(Path(path))
         self.trust = trust.for_log()
-        self._foreign = foreign
+        self._external = external
         self.cut: Cut | None = None  # known after a whole pass
         self.metadata = self._leading_metadata()
 
@@ -109,10 +109,10 @@ class BagReader:
     def trial_text(self) -> str:
         """The validated trial as YAML; a log without one describes it by its bench."""
         named = self.metadata.get("trial", "")
-        if named or self._foreign:
+        if named or self._external:
             return named
         seen = self.overview
-        return described_trial(seen.testbed, seen.statuses, seen.last * 1e-9, str(self.path))
+        return trial_from_messages(seen.testbed, seen.statuses, seen.last * 1e-9, str(self.path))
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """Yield the messages of the topics (default: all) in the order of their log times."""
@@ -122,11 +122,13 @@ class BagReader:
                     lookup.take(m)
                     continue
                 topic, kind = lookup.topic(m.channel)
-                lookup.follow(m.channel, m.sequence, m.sequence, 1)
+                lookup.track(m.channel, m.sequence, m.sequence, 1)
                 if topics is None or topic in topics:
                     yield BagMessage(topic, kind, m.stamp, m.sequence, lookup.current(m))
 
-    def decoded(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, Any]]:
+    def decode_messages(
+        self, topics: Collection[str] | None = None
+    ) -> Iterator[tuple[str, int, Any]]:
         """Yield (topic, log time [ns], message); a message has its fields as attributes."""
         for topic, kind, stamp, _, data in self.messages(topics):
             yield topic, stamp, cdr.decode(kind, data)
@@ -148,10 +150,10 @@ class BagReader:
                 for channel, messages in batch.items():
                     topic, kind = lookup.topic(channel)
                     first, last = messages[0].sequence, messages[-1].sequence
-                    lookup.follow(channel, first, last, len(messages))
+                    lookup.track(channel, first, last, len(messages))
                     if topic not in topics:
                         continue
-                    if channel in lookup.older:
+                    if channel in lookup.previous:
                         messages = [m._replace(data=lookup.current(m)) for m in messages]
                     for block in blocks_of(topic, kind, messages, layouts):
                         if checked and topic == "/truth":
@@ -186,8 +188,8 @@ class BagReader:
         for name in blocks[0].columns:
             if fields is None or name in fields:
                 parts = [b.columns[name] for b in blocks]
-                widest = max((p.shape[1] for p in parts if p.ndim == 2), default=0)
-                parts = [widened(p, widest) for p in parts]
+                max_width = max((p.shape[1] for p in parts if p.ndim == 2), default=0)
+                parts = [pad_columns(p, max_width) for p in parts]
                 result[name] = np.concatenate(parts)
         return result
 
@@ -200,45 +202,45 @@ class BagReader:
         plans: dict[str, Any] = {}
         statuses: dict[str, Any] = {}
         testbed = None
-        first, last, rare = -1, 0, 0
+        first, last, status_bytes = -1, 0, 0
         for topic, kind, stamp, _, data in self.messages():
             counts[topic] = counts.get(topic, 0) + 1
             types[topic] = kind
             first, last = (stamp if first < 0 else first), stamp
-            if topic not in RARE:
+            if topic not in STATUS_TOPICS:
                 continue
             message = cdr.decode(kind, data)
             if topic == "/events":
-                rare += _EVENT_SIZE + _TEXT_SIZE * len(message.data)
+                status_bytes += _EVENT_SIZE + _TEXT_SIZE * len(message.data)
                 events.append(logged_event(message, str(self.path)))
             else:
                 before = statuses.get(getattr(message, "controller", ""))
-                self._unpacked.add(TEXT * sum(map(len, texts_of(message, before))))
+                self._size_check.add(TEXT * sum(map(len, new_yaml(message, before))))
                 check_record(topic, message, str(self.path))
             if topic == "/plan" and message.hash not in plans:
-                rare += len(data)
-            check_size("events, plans and statuses", rare, str(self.path))
+                status_bytes += len(data)
+            check_size("events, plans and statuses", status_bytes, str(self.path))
             if topic == "/plan":
                 plans.pop(message.hash, None)
                 plans[message.hash] = message
             elif topic == "/testbed":
                 testbed = message
             elif topic == "/controller_status":
-                rare += len(data) * (message.controller not in statuses)
+                status_bytes += len(data) * (message.controller not in statuses)
                 statuses[message.controller] = message
         records = {TRIAL_RECORD: self.metadata, **self._records}
         return Overview(
             counts, types, max(first, 0), last, tuple(events), tuple(plans.values()), testbed,
-            statuses, records, self.cut, self._unprotected(),
+            statuses, records, self.cut, self._without_checksum(),
         )  # fmt: skip
 
-    def _unprotected(self) -> tuple[str, ...]:
+    def _without_checksum(self) -> tuple[str, ...]:
         """Return the parts without a checksum, after a whole pass."""
         found = []
-        if self._bare and not self._sealed:
+        if self._bare and not self._checksum_valid:
             where = f"the first at byte {self._bare[0]}"
             found.append(f"{len(self._bare)} chunks without a checksum, {where}")
-        if self.cut is None and not self._sealed:
+        if self.cut is None and not self._checksum_valid:
             found.append("the data section has no checksum over all of it")
         kept = self._records.get(RUN_RECORD, {}).get("unverified")
         if kept:
@@ -259,7 +261,7 @@ class BagReader:
                     return data
             elif record.opcode == CHUNK:
                 break
-        if self._foreign:
+        if self._external:
             return {}
         if stream.cut is not None:
             words = f"a flexslew bag without a message: {stream.cut.reason}"
@@ -272,8 +274,8 @@ class BagReader:
 
     def _chunks(self) -> Iterator[tuple[bytes, Lookup]]:
         stream = RecordStream(self.path)
-        self._unpacked = UnpackedSize(self.path)
-        lookup = Lookup(self.path, counted=not self._foreign)
+        self._size_check = SizeCheck(self.path)
+        lookup = Lookup(self.path, counted=not self._external)
         self._records: dict[str, dict[str, str]] = {}
         self._bare: list[int] = []  # where chunks without a checksum are
         for record in stream:
@@ -281,7 +283,7 @@ class BagReader:
                 if not has_checksum(record.body):
                     self._bare.append(record.offset)
                 content = chunk_content(record.body, f"{self.path}: byte {record.offset}")
-                self._unpacked.add(len(content))
+                self._size_check.add(len(content))
                 yield content, lookup
             elif record.opcode in (SCHEMA, CHANNEL):
                 lookup.take(record)
@@ -289,7 +291,7 @@ class BagReader:
                 name, data = self._metadata(record.body)
                 if name in (RUN_RECORD, ROSBAG_RECORD):
                     self._records[name] = data
-        self.cut, self._sealed = stream.cut, stream.sealed
+        self.cut, self._checksum_valid = stream.cut, stream.checksum_valid
 
     def _check_header(self, body: bytes) -> None:
         try:

@@ -4,7 +4,7 @@ from flexslew_lab.log.bag_reader import Overview
 from flexslew_lab.log.truth_columns import coordinate_of
 from flexslew_plant.own_code import NO_CODE, Trust
 
-_TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
+_TICK_TOPICS = ("/truth", "/measurement", "/effort_command", "/controller_state")
 _COORDINATES = (  # joints first, then modes
     "position",
     "velocity",
@@ -36,7 +36,7 @@ def column_name(
     testbed = overview.testbed
     if topic == "/truth" and (known := coordinate_of(overview, field, place, trust)):
         return f"{field}.{known.name}"
-    if testbed is not None and topic in _TICKED:
+    if testbed is not None and topic in _TICK_TOPICS:
         joints, appendages = tuple(testbed.joint_names), tuple(testbed.appendage_names)
         modes = tuple(f"mode_{k + 1}" for k in range(testbed.modes))
         names = {

@@ -22,12 +22,12 @@ from flexslew_lab.log.truth_columns import coordinate_of, unit_of_tip
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
-WIDEST = 64  # longer sequences stay one column: a list in Parquet, JSON in CSV
+MAX_COLUMNS = 64  # longer sequences stay one column: a list in Parquet, JSON in CSV
 ROWS, BYTES = 16_384, 1 << 24  # of a row group, which ends at the first of them
 _UNIT = re.compile(r"\[([^\]]+)\]")
 
 
-class Exported(NamedTuple):
+class ExportResult(NamedTuple):
     """What was written, and which topics have no table."""
 
     files: dict[str, Path]  # by topic
@@ -49,7 +49,7 @@ def export_log(
     out: Path,
     kind: Literal["parquet", "csv"] = "parquet",
     topics: Collection[str] | None = None,
-) -> Exported:
+) -> ExportResult:
     """Return the files that were written: `<out>/<topic>.<kind>`, one per topic.
 
     Columns: `time` [s] of the simulation, `log_time` [ns], then the fields; entries of a sequence
@@ -73,10 +73,10 @@ def export_log(
     overview = bag.overview
     unknown = [t for t in topics or () if t not in overview.counts]
     if unknown:
-        there = ", ".join(sorted(overview.counts))
-        raise BadInput(f"no topic {unknown[0]}; it has {there}", bag.path)
+        available = ", ".join(sorted(overview.counts))
+        raise BadInput(f"no topic {unknown[0]}; it has {available}", bag.path)
     requested = list(topics or sorted(overview.counts))
-    skipped = {t: why for t in requested if (why := _objection(overview.types[t]))}
+    skipped = {t: why for t in requested if (why := _reject_reason(overview.types[t]))}
     requested = [t for t in requested if t not in skipped]
     widths = _widths(bag, requested)
     out.mkdir(parents=True, exist_ok=True)
@@ -96,12 +96,12 @@ def export_log(
             rows[topic] += table.num_rows
             sink.write_table(table)
     if kind == "csv":
-        described = {
+        column_table = {
             str(files[t].name): {c.name: {"unit": c.unit, "field": c.source} for c in columns[t]}
             for t in requested
         }
-        write_whole(out / "columns.json", json.dumps(described, indent=1))
-    return Exported(files, rows, skipped)
+        write_whole(out / "columns.json", json.dumps(column_table, indent=1))
+    return ExportResult(files, rows, skipped)
 
 
 def _file_name(topic: str) -> str:
@@ -117,7 +117,7 @@ def units_of(type_name: str, name: str) -> tuple[str, ...]:
     return ()
 
 
-def _objection(type_name: str) -> str:
+def _reject_reason(type_name: str) -> str:
     """Return why the type does not fit into a table; empty where it does."""
 
     def nested_sequence(name: str) -> Field | None:
@@ -159,7 +159,7 @@ def _columns(
         units = units_of(type_name, name) if "." not in name else _stamp_unit(name)
         if width < 0:
             columns.append(_Column(name, name, None, -1, base, units[0] if units else ""))
-        elif width > WIDEST:
+        elif width > MAX_COLUMNS:
             whole = pa.string() if kind == "csv" else pa.list_(base)
             columns.append(_Column(name, name, None, width, whole, ", ".join(units)))
         else:
@@ -222,8 +222,8 @@ def _schema(overview: Overview, topic: str, columns: list[_Column]) -> pa.Schema
     ]
     for c in columns:
         comments = {f: text for _, f, text in field_types(definition(type_name))}
-        meaning = comments.get(c.source.split(".")[0], "")
-        found.append(pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": meaning}))
+        description = comments.get(c.source.split(".")[0], "")
+        found.append(pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": description}))
     names = {} if overview.testbed is None else {"joints": ",".join(overview.testbed.joint_names)}
     return pa.schema(
         found,

@@ -6,7 +6,7 @@ from typing import Any
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
 
-_SEALS = ("format", "checksum")
+_CHECKSUM_KEYS = ("format", "checksum")
 
 
 def log_info(path: Path) -> dict[str, Any]:
@@ -49,8 +49,10 @@ def log_info(path: Path) -> dict[str, Any]:
         ],
         "controllers": {name: s.law for name, s in sorted(overview.statuses.items())},
         "events": [event.plain() for event in overview.events],
-        "recorded": {k: v for k, v in bag.metadata.items() if k not in _SEALS},
+        "recorded": {k: v for k, v in bag.metadata.items() if k not in _CHECKSUM_KEYS},
         "ended": {
-            k: v for k, v in overview.metadata.get(RUN_RECORD, {}).items() if k not in _SEALS
+            k: v
+            for k, v in overview.metadata.get(RUN_RECORD, {}).items()
+            if k not in _CHECKSUM_KEYS
         },
     }

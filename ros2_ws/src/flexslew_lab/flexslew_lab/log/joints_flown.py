@@ -39,8 +39,8 @@ def estimated_joints(model: Model | None, estimate: Matrix, reference: Matrix) -
     joints = reference.shape[1]
     if model is None or model.attitude is None or not estimate.shape[1] >= joints == model.joints:
         return estimate
-    there = model.attitude.moved(reference, estimate[:, :joints] - reference)
-    return np.hstack((there, estimate[:, joints:]))
+    joint_estimate = model.attitude.add_error(reference, estimate[:, :joints] - reference)
+    return np.hstack((joint_estimate, estimate[:, joints:]))
 
 
 def estimate_errors(model: Model | None, estimate: Matrix, truth: Matrix) -> Matrix:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import METADATA_FILE, RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.log.bag_reader import BagReader, find_mcap
-from flexslew_lab.log.files.bag_lock import LOCK_FILE, lock_folder, unlock_folder
+from flexslew_lab.log.files.bag_lock import LOCK_FILE, lock_folder, release_folder
 from flexslew_lab.log.files.mcap_scan import (
     CHANNEL,
     CHUNK,
@@ -23,13 +23,13 @@ from flexslew_lab.log.files.mcap_scan import (
     has_checksum,
     read_metadata,
 )
-from flexslew_lab.log.files.read_limits import UnpackedSize
+from flexslew_lab.log.files.read_limits import SizeCheck
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput
 
 _WHOLE = "the file was whole"
@@ -56,24 +56,25 @@ class Recovery(NamedTuple):
         """The same in words."""
         kept = sum(self.kept.values())
         parts = [
-            f"{counted(kept, 'message')} kept, up to tick {self.last_tick} ({self.last_time:g} s)"
+            f"{count_text(kept, 'message')} kept, up to tick {self.last_tick} ({self.last_time:g} "
+            "s)"
         ]
         lost = sum(self.lost.values())
         if not self.reason and not self.chunks_lost:
             parts.append("every record was whole" if lost or self.missing_ticks else _WHOLE)
         if self.reason:
-            parts.append(f"{self.reason}: {counted(self.bytes_lost, 'byte')} not readable")
+            parts.append(f"{self.reason}: {count_text(self.bytes_lost, 'byte')} not readable")
         if self.chunks_lost:
-            parts.append(f"{counted(self.chunks_lost, 'damaged chunk')} left out")
+            parts.append(f"{count_text(self.chunks_lost, 'damaged chunk')} left out")
         if lost:
-            parts.append(f"{counted(lost, 'message')} missing before the last")
+            parts.append(f"{count_text(lost, 'message')} missing before the last")
         if self.unverified:
-            parts.append(f"{counted(self.unverified, 'chunk')} kept without a checksum")
+            parts.append(f"{count_text(self.unverified, 'chunk')} kept without a checksum")
         if self.missing_ticks:
-            parts.append(f"{counted(self.missing_ticks, 'tick')} missing before the last")
+            parts.append(f"{count_text(self.missing_ticks, 'tick')} missing before the last")
         if self.unrecorded_ticks:
             parts.append(
-                f"{counted(self.unrecorded_ticks, 'tick')} of the trial missing at the end"
+                f"{count_text(self.unrecorded_ticks, 'tick')} of the trial missing at the end"
             )
         return "; ".join(parts)
 
@@ -90,19 +91,19 @@ def recover(source: Path, out: Path | None = None) -> Recovery:
             folder cannot be written.
     """
     path = find_mcap(Path(source))
-    described = path.parent / METADATA_FILE
-    if out is None and described.is_dir():
-        raise BadInput(f"{described}: is a folder; give another place with --out")
+    metadata_path = path.parent / METADATA_FILE
+    if out is None and metadata_path.is_dir():
+        raise BadInput(f"{metadata_path}: is a folder; give another place with --out")
     if (path.parent / LOCK_FILE).exists():  # refuses while a recorder lives
-        unlock_folder(lock_folder(path.parent), path.parent)
+        release_folder(lock_folder(path.parent), path.parent)
     BagReader(path)  # refuses what is foreign before anything is written
     # a name of its own: one that is known could be a link to elsewhere in a bag of a stranger
     try:
-        draft = tempfile.mkdtemp(dir=path.parent, prefix=".recovering.") if out is None else out
+        temporary = tempfile.mkdtemp(dir=path.parent, prefix=".recovering.") if out is None else out
     except OSError as error:
         words = f"cannot be written: {error.strerror}; give another place with --out"
         raise BadInput(words, path.parent) from None
-    target = Path(draft)
+    target = Path(temporary)
     try:
         result = _copy(path, target)
     except BaseException:
@@ -120,7 +121,7 @@ def recover(source: Path, out: Path | None = None) -> Recovery:
     return result
 
 
-class _Tally:
+class _MessageCounts:
     """Counts while messages are copied."""
 
     def __init__(self) -> None:
@@ -147,12 +148,12 @@ class _Tally:
 
 def _copy(path: Path, target: Path) -> Recovery:
     """Write every message that is whole to a new bag."""
-    stream, lookup, tally = RecordStream(path), Lookup(path, counted=False), _Tally()
+    stream, lookup, counts = RecordStream(path), Lookup(path, counted=False), _MessageCounts()
     writer: BagWriter | None = None
     trial: dict[str, str] = {}
     run: dict[str, str] = {}
     chunks_lost, reason, bytes_lost = 0, "", 0
-    bare, unpacked = 0, UnpackedSize(path)  # chunks without a checksum; all of them
+    bare, size_check = 0, SizeCheck(path)  # chunks without a checksum; all of them
     try:
         for record in stream:
             if record.opcode == METADATA:
@@ -172,8 +173,8 @@ def _copy(path: Path, target: Path) -> Recovery:
                 except BadInput:
                     chunks_lost += 1
                     continue
-                unpacked.add(len(content))
-                _copy_chunk(content, lookup, writer, tally)
+                size_check.add(len(content))
+                _copy_chunk(content, lookup, writer, counts)
     except RecordingStopped:  # the new file has no room
         if writer is not None:
             with suppress(RecordingStopped):
@@ -187,16 +188,16 @@ def _copy(path: Path, target: Path) -> Recovery:
     if writer is None:
         raise BadInput(f"nothing to recover: {reason or 'it holds no message'}", path)
     result = Recovery(
-        path, target, dict(tally.kept), dict(+tally.lost), reason, bytes_lost, chunks_lost,
-        tally.time, tally.tick, tally.missing, 0 if stream.sealed else bare,
-        _unrecorded(trial, tally.tick),
+        path, target, dict(counts.kept), dict(+counts.lost), reason, bytes_lost, chunks_lost,
+        counts.time, counts.tick, counts.missing, 0 if stream.checksum_valid else bare,
+        _missing_ticks(trial, counts.tick),
     )  # fmt: skip
     unverified = {"unverified": str(result.unverified)} if result.unverified else {}
     writer.close({**run, **unverified, "recovered": result.statement})
     return result
 
 
-def _copy_chunk(content: bytes, lookup: Lookup, writer: BagWriter, tally: _Tally) -> None:
+def _copy_chunk(content: bytes, lookup: Lookup, writer: BagWriter, counts: _MessageCounts) -> None:
     for m in chunk_records(content, str(writer.path)):
         if isinstance(m, McapRecord):
             lookup.take(m)
@@ -204,10 +205,10 @@ def _copy_chunk(content: bytes, lookup: Lookup, writer: BagWriter, tally: _Tally
             topic, kind = lookup.topic(m.channel)
             data = lookup.current(m)
             writer.write(topic, kind, data, m.stamp)
-            tally.add(topic, m.sequence, data)
+            counts.add(topic, m.sequence, data)
 
 
-def _unrecorded(trial: dict[str, str], tick: int) -> int | None:
+def _missing_ticks(trial: dict[str, str], tick: int) -> int | None:
     """Return how many ticks of the trial are behind the last one in the log."""
     try:
         settings = logged_yaml(trial.get("trial", ""), "trial")

@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from flexslew_control.law import described
+from flexslew_control.law import plant_description
 from flexslew_lab.log.bag_reader import Overview
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -44,6 +44,6 @@ def unit_of_tip(overview: Overview, place: int, trust: Trust = NO_CODE) -> str |
 @lru_cache(maxsize=4)
 def _model(settings: str, trust: Trust) -> Model | None:
     try:
-        return described(settings, "the log", trust).testbed.model()
+        return plant_description(settings, "the log", trust).testbed.model()
     except (BadInput, KeyError, TypeError, ValueError):
         return None

@@ -36,5 +36,5 @@ from flexslew_lab.metrics.vibration import VIBRATION as VIBRATION
 METRICS: dict[str, MetricEntry] = table(globals(), MetricEntry)
 
 KEYS: dict[str, Key] = {  # of metrics.json
-    key: told for entry in METRICS.values() for key, told in entry.metric.KEYS.items()
+    key: definition for entry in METRICS.values() for key, definition in entry.metric.KEYS.items()
 }

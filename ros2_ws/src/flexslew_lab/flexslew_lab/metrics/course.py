@@ -44,8 +44,8 @@ class CourseMetric:
         tick = block.tick.astype(np.int64)
         first, before = self.ticks or (int(tick[0]), int(tick[0]) - 1)
         self._missing += int(np.maximum(np.diff(tick, prepend=before) - 1, 0).sum())
-        begun = float(block.time[0]) if self.ticks is None else self.times[0]
-        self.times = begun, float(block.time[-1])
+        start = float(block.time[0]) if self.ticks is None else self.times[0]
+        self.times = start, float(block.time[-1])
         self.ticks = first, int(tick[-1])
 
     def result(self, ending: Ending) -> dict[str, Any]:

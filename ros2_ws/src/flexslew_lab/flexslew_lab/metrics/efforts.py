@@ -11,8 +11,8 @@ from flexslew_lab.metrics.metric import (
     Key,
     MetricEntry,
     RunSetup,
+    add_rows,
     by_joint,
-    summed,
 )
 from flexslew_plant.arrays import Vector
 
@@ -48,13 +48,13 @@ class Efforts:
         """Take the next ticks."""
         square = block.effort**2
         self.peak = np.maximum(self.peak, np.abs(block.effort).max(axis=0))
-        self.square_sum = summed(self.square_sum, square * block.held[:, None])
+        self.square_sum = add_rows(self.square_sum, square * block.held[:, None])
         first = float(block.time[0]) if self.times is None else self.times[0]
         self.times = first, float(block.time[-1])
         limit = self._setup.limit
         if limit.size == block.effort.shape[1]:
             full = (np.abs(block.effort) >= limit * (1.0 - 1e-12)).any(axis=1)
-            self.saturated = summed(self.saturated, block.held[full, None])
+            self.saturated = add_rows(self.saturated, block.held[full, None])
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values."""

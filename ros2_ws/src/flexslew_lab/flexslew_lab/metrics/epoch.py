@@ -18,7 +18,7 @@ class Epoch:
     Args:
         number: number of the epoch; its events count.
         setup: what is known before the first tick.
-        own: metrics of the trial's own, besides METRICS.
+        user_metrics: metrics of the trial's own, besides METRICS.
         without: those of METRICS that are not requested.
     """
 
@@ -26,12 +26,12 @@ class Epoch:
         self,
         number: int,
         setup: RunSetup,
-        own: Sequence[type[Metric]] = (),
+        user_metrics: Sequence[type[Metric]] = (),
         without: Container[type[Metric]] = (),
     ) -> None:
         self.number, self._setup = number, setup
         shipped = (entry.metric for entry in METRICS.values() if entry.metric not in without)
-        self._metrics: list[Metric] = [metric(setup) for metric in (*shipped, *own)]
+        self._metrics: list[Metric] = [metric(setup) for metric in (*shipped, *user_metrics)]
         self._model = None if setup.testbed is None else setup.testbed.model()
         self._last_time: float | None = None
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.log.flown_testbed import flown_testbed
 from flexslew_lab.log.messages.logged_text import logged_yaml
+from flexslew_lab.log.recorded_testbed import recorded_testbed
 from flexslew_lab.metrics.epoch import Epoch
-from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, Key, Metric, RunSetup
-from flexslew_lab.metrics.own import keys_of, own_metrics
+from flexslew_lab.metrics.metric import Ending, Key, Metric, ReferenceManoeuvre, RunSetup
+from flexslew_lab.metrics.own import keys_of, load_user_metrics
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -52,7 +52,7 @@ _MEASURED: WeakKeyDictionary[BagReader, dict[str, Any]] = WeakKeyDictionary()
 
 def _measured(bag: BagReader) -> dict[str, Any]:
     overview = bag.overview
-    own, refused = _own(bag)
+    user_metrics, reasons = _user_metrics(bag)
     epoch: Epoch | None = None
     for block in bag.blocks(["/truth"]):
         epochs = block.columns["epoch"]
@@ -61,24 +61,24 @@ def _measured(bag: BagReader) -> dict[str, Any]:
             columns = {k: c[part] for k, c in block.columns.items()}
             if epoch is None or number > epoch.number:
                 joints = columns["applied_effort"].shape[1]
-                epoch = Epoch(int(number), _run_setup(bag, joints, int(number)), own)
+                epoch = Epoch(int(number), _run_setup(bag, joints, int(number)), user_metrics)
             epoch.add(columns)
     if epoch is None:
         raise BadInput("holds no truth, so there is nothing to measure", bag.path)
     wall = overview.metadata.get(RUN_RECORD, {}).get("wall_time")
-    unprotected = (f"changes go undetected: {part}" for part in overview.unprotected)
+    checksum_warnings = (f"changes go undetected: {part}" for part in overview.without_checksum)
     ending = Ending(
         overview.events,
         [float(wall)] if wall else [],
         overview.cut is None,
-        (*unprotected, *refused),
+        (*checksum_warnings, *reasons),
     )
     return epoch.result(ending)
 
 
-def own_keys_of(bag: BagReader) -> dict[str, Key]:
+def user_keys_of(bag: BagReader) -> dict[str, Key]:
     """Return what the keys of the trial's own metrics hold, of those that are trusted."""
-    return keys_of(_own(bag)[0])
+    return keys_of(_user_metrics(bag)[0])
 
 
 def joint_names_of(overview: Overview, joints: int) -> tuple[str, ...]:
@@ -95,35 +95,37 @@ def manoeuvre_of(
     start: float,
     duration: float,
     testbed: Testbed | None = None,
-) -> FlownManoeuvre:
+) -> ReferenceManoeuvre:
     """Return what a plan's joint references, shapes (ticks + 1, joints), are measured against.
 
     The displacement of an attitude is its rotation, if the joints of the testbed read one.
     """
     attitude = None if testbed is None else testbed.model().attitude
     first, last = position[0], position[-1]
-    moved = last - first if attitude is None else attitude.displacement(first, last)
-    moves = np.abs(velocity[-1]).max() > _AT_REST * np.abs(velocity).max()
-    return FlownManoeuvre(start, start + duration, last, moved, velocity[-1] if moves else None)
+    displacement = last - first if attitude is None else attitude.displacement(first, last)
+    has_end_rate = np.abs(velocity[-1]).max() > _AT_REST * np.abs(velocity).max()
+    return ReferenceManoeuvre(
+        start, start + duration, last, displacement, velocity[-1] if has_end_rate else None
+    )
 
 
 def _run_setup(bag: BagReader, joints: int, epoch: int) -> RunSetup:
     overview = bag.overview
     limit = np.zeros(0) if overview.testbed is None else overview.testbed.effort_limit
-    testbed = flown_testbed(overview, epoch, bag.trust)
-    aim = _manoeuvre(overview, joints, testbed)
-    return RunSetup(joint_names_of(overview, joints), aim, limit, testbed)
+    testbed = recorded_testbed(overview, epoch, bag.trust)
+    manoeuvre = _manoeuvre(overview, joints, testbed)
+    return RunSetup(joint_names_of(overview, joints), manoeuvre, limit, testbed)
 
 
-def _manoeuvre(overview: Overview, joints: int, testbed: Testbed | None) -> FlownManoeuvre:
+def _manoeuvre(overview: Overview, joints: int, testbed: Testbed | None) -> ReferenceManoeuvre:
     if not overview.plans:
-        return FlownManoeuvre(0.0, 0.0, None, np.zeros(joints))
+        return ReferenceManoeuvre(0.0, 0.0, None, np.zeros(joints))
     plan = overview.plans[-1]
     position = np.asarray(plan.position, dtype=float)
-    planned = len(plan.joint_names)
-    if planned != joints or not len(position) or len(position) % joints:
+    plan_joints = len(plan.joint_names)
+    if plan_joints != joints or not len(position) or len(position) % joints:
         raise BadInput(
-            f"the plan has {len(position)} positions for {planned} joints, the truth has "
+            f"the plan has {len(position)} positions for {plan_joints} joints, the truth has "
             f"{joints} joints: not one run"
         )
     velocity = np.asarray(plan.velocity, dtype=float)
@@ -135,14 +137,14 @@ def _manoeuvre(overview: Overview, joints: int, testbed: Testbed | None) -> Flow
     return manoeuvre_of(position, velocity, plan.start, plan.duration, testbed)
 
 
-def _own(bag: BagReader) -> tuple[list[type[Metric]], list[str]]:
+def _user_metrics(bag: BagReader) -> tuple[list[type[Metric]], list[str]]:
     """Return the metrics of the trial's own, and for each that may not run the reason."""
     trial = logged_yaml(bag.metadata.get("trial", ""), f"{bag.path}: trial")
     names = trial.get("metrics") or []
-    found, refused = [], []
+    found, reasons = [], []
     for name in map(str, names if isinstance(names, list) else []):
         try:
-            found += own_metrics([name], f"{bag.path}: trial: metrics", bag.trust)
+            found += load_user_metrics([name], f"{bag.path}: trial: metrics", bag.trust)
         except BadInput as error:
-            refused.append(f"{name} is left out: {error}")
-    return found, refused
+            reasons.append(f"{name} is left out: {error}")
+    return found, reasons

@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 
-def missed_goal(metrics: Mapping[str, Any], tolerance: float, units: Mapping[str, str]) -> str:
+def goal_error_message(
+    metrics: Mapping[str, Any], tolerance: float, units: Mapping[str, str]
+) -> str:
     """Return by how much a run has missed its goal; empty where it has not, or had none.
 
     Args:
@@ -15,8 +17,8 @@ def missed_goal(metrics: Mapping[str, Any], tolerance: float, units: Mapping[str
     error = metrics.get("goal_error")
     if error is None or error <= tolerance:
         return ""
-    finals = metrics.get("final_error") or {}
-    each = ", ".join(with_unit(name, value, units) for name, value in finals.items() if value)
+    final_errors = metrics.get("final_error") or {}
+    each = ", ".join(with_unit(name, value, units) for name, value in final_errors.items() if value)
     return (
         f"goal missed by {100.0 * error:.3g} % of the commanded move "
         f"(goal_tolerance {100.0 * tolerance:g} %); final error: {each}"

@@ -11,8 +11,8 @@ from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetu
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
-_SHORTEST = 16  # ticks of a window, below which it has no spectrum
-_LONGEST = 1_000_000  # and beyond which it is not kept
+_MIN_TICKS = 16  # ticks of a window, below which it has no spectrum
+_MAX_TICKS = 1_000_000  # and beyond which it is not kept
 
 
 class Jitter:
@@ -54,7 +54,7 @@ class Jitter:
         self._size = 0  # ticks of a window; 0: not known yet
         self._last = -1  # tick
         self._open: list[Matrix] = []  # parts of the window that is open
-        self._held = 0  # ticks in it
+        self._tick_count = 0  # ticks in it
         self._sum: Matrix | None = None  # of the spectra, (frequencies, 3)
         self._windows = 0
 
@@ -68,7 +68,7 @@ class Jitter:
         if not self._size:
             self._period = float(block.held[counts][0])
             size = self._testbed.pointing_window / self._period
-            self._size = round(size) if _SHORTEST <= size <= _LONGEST else -1
+            self._size = round(size) if _MIN_TICKS <= size <= _MAX_TICKS else -1
         if self._size < 0:
             return
         gaps = np.flatnonzero(np.diff(ticks.astype(np.int64)) != 1) + 1
@@ -81,16 +81,16 @@ class Jitter:
         self._last = int(ticks[-1])
 
     def _begin(self) -> None:
-        self._open, self._held = [], 0
+        self._open, self._tick_count = [], 0
 
     def _take(self, error: Matrix) -> None:
         """Take ticks without a gap."""
         while len(error):
-            part = error[: self._size - self._held]
+            part = error[: self._size - self._tick_count]
             self._open.append(part)
-            self._held += len(part)
+            self._tick_count += len(part)
             error = error[len(part) :]
-            if self._held == self._size:
+            if self._tick_count == self._size:
                 whole = np.concatenate(self._open)
                 level = detrend(whole, axis=0)
                 _, spectrum = periodogram(level, 1.0 / self._period, "hann", detrend=False, axis=0)

@@ -8,13 +8,13 @@ import numpy as np
 from flexslew_lab.metrics.metric import (
     Block,
     Ending,
-    FlownManoeuvre,
     Key,
     MetricEntry,
+    ReferenceManoeuvre,
     RunSetup,
     by_joint,
 )
-from flexslew_lab.metrics.settling import commanded_moves
+from flexslew_lab.metrics.settling import goal_displacement
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
@@ -99,7 +99,7 @@ class JointErrors:
 
 
 def goal_errors(
-    manoeuvre: FlownManoeuvre,
+    manoeuvre: ReferenceManoeuvre,
     attitude: AttitudeJoints | None,
     first: Vector,
     final: Vector,
@@ -116,12 +116,12 @@ def goal_errors(
     """
     if manoeuvre.rate is not None:
         return _in_motion(manoeuvre.rate, attitude, final, rate)
-    move = commanded_moves(manoeuvre.displacement, first)
-    going = move != 0.0
-    if attitude is not None and going.sum() > 1:
+    move = goal_displacement(manoeuvre.displacement, first)
+    has_move = move != 0.0
+    if attitude is not None and has_move.sum() > 1:
         return np.asarray(attitude.share(final, move).max())
-    share = np.where(going, np.abs(final / np.where(going, move, 1.0)), -1.0).max(axis=-1)
-    return np.where(going.any(axis=-1), share, np.nan)
+    share = np.where(has_move, np.abs(final / np.where(has_move, move, 1.0)), -1.0).max(axis=-1)
+    return np.where(has_move.any(axis=-1), share, np.nan)
 
 
 def _in_motion(
@@ -132,8 +132,8 @@ def _in_motion(
     The share of the way means little there: after a whole turn nothing is left of any error.
     """
     rows = (final, rate - goal, goal)
-    turns = rows if attitude is None else tuple(map(attitude.turn_of, rows))
-    left, off, whole = (np.linalg.norm(turn, axis=-1) for turn in turns)
+    rotations = rows if attitude is None else tuple(map(attitude.rotation_vector_of, rows))
+    left, off, whole = (np.linalg.norm(rotation, axis=-1) for rotation in rotations)
     return np.asarray(np.maximum(left, off / whole))
 
 

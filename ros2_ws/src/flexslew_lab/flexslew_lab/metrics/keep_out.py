@@ -41,14 +41,14 @@ class KeepOutMetric:
         return {_MARGIN: self._margin} if self._margin else {}
 
 
-def looked_inside(metrics: Mapping[str, Any]) -> str:
+def cone_violations(metrics: Mapping[str, Any]) -> str:
     """Return which cones a run has looked into, for a person; empty: none.
 
     Args:
         metrics: content of metrics.json.
     """
-    inside = {name: m for name, m in metrics.get(_MARGIN, {}).items() if m < 0.0}
-    each = ", ".join(f"{name} by {-margin:.3g} rad" for name, margin in inside.items())
+    violations = {name: m for name, m in metrics.get(_MARGIN, {}).items() if m < 0.0}
+    each = ", ".join(f"{name} by {-margin:.3g} rad" for name, margin in violations.items())
     return f"looked into keep_out {each}" if each else ""
 
 

@@ -24,7 +24,7 @@ class Key(NamedTuple):
     some: bool = False  # parts may have no value; the largest is that of those which have one
 
 
-class FlownManoeuvre(NamedTuple):
+class ReferenceManoeuvre(NamedTuple):
     """What the numbers are measured against."""
 
     start: float  # [s]
@@ -38,7 +38,7 @@ class RunSetup(NamedTuple):
     """What is known of a run before its first tick."""
 
     joint_names: tuple[str, ...]
-    manoeuvre: FlownManoeuvre
+    manoeuvre: ReferenceManoeuvre
     limit: Vector  # of the effort, (joints,); (0,) where not given
     testbed: Testbed | None  # None: of a version that this one does not know
 
@@ -58,7 +58,7 @@ class Block(NamedTuple):
     over: NDArray[Any]  # whether it has ended, (ticks,)
 
 
-def summed(before: Vector, terms: Matrix) -> Vector:
+def add_rows(before: Vector, terms: Matrix) -> Vector:
     """Return before and all rows of terms, added one after the other, shape (n,).
 
     So a sum is the same to the last bit however the ticks of a run come in blocks.
@@ -115,7 +115,7 @@ def goal_by_joint(setup: RunSetup) -> dict[str, float]:
     return {} if goal is None else dict(zip(setup.joint_names, goal.tolist(), strict=True))
 
 
-def larger(before: Vector | None, values: Matrix) -> Vector:
+def update_maximum(before: Vector | None, values: Matrix) -> Vector:
     """Return the largest absolute values of each column so far."""
     largest: Vector = abs(values).max(axis=0)
     return largest if before is None else np.maximum(before, largest)

@@ -5,11 +5,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, larger
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, update_maximum
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
 
-_STILL = 1e-9  # of the peak: the speed of a wheel at rest, by rounding [-]
+_REST_SPEED = 1e-9  # of the peak: the speed of a wheel at rest, by rounding [-]
 
 
 class Momentum:
@@ -72,17 +72,19 @@ class Momentum:
         for name, speed in spins.speeds.items():
             self._speed[name] = max(self._speed.get(name, 0.0), float(abs(speed).max()))
             after = speed[block.over]
-            still = abs(after) <= _STILL * self._speed[name]
-            self._count(name, np.where(still, 0.0, np.sign(after)))
-        self._stored = larger(self._stored, spins.stored)
+            at_rest = abs(after) <= _REST_SPEED * self._speed[name]
+            self._count(name, np.where(at_rest, 0.0, np.sign(after)))
+        self._stored = update_maximum(self._stored, spins.stored)
         self._last = spins.stored[-1]
 
     def _count(self, name: str, signs: Vector) -> None:
         """Count the changes of sign from one tick to a later one; zeros have none."""
         signs = signs[np.isfinite(signs) & (signs != 0.0)]
         before = self._sign.get(name)
-        course = signs if before is None else np.concatenate(([before], signs))
-        self._crossings[name] = self._crossings.get(name, 0) + int((np.diff(course) != 0.0).sum())
+        sign_sequence = signs if before is None else np.concatenate(([before], signs))
+        self._crossings[name] = self._crossings.get(name, 0) + int(
+            (np.diff(sign_sequence) != 0.0).sum()
+        )
         if signs.size:
             self._sign[name] = float(signs[-1])
 

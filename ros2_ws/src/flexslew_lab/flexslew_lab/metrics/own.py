@@ -9,7 +9,7 @@ from flexslew_plant.own_code import METRICS as GROUP
 from flexslew_plant.own_code import Trust, find_class
 
 
-def own_metrics(names: Sequence[str], source: str, trust: Trust) -> list[type[Metric]]:
+def load_user_metrics(names: Sequence[str], source: str, trust: Trust) -> list[type[Metric]]:
     """Return the classes of a trial's own metrics.
 
     Args:
@@ -28,9 +28,13 @@ def own_metrics(names: Sequence[str], source: str, trust: Trust) -> list[type[Me
         keys = getattr(kind, "KEYS", None)
         if not isinstance(keys, dict) or not all(isinstance(k, Key) for k in keys.values()):
             raise BadInput(f"{name} is no metric: it needs KEYS, a dict of Key by name", source)
-        lacking = [part for part in ("add", "result") if not callable(getattr(kind, part, None))]
-        if lacking:
-            raise BadInput(f"{name} is no metric: it has no {' and no '.join(lacking)}", source)
+        missing_methods = [
+            part for part in ("add", "result") if not callable(getattr(kind, part, None))
+        ]
+        if missing_methods:
+            raise BadInput(
+                f"{name} is no metric: it has no {' and no '.join(missing_methods)}", source
+            )
         for key in keys:
             if key in taken:
                 raise BadInput(f"{name}: the key {key} is taken by {taken[key]}", source)
@@ -41,4 +45,4 @@ def own_metrics(names: Sequence[str], source: str, trust: Trust) -> list[type[Me
 
 def keys_of(metrics: Sequence[type[Metric]]) -> dict[str, Key]:
     """Return what the keys of metrics hold, by name."""
-    return {key: told for metric in metrics for key, told in metric.KEYS.items()}
+    return {key: definition for metric in metrics for key, definition in metric.KEYS.items()}

@@ -12,8 +12,8 @@ from flexslew_lab.metrics.metric import (
     Key,
     MetricEntry,
     RunSetup,
+    add_rows,
     goal_by_joint,
-    summed,
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
@@ -69,7 +69,7 @@ class PerformanceErrors:
             return
         error = block_motions(self._testbed, block, self._goal).attitude
         error, time = error[counts], block.time[counts]
-        self._grow("absolute", abs(error).max(axis=0))
+        self._update_maximum("absolute", abs(error).max(axis=0))
         since = (time - self._end) / self._testbed.pointing_window
         windows = np.floor(since + 1e-9).astype(int)
         for window in np.unique(windows).tolist():
@@ -80,7 +80,7 @@ class PerformanceErrors:
 
     def _take(self, error: Matrix) -> None:
         """Take ticks of the window that is open."""
-        self._sum = summed(self._sum, error)
+        self._sum = add_rows(self._sum, error)
         self._count += len(error)
         self._low = np.minimum(self._low, error.min(axis=0))
         self._high = np.maximum(self._high, error.max(axis=0))
@@ -89,12 +89,12 @@ class PerformanceErrors:
         """End the window that is open."""
         if self._count:
             mean = self._sum / self._count
-            self._grow("mean", abs(mean))
-            self._grow("relative", np.maximum(self._high - mean, mean - self._low))
+            self._update_maximum("mean", abs(mean))
+            self._update_maximum("relative", np.maximum(self._high - mean, mean - self._low))
         self._sum, self._count = np.zeros(3), 0
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
 
-    def _grow(self, kind: str, values: Vector) -> None:
+    def _update_maximum(self, kind: str, values: Vector) -> None:
         self._largest[kind] = np.maximum(self._largest.get(kind, values), values)
 
     def result(self, ending: Ending) -> dict[str, Any]:

@@ -12,10 +12,10 @@ from flexslew_lab.metrics.metric import (
     Key,
     MetricEntry,
     RunSetup,
+    add_rows,
     goal_by_joint,
-    larger,
     plain,
-    summed,
+    update_maximum,
 )
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.contract import Pointing as PointingTestbed
@@ -56,10 +56,10 @@ class PlatformError:
         m = block_motions(self._testbed, block, self._goal)
         for k, (kind, error) in enumerate((("position", m.away), ("attitude", m.attitude))):
             terms = (error**2).sum(axis=1) * block.held
-            self._squares[k : k + 1] = summed(self._squares[k : k + 1], terms[:, None])
+            self._squares[k : k + 1] = add_rows(self._squares[k : k + 1], terms[:, None])
             if block.over.any():
-                self._left[kind] = larger(self._left.get(kind), error[block.over])
-        self._time = summed(self._time, block.held[:, None])
+                self._left[kind] = update_maximum(self._left.get(kind), error[block.over])
+        self._time = add_rows(self._time, block.held[:, None])
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values; what is left is None where the log ends too early."""

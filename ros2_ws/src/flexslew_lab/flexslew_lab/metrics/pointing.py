@@ -12,10 +12,10 @@ from flexslew_lab.metrics.metric import (
     Key,
     MetricEntry,
     RunSetup,
+    add_rows,
     goal_by_joint,
-    larger,
     plain,
-    summed,
+    update_maximum,
 )
 from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_plant.arrays import Vector
@@ -63,9 +63,9 @@ class PointingMetric:
         self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
         self._names, self._goal = setup.joint_names, goal_by_joint(setup)
         self._error: dict[str, Vector] = {}
-        self._turn: dict[str, Vector] = {}
+        self._tip_rotation: dict[str, Vector] = {}
         self._tip: dict[str, float] = {}
-        self._settled: dict[str, float] = {}
+        self._settling_time: dict[str, float] = {}
         self._wheels: dict[str, float] = {}
         self._effort = np.zeros(len(self._names))
         self._attitude, self._place = np.zeros(3), np.zeros(3)
@@ -76,34 +76,36 @@ class PointingMetric:
         if self._testbed is None:
             return
         m = block_motions(self._testbed, block, self._goal)
-        self._effort = summed(self._effort, block.effort**2 * block.held[:, None])
+        self._effort = add_rows(self._effort, block.effort**2 * block.held[:, None])
         self._last_time = float(block.time[-1])
         self._attitude = np.maximum(self._attitude, abs(m.turned).max(axis=0))
         self._place = np.maximum(self._place, abs(m.place).max(axis=0))
         for name, momentum in m.wheels.items():
             self._wheels[name] = max(self._wheels.get(name, 0.0), float(abs(momentum).max()))
         for name, tip in m.tips.items():
-            farthest = float(np.linalg.norm(tip, axis=1).max())
-            self._tip[name] = max(self._tip.get(name, 0.0), farthest)
+            largest_distance = float(np.linalg.norm(tip, axis=1).max())
+            self._tip[name] = max(self._tip.get(name, 0.0), largest_distance)
             error = m.attitude + m.turns[name]
-            beyond = np.flatnonzero((abs(error) > self._testbed.pointing_tolerance).any(axis=1))
-            if beyond.size:
-                self._settled[name] = float(block.time[beyond[-1]])
+            outside = np.flatnonzero((abs(error) > self._testbed.pointing_tolerance).any(axis=1))
+            if outside.size:
+                self._settling_time[name] = float(block.time[outside[-1]])
             if block.over.any():
-                self._error[name] = larger(self._error.get(name), error[block.over])
-                self._turn[name] = larger(self._turn.get(name), m.turns[name][block.over])
+                self._error[name] = update_maximum(self._error.get(name), error[block.over])
+                self._tip_rotation[name] = update_maximum(
+                    self._tip_rotation.get(name), m.turns[name][block.over]
+                )
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the values by appendage, actuator and wheel."""
         if self._testbed is None:
             return {}
         last = self._last_time
-        settled = {name: self._settled.get(name, 0.0) for name in self._tip}
-        early = dict.fromkeys(self._tip)  # where the end has not come
+        settling_times = {name: self._settling_time.get(name, 0.0) for name in self._tip}
+        no_values = dict.fromkeys(self._tip)  # where the end has not come
         return {
-            "pointing_error": early | plain(self._error),
-            "residual_tip_rotation": early | plain(self._turn),
-            "pointing_settled_at": {k: t if t < last else None for k, t in settled.items()},
+            "pointing_error": no_values | plain(self._error),
+            "residual_tip_rotation": no_values | plain(self._tip_rotation),
+            "pointing_settled_at": {k: t if t < last else None for k, t in settling_times.items()},
             "control_effort_by_actuator": dict(
                 zip(self._names, self._effort.tolist(), strict=True)
             ),

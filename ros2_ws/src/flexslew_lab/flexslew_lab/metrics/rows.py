@@ -44,7 +44,7 @@ def unit_of(name: str, kinds: Collection[str], others: Mapping[str, Key] = NO_KE
     return "" if unit in ("-", "hex") else unit
 
 
-def unit_among(name: str, joints: Mapping[str, str], others: Mapping[str, Key] = NO_KEYS) -> str:
+def row_unit(name: str, joints: Mapping[str, str], others: Mapping[str, Key] = NO_KEYS) -> str:
     """Return the unit of a row of a bench, see unit_of.
 
     Args:

@@ -5,12 +5,12 @@ from typing import Any, ClassVar
 
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup
 from flexslew_plant.events import (
-    AnswerMissed,
-    BrakeTookOver,
-    FallbackTookOver,
+    AnswerMissing,
+    BrakeActivated,
+    FallbackActivated,
     FaultChanged,
     Level,
-    Switched,
+    SwitchCompleted,
     largest,
 )
 
@@ -42,14 +42,14 @@ class Takeovers:
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the five values."""
         facts = [event.what for event in ending.events]
-        steps = [largest(what.effort_step) for what in facts if isinstance(what, Switched)]
-        began = sum(isinstance(what, FaultChanged) and what.on for what in facts)
+        steps = [largest(what.effort_step) for what in facts if isinstance(what, SwitchCompleted)]
+        fault_count = sum(isinstance(what, FaultChanged) and what.on for what in facts)
         return {
-            "missed_ticks": sum(w.ticks or 1 for w in facts if isinstance(w, AnswerMissed)),
+            "missed_ticks": sum(w.ticks or 1 for w in facts if isinstance(w, AnswerMissing)),
             "switches": len(steps),
             "largest_effort_step": max(steps, default=None),
-            "faults": began + sum(event.level is Level.FAULT for event in ending.events),
-            "fallbacks": sum(isinstance(w, FallbackTookOver | BrakeTookOver) for w in facts),
+            "faults": fault_count + sum(event.level is Level.FAULT for event in ending.events),
+            "fallbacks": sum(isinstance(w, FallbackActivated | BrakeActivated) for w in facts),
         }
 
 

@@ -41,7 +41,9 @@ class Vibration:
         self._peak: dict[str, float] = {}  # until then, where it ends at the start of the run [m]
         self._outside: dict[str, float] = {}  # last time outside of the band [s]
         self._tick: dict[str, int] = {}  # of that time
-        self._within: dict[str, float] = {}  # from the time outside before that one to it [s]
+        self._crossing_time: dict[
+            str, float
+        ] = {}  # from the time outside before that one to it [s]
         self._first_time, self._last_time = np.inf, 0.0
 
     def add(self, block: Block) -> None:
@@ -64,20 +66,20 @@ class Vibration:
                 ticks = np.insert(ticks, 0, self._tick.get(name, ticks[0]))
                 times = np.insert(times, 0, self._outside.get(name, times[0]))
                 if (left := np.flatnonzero(np.diff(ticks) > 1)).size:
-                    self._within[name] = float(np.diff(times)[left[-1]])
+                    self._crossing_time[name] = float(np.diff(times)[left[-1]])
                 self._tick[name], self._outside[name] = int(ticks[-1]), float(times[-1])
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the value by appendage."""
         if not self._peak:
             return {}
-        settled: dict[str, float | None] = {}
+        settling_times: dict[str, float | None] = {}
         for name in self._peak:
             last = self._outside.get(name, -np.inf)
             end = self._end.get(name, self._without)
-            stays = self._last_time - last > self._within.get(name, 0.0)
-            settled[name] = max(last - end, 0.0) if stays else None
-        return {"vibration_settling_time": settled}
+            in_band = self._last_time - last > self._crossing_time.get(name, 0.0)
+            settling_times[name] = max(last - end, 0.0) if in_band else None
+        return {"vibration_settling_time": settling_times}
 
 
 VIBRATION = MetricEntry(Vibration)

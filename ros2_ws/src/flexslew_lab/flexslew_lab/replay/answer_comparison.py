@@ -14,7 +14,7 @@ FIELDS = (
 )
 _LATER = frozenset({"reference_orientation", "estimate_orientation"})  # older logs have none
 _PATIENCE = 5000  # ticks until what has no counterpart will have none
-_BUCKETS = 2048  # of a curve of differences
+_BINS = 2048  # of a curve of differences
 
 
 class Divergence(NamedTuple):
@@ -43,14 +43,14 @@ class _Envelope:
 
     def __init__(self, period: float) -> None:
         self._period, self._width = period, 1
-        self._values = np.zeros(_BUCKETS)
+        self._values = np.zeros(_BINS)
         self._used = 0
 
     def add(self, tick: int, value: float) -> None:
         """Take the value of a tick."""
-        while tick // self._width >= _BUCKETS:
+        while tick // self._width >= _BINS:
             half = self._values.reshape(-1, 2).max(axis=1)
-            self._values = np.concatenate((half, np.zeros(_BUCKETS // 2)))
+            self._values = np.concatenate((half, np.zeros(_BINS // 2)))
             self._width *= 2
         bucket = tick // self._width
         self._values[bucket] = max(self._values[bucket], value)
@@ -71,14 +71,14 @@ class AnswerField:
         self.first: int | None = None
         self.largest, self.magnitude = 0.0, 0.0
 
-    def add(self, tick: int, recorded: Any, ours: Any) -> tuple[str, Any, Any] | None:
+    def add(self, tick: int, recorded: Any, computed: Any) -> tuple[str, Any, Any] | None:
         """Compare one tick; return place and values of the first difference."""
         self.ticks += 1
         if self.name == "term_names":
-            wrong = None if list(recorded) == list(ours) else (self.name, recorded, ours)
+            wrong = None if list(recorded) == list(computed) else (self.name, recorded, computed)
             difference = float(wrong is not None)
         else:
-            wrong, difference = self._numbers(np.atleast_1d(recorded), np.atleast_1d(ours))
+            wrong, difference = self._numbers(np.atleast_1d(recorded), np.atleast_1d(computed))
         self.curve.add(tick, difference)
         if wrong is not None:
             self.different += 1
@@ -87,21 +87,21 @@ class AnswerField:
         return wrong
 
     def _numbers(
-        self, recorded: np.ndarray, ours: np.ndarray
+        self, recorded: np.ndarray, computed: np.ndarray
     ) -> tuple[tuple[str, Any, Any] | None, float]:
         self.magnitude = max(self.magnitude, float(np.abs(recorded).max(initial=0.0)))
-        if recorded.shape != ours.shape:
-            return (f"{self.name} (length)", recorded.size, ours.size), float("inf")
-        if recorded.tobytes() == ours.tobytes():
+        if recorded.shape != computed.shape:
+            return (f"{self.name} (length)", recorded.size, computed.size), float("inf")
+        if recorded.tobytes() == computed.tobytes():
             return None, 0.0
-        other = (recorded != ours) & ~(np.isnan(recorded) & np.isnan(ours))
+        other = (recorded != computed) & ~(np.isnan(recorded) & np.isnan(computed))
         if not other.any():
             return None, 0.0
         k = int(np.argmax(other))
         place = f"{self.name}[{k}]" if self.name != "nis" else self.name
-        gap = np.abs(recorded - ours)[other]
+        gap = np.abs(recorded - computed)[other]
         largest = float(gap.max()) if np.isfinite(gap).all() else float("inf")
-        return (place, float(recorded[k]), float(ours[k])), largest
+        return (place, float(recorded[k]), float(computed[k])), largest
 
     def row(self) -> Row:
         """Return the sum of it."""
@@ -118,7 +118,7 @@ class AnswerComparison:
         self.ticks, self.only_recorded, self.only_ours = 0, 0, 0
         self.first: Divergence | None = None
         self._recorded: dict[Key, dict[str, Any]] = {}
-        self._ours: dict[Key, dict[str, Any]] = {}
+        self._computed: dict[Key, dict[str, Any]] = {}
         self._done: Key = (-1, -1)
 
     def recorded(self, key: Key, outputs: dict[str, Any]) -> None:
@@ -130,33 +130,33 @@ class AnswerComparison:
     def ours(self, key: Key, outputs: dict[str, Any]) -> None:
         """Take an answer of the controller here."""
         if key > self._done:
-            self._ours[key] = outputs
+            self._computed[key] = outputs
             self._match(key)
 
     def finish(self) -> None:
         """Count what has no counterpart."""
         for key in list(self._recorded):
             self._note_recorded_only(key)
-        self.only_ours += len(self._ours)
-        self._ours.clear()
+        self.only_ours += len(self._computed)
+        self._computed.clear()
 
     def _match(self, key: Key) -> None:
-        if key not in self._recorded or key not in self._ours:
+        if key not in self._recorded or key not in self._computed:
             if len(self._recorded) > _PATIENCE:
                 self._note_recorded_only(next(iter(self._recorded)))
-            if len(self._ours) > _PATIENCE:
-                del self._ours[next(iter(self._ours))]
+            if len(self._computed) > _PATIENCE:
+                del self._computed[next(iter(self._computed))]
                 self.only_ours += 1
             return
         self._done = key
         self.ticks += 1
-        theirs, mine = self._recorded.pop(key), self._ours.pop(key)
+        recorded, computed = self._recorded.pop(key), self._computed.pop(key)
         for name in FIELDS:
-            if name in _LATER and len(theirs[name]) < len(mine[name]):
+            if name in _LATER and len(recorded[name]) < len(computed[name]):
                 continue
-            wrong = self.rows[name].add(key[1], theirs[name], mine[name])
+            wrong = self.rows[name].add(key[1], recorded[name], computed[name])
             if wrong is not None:
-                place = _term(theirs, wrong[0]) if name == "terms" else wrong[0]
+                place = _term(recorded, wrong[0]) if name == "terms" else wrong[0]
                 self._note(Divergence(*key, place, *wrong[1:]))
 
     def _note_recorded_only(self, key: Key) -> None:

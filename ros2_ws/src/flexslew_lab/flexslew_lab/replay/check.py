@@ -9,7 +9,7 @@ import numpy as np
 from flexslew_control.message_fields import answer_fields
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode
-from flexslew_lab.log.messages.record_schema import several_runs
+from flexslew_lab.log.messages.record_schema import multiple_runs_message
 from flexslew_lab.replay.answer_comparison import FIELDS as FIELDS
 from flexslew_lab.replay.answer_comparison import AnswerComparison
 from flexslew_lab.replay.answer_comparison import Divergence as Divergence
@@ -76,49 +76,55 @@ def _checked(
     if controller not in laws:
         raise BadInput(f"no controller {controller}; it has {', '.join(laws)}", reader.path)
     recorded_law, values = laws[controller]
-    own = {} if law is not None and law != recorded_law else values
-    chosen = law or recorded_law, {**own, **settings}
+    base_settings = {} if law is not None and law != recorded_law else values
+    law_and_settings = law or recorded_law, {**base_settings, **settings}
     word = {law} if law is not None else set()  # the reader's own
-    trust = Trust(reader.trust.names | word, reader.trust.everything)
-    logged = LoggedControllers(reader, controller, {controller: chosen}, trust=trust)
+    trust = Trust(reader.trust.names | word, reader.trust.trust_all)
+    logged = LoggedControllers(reader, controller, {controller: law_and_settings}, trust=trust)
     testbed = reader.overview.testbed
-    answers = AnswerComparison(float(testbed.period))
+    comparison = AnswerComparison(float(testbed.period))
     last = reader.overview.counts.get("/measurement", 0)
-    asked = _Ticks()
+    question_ticks = _Ticks()
     for topic, kind, _, _, data in reader.messages(("/measurement", "/controller_state")):
         message = decode(kind, data)
         key = int(message.epoch), int(message.tick)
         if topic == "/controller_state":
             if message.controller == controller:
-                answers.recorded(key, {name: getattr(message, name) for name in FIELDS})
+                comparison.recorded(key, {name: getattr(message, name) for name in FIELDS})
             continue
-        if key < asked.last and not key[1]:
-            raise BadInput(several_runs(*key), reader.path)
-        asked.add(key)
+        if key < question_ticks.last and not key[1]:
+            raise BadInput(multiple_runs_message(*key), reader.path)
+        question_ticks.add(key)
         logged.until(key)
-        question = _question(message, answers.period)
+        question = _question(message, comparison.period)
         mismatch = question.mismatch(len(testbed.joint_names), len(testbed.appendage_names))
         if mismatch:
             raise BadInput(f"/measurement of tick {question.tick}: {mismatch}", reader.path)
         answer = logged.by_name[controller].observe(question)
         if answer is not None:
-            answers.ours(key, answer_fields(answer))
+            comparison.ours(key, answer_fields(answer))
         if message.tick % 1000 == 0:
             progress(int(message.tick), last)
-    answers.finish()
-    if not answers.ticks and not answers.only_recorded:
+    comparison.finish()
+    if not comparison.ticks and not comparison.only_recorded:
         raise BadInput(f"{controller} has not answered in this log", reader.path)
-    rows = tuple(answers.rows[name].row() for name in FIELDS)
-    curves = {n: answers.rows[n].curve.points() for n in FIELDS if answers.rows[n].ticks}
+    rows = tuple(comparison.rows[name].row() for name in FIELDS)
+    curves = {n: comparison.rows[n].curve.points() for n in FIELDS if comparison.rows[n].ticks}
     return Check(
         controller,
-        chosen[0],
-        answers.first is None,
-        answers.ticks,
-        answers.only_recorded,
-        answers.only_ours,
-        answers.first,
-        missing_part(reader, trial_of(reader), asked.first, asked.last[1], asked.gaps),
+        law_and_settings[0],
+        comparison.first is None,
+        comparison.ticks,
+        comparison.only_recorded,
+        comparison.only_ours,
+        comparison.first,
+        missing_part(
+            reader,
+            trial_of(reader),
+            question_ticks.first,
+            question_ticks.last[1],
+            question_ticks.gaps,
+        ),
         changed_code(reader),
         rows,
         curves,

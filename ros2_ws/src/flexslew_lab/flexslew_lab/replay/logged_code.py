@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from flexslew_control.controllers import LAW_HASH
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.logged_text import logged_json, logged_yaml
-from flexslew_lab.trial.own_code import HASHES
+from flexslew_lab.trial.own_code import HASH_KEY
 from flexslew_plant.own_code import Untrusted, code_hash
 
 
@@ -20,7 +20,7 @@ def reading(bag: BagReader) -> Iterator[None]:
     try:
         yield
     except Untrusted as error:
-        recorded = logged_hashes(bag).get(error.name, "")
+        recorded = logged_digests(bag).get(error.name, "")
         if not recorded:
             words = "the log holds no hash of it"
         elif recorded == code_hash(error.name):
@@ -30,18 +30,18 @@ def reading(bag: BagReader) -> Iterator[None]:
         raise Untrusted(f"{error}; {words}", error.name) from None
 
 
-def logged_hashes(bag: BagReader) -> dict[str, str]:
+def logged_digests(bag: BagReader) -> dict[str, str]:
     """Return the SHA-256 of every file that ran in the recorded run, by the name of its class."""
-    found = logged_json(bag.metadata.get(HASHES, ""), f"{bag.path}: {HASHES}")
-    hashes = {str(name): str(digest) for name, digest in found.items()}
+    found = logged_json(bag.metadata.get(HASH_KEY, ""), f"{bag.path}: {HASH_KEY}")
+    digests = {str(name): str(digest) for name, digest in found.items()}
     for name, status in bag.overview.statuses.items():
         settings = logged_yaml(status.settings, f"{bag.path}: controllers.{name}")
         if LAW_HASH in settings:
-            hashes[status.law] = str(settings[LAW_HASH])
-    return hashes
+            digests[status.law] = str(settings[LAW_HASH])
+    return digests
 
 
 def changed_code(bag: BagReader) -> dict[str, tuple[str, str]]:
     """Return the SHA-256 there and here (empty: no file) of code that is another one, by name."""
-    pairs = {name: (digest, code_hash(name)) for name, digest in logged_hashes(bag).items()}
+    pairs = {name: (digest, code_hash(name)) for name, digest in logged_digests(bag).items()}
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}

@@ -5,43 +5,43 @@ from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 from flexslew_control.controllers import (
+    COMPUTED_KEYS,
     CONTROLLERS,
-    DERIVED,
     OUTPUT_FEEDBACK,
     build_controller,
 )
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.host import merged
-from flexslew_control.message_fields import in_flight, published_plan
+from flexslew_control.message_fields import in_flight, received_plan
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode
 from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.logged_text import logged_yaml
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import ControllerTuned, EstimateBegan
+from flexslew_plant.events import ControllerTuned, EstimateStarted
 from flexslew_plant.graph.topics import PLAN, TOPICS
 from flexslew_plant.own_code import Trust
 
 Key = tuple[int, int]  # epoch and tick
-_Kind = TypeVar("_Kind", ControllerTuned, EstimateBegan)
+_Kind = TypeVar("_Kind", ControllerTuned, EstimateStarted)
 
 
-class Told(NamedTuple):
+class PlanMessage(NamedTuple):
     """A plan as it was published."""
 
     plan: Plan
     of_flight: bool  # in flight: a reset drops it
 
 
-class Adoption(NamedTuple):
+class PlanChange(NamedTuple):
     """A controller took a plan."""
 
     controller: str
     first: Key  # question that it answered with this plan
-    told: tuple[Told, ...]  # the plan, after those before it that a newcomer also received
+    told: tuple[PlanMessage, ...]  # the plan, after those before it that a newcomer also received
 
 
 def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
@@ -66,7 +66,7 @@ def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
                 key=path,
             )
     if changes:
-        values = overridden(values, dict(changes))
+        values = override_values(values, dict(changes))
     return trial_of_values(values, source, bag.trust)
 
 
@@ -76,7 +76,7 @@ class LoggedControllers:
     Args:
         bag: source of the controllers.
         only: name of the only controller needed; None: all of the trial and of the log.
-        replaced: laws and settings by name that replace those of the log.
+        replacements: laws and settings by name that replace those of the log.
         trial: trial that replaces the log's.
         trust: laws that may be loaded; None: those that the log may load.
 
@@ -88,7 +88,7 @@ class LoggedControllers:
         self,
         bag: BagReader,
         only: str | None = None,
-        replaced: Mapping[str, tuple[str, dict[str, Any]]] | None = None,
+        replacements: Mapping[str, tuple[str, dict[str, Any]]] | None = None,
         trial: Trial | None = None,
         trust: Trust | None = None,
     ) -> None:
@@ -96,31 +96,33 @@ class LoggedControllers:
         testbed = overview.testbed
         if testbed is None:
             raise BadInput("does not name its testbed (no /testbed)", bag.path)
-        laws = logged_laws(bag) | dict(replaced or {})
+        laws = logged_laws(bag) | dict(replacements or {})
         self._source = str(bag.path)
         self._plant = replace(plant_of(trial or trial_of(bag)), trust=trust or bag.trust)
         self._laws = laws if only is None else {only: laws[only]}
         self.by_name = {name: self._built(name) for name in self._laws}
-        self._due = [a for a in adoptions(bag) if a.controller in self.by_name]
+        self._pending = [a for a in plan_changes(bag) if a.controller in self.by_name]
         self._first = dict(self._laws)  # before anybody tuned them
-        self._begun = [
+        self._estimator_starts = [
             (k, what)
-            for k, what in _messages_by_tick(bag, EstimateBegan)
+            for k, what in _messages_by_tick(bag, EstimateStarted)
             if what.controller in self._laws
         ]
-        self._dying = _answered_twice(bag, [(k, w.controller) for k, w in self._begun if w.fresh])
-        flown = logged_laws(bag)  # settings of one law mean nothing to another
-        self._tunings = [
+        self._duplicate_responses = _duplicate_responses(
+            bag, [(k, w.controller) for k, w in self._estimator_starts if w.fresh]
+        )
+        recorded_laws = logged_laws(bag)  # settings of one law mean nothing to another
+        self._setting_changes = [
             (key, what)
             for key, what in _messages_by_tick(bag, ControllerTuned)
             if (name := what.controller) in self._laws
-            and name in flown
-            and self._laws[name][0] == flown[name][0]
+            and name in recorded_laws
+            and self._laws[name][0] == recorded_laws[name][0]
         ]
 
-    def dying(self, key: Key) -> list[Controller]:
+    def previous_instances(self, key: Key) -> list[Controller]:
         """Return those that answered this question and were started again before it was over."""
-        return [self.by_name[name] for at, name in self._dying if at == key]
+        return [self.by_name[name] for at, name in self._duplicate_responses if at == key]
 
     def until(self, key: Key) -> int:
         """Give the controllers the plans and settings that they had at the question `key`.
@@ -128,45 +130,45 @@ class LoggedControllers:
         Returns:
             number of controllers tuned since the previous call.
         """
-        while self._begun and self._begun[0][0] <= key:
-            self._begin_anew(*self._begun.pop(0))
-        while self._due and self._due[0].first <= key:
-            adoption = self._due.pop(0)
-            controller = self.by_name[adoption.controller]
-            controller.begin_epoch(adoption.first[0])
-            controller.adopt(*adoption.told[-1])
-        tuned = 0
-        while self._tunings and self._tunings[0][0] <= key:
-            what = self._tunings.pop(0)[1]
+        while self._estimator_starts and self._estimator_starts[0][0] <= key:
+            self._restart(*self._estimator_starts.pop(0))
+        while self._pending and self._pending[0].first <= key:
+            change = self._pending.pop(0)
+            controller = self.by_name[change.controller]
+            controller.begin_epoch(change.first[0])
+            controller.adopt(*change.told[-1])
+        change_count = 0
+        while self._setting_changes and self._setting_changes[0][0] <= key:
+            what = self._setting_changes.pop(0)[1]
             name = what.controller
             law, values = self._laws[name]
             self._laws[name] = law, merged(values, what.settings)
-            successor = self._built(name)
-            successor.take_over(self.by_name[name])
-            self.by_name[name] = successor
-            tuned += 1
-        return tuned
+            replacement = self._built(name)
+            replacement.take_over(self.by_name[name])
+            self.by_name[name] = replacement
+            change_count += 1
+        return change_count
 
-    def _begin_anew(self, key: Key, what: EstimateBegan) -> None:
+    def _restart(self, key: Key, what: EstimateStarted) -> None:
         """Let an estimator begin in flight; that of a new process with all plans, untuned."""
         name = what.controller
         if what.fresh:
-            its = [a for a in self._due if a.controller == name and a.first == key]
-            self._due = [a for a in self._due if a not in its]
+            its = [a for a in self._pending if a.controller == name and a.first == key]
+            self._pending = [a for a in self._pending if a not in its]
             self._laws[name] = self._first[name]
             self.by_name[name] = self._built(name)
             for one in its[-1].told if its else ():
                 self.by_name[name].adopt(*one)
-        self.by_name[name].begin_anew(key[0])
+        self.by_name[name].restart(key[0])
 
     def _built(self, name: str) -> Controller:
         law, values = self._laws[name]
         # wall time decides nothing here
-        own = {k: v for k, v in values.items() if law in CONTROLLERS or k != "time_limit"}
+        settings = {k: v for k, v in values.items() if law in CONTROLLERS or k != "time_limit"}
         return build_controller(
             name,
             law,
-            own,
+            settings,
             self._plant,
             f"{self._source}: controllers.{name}",
         )
@@ -174,12 +176,12 @@ class LoggedControllers:
 
 def _messages_by_tick(bag: BagReader, kind: type[_Kind]) -> list[tuple[Key, _Kind]]:
     """Return events of this kind from controllers, with their ticks, in their order."""
-    told = [
+    recorded = [
         ((event.epoch, event.tick), event.what)
         for event in bag.overview.events
         if isinstance(event.what, kind)
     ]
-    return sorted(told, key=lambda pair: pair[0])
+    return sorted(recorded, key=lambda pair: pair[0])
 
 
 def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
@@ -188,7 +190,7 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
     for name, status in bag.overview.statuses.items():
         if name not in laws or laws[name][0] in CONTROLLERS:  # with its defaults of that day
             logged = logged_yaml(status.settings, f"{bag.path}: controllers.{name}")
-            values = {k: v for k, v in logged.items() if k not in DERIVED}
+            values = {k: v for k, v in logged.items() if k not in COMPUTED_KEYS}
             if status.law == OUTPUT_FEEDBACK.name:  # older logs: when it had no other one
                 values.setdefault("observer", "steady")
             laws[name] = status.law, values
@@ -199,7 +201,7 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
     return laws
 
 
-def adoptions(bag: BagReader) -> list[Adoption]:
+def plan_changes(bag: BagReader) -> list[PlanChange]:
     """Return the controller, its plan and the first question answered with it, in that order.
 
     A recorder may discover a controller late, so every status gives the tick of its plan. A
@@ -210,70 +212,76 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         BadInput: if a controller reports a plan that is not in the log.
     """
     source = str(bag.path)
-    plans = {p.hash: Told(*published_plan(p, source)) for p in bag.overview.plans}
-    published: list[tuple[str, Told]] = []
-    following: dict[str, tuple[str, int]] = {}
-    begun: dict[str, Key] = {}
+    plan_by_hash = {p.hash: PlanMessage(*received_plan(p, source)) for p in bag.overview.plans}
+    plan_messages: list[tuple[str, PlanMessage]] = []
+    active_plan: dict[str, tuple[str, int]] = {}
+    starts: dict[str, Key] = {}
     seen: dict[str, Key] = {}  # newest question
-    heard_of: dict[str, set[int]] = {}  # processes of each name
-    unasked: dict[str, int] = {}  # that came in place of another one and has no question yet
-    started_again: dict[str, tuple[Told, ...]] = {}
-    assumed: dict[str, Adoption] = {}  # plan of its predecessor, until it reports its own
+    instances: dict[str, set[int]] = {}  # processes of each name
+    pending_instance: dict[
+        str, int
+    ] = {}  # that came in place of another one and has no question yet
+    restart_sequence: dict[str, tuple[PlanMessage, ...]] = {}
+    default_change: dict[str, PlanChange] = {}  # plan of its predecessor, until it reports its own
     found = []
     for topic, kind, _, _, data in bag.messages(("/controller_status", "/events", "/plan")):
         status = decode(kind, data)
         if topic == "/plan":
-            published.append((status.hash, Told(plans[status.hash].plan, in_flight(status))))
+            plan_messages.append(
+                (status.hash, PlanMessage(plan_by_hash[status.hash].plan, in_flight(status)))
+            )
             continue
         if topic == "/events":
             event = logged_event(status, source)
             what, key = event.what, (event.epoch, event.tick)
-            if isinstance(what, EstimateBegan) and what.fresh:
+            if isinstance(what, EstimateStarted) and what.fresh:
                 name = what.controller
-                begun[name] = key
-                unasked.pop(name, None)
-                if told := started_again.pop(name, ()):
-                    found.append(Adoption(name, key, told))
-                elif told := _course(published, following.get(name, ("", 0))[0]):
-                    assumed[name] = Adoption(name, key, told)
-                    found.append(assumed[name])
+                starts[name] = key
+                pending_instance.pop(name, None)
+                if recorded := restart_sequence.pop(name, ()):
+                    found.append(PlanChange(name, key, recorded))
+                elif recorded := _plan_sequence(plan_messages, active_plan.get(name, ("", 0))[0]):
+                    default_change[name] = PlanChange(name, key, recorded)
+                    found.append(default_change[name])
             continue
         name, requested = status.controller, status.plan_hash
         instance = getattr(status, "instance", 0)  # which older logs do not have
-        if instance not in heard_of.setdefault(name, {instance}):
-            heard_of[name].add(instance)
-            unasked[name] = instance
+        if instance not in instances.setdefault(name, {instance}):
+            instances[name].add(instance)
+            pending_instance[name] = instance
         at = int(status.epoch), int(status.last_tick)
         before = seen.get(name, at)
         seen[name] = max(before, at)
-        if name in assumed and at >= assumed[name].first:
-            _settle(status, assumed.pop(name), found)
+        if name in default_change and at >= default_change[name].first:
+            _drop_if_unused(status, default_change.pop(name), found)
         if not requested:
-            following.pop(name, None)
+            active_plan.pop(name, None)
             continue
-        if following.get(name) == (requested, status.plan_number) and at >= before:
+        if active_plan.get(name) == (requested, status.plan_number) and at >= before:
             continue
-        if requested not in plans:
+        if requested not in plan_by_hash:
             raise BadInput(
                 f"{name} follows plan {requested[:12]}, which is not in the log", bag.path
             )
         # no time is known before the first question: the status may come before the plan it names
-        known = requested in {digest for digest, _ in published}
-        coming = [] if known else [(requested, plans[requested])]
-        course = _course([*published, *coming], requested) or (plans[requested],)
-        came = unasked.get(name) == instance or at < before
-        anew = came or status.plan_number <= following.get(name, ("", 0))[1]
-        following[name] = requested, status.plan_number
-        not_asked = status.plan_number and not (status.last_tick or status.plan_tick)
-        if not_asked and (anew or name in started_again):  # it may receive several plans by then
-            started_again[name] = course
-        if not_asked and anew:
+        known = requested in {digest for digest, _ in plan_messages}
+        coming = [] if known else [(requested, plan_by_hash[requested])]
+        sequence = _plan_sequence([*plan_messages, *coming], requested) or (
+            plan_by_hash[requested],
+        )
+        is_new = pending_instance.get(name) == instance or at < before
+        restart = is_new or status.plan_number <= active_plan.get(name, ("", 0))[1]
+        active_plan[name] = requested, status.plan_number
+        unused = status.plan_number and not (status.last_tick or status.plan_tick)
+        if unused and (restart or name in restart_sequence):  # it may receive several plans by then
+            restart_sequence[name] = sequence
+        if unused and restart:
             continue
         first = _first_question(status)
         # one that is built again, for another testbed or after a crash, reports that it began there
-        begun[name] = first = max(first, begun.get(name, first))
-        found.append(Adoption(name, first, course))
-    return sorted(found, key=lambda adoption: adoption.first)
+        starts[name] = first = max(first, starts.get(name, first))
+        found.append(PlanChange(name, first, sequence))
+    return sorted(found, key=lambda change: change.first)
 
 
 def _first_question(status: Any) -> Key:
@@ -286,36 +294,38 @@ def _first_question(status: Any) -> Key:
     return (0, 0) if first == (0, 1) else first
 
 
-def _settle(status: Any, assumed: Adoption, found: list[Adoption]) -> None:
+def _drop_if_unused(status: Any, default_change: PlanChange, found: list[PlanChange]) -> None:
     """Drop the assumed plan of a newcomer that reports that it has received no plan."""
     if not (status.plan_hash or status.plan_number):
-        found.remove(assumed)
+        found.remove(default_change)
 
 
-def _answered_twice(bag: BagReader, begun: list[tuple[Key, str]]) -> set[tuple[Key, str]]:
+def _duplicate_responses(bag: BagReader, starts: list[tuple[Key, str]]) -> set[tuple[Key, str]]:
     """Return which of the first questions of newcomers their predecessors had answered."""
-    if not any(tick > 0 for (_, tick), _ in begun):
+    if not any(tick > 0 for (_, tick), _ in starts):
         return set()
     found = bag.columns("/controller_state", {"epoch", "tick", "controller", "effort"})
-    twice = set[tuple[Key, str]]()
-    for (epoch, tick), name in begun:
+    duplicates = set[tuple[Key, str]]()
+    for (epoch, tick), name in starts:
         rows = (found["epoch"] == epoch) & (found["tick"] == tick) & (found["controller"] == name)
-        answers = found["effort"][rows]
-        if len(answers) > 1 and (answers[0] != answers[1]).any():  # one repeats its own
-            twice.add(((epoch, tick), name))
-    return twice
+        efforts = found["effort"][rows]
+        if len(efforts) > 1 and (efforts[0] != efforts[1]).any():  # one repeats its own
+            duplicates.add(((epoch, tick), name))
+    return duplicates
 
 
-def _course(published: Sequence[tuple[str, Told]], last: str) -> tuple[Told, ...]:
+def _plan_sequence(
+    plan_messages: Sequence[tuple[str, PlanMessage]], last: str
+) -> tuple[PlanMessage, ...]:
     """Return the plans that a newcomer follows, from that of tick 0 to the one with hash `last`.
 
     Args:
-        published: hashes and plans in their order; a new subscriber receives the latest.
+        plan_messages: hashes and plans in their order; a new subscriber receives the latest.
         last: hash of the plan that it received.
     """
-    course: tuple[Told, ...] = ()
-    found = course
-    for digest, told in published[-TOPICS[PLAN].depth :]:
-        course = (*course, told) if told.of_flight else (told,)
-        found = course if digest == last else found
+    sequence: tuple[PlanMessage, ...] = ()
+    found = sequence
+    for digest, recorded in plan_messages[-TOPICS[PLAN].depth :]:
+        sequence = (*sequence, recorded) if recorded.of_flight else (recorded,)
+        found = sequence if digest == last else found
     return found

@@ -63,7 +63,7 @@ class Player:
         self._bag = bag = BagIndex(Path(settings.bag))
         self.first, self.last = bag.first, bag.last
         self.period = 0.01  # [s]
-        for testbed in bag.held("/testbed", bag.last + 1):
+        for testbed in bag.stored_messages("/testbed", bag.last + 1):
             self.period = float(cdr.decode(testbed.type, testbed.data).period)
         start = round(settings.start * 1e9)
         if start > self.last:
@@ -72,26 +72,26 @@ class Player:
         self._start = start
         self._end = start + settings.duration * 1e9 if settings.duration else inf
         self._types = bag.types
-        self._chosen = _chosen(settings.topics, self._types, str(self._bag.path))
+        self._selected_topics = _select_topics(settings.topics, self._types, str(self._bag.path))
         if settings.clock:
-            self._chosen -= {CLOCK}
-        self._names = _remapped(settings.remap, self._types)
-        self._latched = {t for t in self._chosen if t in TOPICS and TOPICS[t].latched}
+            self._selected_topics -= {CLOCK}
+        self._names = _new_names(settings.remap, self._types)
+        self._latched = {t for t in self._selected_topics if t in TOPICS and TOPICS[t].latched}
         for topic, new in self._names.items():
             kind = self._types.get(new, self._types[topic])
-            if new in self._chosen - {*self._names} and kind != self._types[topic]:
+            if new in self._selected_topics - {*self._names} and kind != self._types[topic]:
                 raise BadInput(f"--remap: {new} is a {kind}, {topic} a {self._types[topic]}")
         self.paused = settings.paused
-        self.rounds = 0  # times the end was reached
-        self._anchor: tuple[float, float] | None = None  # wall time and simulated time [s, ns]
-        self._held: list[Outgoing] = []  # latched, due at once
+        self.iterations = 0  # times the end was reached
+        self._time_origin: tuple[float, float] | None = None  # wall time and simulated time [s, ns]
+        self._initial_messages: list[Outgoing] = []  # latched, due at once
         self._next: BagMessage | None = None
         self._go_to(start)
 
     @property
     def topics(self) -> dict[str, str]:
         """Types of what will be published, by the names after remapping."""
-        return {self._names.get(t, t): self._types[t] for t in sorted(self._chosen)}
+        return {self._names.get(t, t): self._types[t] for t in sorted(self._selected_topics)}
 
     @property
     def latched(self) -> set[str]:
@@ -110,7 +110,7 @@ class Player:
 
     def resume(self) -> None:
         """Go on from here; what was missed in a pause is not caught up."""
-        self.paused, self._anchor = False, None
+        self.paused, self._time_origin = False, None
 
     def pause(self) -> None:
         """Hold the position."""
@@ -134,8 +134,8 @@ class Player:
 
     def step(self, until: float) -> list[Outgoing]:
         """Return everything before a simulated time [s] at once, whether paused or not."""
-        self._anchor = None
-        return [*self._take_held(), *self._before(round(until * 1e9), 1 << 62)]
+        self._time_origin = None
+        return [*self._take_initial_messages(), *self._before(round(until * 1e9), 1 << 62)]
 
     def due(self, now: float, most: int = 1000) -> list[Outgoing]:
         """Return what is due by now, at most so many messages and what is latched.
@@ -145,11 +145,11 @@ class Player:
             most: so that listeners keep up.
         """
         if self.paused:
-            return self._take_held()
+            return self._take_initial_messages()
         if self._next is None and self.settings.loop:
-            self.rounds += 1
+            self.iterations += 1
             self._go_to(self._start)
-        return [*self._take_held(), *self._before(self.simulated(now), most)]
+        return [*self._take_initial_messages(), *self._before(self.simulated(now), most)]
 
     def simulated(self, now: float) -> float:
         """Return the simulated time at the wall time now [ns]."""
@@ -157,21 +157,21 @@ class Player:
             return min(self._end, self.last)
         if self.settings.rate == 0.0:
             return inf
-        if self._anchor is None or self.paused:
-            self._anchor = now, float(self._next.stamp)
-        wall, simulated = self._anchor
-        return simulated + (now - wall) * self.settings.rate * 1e9
+        if self._time_origin is None or self.paused:
+            self._time_origin = now, float(self._next.stamp)
+        origin, simulated = self._time_origin
+        return simulated + (now - origin) * self.settings.rate * 1e9
 
     def wait(self, now: float) -> float:
         """Return the wall seconds until something is due."""
-        if self._held:
+        if self._initial_messages:
             return 0.0
         if self.paused or self.done:
             return inf
         if self._next is None or self.settings.rate == 0.0:
             return 0.0
-        ahead = self._next.stamp - self.simulated(now)
-        return max(0.0, ahead * 1e-9 / self.settings.rate)
+        remaining = self._next.stamp - self.simulated(now)
+        return max(0.0, remaining * 1e-9 / self.settings.rate)
 
     def _before(self, limit: float, most: int) -> Iterator[Outgoing]:
         """Yield the messages up to a log time [ns]."""
@@ -185,22 +185,26 @@ class Player:
         topic, kind, stamp, _, data = message
         return Outgoing(self._names.get(topic, topic), kind, stamp, data)
 
-    def _take_held(self) -> list[Outgoing]:
-        held, self._held = self._held, []
-        return held
+    def _take_initial_messages(self) -> list[Outgoing]:
+        initial, self._initial_messages = self._initial_messages, []
+        return initial
 
     def _go_to(self, stamp: int) -> None:
         """Read at the new place first, so that a damage there changes nothing."""
-        held = sorted((m for t in self._latched for m in self._bag.held(t, stamp)), key=_stamp)
+        initial = sorted(
+            (m for t in self._latched for m in self._bag.stored_messages(t, stamp)), key=_stamp
+        )
         messages = self._from(stamp)
-        self._next, self._messages, self._anchor = next(messages, None), messages, None
-        self._held = [self._outgoing(message) for message in held]
+        self._next, self._messages, self._time_origin = next(messages, None), messages, None
+        self._initial_messages = [self._outgoing(message) for message in initial]
 
     def _from(self, stamp: int) -> Iterator[BagMessage]:
-        return takewhile(lambda m: m.stamp <= self._end, self._bag.messages(self._chosen, stamp))
+        return takewhile(
+            lambda m: m.stamp <= self._end, self._bag.messages(self._selected_topics, stamp)
+        )
 
 
-def _chosen(requested: Collection[str], types: Mapping[str, str], path: str) -> set[str]:
+def _select_topics(requested: Collection[str], types: Mapping[str, str], path: str) -> set[str]:
     """Return the topics to play."""
     names = [name if name.startswith("/") else f"/{name}" for name in requested]
     for name in names:
@@ -209,7 +213,7 @@ def _chosen(requested: Collection[str], types: Mapping[str, str], path: str) -> 
     return set(names or types)
 
 
-def _remapped(rules: Collection[str], types: Mapping[str, str]) -> dict[str, str]:
+def _new_names(rules: Collection[str], types: Mapping[str, str]) -> dict[str, str]:
     """Return new names by old ones."""
     names = {}
     for rule in rules:

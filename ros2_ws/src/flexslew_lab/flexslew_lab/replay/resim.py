@@ -76,46 +76,46 @@ def resim(
     """
     reader = BagReader(bag, trust=trust)
     with reading(reader):
-        return _flown_again(reader, progress, changes or {})
+        return _simulate_and_compare(reader, progress, changes or {})
 
 
-def _flown_again(
+def _simulate_and_compare(
     reader: BagReader, progress: Callable[[int, int], None], changes: Mapping[str, Any]
 ) -> Resimulation:
     trial = trial_of(reader, changes)
-    again = Resimulator(reader, trial)
+    simulator = Resimulator(reader, trial)
     same = _Comparison()
-    recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), 0
+    recorded, computed, epoch = TrajectoryHash(), TrajectoryHash(), 0
     for block in reader.blocks(["/truth"]):
         columns = block.columns
         keys = zip(columns["epoch"].tolist(), columns["tick"].tolist(), strict=True)
-        rows = [again.truth(key) for key in keys]
+        rows = [simulator.truth(key) for key in keys]
         for number in np.unique(columns["epoch"]):
             part = columns["epoch"] == number
             if number > epoch:  # metrics.json is about the last epoch
-                recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), int(number)
+                recorded, computed, epoch = TrajectoryHash(), TrajectoryHash(), int(number)
             tick = columns["tick"][part]
-            theirs = {name: columns[name][part] for name in FIELDS}
-            mine = {
+            logged = {name: columns[name][part] for name in FIELDS}
+            simulated = {
                 name: np.array([row[name] for row, here in zip(rows, part, strict=True) if here])
                 for name in FIELDS
             }
-            if any(theirs[name].shape != mine[name].shape for name in FIELDS):
+            if any(logged[name].shape != simulated[name].shape for name in FIELDS):
                 raise BadInput("the truth is not of the testbed of its trial", reader.path)
-            recorded.update_many(tick, theirs["position"], theirs["velocity"])
-            ours.update_many(tick, mine["position"], mine["velocity"])
-            same.add(int(number), tick, theirs, mine)
-        progress(again.bench.tick, again.bench.last_tick or 0)
+            recorded.update_many(tick, logged["position"], logged["velocity"])
+            computed.update_many(tick, simulated["position"], simulated["velocity"])
+            same.add(int(number), tick, logged, simulated)
+        progress(simulator.bench.tick, simulator.bench.last_tick or 0)
     if not same.ticks:
         raise BadInput("holds no truth, so there is nothing to compare with", reader.path)
     return Resimulation(
         recorded.hexdigest(),
-        ours.hexdigest(),
+        computed.hexdigest(),
         same.first is None,
         same.ticks,
         same.first,
         same.relative(),
-        again.replayed,
+        simulator.replayed,
         _other_versions(reader),
         missing_part(reader, trial, same.began, same.last[1], same.gaps),
         changed_code(reader),
@@ -133,7 +133,7 @@ class _Comparison:
         self._magnitude = dict.fromkeys(FIELDS, 0.0)
 
     def add(
-        self, epoch: int, tick: np.ndarray, recorded: dict[str, Matrix], ours: dict[str, Matrix]
+        self, epoch: int, tick: np.ndarray, recorded: dict[str, Matrix], computed: dict[str, Matrix]
     ) -> None:
         """Take the next ticks."""
         self.ticks += len(tick)
@@ -144,19 +144,19 @@ class _Comparison:
         self.last = epoch, int(tick[-1])
         found = []
         for number, name in enumerate(FIELDS):
-            theirs, mine = recorded[name], ours[name]
-            magnitude, difference = np.abs(theirs).max(initial=0.0), np.abs(theirs - mine)
+            logged, simulated = recorded[name], computed[name]
+            magnitude, difference = np.abs(logged).max(initial=0.0), np.abs(logged - simulated)
             self._magnitude[name] = max(self._magnitude[name], float(magnitude))
             self._largest[name] = max(self._largest[name], float(difference.max(initial=0.0)))
-            wrong = np.argwhere(theirs != mine)
+            wrong = np.argwhere(logged != simulated)
             if len(wrong):
                 row, column = map(int, wrong[0])
                 place = Difference(
                     epoch,
                     int(tick[row]),
                     f"{name}[{column}]",
-                    float(theirs[row, column]),
-                    float(mine[row, column]),
+                    float(logged[row, column]),
+                    float(simulated[row, column]),
                 )
                 found.append((place.tick, number, place))
         if found and self.first is None:

@@ -9,16 +9,16 @@ from flexslew_lab.trial.trial import Trial, bench_settings, law_of
 from flexslew_plant.bench.bench import Bench, SwitchRequest
 from flexslew_plant.errors import BadInput, RunFault
 from flexslew_plant.events import (
-    AnswerMissed,
+    AnswerMissing,
+    BrakeActivated,
     BrakeRequested,
-    BrakeTookOver,
     ControllerTuned,
     Fact,
-    FallbackTookOver,
+    FallbackActivated,
     FaultEndRequested,
     InjectionRequested,
     SwitchDropped,
-    SwitchRefused,
+    SwitchRejected,
     SwitchRequested,
     TargetRequested,
     kind_of,
@@ -33,7 +33,7 @@ REQUESTS = (
     BrakeRequested,
     TargetRequested,
 )
-_UNREADY = Refusal("the log contains it", cause=Cause.NOT_READY)
+_NOT_READY = Refusal("the log contains it", cause=Cause.NOT_READY)
 
 
 class Resimulator:
@@ -52,16 +52,16 @@ class Resimulator:
             for name, values in trial.controllers.items()
             if values != recorded.controllers.get(name)
         }
-        self._controllers = LoggedControllers(bag, replaced=other, trial=trial)
+        self._controllers = LoggedControllers(bag, replacements=other, trial=trial)
         self._requests: dict[Key, list[Fact]] = defaultdict(list)
-        self._afterwards: dict[Key, list[Fact]] = defaultdict(list)  # a step was refused
-        self._missed: set[Key] = set()
-        self._refused: set[Key] = set()
-        self._asked: Key | None = None  # the newest question of the log that is out
+        self._late_requests: dict[Key, list[Fact]] = defaultdict(list)  # a step was refused
+        self._missing_responses: set[Key] = set()
+        self._rejected: set[Key] = set()
+        self._last_query: Key | None = None  # the newest question of the log that is out
         self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
-        self._successors: dict[Key, str] = {}  # controller that took over from a silent one
+        self._next_controllers: dict[Key, str] = {}  # controller that took over from a silent one
         self.replayed = dict.fromkeys(
-            (kind_of(what) for what in (*REQUESTS, ControllerTuned, AnswerMissed)), 0
+            (kind_of(what) for what in (*REQUESTS, ControllerTuned, AnswerMissing)), 0
         )
         self._epochs = len(bag.overview.events)  # each reset is one of them
         for event in bag.overview.events:
@@ -70,16 +70,16 @@ class Resimulator:
     def _note(self, key: Key, what: Fact) -> None:
         """Store the log's event of a tick."""
         match what:
-            case AnswerMissed():
-                self._missed.add(key)
-            case SwitchRefused():
-                self._refused.add(key)
+            case AnswerMissing():
+                self._missing_responses.add(key)
+            case SwitchRejected():
+                self._rejected.add(key)
             case SwitchDropped(controller=name, cause=Cause.NOT_READY):
                 self._dropped[key].add(name)
-            case FallbackTookOver(to=successor) | BrakeTookOver(to=successor):
-                self._successors[key] = successor
+            case FallbackActivated(to=successor) | BrakeActivated(to=successor):
+                self._next_controllers[key] = successor
             case _ if isinstance(what, REQUESTS):
-                requests = self._afterwards if key in self._refused else self._requests
+                requests = self._late_requests if key in self._rejected else self._requests
                 requests[key].append(what)
 
     def truth(self, key: Key) -> dict[str, Any]:
@@ -93,12 +93,12 @@ class Resimulator:
         while bench.epoch < key[0]:
             self._end_epoch()
         while (bench.epoch, bench.tick) < key:
-            self._fly_tick()
+            self._simulate_tick()
             bench.events.clear()
             bench.switch_results.clear()
         if bench.tick != key[1]:
             raise BadInput(f"the truth steps back to tick {key[1]} of epoch {key[0]}")
-        self._asked = key
+        self._last_query = key
         return bench.truth()._asdict()
 
     def _end_epoch(self) -> None:
@@ -106,7 +106,7 @@ class Resimulator:
         question = self.bench.question
         key = question.epoch, question.tick
         self._begin(key)
-        if key == self._asked:
+        if key == self._last_query:
             for controller in self._controllers.by_name.values():
                 controller.observe(question)
         self.bench.reset()
@@ -115,46 +115,50 @@ class Resimulator:
         """Let happen what was requested of the controllers and of the bench at this tick."""
         self.replayed[kind_of(ControllerTuned)] += self._controllers.until(key)
         for request in self._requests.pop(key, ()):
-            self._grant(request)
+            self._apply_request(request)
 
-    def _fly_tick(self) -> None:
+    def _simulate_tick(self) -> None:
         bench, question = self.bench, self.bench.question
         key = question.epoch, question.tick
-        dying = [controller.observe(question) for controller in self._controllers.dying(key)]
+        previous = [
+            controller.observe(question) for controller in self._controllers.previous_instances(key)
+        ]
         self._begin(key)
-        missed = key in self._missed
-        self.replayed[kind_of(AnswerMissed)] += missed
+        missing = key in self._missing_responses
+        self.replayed[kind_of(AnswerMissing)] += missing
         # all controllers that received it, even if no answer arrived
         alive = [controller.observe(question) for controller in self._controllers.by_name.values()]
-        for answer in (*dying, *alive):
-            if answer is not None and (not missed or key in self._refused):
+        for answer in (*previous, *alive):
+            if answer is not None and (not missing or key in self._rejected):
                 bench.offer(answer.command)
         if bench.question is not question:  # the newcomer's step was refused
-            predecessor = self._controllers.by_name.get(bench.question.controller)  # or the brake
-            answer = predecessor.observe(bench.question) if predecessor else None
-            if answer is not None and not missed:
+            previous_controller = self._controllers.by_name.get(
+                bench.question.controller
+            )  # or the brake
+            answer = previous_controller.observe(bench.question) if previous_controller else None
+            if answer is not None and not missing:
                 bench.offer(answer.command)
-        for request in self._afterwards.pop(key, ()):
-            self._grant(request)
-        unready = self._unready(key)
-        for name in unready:
-            bench.note_readiness(name, _UNREADY)
+        for request in self._late_requests.pop(key, ()):
+            self._apply_request(request)
+        not_ready = self._not_ready(key)
+        for name in not_ready:
+            bench.set_ready_status(name, _NOT_READY)
         bench.advance()
-        for name in unready:
-            bench.note_readiness(name, None)
+        for name in not_ready:
+            bench.set_ready_status(name, None)
         if bench.failure:
             raise RunFault(bench.failure)
 
-    def _unready(self, key: Key) -> set[str]:
+    def _not_ready(self, key: Key) -> set[str]:
         """Return the controllers not ready at the end of this tick, as its outcome shows."""
-        unready = set(self._dropped.get((key[0], key[1] + 1), ()))
-        if key in self._successors:
+        not_ready = set(self._dropped.get((key[0], key[1] + 1), ()))
+        if key in self._next_controllers:
             possible = {*self._controllers.by_name, *self.bench.settings.fallback}
-            ready = {self._successors[key], *self.bench.handover.due(key[1] + 1)}
-            unready |= possible - ready
-        return unready
+            ready = {self._next_controllers[key], *self.bench.handover.due(key[1] + 1)}
+            not_ready |= possible - ready
+        return not_ready
 
-    def _grant(self, what: Fact) -> None:
+    def _apply_request(self, what: Fact) -> None:
         """Let an operator ask again."""
         self.replayed[kind_of(what)] += 1
         match what:

@@ -27,23 +27,23 @@ class Waiting:
         """Return rows of both with equal keys, in order; forget what will find no counterpart."""
         found = []
         for keys, rows in self._parts:
-            for their_keys, their_rows in other._parts:
-                _, ours, theirs = np.intersect1d(keys, their_keys, return_indices=True)
-                if ours.size:
-                    found.append((rows[ours], their_rows[theirs]))
+            for other_keys, other_rows in other._parts:
+                _, indices, other_indices = np.intersect1d(keys, other_keys, return_indices=True)
+                if indices.size:
+                    found.append((rows[indices], other_rows[other_indices]))
         if self._parts and other._parts:
             last = min(self._last, other._last)
-            self._forget(last)
-            other._forget(last)
+            self._discard_old(last)
+            other._discard_old(last)
         return found
 
     @property
     def _last(self) -> int:
         return max(int(keys.max(initial=0)) for keys, _ in self._parts)
 
-    def _forget(self, last: int) -> None:
+    def _discard_old(self, last: int) -> None:
         kept = [(keys, rows, keys > np.uint64(last)) for keys, rows in self._parts]
-        self._parts = [(k[newer], r[newer]) for k, r, newer in kept if newer.any()]
+        self._parts = [(k[recent], r[recent]) for k, r, recent in kept if recent.any()]
 
 
 def keys_of(columns: Mapping[str, Any]) -> NDArray[np.uint64]:

@@ -16,7 +16,7 @@ from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_plant.errors import BadInput
 
 # where a long name may go on in the next line, and no number
-_BREAKS = re.compile(r"(?<=[_/:])(?=\w)|(?<=[.-])(?=[^\W\d])")
+_SEPARATOR = re.compile(r"(?<=[_/:])(?=\w)|(?<=[.-])(?=[^\W\d])")
 
 
 def render(template: str, figures: bool = True, **values: Any) -> str:
@@ -63,7 +63,7 @@ def write_page(page: str, out: Path) -> Path:
 
 def wrapped(text: object) -> Markup:
     """Return a text that may break after the separators inside of names, and only there."""
-    return Markup("<wbr>").join(escape(part) for part in _BREAKS.split(str(text)))
+    return Markup("<wbr>").join(escape(part) for part in _SEPARATOR.split(str(text)))
 
 
 def embedded(data: Any) -> str:

@@ -9,13 +9,13 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector
 
-INK, GRID, PALE = "#1d2733", "#e4e8ee", "#8a97a8"
+LINE, GRID, LIGHT = "#1d2733", "#e4e8ee", "#8a97a8"
 COLOURS = ("#0b6bcb", "#e0592a", "#1a9a6c", "#9a4fc4", "#c79100", "#c2375f", "#2aa3b8", "#6b7280")
-DASHES = ("solid", "dash", "dot", "dashdot")  # to distinguish curves after the last colour
-MANOEUVRE, DISTURBED, BROKEN = "#0b6bcb", "#9a4fc4", "#c2375f"
+LINE_STYLES = ("solid", "dash", "dot", "dashdot")  # to distinguish curves after the last colour
+MANOEUVRE, DISTURBANCE, FAULT = "#0b6bcb", "#9a4fc4", "#c2375f"
 _SINGLE = 1e4  # largest place on an axis that single precision holds to a thousandth
 _ROUNDING = 1e-12  # up to which a place or an angle has not moved [m or rad]
-_LANES = 3  # of the numbers over shaded times
+_MAX_NUMBERS = 3  # of the numbers over shaded times
 
 
 class Mark(NamedTuple):
@@ -88,13 +88,13 @@ class Panel:
             "margin": {"l": 60, "r": 14, "t": 16 if marks else 8, "b": 24},
             "paper_bgcolor": "rgba(0,0,0,0)",
             "plot_bgcolor": "rgba(0,0,0,0)",
-            "font": {"family": "Inter, system-ui, sans-serif", "size": 11, "color": INK},
+            "font": {"family": "Inter, system-ui, sans-serif", "size": 11, "color": LINE},
             "showlegend": False,
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "font": {"size": 11}},
             "xaxis": x,
             "yaxis": y,
-            "shapes": [*_shaded(marks), *map(_limit, self.limits)],
+            "shapes": [*_shapes(marks), *map(_limit, self.limits)],
             "annotations": _numbers(marks, self.x_range),
         }
 
@@ -146,8 +146,8 @@ def _kind_of(x: Vector) -> type[np.floating[Any]]:
 
 def style(number: int) -> dict[str, Any]:
     """Return colour and dash of the curve with this number; the first eight differ by colour."""
-    turn = number // len(COLOURS) % len(DASHES)
-    return {"color": COLOURS[number % len(COLOURS)], "dash": DASHES[turn]}
+    cycle = number // len(COLOURS) % len(LINE_STYLES)
+    return {"color": COLOURS[number % len(COLOURS)], "dash": LINE_STYLES[cycle]}
 
 
 def legend(names: Sequence[str]) -> tuple[Entry, ...]:
@@ -159,7 +159,7 @@ def _entry(values: dict[str, Any]) -> dict[str, str]:
     return {"colour": values["color"], "dash": values["dash"]}
 
 
-def _shaded(marks: Sequence[Mark]) -> list[dict[str, Any]]:
+def _shapes(marks: Sequence[Mark]) -> list[dict[str, Any]]:
     shapes = []
     for mark in marks:
         shape: dict[str, Any] = {"xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below"}
@@ -174,19 +174,19 @@ def _shaded(marks: Sequence[Mark]) -> list[dict[str, Any]]:
 
 
 def _limit(value: float) -> dict[str, Any]:
-    line = {"color": BROKEN, "width": 1, "dash": "dot"}
+    line = {"color": FAULT, "width": 1, "dash": "dot"}
     return {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": value, "y1": value,
             "line": line}  # fmt: skip
 
 
-def _numbers(marks: Sequence[Mark], shown: tuple[float, float] | None) -> list[dict[str, Any]]:
+def _numbers(marks: Sequence[Mark], x_range: tuple[float, float] | None) -> list[dict[str, Any]]:
     """Return the number of every mark above its start; close ones share a place."""
-    if not marks or shown is None:
+    if not marks or x_range is None:
         return []
     places: list[tuple[float, list[str]]] = []
-    gap = 0.12 * (shown[1] - shown[0])
+    gap = 0.12 * (x_range[1] - x_range[0])
     for number, mark in sorted(enumerate(marks, start=1), key=lambda pair: pair[1].start):
-        at = min(max(mark.start, shown[0]), shown[1])
+        at = min(max(mark.start, x_range[0]), x_range[1])
         if places and at - places[-1][0] < gap:
             places[-1][1].append(str(number))
         else:
@@ -197,19 +197,19 @@ def _numbers(marks: Sequence[Mark], shown: tuple[float, float] | None) -> list[d
             "y": 1,
             "yref": "paper",
             "yanchor": "bottom",
-            "xanchor": "center" if shown[0] + gap < at < shown[1] - gap else _side(at, shown),
+            "xanchor": "center" if x_range[0] + gap < at < x_range[1] - gap else _side(at, x_range),
             "text": _short(numbers),
             "showarrow": False,
-            "font": {"size": 9.5, "color": INK},
+            "font": {"size": 9.5, "color": LINE},
         }
         for at, numbers in places
     ]
 
 
-def _side(at: float, shown: tuple[float, float]) -> str:
+def _side(at: float, x_range: tuple[float, float]) -> str:
     """Return the anchor of a text that keeps it inside the plot."""
-    return "left" if at < 0.5 * (shown[0] + shown[1]) else "right"
+    return "left" if at < 0.5 * (x_range[0] + x_range[1]) else "right"
 
 
 def _short(numbers: list[str]) -> str:
-    return ",".join(numbers) if len(numbers) <= _LANES else f"{numbers[0]}-{numbers[-1]}"
+    return ",".join(numbers) if len(numbers) <= _MAX_NUMBERS else f"{numbers[0]}-{numbers[-1]}"

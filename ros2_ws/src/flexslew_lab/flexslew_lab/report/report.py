@@ -12,25 +12,25 @@ from flexslew_lab.log.bag_layout import RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics import KEYS
-from flexslew_lab.metrics.goal import missed_goal
+from flexslew_lab.metrics.goal import goal_error_message
 from flexslew_lab.metrics.operator_changes import changes_of
-from flexslew_lab.metrics.rows import flat, key_of, unit_among, unit_of
+from flexslew_lab.metrics.rows import flat, key_of, row_unit, unit_of
 from flexslew_lab.report import figures
 from flexslew_lab.report.page import embedded, render
-from flexslew_lab.report.panels import COLOURS, PALE, Group
+from flexslew_lab.report.panels import COLOURS, LIGHT, Group
 from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
-from flexslew_lab.report.sky_map import drawn_sky
+from flexslew_lab.report.sky_map import testbed_sky_map
 from flexslew_lab.report.story import Line, story_of
-from flexslew_lab.report.verdict import told_to_move, verdict
+from flexslew_lab.report.verdict import joints_to_move, run_summary
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.counted import counted
-from flexslew_plant.events import IN_CHARGE, BentFar, FastMode, Switched, step_words
+from flexslew_plant.counted import count_text
+from flexslew_plant.events import IN_CHARGE, FastMode, LargeDeflection, SwitchCompleted, step_words
 from flexslew_plant.yaml_data import load_yaml
 
 EVENTS = 300  # of a run that the table shows
-HEADLINES = (
+KEY_METRICS = (
     "residual_tip_deflection",
     "residual_attitude_error",
     "settling_time",
@@ -50,7 +50,7 @@ class _Story(NamedTuple):
     lines: list[Line]
 
 
-class _Headline(NamedTuple):
+class _KeyMetrics(NamedTuple):
     """The numbers on top of a report."""
 
     label: str
@@ -117,7 +117,7 @@ def write_plan(
         f"{name} {position:.4g} {unit}"
         for name, position, unit in zip(plan.joint_names, plan.position[-1], units, strict=True)
     )
-    group = figures.planned(plan, units, limits)
+    group = figures.plan_profile(plan, units, limits)
     page = render("plan.html.j2", title=plan.method, subtitle=f"to {goal}", group=group, rows=rows)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_whole(out, page)
@@ -127,15 +127,15 @@ def write_plan(
 def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:
     """Return the report of these runs as HTML."""
     first = runs[0]
-    shown = [*runs, *([other] if other else [])]
-    scenes = [scene for scene in map(scene_of, shown) if scene]
+    all_runs = [*runs, *([other] if other else [])]
+    scenes = [scene for scene in map(scene_of, all_runs) if scene]
     names = dict.fromkeys(str(run.trial.get("name", "")) or run.label for run in runs)
     groups = list(_groups(runs, other))
-    main_rows, still_rows = _metric_rows(shown)
+    main_rows, other_rows = _metric_rows(all_runs)
     return render(
         "report.html.j2",
         title=", ".join(names),
-        verdicts=[(run.label, _verdict(run, other)) for run in runs],
+        verdicts=[(run.label, _run_summary(run, other)) for run in runs],
         stories=[
             _Story(run.label, story_of(run.overview.events[:EVENTS]))
             for run in runs
@@ -143,23 +143,23 @@ def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:
         ],
         repeats=[_repeat(run) for run in runs],
         subtitle=_subtitle(first) if len(runs) == 1 else f"{len(runs)} runs, overlaid",
-        runs=shown,
+        runs=all_runs,
         compared=other is not None,
         colours=COLOURS,
-        headlines=[_Headline(run.label, _cards(run)) for run in shown],
+        headlines=[_KeyMetrics(run.label, _key_metrics(run)) for run in all_runs],
         groups=groups,
         charges=[_charge(run) for run in runs if len(run.phases) > 1],
         skies=[
-            (run.label, drawn)
-            for run in shown
-            if (drawn := drawn_sky(run.testbed, run.frame_position, run.frame_reference))
+            (run.label, sky)
+            for run in all_runs
+            if (sky := testbed_sky_map(run.testbed, run.frame_position, run.frame_reference))
         ],
         scenes=embedded(scenes) if scenes else "",
         aims=any(scene["aims"] for scene in scenes),
         first_look=0.5 * first.metrics["manoeuvre_start"] + 0.5 * first.metrics["manoeuvre_end"],
         metric_rows=main_rows,
-        still_rows=still_rows,
-        provenance=[_provenance(run) for run in shown],
+        still_rows=other_rows,
+        provenance=[_provenance(run) for run in all_runs],
     )
 
 
@@ -178,12 +178,12 @@ def number(value: Any) -> str:
 def _groups(runs: Sequence[RunData], other: RunData | None) -> Iterator[Group]:
     """Yield the groups of panels that have something to show."""
     yield figures.manoeuvre(runs)
-    shown = [*runs, *([other] if other else [])]
-    left = figures.residual(shown)
+    all_runs = [*runs, *([other] if other else [])]
+    left = figures.residual(all_runs)
     if left is not None:
         yield left
     if other is not None:
-        yield figures.compared([runs[0], other])
+        yield figures.feedforward_comparison([runs[0], other])
     modes = figures.modes(runs)
     if modes is not None:
         yield modes
@@ -204,12 +204,12 @@ def _groups(runs: Sequence[RunData], other: RunData | None) -> Iterator[Group]:
             yield group
 
 
-def _verdict(run: RunData, other: RunData | None) -> str:
+def _run_summary(run: RunData, other: RunData | None) -> str:
     """Return the sentence on top of a report."""
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
     bare = other.metrics if other is not None else {}
     changes = len(changes_of(run.overview.events))
-    return verdict(run.metrics, bare, tolerance, changes, run.units)
+    return run_summary(run.metrics, bare, tolerance, changes, run.units)
 
 
 def _repeat(run: RunData) -> tuple[str, str, str]:
@@ -234,7 +234,7 @@ def _charge(run: RunData) -> dict[str, Any]:
     for number, phase in enumerate(run.phases):
         before = [e for e in changes if abs(e.time - phase.start) < 1e-6 or e.time < phase.start]
         event = before[-1] if before and number else None
-        step = event.what.effort_step if event and isinstance(event.what, Switched) else None
+        step = event.what.effort_step if event and isinstance(event.what, SwitchCompleted) else None
         known = phase.controller in names
         phases.append(
             {
@@ -242,7 +242,7 @@ def _charge(run: RunData) -> dict[str, Any]:
                 "start": phase.start,
                 "end": phase.end,
                 "share": f"{(phase.end - phase.start) / total:.6f}",
-                "colour": COLOURS[names.index(phase.controller) % len(COLOURS)] if known else PALE,
+                "colour": COLOURS[names.index(phase.controller) % len(COLOURS)] if known else LIGHT,
                 "how": event.kind if event is not None else "from the start",
                 "step": "" if step is None else step_words(step),
             }
@@ -250,39 +250,44 @@ def _charge(run: RunData) -> dict[str, Any]:
     return {"label": run.label, "phases": phases, "unit": unit_of("peak_effort", run.joint_units)}
 
 
-def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
+def _key_metrics(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
     """Return (name, unit, [(value, joint)]) for the numbers on top, of the joints that move."""
-    cards = []
+    entries = []
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
-    missed = ("goal_error", "final_error") if missed_goal(run.metrics, tolerance, {}) else ()
-    moved, units = told_to_move(run.metrics), run.units
-    for key in (*missed, *HEADLINES):
+    error_keys = (
+        ("goal_error", "final_error") if goal_error_message(run.metrics, tolerance, {}) else ()
+    )
+    active_joints, units = joints_to_move(run.metrics), run.units
+    for key in (*error_keys, *KEY_METRICS):
         value, named = run.metrics[key], {"": run.metrics[key]}
         if isinstance(value, dict):
-            named = {name: value[name] for name in moved if name in value} or value
+            named = {name: value[name] for name in active_joints if name in value} or value
         unit = unit_of(key, {units[name] for name in named if name in units} or units.values())
-        cards.append(
+        entries.append(
             (
                 key.replace("_", " "),
                 unit,
                 [(number(part), str(name)) for name, part in named.items()],
             )
         )
-    return cards
+    return entries
 
 
 def _metric_rows(runs: Sequence[RunData]) -> tuple[list[_Row], list[_Row]]:
     """Return a row for every number, with those of joints without a commanded move separate."""
     each = [flat(run.metrics) for run in runs]
     names = sorted({name: None for rows in each for name in rows}, key=_place)
-    moved = {name for run in runs for name in told_to_move(run.metrics)}
-    still = {name for run in runs for name in run.joint_names} - moved
-    own = {key: told for run in runs for key, told in run.own_keys.items()}
+    active_joints = {name for run in runs for name in joints_to_move(run.metrics)}
+    rest_joints = {name for run in runs for name in run.joint_names} - active_joints
+    user_keys = {key: entry for run in runs for key, entry in run.user_keys.items()}
     found: tuple[list[_Row], list[_Row]] = ([], [])
     for name in names:
         values = [number(rows.get(name)) for rows in each]
-        unit, meaning = unit_among(name, runs[0].units, own), key_of(name, own).meaning
-        found[name.partition(".")[2] in still].append((name, unit, meaning, values))
+        unit, description = (
+            row_unit(name, runs[0].units, user_keys),
+            key_of(name, user_keys).meaning,
+        )
+        found[name.partition(".")[2] in rest_joints].append((name, unit, description, values))
     return found
 
 
@@ -296,15 +301,15 @@ def _subtitle(run: RunData) -> str:
     testbed = run.overview.testbed
     m = run.metrics
     parts = [
-        f"{testbed.kind} testbed, {counted(testbed.modes, 'mode')}" if testbed else "",
-        f"{m['duration']:g} s simulated in {counted(m['ticks'], 'tick')}",
+        f"{testbed.kind} testbed, {count_text(testbed.modes, 'mode')}" if testbed else "",
+        f"{m['duration']:g} s simulated in {count_text(m['ticks'], 'tick')}",
         f"{m['wall_time']:.3g} s on the wall clock" if m["wall_time"] else "",
-        *_beliefs(run),
+        *_model_differences(run),
     ]
     return " · ".join(part for part in parts if part)
 
 
-def _beliefs(run: RunData) -> list[str]:
+def _model_differences(run: RunData) -> list[str]:
     """Return the assumptions of the last plan that differ from the bench, if it lists them."""
     if not run.overview.plans:
         return []
@@ -316,7 +321,7 @@ def _beliefs(run: RunData) -> list[str]:
 def _provenance(run: RunData) -> dict[str, Any]:
     overview = run.overview
     record = overview.metadata.get(TRIAL_RECORD, {})
-    plans = [
+    plan_rows = [
         {
             "method": plan.method,
             "hash": plan.hash,
@@ -329,16 +334,18 @@ def _provenance(run: RunData) -> dict[str, Any]:
     ]
     skipped = ("trial", "checksum")
     facts = {k: v for k, v in record.items() if k not in skipped}
-    ended = overview.metadata.get(RUN_RECORD, {})
-    facts |= {k: v for k, v in ended.items() if k not in (*skipped, "format")}
+    run_record = overview.metadata.get(RUN_RECORD, {})
+    facts |= {k: v for k, v in run_record.items() if k not in (*skipped, "format")}
     return {
         "label": run.label,
         "trial": record.get("trial", "") or yaml.safe_dump(run.trial),
         "facts": facts,
-        "plans": plans,
+        "plans": plan_rows,
         "events": overview.events[:EVENTS],
         "doubtful": [
-            event.message for event in overview.events if isinstance(event.what, BentFar | FastMode)
+            event.message
+            for event in overview.events
+            if isinstance(event.what, LargeDeflection | FastMode)
         ],
         "more_events": max(len(overview.events) - EVENTS, 0),
         "counts": sorted(overview.counts.items()),

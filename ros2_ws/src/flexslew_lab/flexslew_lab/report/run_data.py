@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.log.flown_testbed import flown_testbed
 from flexslew_lab.log.joints_flown import estimate_errors, estimated_joints, joints_and_modes
 from flexslew_lab.log.messages.logged_text import logged_yaml
+from flexslew_lab.log.recorded_testbed import recorded_testbed
 from flexslew_lab.metrics import Key
-from flexslew_lab.metrics.from_bag import joint_names_of, metrics_from, own_keys_of
+from flexslew_lab.metrics.from_bag import joint_names_of, metrics_from, user_keys_of
 from flexslew_lab.report.matching import Waiting, keys_of
 from flexslew_lab.report.spans import Span, spans_of
-from flexslew_lab.report.thinning import Thinner, Trace
+from flexslew_lab.report.thinning import MinMaxSampler, Trace
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed, read_testbed
 from flexslew_plant.testbeds.contract import Pointing
 
-BUCKETS = 800  # of which each keeps its smallest and its largest value
+INTERVALS = 800  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation
 
 
@@ -41,7 +41,7 @@ class RunData(NamedTuple):
     trial: dict[str, Any]
     overview: Overview
     metrics: dict[str, Any]
-    own_keys: dict[str, Key]  # what those of the trial's own metrics hold
+    user_keys: dict[str, Key]  # what those of the trial's own metrics hold
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
     appendage_names: tuple[str, ...]
@@ -77,16 +77,16 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
     metrics = metrics_from(bag)
     trial = logged_yaml(bag.trial_text, f"{bag.path}: trial")
     testbed = overview.testbed
-    flown = _testbed(trial, bag)
+    last_testbed = _testbed(trial, bag)
     collector = _Collector(
         overview.counts,
         len(testbed.joint_names) if testbed is not None else None,
-        _model(flown),
-        flown if isinstance(flown, Pointing) else None,
+        _model(last_testbed),
+        last_testbed if isinstance(last_testbed, Pointing) else None,
     )
     for block in bag.blocks(["/truth", "/controller_state", "/measurement"]):
         collector.take(block.topic, block.columns)
-    traces = {name: thinner.trace() for name, thinner in collector.thinners.items()}
+    traces = {name: sampler.trace() for name, sampler in collector.sampler_by_name.items()}
     joints = collector.joints or 0
     names = joint_names_of(overview, joints)
     known = testbed is not None and len(testbed.joint_units) == joints
@@ -98,19 +98,19 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
         trial,
         overview,
         metrics,
-        own_keys_of(bag),
+        user_keys_of(bag),
         names,
         tuple(testbed.joint_units) if known else ("rad",) * joints,
         appendage_names_of(overview, tips),
         _goal(overview),
         tuple(spans_of(overview, end)),
         traces,
-        {name: thinner.trace() for name, thinner in collector.terms.items()},
+        {name: sampler.trace() for name, sampler in collector.terms.items()},
         tuple(collector.phases),
         np.array(collector.frame_time),
         np.array(collector.frame_position),
         np.array([one for one in collector.frame_reference if len(one) == joints]),
-        flown,
+        last_testbed,
     )
 
 
@@ -125,7 +125,7 @@ def appendage_names_of(overview: Overview, count: int) -> tuple[str, ...]:
 def _testbed(trial: Mapping[str, Any], bag: BagReader) -> Testbed | None:
     """Return the last testbed of the flight, with the turns that operators requested."""
     epoch = max((e.epoch for e in bag.overview.events), default=0)
-    known = flown_testbed(bag.overview, epoch, bag.trust)
+    known = recorded_testbed(bag.overview, epoch, bag.trust)
     if known is not None or "testbed" not in trial:
         return known
     try:
@@ -134,9 +134,9 @@ def _testbed(trial: Mapping[str, Any], bag: BagReader) -> Testbed | None:
         return None
 
 
-def _model(flown: Testbed | None) -> Model | None:
+def _model(last_testbed: Testbed | None) -> Model | None:
     try:
-        return None if flown is None else flown.model()
+        return None if last_testbed is None else last_testbed.model()
     except BadInput:
         return None
 
@@ -164,11 +164,11 @@ class _Collector:
         self.joints = joints  # None: as many as efforts
         self._model = model  # None: the joints are the first entries of the state
         ticks = counts.get("/truth", 0)
-        self._size = -(-ticks // BUCKETS) if ticks > 2 * BUCKETS else 1
+        self._size = -(-ticks // INTERVALS) if ticks > 2 * INTERVALS else 1
         self._frame_step = max(-(-ticks // FRAMES), 1)
-        self._seen = self._answered = 0
-        self.thinners: dict[str, Thinner] = {}
-        self.terms: dict[str, Thinner] = {}
+        self._seen = self._state_count = 0
+        self.sampler_by_name: dict[str, MinMaxSampler] = {}
+        self.terms: dict[str, MinMaxSampler] = {}
         self._term_names: tuple[str, ...] = ()
         self.phases: list[Phase] = []
         self.frame_time: list[float] = []
@@ -187,7 +187,7 @@ class _Collector:
 
     def _put(self, name: str, time: Vector, value: Matrix) -> None:
         if value.shape[1]:
-            self.thinners.setdefault(name, Thinner(self._size)).add(time, value)
+            self.sampler_by_name.setdefault(name, MinMaxSampler(self._size)).add(time, value)
 
     def _take_truth(self, time: Vector, columns: Mapping[str, Any]) -> None:
         efforts = columns["applied_effort"].shape[1]
@@ -204,12 +204,15 @@ class _Collector:
         rates = columns["velocity"]
         model = self._model
         if self._pointing is not None and model and rates.shape[1] == model.coordinates:
-            spins = self._pointing.spins(rates)
-            for name, found in (("wheel_speed", spins.speeds), ("gimbal_angle", spins.gimbals)):
+            wheel_state = self._pointing.spins(rates)
+            for name, found in (
+                ("wheel_speed", wheel_state.speeds),
+                ("gimbal_angle", wheel_state.gimbals),
+            ):
                 if found:
                     self._put(name, time, np.column_stack([*found.values()]))
-            if spins.speeds or spins.gimbals:
-                self._put("stored_momentum", time, spins.stored)
+            if wheel_state.speeds or wheel_state.gimbals:
+                self._put("stored_momentum", time, wheel_state.stored)
         self._truth.add(keys_of(columns), position)
         self._join()
         rows = np.arange(-self._seen % self._frame_step, len(time), self._frame_step)
@@ -230,8 +233,8 @@ class _Collector:
         self._put("reference", time, columns["reference_position"])
         self._put("feedforward", time, columns["feedforward"])
         self._put("demand", time, columns["effort"])
-        rows = np.arange(-self._answered % self._frame_step, len(time), self._frame_step)
-        self._answered += len(time)
+        rows = np.arange(-self._state_count % self._frame_step, len(time), self._frame_step)
+        self._state_count += len(time)
         self.frame_reference.extend(columns["reference_position"][rows])
         pair = columns["estimate_position"], columns["reference_position"]
         estimate = estimated_joints(self._model, *pair)
@@ -247,7 +250,7 @@ class _Collector:
         if values.shape[1] == joints * len(names):
             for k, name in enumerate(names):
                 part = values[:, k * joints : (k + 1) * joints]
-                self.terms.setdefault(name, Thinner(self._size)).add(time, part)
+                self.terms.setdefault(name, MinMaxSampler(self._size)).add(time, part)
 
     def _join(self) -> None:
         """Put estimate minus truth where both are known; the rest waits for its counterpart."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics.rows import flat, unit_of
 from flexslew_lab.report.page import render
-from flexslew_lab.report.verdict import told_to_move, verdict
+from flexslew_lab.report.verdict import joints_to_move, run_summary
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_text
@@ -17,7 +17,7 @@ from flexslew_plant.yaml_data import load_yaml
 
 PAGE = "index.html"
 FIGURES = ("residual_tip_deflection", "settling_time", "peak_effort", "saturated_time")
-_MOVED = "settling_time"  # of joints with a commanded move
+_SETTLING_TIME = "settling_time"  # of joints with a commanded move
 _OPERATOR = {True: "changed", False: "untouched", None: ""}
 _LARGE = 1 << 22  # no metrics.json or trial.yaml of ours is larger [B]
 
@@ -39,8 +39,8 @@ class Run(NamedTuple):
     @property
     def report(self) -> str:
         """Its report, as seen from the page; empty where it has none."""
-        there = (self.folder / "report.html").is_file()
-        return f"{self.folder.name}/report.html" if there else ""
+        exists = (self.folder / "report.html").is_file()
+        return f"{self.folder.name}/report.html" if exists else ""
 
 
 def runs_in(
@@ -54,23 +54,25 @@ def runs_in(
         law: in charge at the start.
         testbed: its kind.
     """
-    found, unread = [], []
+    found, invalid_names = [], []
     for path in folder.glob("*/metrics.json"):
         try:
             found.append((path.stat().st_mtime, _run(path.parent)))
         except (OSError, ValueError, TypeError, AttributeError, BadInput):
-            unread.append(path.parent.name)
-    asked = (("trial", trial), ("law", law), ("testbed", testbed))
+            invalid_names.append(path.parent.name)
+    conditions = (("trial", trial), ("law", law), ("testbed", testbed))
     rows = [run for _, run in sorted(found, key=lambda pair: pair[0], reverse=True)]
-    return [run for run in rows if all(getattr(run, k) == v for k, v in asked if v)], unread
+    return [
+        run for run in rows if all(getattr(run, k) == v for k, v in conditions if v)
+    ], invalid_names
 
 
 def write_index(folder: Path) -> Path:
     """Return the page over all runs of a folder that was written into it."""
-    rows, unread = runs_in(folder)
+    rows, invalid_names = runs_in(folder)
     columns = [(key, unit_of(key, ())) for key in FIGURES]
-    page = render("runs.html.j2", figures=False, runs=rows, unread=unread, columns=columns,
-                  choices=_choices(rows), data=_compared(rows))  # fmt: skip
+    page = render("runs.html.j2", figures=False, runs=rows, unread=invalid_names, columns=columns,
+                  choices=_choices(rows), data=_comparison_data(rows))  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / PAGE, page)
     return folder / PAGE
@@ -85,7 +87,7 @@ def _run(folder: Path) -> Run:
     file = folder / "metrics.json"
     metrics = json.loads(_text(file))
     trial = load_yaml(_text(folder / "trial.yaml"), str(folder)) or {}
-    moved, changes = told_to_move(metrics), metrics.get("operator_changes")
+    joints, changes = joints_to_move(metrics), metrics.get("operator_changes")
     return Run(
         folder,
         datetime.fromtimestamp(file.stat().st_mtime).strftime("%Y-%m-%d %H:%M"),
@@ -94,8 +96,11 @@ def _run(folder: Path) -> Run:
         str((trial.get("plan") or {}).get("method", "none")),
         str((trial.get("testbed") or {}).get("kind", "")),
         _OPERATOR[changes if changes is None else bool(changes)],
-        verdict(metrics, {}, trial.get("goal_tolerance", Trial.goal_tolerance), changes or 0),
-        {key: _worst(metrics.get(key), moved if key == _MOVED else ()) for key in FIGURES},
+        run_summary(metrics, {}, trial.get("goal_tolerance", Trial.goal_tolerance), changes or 0),
+        {
+            key: _largest(metrics.get(key), joints if key == _SETTLING_TIME else ())
+            for key in FIGURES
+        },
         flat(metrics),
     )
 
@@ -104,11 +109,11 @@ def _text(file: Path) -> str:
     return given_text(file, _LARGE)
 
 
-def _worst(value: Any, moved: Sequence[str]) -> float | None:
+def _largest(value: Any, joints: Sequence[str]) -> float | None:
     """Return a number, of several joints the largest; None where one has none."""
     if not isinstance(value, dict):
         return None if value is None else float(value)
-    each = [value.get(name) for name in moved] or list(value.values())
+    each = [value.get(name) for name in joints] or list(value.values())
     return None if not each or None in each else max(float(v) for v in each if v is not None)
 
 
@@ -118,7 +123,7 @@ def _choices(rows: Sequence[Run]) -> dict[str, list[str]]:
     return {key: sorted({getattr(run, key) for run in rows}) for key in keys}
 
 
-def _compared(rows: Sequence[Run]) -> dict[str, Any]:
+def _comparison_data(rows: Sequence[Run]) -> dict[str, Any]:
     """Return what the page's script compares, and the units of the metrics that have one."""
     units = {key: unit_of(key, ()) for run in rows for key in run.metrics}
     return {"runs": [_plain(run) for run in rows], "units": {k: u for k, u in units.items() if u}}

@@ -11,10 +11,10 @@ from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.robot_model import Frame
 from flexslew_plant.testbeds.scene import Scene
 
-_BEND = 3  # how much a bend that can be seen anyway is exaggerated
+_DEFLECTION_GAIN = 3  # how much a bend that can be seen anyway is exaggerated
 _SEEN = 0.02  # of the drawn size: a bend below cannot be seen
-_FARTHEST = 1e12  # beyond it nothing is drawn: products of it overflow [rad, m]
-_SHOWN = 0.1  # of the drawn size: a smaller bend is scaled to it
+_MAX_POSITION = 1e12  # beyond it nothing is drawn: products of it overflow [rad, m]
+_MIN_VISIBLE = 0.1  # of the drawn size: a smaller bend is scaled to it
 
 
 def scene_of(run: RunData) -> dict[str, Any] | None:
@@ -22,7 +22,7 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
 
     An appendage is a straight line plus the modal coordinates times its shapes, so the page only
     adds up: `line + gain sum_j q_j shape_j`, points in the frame of the line [m]. `body` is the
-    frame of the hub or platform; `turntable` is true for a hub on a base, false for a body in
+    frame of the hub or platform; `has_base` is true for a hub on a base, false for a body in
     space; `aims` are the lines of sight of antennas with their targets.
     """
     testbed, position = run.testbed, run.frame_position
@@ -34,68 +34,72 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
     leading = model.positions - modes
     if position.shape[1] != leading + modes or not modes:
         return None  # the trial's testbed has another number of modes than its truth
-    if np.abs(position).max(initial=0.0) > _FARTHEST:
+    if np.abs(position).max(initial=0.0) > _MAX_POSITION:
         return None
     rest = np.zeros(leading + modes)
-    straight = scene.lines(rest)
-    bent = [scene.lines(np.concatenate((rest[:leading], row))) for row in np.eye(modes)]
+    rest_lines = scene.lines(rest)
+    mode_lines = [scene.lines(np.concatenate((rest[:leading], row))) for row in np.eye(modes)]
     moments = list(zip(position, run.frame_time.tolist(), strict=True))
     frames = scene.frames(position[0])
     chain = all(a.child == b.parent for a, b in pairwise(frames))
-    turntable = chain and model.leading is None
-    names = [scene.body or (frames[-1] if turntable else frames[0]).child]
+    has_base = chain and model.leading is None
+    names = [scene.body or (frames[-1] if has_base else frames[0]).child]
     names += sorted(set(scene.line_frames) - set(names))
     seen = [scene.frames_at(row, t) for row, t in moments]
-    poses = [[_pose(frames, name) for frames in seen] for name in names]
-    shapes = [np.array([b[k] - line for b in bent]) for k, line in enumerate(straight)]
+    pose_rows = [[_pose(frames, name) for frames in seen] for name in names]
+    shapes = [np.array([b[k] - line for b in mode_lines]) for k, line in enumerate(rest_lines)]
     return {
         "label": run.label,
         "time": _rounded(run.frame_time, 3),
         "joints": _rounded(_joints(model, position), 5),
         "joint_names": list(run.joint_names),
         "modes": _rounded(position[:, leading:], 6),
-        "poses": [_rounded(pose, 5) for pose in poses],
-        "turntable": turntable,
-        "gain": _gain(straight, shapes, position[:, leading:]),
+        "poses": [_rounded(pose, 5) for pose in pose_rows],
+        "turntable": has_base,
+        "gain": _gain(rest_lines, shapes, position[:, leading:]),
         "beams": [
             {"line": _rounded(line, 3), "shapes": _rounded(shape, 5), "frame": names.index(frame)}
-            for line, shape, frame in zip(straight, shapes, scene.line_frames, strict=True)
+            for line, shape, frame in zip(rest_lines, shapes, scene.line_frames, strict=True)
         ],
-        "aims": _aims(scene, names, run.frame_time),
+        "aims": _boresight_rows(scene, names, run.frame_time),
     }
 
 
-def _aims(scene: Scene, names: list[str], time: Vector) -> list[dict[str, Any]]:
+def _boresight_rows(scene: Scene, names: list[str], time: Vector) -> list[dict[str, Any]]:
     """Return by time each antenna's line of sight in its frame, and its target in the world."""
     if scene.aims is None:
         return []
     each = zip(*(scene.aims(t) for t in time.tolist()), strict=True)
     return [
         {
-            "frame": names.index(aims[0].frame),
-            "look": list(aims[0].look),
-            "target": _rounded([aim.target for aim in aims], 5),
+            "frame": names.index(samples[0].frame),
+            "look": list(samples[0].look),
+            "target": _rounded([sample.target for sample in samples], 5),
         }
-        for aims in each
+        for samples in each
     ]
 
 
 def _joints(model: Model, position: Matrix) -> Matrix:
     """Return where each joint is, shape (frames, joints)."""
-    still = np.zeros(model.coordinates)
-    return np.array([model.joint_state(np.concatenate((row, still)))[0] for row in position])
+    zero_rates = np.zeros(model.coordinates)
+    return np.array([model.joint_state(np.concatenate((row, zero_rates)))[0] for row in position])
 
 
-def _gain(straight: list[Matrix], shapes: list[Matrix], modes: Matrix) -> int:
+def _gain(rest_lines: list[Matrix], shapes: list[Matrix], modes: Matrix) -> int:
     """Return how much the page exaggerates the bend: a round number that shows it."""
-    size = max(float(np.linalg.norm(line, axis=1).max()) for line in straight)
-    moved = [np.linalg.norm(np.einsum("kj,jpa->kpa", modes, s), axis=2).max() for s in shapes]
-    largest = float(max(moved))
+    size = max(float(np.linalg.norm(line, axis=1).max()) for line in rest_lines)
+    max_deflection = [
+        np.linalg.norm(np.einsum("kj,jpa->kpa", modes, s), axis=2).max() for s in shapes
+    ]
+    largest = float(max(max_deflection))
     if largest <= 0.0 or largest > _SEEN * size:
-        return _BEND
-    requested = _SHOWN * size / largest
-    decade = 10.0 ** np.floor(np.log10(requested))
-    return int(max(step for step in (1.0, 2.0, 5.0) if step * decade <= requested) * decade)
+        return _DEFLECTION_GAIN
+    requested = _MIN_VISIBLE * size / largest
+    power_of_10 = 10.0 ** np.floor(np.log10(requested))
+    return int(
+        max(step for step in (1.0, 2.0, 5.0) if step * power_of_10 <= requested) * power_of_10
+    )
 
 
 def _pose(frames: list[Frame], name: str) -> Vector:
@@ -104,9 +108,9 @@ def _pose(frames: list[Frame], name: str) -> Vector:
     rotation, translation = np.eye(3), np.zeros(3)
     while name in by_child:
         frame = by_child[name]
-        turn = _matrix(frame.rotation)
-        translation = np.array(frame.translation) + turn @ translation
-        rotation, name = turn @ rotation, frame.parent
+        rotation_matrix = _matrix(frame.rotation)
+        translation = np.array(frame.translation) + rotation_matrix @ translation
+        rotation, name = rotation_matrix @ rotation, frame.parent
     return np.concatenate((rotation.ravel(), translation))
 
 

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.log.flown_testbed import flown_model
 from flexslew_lab.log.joints_flown import estimated_joints, joints_and_modes
+from flexslew_lab.log.recorded_testbed import recorded_model
 from flexslew_lab.log.truth_columns import coordinate_of
 from flexslew_lab.metrics.from_bag import joint_names_of
 from flexslew_plant.arrays import Matrix, Vector
@@ -56,7 +56,7 @@ def read_signals(bag: BagReader) -> Signals:
         raise BadInput("holds no truth", bag.path)
     last = truth["epoch"] == truth["epoch"].max()
     truth |= {field: column[last] for field, column in truth.items()}
-    model = flown_model(bag.overview, bag.trust)
+    model = recorded_model(bag.overview, bag.trust)
     if (
         model is not None
         and model.reading is not None
@@ -67,7 +67,7 @@ def read_signals(bag: BagReader) -> Signals:
     labels = _labels(bag.overview, truth["applied_effort"].shape[1], model)
     values: dict[str, Vector] = {}
     units: dict[str, str] = {}
-    for quantity, (topic, field, kind) in _FIELDS.items():
+    for signal_name, (topic, field, kind) in _FIELDS.items():
         if field not in columns.get(topic, {}):
             continue
         found = columns[topic][field]
@@ -76,12 +76,12 @@ def read_signals(bag: BagReader) -> Signals:
             name, unit = labels[kind](k)
             if not (name or unit):
                 continue
-            if quantity in _STATE:
-                known = coordinate_of(bag.overview, _STATE[quantity], k, bag.trust)
+            if signal_name in _STATE:
+                known = coordinate_of(bag.overview, _STATE[signal_name], k, bag.trust)
                 name, unit = known or (name, unit)
-            full = f"{quantity}.{name}" if name else quantity
+            full = f"{signal_name}.{name}" if name else signal_name
             values[full] = np.ascontiguousarray(column)
-            units[full] = f"{unit}/s" if quantity in _RATES else unit
+            units[full] = f"{unit}/s" if signal_name in _RATES else unit
     time = truth["header.stamp.sec"] + truth["header.stamp.nanosec"] * 1e-9
     return Signals(time, values, units)
 
@@ -98,30 +98,30 @@ def _columns(bag: BagReader) -> dict[str, dict[str, Any]]:
         for field in fields[block.topic]:
             found.setdefault(field, []).append(np.asarray(block.columns[field]))
     return {
-        topic: {field: _joined(pieces) for field, pieces in found.items()}
+        topic: {field: _stack_blocks(pieces) for field, pieces in found.items()}
         for topic, found in parts.items()
     }
 
 
 def _read(model: Model, columns: dict[str, dict[str, Any]]) -> None:
     """Put joints and modes where the log has the state, and estimates where joints read them."""
-    truth, answers = columns["/truth"], columns.get("/controller_state")
+    truth, states = columns["/truth"], columns.get("/controller_state")
     truth |= {_Q: truth["position"], _V: truth["velocity"]}
     truth["position"], truth["velocity"] = joints_and_modes(model, truth[_Q], truth[_V])
-    if answers is not None:
-        pair = answers["estimate_position"], answers["reference_position"]
-        answers["estimate_position"] = estimated_joints(model, *pair)
+    if states is not None:
+        pair = states["estimate_position"], states["reference_position"]
+        states["estimate_position"] = estimated_joints(model, *pair)
 
 
-def _joined(pieces: list[Any]) -> Any:
+def _stack_blocks(pieces: list[Any]) -> Any:
     """Return blocks one below the other; narrower ones are filled up with NaN."""
     if pieces[0].ndim == 1:
         return np.concatenate(pieces)
     width = max(piece.shape[1] for piece in pieces)
-    wide = [np.full((len(piece), width), np.nan) for piece in pieces]
-    for target, piece in zip(wide, pieces, strict=True):
+    padded = [np.full((len(piece), width), np.nan) for piece in pieces]
+    for target, piece in zip(padded, pieces, strict=True):
         target[:, : piece.shape[1]] = piece
-    return np.concatenate(wide)
+    return np.concatenate(padded)
 
 
 def _keys_of_ticks(columns: dict[str, Any]) -> Any:
@@ -129,12 +129,12 @@ def _keys_of_ticks(columns: dict[str, Any]) -> Any:
     return columns["epoch"].astype(np.int64) << 40 | columns["tick"].astype(np.int64)
 
 
-def _at(ticks: Any, own: Any, values: Matrix) -> Matrix:
+def _at(ticks: Any, value_ticks: Any, values: Matrix) -> Matrix:
     """Return the rows of `values` at the ticks of the truth, NaN where there is none."""
     rows = np.full((len(ticks), values.shape[1]), np.nan)
-    place = np.minimum(np.searchsorted(ticks, own), len(ticks) - 1)
-    there = ticks[place] == own
-    rows[place[there]] = values[there]
+    place = np.minimum(np.searchsorted(ticks, value_ticks), len(ticks) - 1)
+    matched = ticks[place] == value_ticks
+    rows[place[matched]] = values[matched]
     return rows
 
 
@@ -150,7 +150,9 @@ def _labels(overview: Overview, efforts: int, model: Model | None) -> dict[str, 
     sensors = tips = [(k, name, "m") for k, name in enumerate(appendages)]
     if model is not None and model.appendages.names == appendages:
         sensors, tips = model.appendages.sensors, model.appendages.deflections
-    told, said = ({k: (name, unit) for k, name, unit in each} for each in (tips, sensors))
+    tip_labels, sensor_labels = (
+        {k: (name, unit) for k, name, unit in each} for each in (tips, sensors)
+    )
 
     def coordinate(k: int) -> tuple[str, str]:
         return (joints[k], units[k]) if k < len(joints) else (f"mode_{k - len(joints) + 1}", "m")
@@ -159,10 +161,10 @@ def _labels(overview: Overview, efforts: int, model: Model | None) -> dict[str, 
         return joints[k], "N" if units[k] == "m" else "N m"
 
     def sensor(k: int) -> tuple[str, str]:
-        return said.get(k, (f"appendage_{k + 1}", "m"))
+        return sensor_labels.get(k, (f"appendage_{k + 1}", "m"))
 
     def appendage(k: int) -> tuple[str, str]:
-        return told.get(k, ("", "") if k < len(appendages) else (f"appendage_{k + 1}", "m"))
+        return tip_labels.get(k, ("", "") if k < len(appendages) else (f"appendage_{k + 1}", "m"))
 
     return {
         "coordinates": coordinate,

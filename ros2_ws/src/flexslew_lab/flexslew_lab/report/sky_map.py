@@ -9,20 +9,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexslew_lab.report.panels import BROKEN, GRID, INK, style
+from flexslew_lab.report.panels import FAULT, GRID, LINE, style
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.attitude import to_inertial
 from flexslew_plant.testbeds.contract import Cone, HasSky, Sky
 
-_WIDE, _HIGH = 2.0 * np.sqrt(2.0), np.sqrt(2.0)  # half axes of the projected sphere
+_HALF_WIDTH, _HALF_HEIGHT = 2.0 * np.sqrt(2.0), np.sqrt(2.0)  # half axes of the projected sphere
 _SCALE, _EDGE = 120.0, 12.0  # per unit, and around it
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 181)
-_EAST = np.pi - 1e-6  # longitude of the right edge
+_RIGHT_EDGE = np.pi - 1e-6  # longitude of the right edge
 _MERIDIANS, _PARALLELS = np.deg2rad([-120, -60, 0, 60, 120]), np.deg2rad([-60, -30, 0, 30, 60])
 
 
-def drawn_sky(testbed: Testbed | None, position: Matrix, reference: Matrix) -> str:
+def testbed_sky_map(testbed: Testbed | None, position: Matrix, reference: Matrix) -> str:
     """Return where axes of a testbed looked, as SVG; empty where it has none, or no position.
 
     Args:
@@ -35,23 +35,23 @@ def drawn_sky(testbed: Testbed | None, position: Matrix, reference: Matrix) -> s
     sky, model = testbed.sky(), testbed.model()
     if sky is None or position.shape[1] != model.positions:
         return ""
-    planned = np.empty((0, 4))
+    reference_attitude = np.empty((0, 4))
     if model.attitude is not None and reference.shape[1:] == (model.joints,):
-        planned = model.attitude.orientation(reference)
-    return sky_map(sky, testbed.attitudes(position), planned)
+        reference_attitude = model.attitude.orientation(reference)
+    return sky_map(sky, testbed.attitudes(position), reference_attitude)
 
 
-def sky_map(sky: Sky, attitude: Matrix, planned: Matrix) -> str:
+def sky_map(sky: Sky, attitude: Matrix, reference_attitude: Matrix) -> str:
     """Return the tracks of all boresights, from a ring to a dot, and the cones, as SVG.
 
     Args:
         sky: of the testbed.
         attitude: quaternions x y z w in the order of time, shape (k, 4).
-        planned: likewise where they should have been, dashed; may be empty.
+        reference_attitude: likewise where they should have been, dashed; may be empty.
     """
-    width, height = 2.0 * (_WIDE * _SCALE + _EDGE), 2.0 * (_HIGH * _SCALE + _EDGE)
+    width, height = 2.0 * (_HALF_WIDTH * _SCALE + _EDGE), 2.0 * (_HALF_HEIGHT * _SCALE + _EDGE)
     parts = [
-        f'<ellipse cx="0" cy="0" rx="{_WIDE * _SCALE:.5g}" ry="{_HIGH * _SCALE:.5g}" '
+        f'<ellipse cx="0" cy="0" rx="{_HALF_WIDTH * _SCALE:.5g}" ry="{_HALF_HEIGHT * _SCALE:.5g}" '
         f'fill="none" stroke="{GRID}"/>',
         *(_curve(line, f'stroke="{GRID}"') for line in _graticule()),
         *(_cone(cone) for cone in sky.cones),
@@ -60,9 +60,9 @@ def sky_map(sky: Sky, attitude: Matrix, planned: Matrix) -> str:
             for k, (name, axis) in enumerate(sky.boresights.items())
         ),
         *(
-            _curve(to_inertial(planned, axis), f'stroke="{INK}" stroke-dasharray="4 5"')
+            _curve(to_inertial(reference_attitude, axis), f'stroke="{LINE}" stroke-dasharray="4 5"')
             for axis in sky.boresights.values()
-            if len(planned)
+            if len(reference_attitude)
         ),
     ]
     view = f"{-width / 2:.5g} {-height / 2:.5g} {width:.5g} {height:.5g}"
@@ -78,12 +78,14 @@ def projected(direction: Matrix) -> Matrix:
     half = 0.5 * np.arctan2(unit[:, 1], unit[:, 0])
     level = np.hypot(unit[:, 0], unit[:, 1])
     size = np.sqrt(1.0 + level * np.cos(half))
-    return np.column_stack((_WIDE * level * np.sin(half) / size, -_HIGH * unit[:, 2] / size))
+    return np.column_stack(
+        (_HALF_WIDTH * level * np.sin(half) / size, -_HALF_HEIGHT * unit[:, 2] / size)
+    )
 
 
 def _graticule() -> list[Matrix]:
     """Return meridians and parallels as directions."""
-    up, along = np.linspace(-np.pi / 2, np.pi / 2, 61), np.linspace(-_EAST, _EAST, 121)
+    up, along = np.linspace(-np.pi / 2, np.pi / 2, 61), np.linspace(-_RIGHT_EDGE, _RIGHT_EDGE, 121)
     lines = [_direction(np.full_like(up, m), up) for m in _MERIDIANS]
     return lines + [_direction(along, np.full_like(along, p)) for p in _PARALLELS]
 
@@ -95,30 +97,30 @@ def _direction(longitude: Vector, latitude: Vector) -> Matrix:
 
 def _cone(cone: Cone) -> str:
     """Return the edge of a cone, with its name in its middle."""
-    aside = np.eye(3)[np.argmin(abs(cone.axis))]
-    first = np.cross(cone.axis, aside)
+    offset = np.eye(3)[np.argmin(abs(cone.axis))]
+    first = np.cross(cone.axis, offset)
     first /= np.linalg.norm(first)
     second = np.cross(cone.axis, first)
-    around = np.outer(np.cos(_ROUND), first) + np.outer(np.sin(_ROUND), second)
-    edge = np.cos(cone.half_angle) * cone.axis + np.sin(cone.half_angle) * around
+    circle = np.outer(np.cos(_ROUND), first) + np.outer(np.sin(_ROUND), second)
+    edge = np.cos(cone.half_angle) * cone.axis + np.sin(cone.half_angle) * circle
     (x, y), *_ = _SCALE * projected(cone.axis[None])
-    return _curve(edge, f'stroke="{BROKEN}" stroke-width="1.5"') + (
+    return _curve(edge, f'stroke="{FAULT}" stroke-width="1.5"') + (
         f'<text x="{x:.4g}" y="{y:.4g}" text-anchor="middle" fill="currentColor">'
         f"{escape(cone.name)}</text>"
     )
 
 
-def _track(name: str, look: Matrix, color: str) -> str:
+def _track(name: str, direction: Matrix, color: str) -> str:
     """Return where a boresight looked, from a ring to a dot."""
-    ends = _SCALE * projected(look[[0, -1]])
+    ends = _SCALE * projected(direction[[0, -1]])
     (x0, y0), (x1, y1) = ends.tolist()
-    anchor = "end" if x1 > 0.0 else "start"
-    aside = -7.0 if x1 > 0.0 else 7.0
+    alignment = "end" if x1 > 0.0 else "start"
+    offset = -7.0 if x1 > 0.0 else 7.0
     return (
-        _curve(look, f'stroke="{color}" stroke-width="2"')
+        _curve(direction, f'stroke="{color}" stroke-width="2"')
         + f'<circle cx="{x0:.4g}" cy="{y0:.4g}" r="4" fill="none" stroke="{color}"/>'
         + f'<circle cx="{x1:.4g}" cy="{y1:.4g}" r="4" fill="{color}"/>'
-        + f'<text x="{x1 + aside:.4g}" y="{y1 - 6.0:.4g}" text-anchor="{anchor}" '
+        + f'<text x="{x1 + offset:.4g}" y="{y1 - 6.0:.4g}" text-anchor="{alignment}" '
         + f'fill="currentColor">{escape(name)}</text>'
     )
 
@@ -126,9 +128,9 @@ def _track(name: str, look: Matrix, color: str) -> str:
 def _curve(direction: Matrix, attributes: str) -> str:
     """Return a curve on the sphere, cut where it leaves the sheet on one side."""
     points = projected(direction)
-    jumps = 1 + np.flatnonzero(abs(np.diff(points[:, 0])) > _WIDE)
+    splits = 1 + np.flatnonzero(abs(np.diff(points[:, 0])) > _HALF_WIDTH)
     parts = []
-    for begin, end in pairwise([0, *jumps.tolist(), len(points)]):
+    for begin, end in pairwise([0, *splits.tolist(), len(points)]):
         rows = (_SCALE * points[begin:end]).tolist()
         parts.append("M" + "L".join(f"{x:.4g} {y:.4g}" for x, y in rows))
     return f'<path d="{"".join(parts)}" fill="none" {attributes}/>'

@@ -6,39 +6,39 @@ from typing import NamedTuple
 from flexslew_lab.metrics.operator_changes import CHANGES, is_change
 from flexslew_plant.events import (
     IN_CHARGE,
-    BecameUnready,
     BrakeLatched,
     BrakeReleased,
+    ControllerNotReady,
     DisturbanceChanged,
-    EstimateDoubted,
+    EstimateInconsistent,
     Event,
     FaultChanged,
-    Interrupted,
-    Noted,
+    OperatorNote,
     PlanPublished,
-    PlanRefused,
+    PlanRejected,
     RunFinished,
+    RunStopped,
     Started,
     StateLost,
-    SwitchRefused,
+    SwitchRejected,
 )
 
-_TOLD = (
+_STORY_EVENTS = (
     *CHANGES,
     *IN_CHARGE,
     Started,
     PlanPublished,
-    PlanRefused,
-    SwitchRefused,
+    PlanRejected,
+    SwitchRejected,
     BrakeLatched,
     BrakeReleased,
     FaultChanged,
     DisturbanceChanged,
-    BecameUnready,
-    EstimateDoubted,
-    Noted,
+    ControllerNotReady,
+    EstimateInconsistent,
+    OperatorNote,
     StateLost,
-    Interrupted,
+    RunStopped,
     RunFinished,
 )
 
@@ -64,5 +64,5 @@ def story_of(events: Iterable[Event]) -> list[Line]:
             is_change(event),
         )
         for event in events
-        if isinstance(event.what, _TOLD)
+        if isinstance(event.what, _STORY_EVENTS)
     ]

@@ -21,27 +21,27 @@ class Table(NamedTuple):
 def tables_page(
     kind: str,
     title: str,
-    about: str,
+    description: str,
     tables: Sequence[Table],
     groups: Sequence[Group] = (),
-    drawn: Sequence[tuple[str, str]] = (),
+    other_figures: Sequence[tuple[str, str]] = (),
 ) -> str:
     """Return a page that needs nothing else.
 
     Args:
         kind: of page.
         title: at its top.
-        about: what it shows.
+        description: what it shows.
         tables: in their order.
         groups: of panels, below the tables.
-        drawn: other figures, at the end: titles and HTML.
+        other_figures: other figures, at the end: titles and HTML.
     """
     return render(
         "tables.html.j2",
         kind=kind,
         title=title,
-        about=about,
+        about=description,
         tables=[table for table in tables if table.rows],
         groups=[group for group in groups if group.panels],
-        drawn=drawn,
+        drawn=other_figures,
     )

@@ -16,7 +16,7 @@ class Trace(NamedTuple):
     value: Matrix  # (points, columns)
 
 
-class Thinner:
+class MinMaxSampler:
     """Keeps the smallest and the largest value of every `size` rows, column by column."""
 
     def __init__(self, size: int) -> None:
@@ -28,7 +28,7 @@ class Thinner:
     def add(self, time: Vector, value: Matrix) -> None:
         """Take rows, (n,) and (n, columns); a new number of columns starts after a gap."""
         if self._pending and self._pending[-1][1].shape[1] != value.shape[1]:
-            self._reduce(everything=True)
+            self._reduce(all_rows=True)
         self._pending.append((time, value))
         self._rows += len(time)
         if self._rows >= max(self._size, BATCH):
@@ -36,21 +36,21 @@ class Thinner:
 
     def gap(self) -> None:
         """Break the lines here."""
-        self._reduce(everything=True)
+        self._reduce(all_rows=True)
         if self._done:
-            nothing = np.full((1, self._done[-1][0].shape[1]), np.nan)
-            self._done.append((nothing, nothing))
+            gap_row = np.full((1, self._done[-1][0].shape[1]), np.nan)
+            self._done.append((gap_row, gap_row))
 
     def trace(self) -> Trace:
         """Return what was kept."""
-        self._reduce(everything=True)
+        self._reduce(all_rows=True)
         if not self._done:
             return Trace(np.zeros((0, 0)), np.zeros((0, 0)))
-        widest = max(t.shape[1] for t, _ in self._done)
-        padded = [[_padded(part, widest) for part in pair] for pair in self._done]
+        width = max(t.shape[1] for t, _ in self._done)
+        padded = [[_padded(part, width) for part in pair] for pair in self._done]
         return Trace(*(np.concatenate([pair[k] for pair in padded]) for k in (0, 1)))
 
-    def _reduce(self, everything: bool = False) -> None:
+    def _reduce(self, all_rows: bool = False) -> None:
         if not self._rows:
             return
         time = np.concatenate([t for t, _ in self._pending])
@@ -59,21 +59,23 @@ class Thinner:
         if self._size == 1:
             self._done.append((_repeated(time, value), value.astype(float)))
         elif whole:
-            self._done.append(_extremes(time[:whole], value[:whole], self._size))
-        if everything and whole < len(time):
-            self._done.append(_extremes(time[whole:], value[whole:], len(time) - whole))
+            self._done.append(_min_and_max(time[:whole], value[:whole], self._size))
+        if all_rows and whole < len(time):
+            self._done.append(_min_and_max(time[whole:], value[whole:], len(time) - whole))
             whole = len(time)
         self._pending = [(time[whole:], value[whole:])] if whole < len(time) else []
         self._rows = len(time) - whole
 
 
-def _extremes(time: Vector, value: Matrix, size: int) -> tuple[Matrix, Matrix]:
+def _min_and_max(time: Vector, value: Matrix, size: int) -> tuple[Matrix, Matrix]:
     """Return the smallest and largest value of each bucket with their times, in order of time."""
-    buckets = len(time) // size
-    grid = value[: buckets * size].reshape(buckets, size, -1)
-    picks = np.sort(np.stack((grid.argmin(axis=1), grid.argmax(axis=1)), axis=1), axis=1)
-    values = np.take_along_axis(grid, picks, axis=1)
-    times = time[: buckets * size].reshape(buckets, size)[np.arange(buckets)[:, None, None], picks]
+    intervals = len(time) // size
+    grid = value[: intervals * size].reshape(intervals, size, -1)
+    indices = np.sort(np.stack((grid.argmin(axis=1), grid.argmax(axis=1)), axis=1), axis=1)
+    values = np.take_along_axis(grid, indices, axis=1)
+    times = time[: intervals * size].reshape(intervals, size)[
+        np.arange(intervals)[:, None, None], indices
+    ]
     columns = value.shape[1]
     return times.reshape(-1, columns), values.reshape(-1, columns).astype(float)
 
@@ -85,5 +87,5 @@ def _repeated(time: Vector, value: Matrix) -> Matrix:
 def _padded(part: Matrix, width: int) -> Matrix:
     if part.shape[1] == width:
         return part
-    filler = np.full((len(part), width - part.shape[1]), np.nan)
-    return np.hstack((part, filler))
+    padding = np.full((len(part), width - part.shape[1]), np.nan)
+    return np.hstack((part, padding))

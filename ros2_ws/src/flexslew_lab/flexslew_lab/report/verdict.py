@@ -4,16 +4,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from flexslew_lab.metrics.goal import missed_goal, with_unit
-from flexslew_lab.metrics.keep_out import looked_inside
-from flexslew_plant.counted import counted
+from flexslew_lab.metrics.goal import goal_error_message, with_unit
+from flexslew_lab.metrics.keep_out import cone_violations
+from flexslew_plant.counted import count_text
 
 _SAME = 1.05  # ratios of the vibration below this are called equal
 _BELOW = "no effort at its limit"
-_NOTHING = 1e-9  # tip deflections below this are rounding [m]
+_ROUNDING = 1e-9  # tip deflections below this are rounding [m]
 
 
-def verdict(
+def run_summary(
     metrics: Mapping[str, Any],
     bare: Mapping[str, Any],
     tolerance: float,
@@ -30,45 +30,45 @@ def verdict(
         units: units of the joints; unknown ones are left out.
     """
     parts = [
-        missed_goal(metrics, tolerance, units),
-        looked_inside(metrics),
+        goal_error_message(metrics, tolerance, units),
+        cone_violations(metrics),
         f"changed by an operator {_times(changes)}" if changes else "",
         _vibration(metrics, {} if changes else bare)
-        if _bends(metrics)
+        if _has_deflection(metrics)
         else _tracking_errors(metrics, units),
-        _settled(metrics),
+        _settling_text(metrics),
         *_limits(metrics),
     ]
     return "; ".join(part for part in parts if part)
 
 
-def told_to_move(metrics: Mapping[str, Any]) -> tuple[str, ...]:
+def joints_to_move(metrics: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the joints with a commanded move, worst residual first; all where none has one.
 
     Args:
         metrics: content of metrics.json: the overshoot is null for a joint that has no move.
     """
-    overshoots = metrics.get("overshoot") or {}
+    overshoot = metrics.get("overshoot") or {}
     errors = metrics.get("residual_attitude_error") or {}
-    moved = [name for name, value in overshoots.items() if value is not None] or list(overshoots)
-    return tuple(sorted(moved, key=lambda name: -abs(errors.get(name) or 0.0)))
+    joints = [name for name, value in overshoot.items() if value is not None] or list(overshoot)
+    return tuple(sorted(joints, key=lambda name: -abs(errors.get(name) or 0.0)))
 
 
 def _vibration(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
     left, without = metrics.get("residual_tip_deflection"), bare.get("residual_tip_deflection")
     if left is None:
         peak = _largest(metrics.get("peak_tip_deflection"))
-        bent = "" if peak is None else f"tip deflection up to {peak:.3g} m; "
-        return f"{bent}the manoeuvre was not completed"
-    finals = metrics.get("final_error") or {}
-    if finals and all(error is None for error in finals.values()):  # it has no goal
+        prefix = "" if peak is None else f"tip deflection up to {peak:.3g} m; "
+        return f"{prefix}the manoeuvre was not completed"
+    final_errors = metrics.get("final_error") or {}
+    if final_errors and all(error is None for error in final_errors.values()):  # it has no goal
         return f"tip deflection up to {left:.3g} m"
-    if without is None or max(left, without) < _NOTHING:
+    if without is None or max(left, without) < _ROUNDING:
         return f"tip deflection after the manoeuvre: {left:.3g} m"
-    return f"{_compared(left, without)} without feedforward ({left:.3g} m, not {without:.3g} m)"
+    return f"{_comparison(left, without)} without feedforward ({left:.3g} m, not {without:.3g} m)"
 
 
-def _bends(metrics: Mapping[str, Any]) -> bool:
+def _has_deflection(metrics: Mapping[str, Any]) -> bool:
     """Return whether any tip has moved at all: not on a bench without tips, or a rigid one."""
     return metrics.get("residual_tip_deflection") != 0.0 or bool(
         _largest(metrics.get("peak_tip_deflection"))
@@ -78,11 +78,11 @@ def _bends(metrics: Mapping[str, Any]) -> bool:
 def _tracking_errors(metrics: Mapping[str, Any], units: Mapping[str, str]) -> str:
     """Return the largest error after the manoeuvre, of joints with a commanded move, or of all."""
     errors = metrics.get("residual_attitude_error") or {}
-    known = {name: abs(errors[name]) for name in told_to_move(metrics) if errors.get(name)}
+    known = {name: abs(errors[name]) for name in joints_to_move(metrics) if errors.get(name)}
     if not known:
         return ""
-    worst = max(known, key=lambda name: known[name])
-    return f"largest error after the manoeuvre: {with_unit(worst, known[worst], units)}"
+    largest = max(known, key=lambda name: known[name])
+    return f"largest error after the manoeuvre: {with_unit(largest, known[largest], units)}"
 
 
 def _largest(deflection: float | Mapping[str, float] | None) -> float | None:
@@ -92,7 +92,7 @@ def _largest(deflection: float | Mapping[str, float] | None) -> float | None:
     return deflection
 
 
-def _compared(left: float, without: float) -> str:
+def _comparison(left: float, without: float) -> str:
     """Return by how much a run rings less or more than another."""
     if max(left, without) < _SAME * min(left, without):
         return "as much ringing as"
@@ -105,25 +105,25 @@ def _ratio(large: float, small: float) -> str:
     return f"{large / small:,.3g} times" if large < 1000.0 * small else "over 1000 times"
 
 
-def _settled(metrics: Mapping[str, Any]) -> str:
+def _settling_text(metrics: Mapping[str, Any]) -> str:
     """Return the settling time of the last joint with a commanded move."""
     times = metrics.get("settling_time") or {}
-    overshoots = metrics.get("overshoot") or {}
-    moved = [name for name, value in overshoots.items() if value is not None]
-    if not moved:
+    overshoot = metrics.get("overshoot") or {}
+    joints = [name for name, value in overshoot.items() if value is not None]
+    if not joints:
         return ""
-    late = [name for name in moved if times.get(name) is None]
+    late = [name for name in joints if times.get(name) is None]
     if late:
-        return f"not settled: {_listed(late)}"
+        return f"not settled: {_name_list(late)}"
     begin = metrics.get("manoeuvre_start") or 0.0
-    return f"settled at {_seconds(begin + max(times[name] for name in moved))}"
+    return f"settled at {_seconds(begin + max(times[name] for name in joints))}"
 
 
 def _limits(metrics: Mapping[str, Any]) -> Iterator[str]:
     """Yield which drives acted, whether at their limits, and the faults of the bench."""
-    acted = [name for name, peak in (metrics.get("peak_effort") or {}).items() if peak]
-    if acted:
-        yield f"driven by {_listed(acted)}"
+    active = [name for name, peak in (metrics.get("peak_effort") or {}).items() if peak]
+    if active:
+        yield f"driven by {_name_list(active)}"
     saturated = metrics.get("saturated_time")
     if saturated is not None:
         yield f"efforts at their limit for {_seconds(saturated)}" if saturated else _BELOW
@@ -133,14 +133,14 @@ def _limits(metrics: Mapping[str, Any]) -> Iterator[str]:
         ("fallbacks", "fallback", "fallbacks"),
     ):
         if count := metrics.get(key):
-            yield counted(count, one, many)
+            yield count_text(count, one, many)
 
 
 def _seconds(time: float) -> str:
     return f"{time:.3g} s" if time < 999.5 else f"{time:.0f} s"
 
 
-def _listed(names: Sequence[str]) -> str:
+def _name_list(names: Sequence[str]) -> str:
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 

@@ -93,18 +93,19 @@ def write_figures(name: str, path: Path) -> None:
     """
     draw = REPRODUCTIONS[name].figures
     if draw is None:
-        drawn = ", ".join(key for key, entry in REPRODUCTIONS.items() if entry.figures_name)
-        raise BadInput(f"{name} has no figures; allowed: {drawn}")
+        names = ", ".join(key for key, entry in REPRODUCTIONS.items() if entry.figures_name)
+        raise BadInput(f"{name} has no figures; allowed: {names}")
     parts = [
         f"<h2>{escape(title.replace('_', ' ').capitalize())}</h2>"
         + figure.to_html(full_html=False, include_plotlyjs=number == 0)
         for number, (title, figure) in enumerate(draw().items())
     ]
-    about = escape(REPRODUCTIONS[name].about)
+    description = escape(REPRODUCTIONS[name].about)
     page = (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{about}</title></head>'
+        '<!doctype html><html lang="en"><head><meta '
+        f'charset="utf-8"><title>{description}</title></head>'
         f'<body style="font-family:system-ui,sans-serif;max-width:60rem;margin:auto">'
-        f"<h1>{about}</h1>{''.join(parts)}</body></html>"
+        f"<h1>{description}</h1>{''.join(parts)}</body></html>"
     )
     try:
         path.write_text(page)

@@ -15,16 +15,16 @@ from flexslew_control.controllers.retargeting.disturbance_accommodating import (
 from flexslew_control.controllers.retargeting.modal_space import modal_gains
 from flexslew_control.perturbation import ModalGains, Regulator, backward
 from flexslew_control.perturbation import regulator as zero_order
-from flexslew_control.small_motion import Frozen, SmallMotion, last_turn, small_motion
+from flexslew_control.small_motion import Frozen, SmallMotion, last_rotation_end, small_motion
 from flexslew_lab.reproduce import planar_antenna
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 from flexslew_plant.testbeds.spacecraft.units import UNITS
 
-RUN, TURN = 6.0, 3.0  # of examples 1, 2 and 5: the whole, and the turns in it [s]
+RUN, SLEW_TIME = 6.0, 3.0  # of examples 1, 2 and 5: the whole, and the turns in it [s]
 STEP = 0.004  # [s]
 FINE = 0.001  # of the short examples 3 and 4 [s]
 
@@ -36,7 +36,7 @@ class AntennaFeedback(NamedTuple):
     effort: Vector  # f, (m,)
 
 
-def flown(
+def simulate(
     middle: Sequence[Frozen], step: float, control: Sequence[AntennaFeedback] | None
 ) -> Matrix:
     """Return the coordinates at the edges of all steps, from rest, shape (steps + 1, k).
@@ -48,15 +48,19 @@ def flown(
     """
     k = len(middle[0].mass)
     y, one = np.zeros(3 * k), np.eye(3 * k)
-    found, last, solved, pushed = [y[:k]], None, one, y
+    found, last, solved, input_vector = [y[:k]], None, one, y
     for index, frozen in enumerate(middle):
         now = frozen, None if control is None else control[index]
         if last is None or now[0] is not last[0] or now[1] is not last[1]:
-            moved, pushed = _rates(*now)
-            half = 0.5 * step * moved
+            system_matrix, input_vector = _rates(*now)
+            half = 0.5 * step * system_matrix
             inverse = np.linalg.inv(one - half)
-            solved, pushed, last = inverse @ (one + half), step * (inverse @ pushed), now
-        y = solved @ y + pushed
+            solved, input_vector, last = (
+                inverse @ (one + half),
+                step * (inverse @ input_vector),
+                now,
+            )
+        y = solved @ y + input_vector
         found.append(y[:k])
     return np.array(found)
 
@@ -69,11 +73,11 @@ def _rates(frozen: Frozen, control: AntennaFeedback | None) -> tuple[Matrix, Vec
     f[2 * k :, :k] = np.eye(k)
     if control is not None:
         force = force + frozen.input_matrix @ control.effort
-        pulled = np.linalg.solve(frozen.mass, frozen.input_matrix @ control.gains)
-        f[k : 2 * k] -= pulled
-    pushed = np.zeros(3 * k)
-    pushed[k : 2 * k] = np.linalg.solve(frozen.mass, force)
-    return f, pushed
+        feedback = np.linalg.solve(frozen.mass, frozen.input_matrix @ control.gains)
+        f[k : 2 * k] -= feedback
+    input_vector = np.zeros(3 * k)
+    input_vector[k : 2 * k] = np.linalg.solve(frozen.mass, force)
+    return f, input_vector
 
 
 class Example(NamedTuple):
@@ -82,7 +86,7 @@ class Example(NamedTuple):
     motion: SmallMotion
     middle: list[Frozen]  # of every step
 
-    def metres(self, path: Matrix) -> Matrix:
+    def in_si_units(self, path: Matrix) -> Matrix:
         """Return coordinates in SI from those in the example's units."""
         kept: Vector = self.motion.units.coordinates[self.motion.kept]
         return np.asarray(path * kept)
@@ -91,7 +95,7 @@ class Example(NamedTuple):
         """Return the modal coordinates in SI, shape (steps + 1, modes)."""
         model = self.motion.model
         whole = np.zeros((len(path), model.coordinates))
-        whole[:, self.motion.kept] = self.metres(path)
+        whole[:, self.motion.kept] = self.in_si_units(path)
         return whole[:, model.before_modes :]
 
     def tips(self, path: Matrix) -> Matrix:
@@ -110,25 +114,27 @@ def example(name: str, changes: tuple[tuple[str, Any], ...] = ()) -> Example:
     """
     values: dict[str, Any] = {}
     if changes:
-        testbed = shipped(name).testbed
+        testbed = example_trial(name).testbed
         assert isinstance(testbed, SpacecraftTestbed)
-        values = _shaped(next(iter(testbed.appendages)), changes)
-    testbed = shipped(name, values).testbed
-    motion = small_motion(testbed, last_turn(testbed))
-    turning = [motion.at(t) for t in STEP * (np.arange(round(TURN / STEP)) + 0.5)]
-    return Example(motion, turning + [motion.at(TURN + STEP)] * round((RUN - TURN) / STEP))
+        values = _shape_changes(next(iter(testbed.appendages)), changes)
+    testbed = example_trial(name, values).testbed
+    motion = small_motion(testbed, last_rotation_end(testbed))
+    slew_steps = [motion.at(t) for t in STEP * (np.arange(round(SLEW_TIME / STEP)) + 0.5)]
+    return Example(
+        motion, slew_steps + [motion.at(SLEW_TIME + STEP)] * round((RUN - SLEW_TIME) / STEP)
+    )
 
 
 def flexible_shape(name: str) -> FlexibleShape:
     """Return the shape of a shipped example's first appendage."""
-    testbed = shipped(name).testbed
+    testbed = example_trial(name).testbed
     assert isinstance(testbed, SpacecraftTestbed)
     shape = testbed.craft.appendages[0].shape
     assert shape is not None
     return shape
 
 
-def _shaped(appendage: str, changes: tuple[tuple[str, Any], ...]) -> dict[str, Any]:
+def _shape_changes(appendage: str, changes: tuple[tuple[str, Any], ...]) -> dict[str, Any]:
     """Return changes of an appendage's shape as changes of a trial."""
     return {"testbed": {"appendages": {appendage: {"shape": dict(changes)}}}}
 
@@ -136,11 +142,11 @@ def _shaped(appendage: str, changes: tuple[tuple[str, Any], ...]) -> dict[str, A
 @lru_cache
 def open_path(name: str, changes: tuple[tuple[str, Any], ...] = ()) -> Matrix:
     """Return the path of an example without control, in its units."""
-    return flown(example(name, changes).middle, STEP, None)
+    return simulate(example(name, changes).middle, STEP, None)
 
 
 @lru_cache
-def printed_tips(modes: int) -> Matrix:
+def reference_tips(modes: int) -> Matrix:
     """Return the tip of example 1 with m_e, S_e and I_e as printed, open, in the turn [ft].
 
     No beam has these numbers (S^2 / m > I): a model takes them all the same.
@@ -151,22 +157,22 @@ def printed_tips(modes: int) -> Matrix:
     changes = (("linear_density", 0.06), ("modes_across", modes), ("modes_third", modes))
     case = example("antenna_1", changes)
     unit, motion = UNITS["slug_ft_lb"], case.motion
-    testbed = shipped("antenna_1", _shaped("beam", changes)).testbed
+    testbed = example_trial("antenna_1", _shape_changes("beam", changes)).testbed
     assert isinstance(testbed, SpacecraftTestbed)
-    craft = testbed.craft
-    a = craft.appendages[0]
+    spacecraft = testbed.craft
+    a = spacecraft.appendages[0]
     first, second = np.zeros(3), np.zeros((3, 3))
     first[2], second[2, 2] = 1.65 * unit.mass * unit.length, 1.25 * unit.torque
     a = replace(a, integrals=replace(a.integrals, first=first, second=second))
-    model = replace(motion.model, packed=packed(replace(craft, appendages=(a,))))
+    model = replace(motion.model, packed=packed(replace(spacecraft, appendages=(a,))))
     case = case._replace(motion=replace(motion, model=model))
-    steps = round(TURN / STEP)
+    steps = round(SLEW_TIME / STEP)
     middle = [case.motion.at(t) for t in STEP * (np.arange(steps) + 0.5)]
-    return case.tips(flown(middle, STEP, None))
+    return case.tips(simulate(middle, STEP, None))
 
 
 @lru_cache
-def minimised_path() -> Matrix:
+def minimum_disturbance_path() -> Matrix:
     """Return the path of example 1 under disturbance minimisation and a regulator."""
     case = example("antenna_1")
     before = case.motion.before()
@@ -178,20 +184,20 @@ def minimised_path() -> Matrix:
         if id(frozen) not in known:
             s, d = frozen.input_matrix, frozen.disturbance
             known[id(frozen)] = AntennaFeedback(gains, -(disturbance_gain(s) @ d))
-    return flown(case.middle, STEP, [known[id(frozen)] for frozen in case.middle])
+    return simulate(case.middle, STEP, [known[id(frozen)] for frozen in case.middle])
 
 
 @lru_cache
-def accommodated_path() -> Matrix:
+def integral_path() -> Matrix:
     """Return the path of example 2 under PI control."""
     case = example("antenna_2")
     before = case.motion.before()
     gains = integral_gains(before, IntegralWeights())
     control = AntennaFeedback(gains, np.zeros(len(gains)))
-    return flown(case.middle, STEP, [control] * len(case.middle))
+    return simulate(case.middle, STEP, [control] * len(case.middle))
 
 
-class Changing(NamedTuple):
+class TimeVarying(NamedTuple):
     """An example with gains that change: 3, the oscillator, or 4, the planar antenna."""
 
     regulator: Regulator
@@ -200,12 +206,12 @@ class Changing(NamedTuple):
 
 
 @lru_cache
-def changing(number: int) -> Changing:
+def time_varying(number: int) -> TimeVarying:
     """Return example 3 or 4."""
-    times = FINE * (np.arange(round(TURN / FINE)) + 0.5)
+    times = FINE * (np.arange(round(SLEW_TIME / FINE)) + 0.5)
     if number == 4:
         before = planar_antenna.before()
-        middle, after = [planar_antenna.planar(t) for t in times], planar_antenna.planar(TURN)
+        middle, after = [planar_antenna.planar(t) for t in times], planar_antenna.planar(SLEW_TIME)
         after = replace(  # at rest at its end
             after,
             damping=0.0 * after.damping,
@@ -213,16 +219,16 @@ def changing(number: int) -> Changing:
             disturbance=before.disturbance,
         )
     else:
-        motion = small_motion(shipped("antenna_3").testbed, TURN)
+        motion = small_motion(example_trial("antenna_3").testbed, SLEW_TIME)
         before, middle, after = motion.before(), [motion.at(t) for t in times], motion.before()
     k = len(before.mass)
-    return Changing(zero_order(before, np.eye(3 * k), 0.01 * np.eye(k)), middle, after)
+    return TimeVarying(zero_order(before, np.eye(3 * k), 0.01 * np.eye(k)), middle, after)
 
 
 @lru_cache
 def first_order(number: int, end: str) -> list[Matrix]:
     """Return P1 at the edges of the steps: backward from `zero` or `adiabatic`, or `frozen`."""
-    case = changing(number)
+    case = time_varying(number)
     changes = [case.regulator.change(frozen) for frozen in (*case.middle, case.after)]
     if end == "frozen":
         return [case.regulator.adiabatic(change) for change in changes]
@@ -231,7 +237,7 @@ def first_order(number: int, end: str) -> list[Matrix]:
 
 def modal_gains_of(number: int, end: str) -> list[ModalGains]:
     """Return the gains over every step."""
-    case = changing(number)
+    case = time_varying(number)
     edges = first_order(number, end)
     return [
         case.regulator.gains(case.regulator.change(frozen), 0.5 * (a + b))
@@ -240,33 +246,33 @@ def modal_gains_of(number: int, end: str) -> list[ModalGains]:
 
 
 @lru_cache
-def changing_path(number: int, law: str) -> Matrix:
+def time_varying_path(number: int, law: str) -> Matrix:
     """Return the path of example 3 or 4 under `none`, `zero`, `adiabatic`, `frozen` or `imsc`."""
-    case = changing(number)
+    case = time_varying(number)
     if law == "none":
-        return flown(case.middle, FINE, None)
+        return simulate(case.middle, FINE, None)
     if law == "imsc":
         gain = modal_gains(case.regulator.squares, 0.01)
         control = AntennaFeedback(np.array([[gain[0][0], gain[1][0], 0.0]]), np.zeros(1))
-        return flown(case.middle, FINE, [control] * len(case.middle))
+        return simulate(case.middle, FINE, [control] * len(case.middle))
     u = np.linalg.inv(case.regulator.modes)
-    controls = [
+    control_steps = [
         AntennaFeedback(
             u.T @ np.hstack([part @ u for part in (g.proportional, g.rate, g.integral)]), 0 * u[0]
         )
         for g in modal_gains_of(number, law)
     ]
-    return flown(case.middle, FINE, controls)
+    return simulate(case.middle, FINE, control_steps)
 
 
 def exact_riccati(number: int) -> list[Matrix]:
     """Return P of the full Riccati equation (3-34) at the edges, backward from the end."""
-    case = changing(number)
+    case = time_varying(number)
     r = case.regulator
     b, k = r.input_matrix, len(r.squares)
     s = b @ r.inverse_weight @ b.T
-    still = r.state_matrix + r.perturbation(r.change(case.after))
-    _, p = regulator(still, b, r.state_weight, r.effort_weight)
+    rest_matrix = r.state_matrix + r.perturbation(r.change(case.after))
+    _, p = regulator(rest_matrix, b, r.state_weight, r.effort_weight)
     found = [p]
     for frozen in reversed(case.middle):
         a = r.state_matrix + r.perturbation(r.change(frozen))
@@ -285,7 +291,7 @@ def exact_riccati(number: int) -> list[Matrix]:
 
 def riccati_error(number: int, end: str) -> float:
     """Return the root mean square over the run of the norm of P0 + P1 - P."""
-    p0 = changing(number).regulator.riccati
+    p0 = time_varying(number).regulator.riccati
     pairs = zip(first_order(number, end), exact_riccati_of(number), strict=True)
     return float(np.sqrt(np.mean([((p0 + p1 - p) ** 2).sum() for p1, p in pairs])))
 

@@ -8,19 +8,19 @@ import numpy as np
 from flexslew_lab.reproduce.csa_figures import csa_figures as csa_figures
 from flexslew_lab.reproduce.csa_flights import (
     DURATION,
-    EVEN_SMALLER_RHO,
     GAINS,
     KD,
     KP,
     M1,
     M3,
     M8,
+    MINIMUM_RHO,
     REST,
     STEP_ANGLE,
     csa_feedforward,
     csa_model,
-    flown,
     residual_tip,
+    simulate,
     step_response,
 )
 from flexslew_lab.reproduce.pd_margins import (
@@ -29,7 +29,7 @@ from flexslew_lab.reproduce.pd_margins import (
     stability_margin,
 )
 from flexslew_lab.reproduce.rows import Row, absolute, at_most
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.reproduce.trial_flights import states
 from flexslew_plant.testbeds.csa import CsaTestbed, beam
 
@@ -47,26 +47,30 @@ def csa_rows() -> list[dict[str, Any]]:
     ]
 
 
-def _row(item: str, reference: float, ours: float, tolerance: float, paper: str = "") -> Row:
-    return absolute(item, paper, reference, float(ours), tolerance)
+def _row(item: str, reference: float, computed: float, tolerance: float, source: str = "") -> Row:
+    return absolute(item, source, reference, float(computed), tolerance)
 
 
-def _at_most(item: str, limit: float, ours: float, paper: str = "") -> Row:
-    return at_most(item, paper, limit, float(ours))
+def _at_most(item: str, limit: float, computed: float, source: str = "") -> Row:
+    return at_most(item, source, limit, float(computed))
 
 
 @lru_cache
 def _model_rows() -> list[dict[str, Any]]:
-    bed = CsaTestbed(variant="printed", modes=3)
-    linear = bed.model().linearise(np.zeros(5))
-    yaw = [bed.model().mass_matrix(np.array([0, p, 0, 0, 0]))[0, 0] for p in (0.0, np.pi / 2)]
+    testbed = CsaTestbed(variant="printed", modes=3)
+    linear = testbed.model().linearise(np.zeros(5))
+    yaw = [testbed.model().mass_matrix(np.array([0, p, 0, 0, 0]))[0, 0] for p in (0.0, np.pi / 2)]
     rows = [
         _row("J_a [kg m^2]", 3972.0, yaw[0] - yaw[1], 1e-9),
         _row("J_1 [kg m^2]", 4000.0, yaw[1], 1e-9),
         _row("J_2 [kg m^2]", 5972.0, linear.mass[1, 1], 1e-9),
     ]
     table = {
-        "beam frequency {} [rad/s]": ((0.338329, 2.120270, 5.936817), beam(bed).frequencies, 1e-6),
+        "beam frequency {} [rad/s]": (
+            (0.338329, 2.120270, 5.936817),
+            beam(testbed).frequencies,
+            1e-6,
+        ),
         "m_theta_q {} [kg m]": ((107.08658, -18.94164, 7.36150), linear.mass[0, 2:], 1e-5),
         "M_qq {} [kg]": ((3.0, 3.0, 3.0), np.diag(linear.mass)[2:], 1e-9),
         "K_qq {} [N/m]": (
@@ -75,8 +79,8 @@ def _model_rows() -> list[dict[str, Any]]:
             1e-6,
         ),
     }
-    for item, (references, ours, tolerance) in table.items():
-        pairs = enumerate(zip(references, ours, strict=True), start=1)
+    for item, (references, computed, tolerance) in table.items():
+        pairs = enumerate(zip(references, computed, strict=True), start=1)
         rows += [_row(item.format(j), r, o, tolerance) for j, (r, o) in pairs]
     for variant in ("printed", "complete"):
         rows.append(_at_most(f"{variant}: energy drift over 100 s [-]", 1e-9, _drift(variant)))
@@ -137,20 +141,24 @@ def _margin_rows() -> list[dict[str, Any]]:
         (1.0, 0.0458938),
         (1.25, 0.0333525),
     ):
-        ours = stability_margin(model, KP, KD, pitch)
-        rows.append(_row(f"s(460, 920) at psi = {pitch:g} [1/s]", reference, ours, 1e-6))
+        computed = stability_margin(model, KP, KD, pitch)
+        rows.append(_row(f"s(460, 920) at psi = {pitch:g} [1/s]", reference, computed, 1e-6))
     for modes, reference in ((2, 0.002759), (3, 0.000403)):
-        ours = stability_margin(csa_model(modes), KP, KD, 0.5)
-        rows.append(_row(f"s(460, 920) at psi = 0.5, {modes} modes [1/s]", reference, ours, 1e-6))
-    best, sure = best_gains(model, 0.5), best_gains(model)
+        computed = stability_margin(csa_model(modes), KP, KD, 0.5)
+        rows.append(
+            _row(f"s(460, 920) at psi = 0.5, {modes} modes [1/s]", reference, computed, 1e-6)
+        )
+    best, robust = best_gains(model, 0.5), best_gains(model)
     rows += [
         _row("Figure 3: largest s [1/s]", 0.143080, best.margin, 1e-4),
         _row("Figure 3: kP there [N m/rad]", 471.04, best.kp, 0.05),
         _row("Figure 3: kD there [N m s/rad]", 2355.2, best.kd, 0.25),
-        _row("Figure 4: largest guaranteed s [1/s]", 0.034074, sure.margin, 0.00034),
-        _row("Figure 4: kP there [N m/rad]", 442.1, sure.kp, 4.4, "460"),
-        _row("Figure 4: kD there [N m s/rad]", 920.0, sure.kd, 9.2, "920"),
-        _at_most("guaranteed s at (460, 920) [1/s]", sure.margin, guaranteed_margin(model, KP, KD)),
+        _row("Figure 4: largest guaranteed s [1/s]", 0.034074, robust.margin, 0.00034),
+        _row("Figure 4: kP there [N m/rad]", 442.1, robust.kp, 4.4, "460"),
+        _row("Figure 4: kD there [N m s/rad]", 920.0, robust.kd, 9.2, "920"),
+        _at_most(
+            "guaranteed s at (460, 920) [1/s]", robust.margin, guaranteed_margin(model, KP, KD)
+        ),
     ]
     return rows
 
@@ -178,8 +186,8 @@ def _feedforward_rows() -> list[dict[str, Any]]:
     }
     for name, (goal, objective, norm_input, norm_error, least) in table.items():
         last = csa_feedforward(goal, reading="regularised")[1].history[-1]
-        paper = csa_feedforward(goal, reading="regularised", iterations="paper")[1].history
-        excess = paper[-1].objective / last.objective - 1.0
+        source = csa_feedforward(goal, reading="regularised", iterations="paper")[1].history
+        excess = source[-1].objective / last.objective - 1.0
         rows += [
             _row(f"{name}: J*", objective, last.objective, 1e-6 * objective),
             _at_most(f"{name}: J / J* - 1, two evaluations of G", 5e-5, excess),
@@ -191,9 +199,7 @@ def _feedforward_rows() -> list[dict[str, Any]]:
                 _row(f"{name}: norm Y*", norm_error, last.norm_terminal_error, 5e-6, "1e-4")
             )
         if least is not None:
-            limit = csa_feedforward(goal, reading="regularised", rho=EVEN_SMALLER_RHO)[1].history[
-                -1
-            ]
+            limit = csa_feedforward(goal, reading="regularised", rho=MINIMUM_RHO)[1].history[-1]
             rows.append(
                 _row(f"{name}: smallest norm U, Y = 0 [N m]", least, limit.norm_input, 5e-4)
             )
@@ -201,13 +207,18 @@ def _feedforward_rows() -> list[dict[str, Any]]:
     excess = abs(first / csa_feedforward(M8, reading="regularised")[1].history[-1].objective - 1.0)
     rows.append(_at_most("M8: |J / J* - 1| after one update", 1e-6, excess))
     small = csa_feedforward(M1, reading="regularised", rho=4e-10)
-    six = csa_feedforward(M1, iterations="paper")
-    peak = abs(flown(M1, csa_feedforward(M1, reading="regularised"))[2][:, 0]).max()
+    updated = csa_feedforward(M1, iterations="paper")
+    peak = abs(simulate(M1, csa_feedforward(M1, reading="regularised"))[2][:, 0]).max()
     rows += [
         _row("M1, rho 4e-10: norm Y", 1e-4, small[1].history[-1].norm_terminal_error, 1e-5, "1e-4"),
         _row("M1, rho 4e-10: residual tip [m]", 0.008, residual_tip(M1, small), 1e-3),
-        _row("M1, damped, six updates: norm Y", 2e-5, six[1].history[-1].norm_terminal_error, 2e-6),
-        _at_most("M1, damped, six updates: residual tip [m]", 0.002, residual_tip(M1, six)),
+        _row(
+            "M1, damped, six updates: norm Y",
+            2e-5,
+            updated[1].history[-1].norm_terminal_error,
+            2e-6,
+        ),
+        _at_most("M1, damped, six updates: residual tip [m]", 0.002, residual_tip(M1, updated)),
         _row("M1: peak torque on the base [N m]", 64.0, peak, 1.0),
     ]
     for name, goal, reference in (("M1", M1, 0.09), ("M3", M3, 0.26)):
@@ -224,7 +235,7 @@ def _rho_rows() -> list[dict[str, Any]]:
     """
     rows = []
     for rho in (1e-8, 4e-8, 2e-7):
-        trial = shipped("m1", {"plan": {"rho": rho}})
+        trial = example_trial("m1", {"plan": {"rho": rho}})
         tip = states(trial)[0][round(DURATION / trial.period) :, 2:]
         left = np.abs(tip @ trial.testbed.model().appendages.tip.T).max()
         rows.append(_row(f"m1, rho {rho:g}: residual tip [m]", 0.012485, left, 2e-5))
@@ -235,12 +246,12 @@ def _robustness_rows() -> list[dict[str, Any]]:
     table = {0.8: (0.641, 6.76), 0.9: (0.284, 5.80), 1.1: (0.227, 4.51), 1.2: (0.415, 4.06)}
     plan = csa_feedforward(M1, reading="regularised", rho=4e-10)
     rows = []
-    for stiffness, (planned, bare) in table.items():
+    for stiffness, (expected, bare) in table.items():
         name = f"EI {round(100 * (stiffness - 1)):+d} %"
         with_plan = residual_tip(M1, plan, stiffness=stiffness)
         without = residual_tip(M1, None, stiffness=stiffness)
         rows += [
-            _row(f"{name}: residual tip of M1 [m]", planned, with_plan, 1e-3),
+            _row(f"{name}: residual tip of M1 [m]", expected, with_plan, 1e-3),
             _row(f"{name}: the same without feedforward [m]", bare, without, 6e-3),
         ]
     return rows

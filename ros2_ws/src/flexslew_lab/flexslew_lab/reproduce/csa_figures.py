@@ -4,7 +4,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from flexslew_lab.report.panels import COLOURS, INK
+from flexslew_lab.report.panels import COLOURS, LINE
 from flexslew_lab.reproduce.csa_flights import (
     KD,
     KP,
@@ -12,7 +12,7 @@ from flexslew_lab.reproduce.csa_flights import (
     STEP_ANGLE,
     csa_feedforward,
     csa_model,
-    flown,
+    simulate,
     step_response,
 )
 from flexslew_lab.reproduce.pd_margins import (
@@ -33,11 +33,11 @@ def csa_figures() -> dict[str, go.Figure]:
     }
 
 
-def _margin_figure(title: str, pitches: Vector) -> go.Figure:
+def _margin_figure(title: str, pitch_values: Vector) -> go.Figure:
     """Return the margin over the gains as a map with contour lines."""
     kp, kd = np.linspace(10.0, 2000.0, 70), np.linspace(10.0, 4000.0, 70)
-    table = margin_table(csa_model(), kp, kd, pitches)
-    best = best_gains(csa_model(), 0.5) if len(pitches) == 1 else best_gains(csa_model())
+    table = margin_table(csa_model(), kp, kd, pitch_values)
+    best = best_gains(csa_model(), 0.5) if len(pitch_values) == 1 else best_gains(csa_model())
     figure = go.Figure(
         go.Contour(x=kp, y=kd, z=table.T, colorscale="Blues", ncontours=16,
                    contours={"showlabels": True}, colorbar={"title": {"text": "[1/s]"}})
@@ -65,7 +65,9 @@ def _step_figure() -> go.Figure:
     for k in range(3):
         _curve(figure, k + 1, t[::5], x[::5, k], COLOURS[0])
     for k in (1, 2):
-        figure.add_hline(y=STEP_ANGLE, line={"color": INK, "width": 1, "dash": "dot"}, row=k, col=1)
+        figure.add_hline(
+            y=STEP_ANGLE, line={"color": LINE, "width": 1, "dash": "dot"}, row=k, col=1
+        )
     return figure
 
 
@@ -76,19 +78,19 @@ def _manoeuvre_figure() -> go.Figure:
         ("with feedforward", csa_feedforward(M1), COLOURS[0]),
         ("without", None, COLOURS[1]),
     ):
-        t, x, effort = flown(M1, found)
+        t, x, effort = simulate(M1, found)
         columns = [x[:, 0], x[:, 1], x[:, 2], effort[:, 0], effort[:, 1]]
         for k, column in enumerate(columns, start=1):
             _curve(figure, k, t[::5], column[::5], colour, label if k == 1 else "")
     return figure
 
 
-def _rows_over_time(titles: list[str]) -> go.Figure:
-    figure = make_subplots(rows=len(titles), cols=1, shared_xaxes=True, vertical_spacing=0.03)
-    for row, title in enumerate(titles, start=1):
+def _rows_over_time(labels: list[str]) -> go.Figure:
+    figure = make_subplots(rows=len(labels), cols=1, shared_xaxes=True, vertical_spacing=0.03)
+    for row, title in enumerate(labels, start=1):
         figure.update_yaxes(title_text=title, row=row, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(titles), col=1)
-    return figure.update_layout(height=170 * len(titles) + 60, hovermode="x unified")
+    figure.update_xaxes(title_text="time [s]", row=len(labels), col=1)
+    return figure.update_layout(height=170 * len(labels) + 60, hovermode="x unified")
 
 
 def _curve(figure: go.Figure, row: int, t: Vector, y: Vector, colour: str, label: str = "") -> None:

@@ -30,7 +30,7 @@ REST: Vector = np.zeros(2)
 M1 = (1.0, 0.5)  # goals (theta, psi) of the manoeuvres, from rest at zero [rad]
 M3 = (np.pi / 2.0, np.pi / 4.0)
 M8 = (1.0, 0.0)
-EVEN_SMALLER_RHO = 4e-14  # its optimum is the smallest norm with Y = 0, (23)
+MINIMUM_RHO = 4e-14  # its optimum is the smallest norm with Y = 0, (23)
 
 
 def csa_model(modes: int = 1, stiffness: float = 1.0, variant: Any = "printed") -> Model:
@@ -86,7 +86,7 @@ def csa_feedforward(goal: tuple[float, float], **changes: Any) -> tuple[Basis, F
     return find_feedforward(settings, csa_slew(goal), ignore)
 
 
-def flown(
+def simulate(
     goal: tuple[float, float], found: tuple[Basis, FeedforwardOptimum] | None, **bench: Any
 ) -> tuple[Vector, Matrix, Matrix]:
     """Return times, states and torques of a slew with this feedforward, or with none."""
@@ -109,5 +109,5 @@ def residual_tip(
     goal: tuple[float, float], found: tuple[Basis, FeedforwardOptimum] | None, **bench: Any
 ) -> float:
     """Return the largest tip deflection after the manoeuvre [m]."""
-    t, x, _ = flown(goal, found, **bench)
+    t, x, _ = simulate(goal, found, **bench)
     return float(np.abs(x[t >= DURATION, 2]).max())

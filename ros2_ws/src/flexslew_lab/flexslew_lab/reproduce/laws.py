@@ -57,10 +57,10 @@ def closed_loop(
     n, m = model.coordinates, model.joints
     x = np.zeros(2 * n)
     x[:m] = testbed.initial.base_yaw, testbed.initial.hub_pitch
-    effort, added, nothing = np.zeros(m), np.array([disturbance, 0.0]), np.zeros(0)
+    effort, added, empty = np.zeros(m), np.array([disturbance, 0.0]), np.zeros(0)
     states, efforts = [x], []
     for tick in range(round(duration / PERIOD)):
-        now = Measurement(tick, 0, tick * PERIOD, "", x[:m], x[n : n + m], nothing, nothing, effort)
+        now = Measurement(tick, 0, tick * PERIOD, "", x[:m], x[n : n + m], empty, empty, effort)
         requested = reference(tick)
         if controller is None:
             effort = requested.effort
@@ -90,14 +90,14 @@ def slew(case: Case, start_pitch: float, stiffness: float = 1.0) -> tuple[LawRun
         stiffness: EI of the testbed over that of the models [-].
     """
     initial = CsaInitial(hub_pitch=start_pitch)
-    believed = CsaTestbed(variant="printed", modes=1, initial=initial)
+    design_testbed = CsaTestbed(variant="printed", modes=1, initial=initial)
     real = CsaTestbed(
         variant="printed",
         modes=3,
         initial=initial,
         parameters=CsaParameters(bending_stiffness=1500.0 * stiffness),
     )
-    plant = plant_of(believed)
+    plant = plant_of(design_testbed)
     plan = make_plan(
         StartCoastStop(
             goal={"base_yaw": _GOAL, "hub_pitch": _PITCH},
@@ -135,7 +135,7 @@ _TABLE: dict[Case, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "open_clamped": ((4.478,), (3.668,)),
     "open_system": ((0.0084,), (0.327,)),
 }
-_QUANTITY = ("residual tip [m]", "yaw error after the end [mdeg]", "peak torque [N m]")
+_METRICS = ("residual tip [m]", "yaw error after the end [mdeg]", "peak torque [N m]")
 _TOLERANCE = (0.10, 0.01, 0.01)
 _ROUNDING = (0.00005, 0.05, 0.05)  # half a unit of the table's last digit
 
@@ -149,14 +149,16 @@ def ofc_rows() -> list[dict[str, Any]]:
             run, finish = slew(case, pitch)
             if case == "tracking_a":
                 rows.append(relative(f"{where}: end [s]", _FILE, end, finish, 0.001 / end))
-            values = zip(_QUANTITY, references[column], figures(run, finish), strict=False)
-            for i, (quantity, reference, ours) in enumerate(values):
+            values = zip(_METRICS, references[column], figures(run, finish), strict=False)
+            for i, (metric, reference, computed) in enumerate(values):
                 slack = max(_TOLERANCE[i], _ROUNDING[i] / reference)
-                rows.append(relative(f"{where}, {case}: {quantity}", _FILE, reference, ours, slack))
+                rows.append(
+                    relative(f"{where}, {case}: {metric}", _FILE, reference, computed, slack)
+                )
     for stiffness, name, tracking, pd in ((0.9, "-10 %", 0.261, 2.78), (1.1, "+10 %", 0.202, 2.39)):
         for case, reference in (("tracking_a", tracking), ("pd", pd)):
-            ours = figures(*slew(case, 0.5, stiffness))[0]
+            computed = figures(*slew(case, 0.5, stiffness))[0]
             rows.append(
-                relative(f"EI {name}, {case}: residual tip [m]", _FILE, reference, ours, 0.1)
+                relative(f"EI {name}, {case}: residual tip [m]", _FILE, reference, computed, 0.1)
             )
     return rows

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.reproduce.trial_flights import states
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.contract import Motions, Pointing
@@ -23,10 +23,10 @@ class MembraneFlight(NamedTuple):
 
 
 @lru_cache
-def membrane_flight(case: int, controlled: bool) -> MembraneFlight:
+def membrane_flight(case: int, closed_loop: bool) -> MembraneFlight:
     """Return what the platform and the membrane do in one of the two cases."""
-    changes: dict[str, Any] = {} if controlled else _FREE
-    trial = shipped(f"antenna_5_{case}", changes)
+    changes: dict[str, Any] = {} if closed_loop else _FREE
+    trial = example_trial(f"antenna_5_{case}", changes)
     position, velocity = states(trial)
     testbed = trial.testbed
     assert isinstance(testbed, Pointing)
@@ -43,13 +43,13 @@ def half_way(shape: FlexibleShape) -> Vector:
     """
     middle = 0.5 * shape.line[:, 0].max()
     at_zero = shape.line_shape[abs(shape.line[:, 0] - middle).argmin(), 2]
-    turned = np.zeros(10)
-    turned[:2], turned[4:6], turned[6:8] = at_zero[:2], at_zero[2:4], -at_zero[6:8]
-    return turned
+    deflection = np.zeros(10)
+    deflection[:2], deflection[4:6], deflection[6:8] = at_zero[:2], at_zero[2:4], -at_zero[6:8]
+    return deflection
 
 
-def membrane_peaks(case: int, controlled: bool) -> tuple[float, float, float, float]:
+def membrane_peaks(case: int, closed_loop: bool) -> tuple[float, float, float, float]:
     """Return the peaks of R_y, R_z [ft], theta_x [rad] and the centre's deflection [ft]."""
-    m = membrane_flight(case, controlled).motions
+    m = membrane_flight(case, closed_loop).motions
     place, centre = abs(m.place).max(axis=0) / FOOT, abs(m.tips["membrane"]).max() / FOOT
     return float(place[1]), float(place[2]), float(abs(m.turned[:, 0]).max()), float(centre)

@@ -12,7 +12,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.model import Model
 
 PITCH_RANGE = (0.0, 1.245)  # of the guaranteed margin: where it is largest at the gains (17) [rad]
-_PITCHES = 42  # operating points over the range; the margin's minimum is at its ends or a kink
+_POINTS = 42  # operating points over the range; the margin's minimum is at its ends or a kink
 
 
 class BestGains(NamedTuple):
@@ -45,30 +45,30 @@ def guaranteed_margin(
         model, kp, kd: as in stability_margin.
         pitch_range: of psi_0 [rad].
     """
-    pitches = np.linspace(*pitch_range, _PITCHES)
-    at = _operating_points(model, pitches)
+    pitch_values = np.linspace(*pitch_range, _POINTS)
+    at = _operating_points(model, pitch_values)
     return float(_margins(at, np.array([kp]), np.array([kd])).min())
 
 
-def margin_table(model: Model, kp: Vector, kd: Vector, pitches: Vector) -> Matrix:
+def margin_table(model: Model, kp: Vector, kd: Vector, pitch_values: Vector) -> Matrix:
     """Return min over the pitches of s, shape (len(kp), len(kd)) [1/s]: Figures 3 and 4.
 
     Args:
         model: the testbed.
         kp, kd: gains, shape (k,) [N m/rad] and (l,) [N m s/rad].
-        pitches: one operating point for Figure 3, the range for Figure 4 [rad].
+        pitch_values: one operating point for Figure 3, the range for Figure 4 [rad].
     """
     grid_p, grid_d = (g.ravel() for g in np.meshgrid(kp, kd, indexing="ij"))
-    worst = np.full(grid_p.shape, np.inf)
-    for pitch in pitches:
-        worst = np.minimum(
-            worst, _margins(_operating_points(model, np.array([pitch])), grid_p, grid_d)
+    smallest = np.full(grid_p.shape, np.inf)
+    for pitch in pitch_values:
+        smallest = np.minimum(
+            smallest, _margins(_operating_points(model, np.array([pitch])), grid_p, grid_d)
         )
-    return worst.reshape(len(kp), len(kd))
+    return smallest.reshape(len(kp), len(kd))
 
 
 def best_gains(
-    model: Model, pitches: tuple[float, float] | float = PITCH_RANGE, most: float = 4000.0
+    model: Model, pitch_values: tuple[float, float] | float = PITCH_RANGE, most: float = 4000.0
 ) -> BestGains:
     """Return the gains with the largest margin, by a grid and then Nelder and Mead's simplex.
 
@@ -76,11 +76,15 @@ def best_gains(
 
     Args:
         model: the testbed.
-        pitches: range of psi_0 for the guaranteed margin, or one operating point [rad].
+        pitch_values: range of psi_0 for the guaranteed margin, or one operating point [rad].
         most: the largest gain looked at [N m/rad, N m s/rad].
     """
-    fixed = not isinstance(pitches, tuple)
-    spread = np.linspace(*pitches, _PITCHES) if isinstance(pitches, tuple) else np.array([pitches])
+    fixed = not isinstance(pitch_values, tuple)
+    spread = (
+        np.linspace(*pitch_values, _POINTS)
+        if isinstance(pitch_values, tuple)
+        else np.array([pitch_values])
+    )
     gains = np.geomspace(most / 80.0, most, 24)
     coarse = margin_table(model, gains, gains, spread if fixed else spread[::8])
 
@@ -115,18 +119,18 @@ class _OperatingPoints(NamedTuple):
 
     stiffness: Matrix
     damping: Matrix
-    driven: Matrix
+    actuation: Matrix
 
 
-def _operating_points(model: Model, pitches: Vector) -> _OperatingPoints:
+def _operating_points(model: Model, pitch_values: Vector) -> _OperatingPoints:
     parts = []
-    for pitch in pitches:
+    for pitch in pitch_values:
         q = np.zeros(model.coordinates)
         q[1] = pitch
         rest = model.linearise(q)
         inverse = np.linalg.inv(rest.mass)
-        driven = inverse * (np.arange(model.coordinates) < model.joints)
-        parts.append((inverse @ rest.stiffness, inverse @ rest.damping, driven))
+        input_term = inverse * (np.arange(model.coordinates) < model.joints)
+        parts.append((inverse @ rest.stiffness, inverse @ rest.damping, input_term))
     return _OperatingPoints(*(np.array(part) for part in zip(*parts, strict=True)))
 
 
@@ -135,6 +139,6 @@ def _margins(at: _OperatingPoints, kp: Vector, kd: Vector) -> Vector:
     n = at.stiffness.shape[-1]
     a = np.zeros((max(len(kp), len(at.stiffness)), 2 * n, 2 * n))
     a[:, :n, n:] = np.eye(n)
-    a[:, n:, :n] = -at.stiffness - kp[:, None, None] * at.driven
-    a[:, n:, n:] = -at.damping - kd[:, None, None] * at.driven
+    a[:, n:, :n] = -at.stiffness - kp[:, None, None] * at.actuation
+    a[:, n:, n:] = -at.damping - kd[:, None, None] * at.actuation
     return np.asarray(-np.linalg.eigvals(a).real.max(axis=1))

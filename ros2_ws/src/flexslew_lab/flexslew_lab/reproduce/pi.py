@@ -33,7 +33,7 @@ def _reference_at(yaw: float, pitch: float, tick: int) -> Reference:
     return Reference(state[:2], np.zeros(2), np.zeros(2), state, state)
 
 
-_STILL = partial(_reference_at, 0.0, 0.0)
+_REST_REFERENCE = partial(_reference_at, 0.0, 0.0)
 
 
 def _gain_rows(gains: PiGains) -> list[dict[str, Any]]:
@@ -72,8 +72,8 @@ class _SteadyFilter:
     def update(self, measurement: Measurement) -> Estimate:
         """Return the estimate at this tick."""
         n, m = self.model.coordinates, self.model.joints
-        nothing = np.zeros(0)
-        innovation = nothing
+        empty = np.zeros(0)
+        innovation = empty
         if measurement.tick != self._tick:
             state, d = self._x[: 2 * n], self._x[2 * n :]
             state = self.model.advance(state, measurement.applied_effort + d, PERIOD)
@@ -128,21 +128,26 @@ _CASES: dict[str, tuple[FilterSettings | None, float, float]] = {
 }
 
 
-def _rejection_rows(believed: CsaTestbed) -> list[dict[str, Any]]:
+def _rejection_rows(design_testbed: CsaTestbed) -> list[dict[str, Any]]:
     """Return peak and time of a push of 5 N m at psi = 0, with three estimators."""
-    model, plant = believed.model(), plant_of(believed)
-    rest = model.rest(believed.operating_point)
+    model, plant = design_testbed.model(), plant_of(design_testbed)
+    rest = model.rest(design_testbed.operating_point)
     rows = []
     for name, (sensors, peak, time) in _CASES.items():
         estimator: Estimator = _TrueState(model, np.array([_PUSH, 0.0]))
         if sensors is not None:
-            gain = KalmanFilter(model, rest, sensors, PERIOD).stationary_gain()
+            gain = KalmanFilter(model, rest, sensors, PERIOD).steady_state_gain()
             estimator = _SteadyFilter(model, gain)
         law = proportional_integral.build(ProportionalIntegral(), plant)[1]
-        pushed = closed_loop(
-            believed, (estimator, law), _STILL, 60.0, disturbance=_PUSH, from_rest=True
+        response = closed_loop(
+            design_testbed,
+            (estimator, law),
+            _REST_REFERENCE,
+            60.0,
+            disturbance=_PUSH,
+            from_rest=True,
         )
-        error = abs(pushed.state[:, 0])
+        error = abs(response.state[:, 0])
         large = float(np.nonzero(error > 1e-3)[0].max() * PERIOD)
         rows += [
             relative(f"PI with {name}: peak yaw [rad]", _FILE, peak, float(error.max()), 0.01),
@@ -156,24 +161,28 @@ def pi_rows() -> list[dict[str, Any]]:
 
     The runs are at psi = 0 with the gains of psi = 0.5.
     """
-    believed = CsaTestbed(variant="printed", modes=1)
+    design_testbed = CsaTestbed(variant="printed", modes=1)
     real = CsaTestbed(variant="printed", modes=3)
-    settings, plant = ProportionalIntegral(), plant_of(believed)
+    settings, plant = ProportionalIntegral(), plant_of(design_testbed)
     controller = proportional_integral.build(settings, plant)
-    model = believed.model()
-    operating_point = model.linearise(model.rest(believed.operating_point))
+    model = design_testbed.model()
+    operating_point = model.linearise(model.rest(design_testbed.operating_point))
     rows = _gain_rows(proportional_integral.design(operating_point, settings.weights))
-    pushed = closed_loop(real, controller, _STILL, 150.0, disturbance=_PUSH, from_rest=True)
+    response = closed_loop(
+        real, controller, _REST_REFERENCE, 150.0, disturbance=_PUSH, from_rest=True
+    )
     pd = pd_feedforward.build(PdFeedforwardSettings(), plant)
-    left = closed_loop(believed, pd, _STILL, 900.0, disturbance=_PUSH).state[-1, 0]
+    left = closed_loop(design_testbed, pd, _REST_REFERENCE, 900.0, disturbance=_PUSH).state[-1, 0]
     rows += [
         relative("PD: yaw under 5 N m [rad]", _FILE, _PUSH / 460.0, float(left), 0.01),
-        at_most("PI: yaw after 150 s of 5 N m [rad]", _FILE, 1e-6, abs(float(pushed.state[-1, 0]))),
-        *_rejection_rows(believed),
+        at_most(
+            "PI: yaw after 150 s of 5 N m [rad]", _FILE, 1e-6, abs(float(response.state[-1, 0]))
+        ),
+        *_rejection_rows(design_testbed),
     ]
     for time, name, reference in ((None, "none", 0.226), (2.0, "2 s", 0.066)):
-        wound = ProportionalIntegral(tracking_time=time)
-        built = proportional_integral.build(wound, plant_of(believed, 100.0))
+        integral_settings = ProportionalIntegral(tracking_time=time)
+        built = proportional_integral.build(integral_settings, plant_of(design_testbed, 100.0))
         run = closed_loop(real, built, partial(_reference_at, 0.5, 0.0), 60.0)
         over = float(run.state[:, 0].max() - 0.5)
         item = f"overshoot of a 0.5 rad step, anti-windup {name} [rad]"

@@ -49,19 +49,19 @@ def constant(a: Antenna) -> tuple[Matrix, Matrix]:
     """Return M0 and K0 (2-53), (2-54)."""
     mass, first = a.platform_mass + a.mass, a.first + a.mass * a.place
     inertia = a.platform_inertia + a.inertia + a.mass * a.place**2 + 2.0 * a.place * a.first
-    both = a.rotation + a.place * a.translation
+    coupling = a.rotation + a.place * a.translation
     m = np.array(
         [
             [mass, 0.0, 0.0, 0.0],
             [0.0, mass, first, a.translation],
-            [0.0, first, inertia, both],
-            [0.0, a.translation, both, MODAL_MASS],
+            [0.0, first, inertia, coupling],
+            [0.0, a.translation, coupling, MODAL_MASS],
         ]
     )
     return m, np.diag([0.0, 0.0, 0.0, a.stiffness])
 
 
-def turning_matrices(a: Antenna) -> dict[str, Matrix]:
+def rate_matrices(a: Antenna) -> dict[str, Matrix]:
     """Return Ms, Mc, Kb1, Kb2, Kb3, Gs and Gc (2-58), the signs of Gs and Gc restored."""
     s, f = a.first, a.translation
     found = {name: np.zeros((4, 4)) for name in ("Ms", "Mc", "Kb1", "Kb2", "Kb3", "Gs", "Gc")}
@@ -88,21 +88,21 @@ def planar(t: float, left: bool = False, a: Antenna = Antenna(), sign: float = 1
     beta, rate, acceleration = bang_bang(t, left)
     sin, cos = np.sin(beta), np.cos(beta)
     m0, k0 = constant(a)
-    turning = turning_matrices(a)
-    damping = -2.0 * rate * (sin * turning["Gs"] + cos * turning["Gc"])
+    matrices = rate_matrices(a)
+    damping = -2.0 * rate * (sin * matrices["Gs"] + cos * matrices["Gc"])
     damping[:, 3] *= sign
-    stiffness = k0 + (rate**2 * sin - acceleration * cos) * turning["Kb1"]
-    stiffness -= (rate**2 * cos + acceleration * sin) * turning["Kb2"] + rate**2 * turning["Kb3"]
-    pulled = a.first * (rate**2 * sin - acceleration * cos)
+    stiffness = k0 + (rate**2 * sin - acceleration * cos) * matrices["Kb1"]
+    stiffness -= (rate**2 * cos + acceleration * sin) * matrices["Kb2"] + rate**2 * matrices["Kb3"]
+    force = a.first * (rate**2 * sin - acceleration * cos)
     d = np.array(
         [
             a.first * (rate**2 * cos + acceleration * sin),
-            pulled,
-            a.place * pulled - a.inertia * acceleration,
+            force,
+            a.place * force - a.inertia * acceleration,
             -a.rotation * acceleration,
         ]
     )
-    mass = m0 + sin * turning["Ms"] - (1.0 - cos) * turning["Mc"]
+    mass = m0 + sin * matrices["Ms"] - (1.0 - cos) * matrices["Mc"]
     return Frozen(mass, damping, stiffness, np.eye(4), d)
 
 

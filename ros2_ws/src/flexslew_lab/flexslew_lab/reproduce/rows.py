@@ -10,42 +10,42 @@ Row = dict[str, Any]
 KEYS = ("item", "paper", "reference", "ours", "tolerance", "tolerance_is", "ok", "because")
 
 
-def absolute(item: str, paper: Any, reference: float, ours: float, tolerance: float) -> Row:
+def absolute(item: str, source: Any, reference: float, computed: float, tolerance: float) -> Row:
     """Return a row of which the difference is at most the tolerance, in the item's unit."""
-    ok = abs(ours - reference) <= tolerance
-    return _row(item, paper, reference, ours, tolerance, "absolute", ok)
+    ok = abs(computed - reference) <= tolerance
+    return _row(item, source, reference, computed, tolerance, "absolute", ok)
 
 
-def relative(item: str, paper: Any, reference: float, ours: float, tolerance: float) -> Row:
+def relative(item: str, source: Any, reference: float, computed: float, tolerance: float) -> Row:
     """Return a row of which the difference is at most a part of the reference."""
-    ok = abs(ours - reference) <= tolerance * abs(reference)
-    return _row(item, paper, reference, ours, tolerance, "relative", ok)
+    ok = abs(computed - reference) <= tolerance * abs(reference)
+    return _row(item, source, reference, computed, tolerance, "relative", ok)
 
 
-def at_most(item: str, paper: Any, limit: float, ours: float) -> Row:
+def at_most(item: str, source: Any, limit: float, computed: float) -> Row:
     """Return a row with an upper bound as reference."""
-    return _row(f"{item} (at most)", paper, limit, ours, 0.0, "at most", ours <= limit)
+    return _row(f"{item} (at most)", source, limit, computed, 0.0, "at most", computed <= limit)
 
 
-def equal(item: str, paper: Any, reference: str, ours: Any) -> Row:
+def equal(item: str, source: Any, reference: str, computed: Any) -> Row:
     """Return a row with a word as reference, or with a word where one belongs."""
-    return _row(item, paper, reference, ours, 0.0, "equal", reference == ours)
+    return _row(item, source, reference, computed, 0.0, "equal", reference == computed)
 
 
-def not_reproduced(item: str, paper: Any, reference: Any, ours: Any, because: str) -> Row:
+def difference_row(item: str, source: Any, reference: Any, computed: Any, reason: str) -> Row:
     """Return a row that shows both numbers and why they differ."""
-    found = _row(item, paper, reference, ours, 0.0, "", False)
-    return {**found, "ok": None, "because": because}
+    found = _row(item, source, reference, computed, 0.0, "", False)
+    return {**found, "ok": None, "because": reason}
 
 
 def _row(
     item: str,
-    paper: Any,
+    source: Any,
     reference: Any,
-    ours: Any,
+    computed: Any,
     tolerance: float,
     kind: Literal["absolute", "relative", "at most", "equal", ""],
     ok: bool,
 ) -> Row:
-    values = (item, paper, reference, ours, tolerance, kind, bool(ok), "")
+    values = (item, source, reference, computed, tolerance, kind, bool(ok), "")
     return dict(zip(KEYS, values, strict=True))

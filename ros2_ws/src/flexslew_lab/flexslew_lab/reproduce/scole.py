@@ -8,7 +8,7 @@ from plotly.subplots import make_subplots
 from scipy.linalg import eigh
 
 from flexslew_lab.report.panels import COLOURS
-from flexslew_lab.reproduce.rows import Row, absolute, equal, not_reproduced, relative
+from flexslew_lab.reproduce.rows import Row, absolute, difference_row, equal, relative
 from flexslew_lab.reproduce.scole_flights import (
     CASES,
     FORCES,
@@ -17,8 +17,8 @@ from flexslew_lab.reproduce.scole_flights import (
     UNDAMPED,
     UNIT,
     ScoleFlight,
-    flown,
-    shipped,
+    example_trial,
+    simulate,
 )
 from flexslew_lab.trial.trial import set_up
 from flexslew_plant.arrays import Vector
@@ -69,32 +69,32 @@ _COLUMNS = (
 # Undamped, the eight-mode plant is unstable under this sampled law: the two modes that the
 # controller lacks ring up (a fourth-order method of integration damps the fastest one and hides
 # it). Flown instead: the controller's six modes, which lack the others' tip effort.
-_SIX_MODES = {"no damping (a), six modes": 0.11, "no damping (b), six modes": 0.02}
+_TIP_EFFORT_TOLERANCE = {"no damping (a), six modes": 0.11, "no damping (b), six modes": 0.02}
 
 
-def _row(item: str, paper: Any, reference: Any, ours: Any, tolerance: float) -> Row:
-    if isinstance(reference, str) or isinstance(ours, str):
-        return equal(item, paper, reference, ours)
+def _row(item: str, source: Any, reference: Any, computed: Any, tolerance: float) -> Row:
+    if isinstance(reference, str) or isinstance(computed, str):
+        return equal(item, source, reference, computed)
     if reference == 0.0:
-        return absolute(item, paper, reference, ours, 1e-12)
-    return relative(item, paper, reference, ours, tolerance)
+        return absolute(item, source, reference, computed, 1e-12)
+    return relative(item, source, reference, computed, tolerance)
 
 
 def numbers(flight: ScoleFlight) -> tuple[Any, ...]:
     """Return the columns of the table."""
-    t, turn = flight.time, np.degrees(flight.turn[:, 0])
-    error = np.degrees(flight.attitude[:, 0]) + turn
+    t, rotation = flight.time, np.degrees(flight.turn[:, 0])
+    error = np.degrees(flight.attitude[:, 0]) + rotation
     after, late = t >= flight.end - 1e-9, t >= flight.end + 2.0 - 1e-9
-    settled = flight.metrics["pointing_settled_at"]["mast"]
+    settling = flight.metrics["pointing_settled_at"]["mast"]
     # an excursion in the run's last swing may not be over yet
-    never = settled is None or settled > t[-1] - 0.5
+    never = settling is None or settling > t[-1] - 0.5
     return (
         float(np.degrees(abs(flight.roll[:, 1]).max())),
-        float(abs(turn).max()),
-        float(abs(turn[after]).max()),
-        float(abs(turn[late]).max()),
+        float(abs(rotation).max()),
+        float(abs(rotation[after]).max()),
+        float(abs(rotation[late]).max()),
         float(abs(error[after]).max()),
-        NEVER if never else float(settled),
+        NEVER if never else float(settling),
         float(flight.efforts(TIP)[-1]),
         float(flight.efforts(PLATFORM)[-1]),
     )
@@ -104,21 +104,21 @@ def scole_rows() -> list[dict[str, Any]]:
     """Return every public number of SCOLE-S and of the full-scale SCOLE, and ours."""
     rows = _constants()
     for case, reference in TABLE.items():
-        ours = numbers(flown(case))
-        for (column, tolerance), there, here in zip(_COLUMNS, reference, ours, strict=True):
+        computed = numbers(simulate(case))
+        for (column, tolerance), expected, here in zip(_COLUMNS, reference, computed, strict=True):
             item = f"{case}: {column}"
-            if case in _SIX_MODES and "tip effort" in column:
-                tolerance = _SIX_MODES[case]
-            paper = 6.0 if case == "tracking (a)" and "roll rate" in column else "not printed"
-            rows.append(_row(item, paper, there, here, tolerance))
-    return rows + _eight_modes()
+            if case in _TIP_EFFORT_TOLERANCE and "tip effort" in column:
+                tolerance = _TIP_EFFORT_TOLERANCE[case]
+            source = 6.0 if case == "tracking (a)" and "roll rate" in column else "not printed"
+            rows.append(_row(item, source, expected, here, tolerance))
+    return rows + _full_model_rows()
 
 
-def _eight_modes() -> list[Row]:
+def _full_model_rows() -> list[Row]:
     """Return the rows without damping as published, with eight modes, which no bench can fly."""
     rows = []
     for letter in "ab":
-        trial = shipped(f"scole_s_{letter}", UNDAMPED)
+        trial = example_trial(f"scole_s_{letter}", UNDAMPED)
         try:
             set_up(trial, trial.name)
         except BadInput as error:
@@ -128,13 +128,13 @@ def _eight_modes() -> list[Row]:
             )
         else:
             why = ""
-        for (column, _), there in zip(
+        for (column, _), expected in zip(
             _COLUMNS, TABLE[f"no damping ({letter}), six modes"], strict=True
         ):
             item = f"no damping ({letter}), eight modes: {column}"
-            ours = "refused" if why else "flies"
-            found = not_reproduced(item, "not printed", there, ours, why)
-            rows.append(found if why else equal(item, "not printed", "refused", ours))
+            computed = "refused" if why else "flies"
+            found = difference_row(item, "not printed", expected, computed, why)
+            rows.append(found if why else equal(item, "not printed", "refused", computed))
     return rows
 
 
@@ -142,10 +142,16 @@ def _constants() -> list[dict[str, Any]]:
     small = _testbed("scole_s_a").craft
     mast = small.appendages[0]
     omega = np.sqrt(mast.stiffness / mast.mass)
-    hertz = omega / (2.0 * np.pi)
+    frequencies = omega / (2.0 * np.pi)
     rows = [
-        _row(f"SCOLE-S clamped mode {k + 1} [Hz]", paper, reference, float(hertz[k]), tolerance)
-        for k, (paper, reference, tolerance) in enumerate(
+        _row(
+            f"SCOLE-S clamped mode {k + 1} [Hz]",
+            source,
+            reference,
+            float(frequencies[k]),
+            tolerance,
+        )
+        for k, (source, reference, tolerance) in enumerate(
             (
                 (0.9563, 0.95629, 1e-5),
                 (1.0221, 1.02209, 1e-5),
@@ -169,29 +175,29 @@ def _constants() -> list[dict[str, Any]]:
         item = f"SCOLE-S total inertia {i + 1}{j + 1} [slug ft^2]"
         rows.append(_row(item, "not printed", reference, float(inertia[i, j]), 1e-5))
     rows.append(_row("end of the manoeuvre [s]", "not printed", 6.30831, _end(), 1e-5))
-    published = (0.278, 0.314, 0.813, 1.19, None)
+    source_values = (0.278, 0.314, 0.813, 1.19, None)
     for k, (found, reference) in enumerate(
         zip(free_frequencies("scole_full"), (0.2781, 0.3138, 0.8117, 1.1851, 2.0507), strict=True)
     ):
-        paper = published[k] or "not printed"
+        source = source_values[k] or "not printed"
         item = f"full scale, free mode {k + 1} [Hz]"
-        rows.append(_row(item, paper, reference, float(found), 1e-3))
+        rows.append(_row(item, source, reference, float(found), 1e-3))
     item = "10 ms ticks: largest growth per step of Runge and Kutta's method of order 4"
-    rows.append(_row(item, "not printed", "diverges", _fourth_order(0.01), 0.0))
+    rows.append(_row(item, "not printed", "diverges", _runge_kutta(0.01), 0.0))
     return rows
 
 
 def _end() -> float:
-    return flown("tracking (a)").end
+    return simulate("tracking (a)").end
 
 
 def _testbed(name: str) -> SpacecraftTestbed:
-    testbed = shipped(name).testbed
+    testbed = example_trial(name).testbed
     assert isinstance(testbed, SpacecraftTestbed)
     return testbed
 
 
-def _fourth_order(period: float) -> str:
+def _runge_kutta(period: float) -> str:
     """Return `diverges` where a classical step of order 4 a tick makes SCOLE-S's modes grow.
 
     That is why 10 ms diverge in the reference: the law itself is stable there, and the bench's
@@ -199,8 +205,8 @@ def _fourth_order(period: float) -> str:
     """
     model = _testbed("scole_s_a").model()
     z = model.linearise(model.rest({})).eigenvalues * period
-    growth = abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))).max()
-    return "diverges" if growth > 1.0 + 1e-6 else "stays"
+    ratio = abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))).max()
+    return "diverges" if ratio > 1.0 + 1e-6 else "stays"
 
 
 def free_frequencies(name: str) -> Vector:
@@ -215,8 +221,8 @@ def free_frequencies(name: str) -> Vector:
 
 def scole_figures() -> dict[str, go.Figure]:
     """Return Figures 3 to 9 of Sung and Joo, computed again, by name."""
-    flights = {case: flown(case) for case in list(CASES)[:4]}
-    a = flights["tracking (a)"]
+    responses = {case: simulate(case) for case in list(CASES)[:4]}
+    a = responses["tracking (a)"]
     t = a.time[: len(a.feedforward)]
     figures = {
         "figure_3": _lines(
@@ -229,23 +235,23 @@ def scole_figures() -> dict[str, go.Figure]:
         "figure_4": _strategy(a),
     }
     for number, axis in ((5, 0), (6, 1), (7, 2)):
-        curves = {
+        lines = {
             case: (flight.time, np.degrees(flight.turn[:, axis]))
-            for case, flight in flights.items()
+            for case, flight in responses.items()
         }
-        figures[f"figure_{number}"] = _lines(curves, f"antenna rotation about {'xyz'[axis]} [deg]")
+        figures[f"figure_{number}"] = _lines(lines, f"antenna rotation about {'xyz'[axis]} [deg]")
     for number, names, title in (
         (8, TIP, "torque effort at the tip (53) [(lb ft)^2 s]"),
         (9, FORCES, "force effort on the shuttle (53) [lb^2 s]"),
     ):
-        curves = {case: (flight.time, flight.efforts(names)) for case, flight in flights.items()}
-        figures[f"figure_{number}"] = _lines(curves, title)
+        lines = {case: (flight.time, flight.efforts(names)) for case, flight in responses.items()}
+        figures[f"figure_{number}"] = _lines(lines, title)
     return figures
 
 
-def _lines(curves: dict[str, tuple[Vector, Vector]], title: str) -> go.Figure:
+def _lines(lines: dict[str, tuple[Vector, Vector]], title: str) -> go.Figure:
     figure = go.Figure()
-    for number, (name, (x, y)) in enumerate(curves.items()):
+    for number, (name, (x, y)) in enumerate(lines.items()):
         line = {"color": COLOURS[number % len(COLOURS)]}
         figure.add_trace(go.Scatter(x=x[::3], y=y[::3], name=name, mode="lines", line=line))
     figure.update_layout(xaxis_title="time [s]", yaxis_title=title)

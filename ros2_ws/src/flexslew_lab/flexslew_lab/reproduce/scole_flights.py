@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.run.flight_log import FlightLog
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import SavedPlan, Trial, plan_of_trial, set_up, trial_of_values
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.contract import Pointing
@@ -38,20 +38,20 @@ class ScoleFlight(NamedTuple):
         columns = [self.names.index(name) for name in names]
         unit = UNIT.force if names == FORCES else UNIT.torque
         square = (self.effort[:, columns] / unit) ** 2
-        held = np.diff(self.time, prepend=self.time[0])
-        growing: Vector = np.cumsum(square.sum(axis=1) * held)
-        return growing
+        intervals = np.diff(self.time, prepend=self.time[0])
+        integral: Vector = np.cumsum(square.sum(axis=1) * intervals)
+        return integral
 
 
-def shipped_values(name: str, changes: dict[str, Any] | None = None) -> dict[str, Any]:
+def example_values(name: str, changes: dict[str, Any] | None = None) -> dict[str, Any]:
     """Return a shipped trial's file with some of its keys changed, nested sections key by key."""
     text = (resources.files("flexslew_lab") / "trials" / f"{name}.yaml").read_text()
     return _merged(load_yaml(text, name), changes or {})
 
 
-def shipped(name: str, changes: dict[str, Any] | None = None) -> Trial:
-    """Return a shipped trial with some of its keys changed; see shipped_values."""
-    return trial_of_values(shipped_values(name, changes), name)
+def example_trial(name: str, changes: dict[str, Any] | None = None) -> Trial:
+    """Return a shipped trial with some of its keys changed; see example_values."""
+    return trial_of_values(example_values(name, changes), name)
 
 
 def _merged(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
@@ -64,29 +64,29 @@ def _merged(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
 
 _SOFT = {"testbed": {"appendages": {"mast": {"stiffness": 0.9}}}}
-_BELIEVED = {"appendages": {"mast": {"stiffness": 1.0}}}
+_NOMINAL_MODEL = {"appendages": {"mast": {"stiffness": 1.0}}}
 UNDAMPED: dict[str, Any] = {
     "testbed": {"appendages": {"mast": {"damping": {"alpha": 0.0, "beta": 0.0}}}},
     "plan": {"shaper_damping": 0.0},
 }
-_SIX_MODES = _merged(UNDAMPED, {"testbed": {"appendages": {"mast": {"shape": {"modes": 6}}}}})
+_MORE_MODES = _merged(UNDAMPED, {"testbed": {"appendages": {"mast": {"shape": {"modes": 6}}}}})
 # name: trial and what is changed in it
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "tracking (a)": ("scole_s_a", {}),
     "tracking (b)": ("scole_s_b", {}),
     "rigid hold": ("scole_s_rigid", {}),
     "open loop": ("scole_s_open", {}),
-    "no damping (a), six modes": ("scole_s_a", _SIX_MODES),
-    "no damping (b), six modes": ("scole_s_b", _SIX_MODES),
+    "no damping (a), six modes": ("scole_s_a", _MORE_MODES),
+    "no damping (b), six modes": ("scole_s_b", _MORE_MODES),
     "EI -10 % (a)": (
         "scole_s_a",
         {
             **_SOFT,
-            "plan": {"model": _BELIEVED},
-            "controllers": {"output_feedback": {"model": _BELIEVED}},
+            "plan": {"model": _NOMINAL_MODEL},
+            "controllers": {"output_feedback": {"model": _NOMINAL_MODEL}},
         },
     ),
-    "EI -10 % open": ("scole_s_open", {**_SOFT, "plan": {"model": _BELIEVED}}),
+    "EI -10 % open": ("scole_s_open", {**_SOFT, "plan": {"model": _NOMINAL_MODEL}}),
     # the second mode is not shaped: the tracking model swings on after the end
     "second frequency kept (a)": (
         "scole_s_a",
@@ -96,13 +96,13 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 @lru_cache
-def flown(case: str) -> ScoleFlight:
+def simulate(case: str) -> ScoleFlight:
     """Return one of CASES, flown in process."""
     name, changes = CASES[case]
-    return fly_trial(shipped(name, changes))
+    return simulate_trial(example_trial(name, changes))
 
 
-def fly_trial(trial: Trial) -> ScoleFlight:
+def simulate_trial(trial: Trial) -> ScoleFlight:
     """Return the flight of a spacecraft's trial with a plan."""
     assert trial.plan is not None
     assert not isinstance(trial.plan, SavedPlan)
@@ -113,22 +113,22 @@ def fly_trial(trial: Trial) -> ScoleFlight:
     for controller in controllers.values():
         controller.adopt(plan)
     seen = FlightLog(bench, plan)
-    fly(bench, controllers, seen)
-    position = np.array([row.position for row in seen.truths])
-    velocity = np.array([row.velocity for row in seen.truths])
-    effort = np.array([row.applied_effort for row in seen.truths])
-    time = np.array([row.time for row in seen.truths])
+    run_bench(bench, controllers, seen)
+    position = np.array([row.position for row in seen.truth_log])
+    velocity = np.array([row.velocity for row in seen.truth_log])
+    effort = np.array([row.applied_effort for row in seen.truth_log])
+    time = np.array([row.time for row in seen.truth_log])
     names = bench.model.joint_names
     goal = dict(zip(names, plan.position[-1].tolist(), strict=True))
-    motions = trial.testbed.motions(position, velocity, goal)
+    motion = trial.testbed.motions(position, velocity, goal)
     return ScoleFlight(
         time,
         effort,
         plan.effort,
         names,
-        np.column_stack((motions.turned[:, 0], velocity[:, 3])),
-        motions.attitude,
-        motions.turns["mast"],
+        np.column_stack((motion.turned[:, 0], velocity[:, 3])),
+        motion.attitude,
+        motion.turns["mast"],
         plan.end,
         seen.metrics(),
     )

@@ -18,7 +18,7 @@ from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
-_ROOM = 0.5  # part of an arc that a step may take away
+_MAX_REDUCTION = 0.5  # part of an arc that a step may take away
 
 
 class SwitchTimes(NamedTuple):
@@ -49,15 +49,15 @@ def switch_time_optimisation(
     Raises:
         PlanFailed: it does not settle.
     """
-    d = _restored(slew, guess, residual)
+    d = _project(slew, guess, residual)
     stride, flat = 0.1, np.inf
     for k in range(max_iterations):
-        downhill = _downhill(slew, d)
-        flat = float(np.linalg.norm(downhill))
+        direction = _gradient_direction(slew, d)
+        flat = float(np.linalg.norm(direction))
         if flat <= slope:
             return SwitchTimes(d, k, float(np.abs(slew.residual(d)).max()), flat)
         try:
-            new = _restored(slew, _change_durations(d, stride * downhill), residual)
+            new = _project(slew, _change_durations(d, stride * direction), residual)
         except PlanFailed:
             new = None
         if new is not None and new.sum() < d.sum():
@@ -77,14 +77,14 @@ def gradients(slew: BangBang, durations: Vector) -> Matrix:
     efforts = slew.efforts(durations.size)
     final = final_states(slew.ensemble, slew.start, efforts, durations, slew.step).ravel()
     ends = np.cumsum(durations)
-    jumps = -np.diff(efforts[:, slew.joint])
+    effort_steps = -np.diff(efforts[:, slew.joint])
     rows = []
     for condition in slew.conditions:
         times, values = costate_backwards(
             slew.ensemble, final, condition, efforts, durations, slew.step
         )
         at = [int(np.argmin(np.abs(times - switch))) for switch in ends[:-1]]
-        rows.append(values[at, slew.joint] * jumps)
+        rows.append(values[at, slew.joint] * effort_steps)
     last = rates(slew.ensemble, final, efforts[-1])
     return np.column_stack((rows, slew.conditions @ last))
 
@@ -95,14 +95,14 @@ def _by_relative_change(slew: BangBang, durations: Vector) -> Matrix:
     return np.asarray(by_duration * durations)
 
 
-def _downhill(slew: BangBang, durations: Vector) -> Vector:
+def _gradient_direction(slew: BangBang, durations: Vector) -> Vector:
     """Return minus the gradient of t_f on dr = 0 by the relative changes of the arcs [s]."""
     rows = _by_relative_change(slew, durations)
     normal = np.linalg.lstsq(rows.T, durations, rcond=None)[0]
     return np.asarray(rows.T @ normal - durations)
 
 
-def _restored(slew: BangBang, durations: Vector, tolerance: float) -> Vector:
+def _project(slew: BangBang, durations: Vector, tolerance: float) -> Vector:
     """Return the arcs with r = 0 next to these.
 
     Raises:
@@ -120,5 +120,5 @@ def _restored(slew: BangBang, durations: Vector, tolerance: float) -> Vector:
 
 def _change_durations(durations: Vector, change: Vector) -> Vector:
     """Return the arcs after a relative change, which is cut to keep them long."""
-    largest = max(float(-change.min()), _ROOM)
-    return np.asarray(durations * (1.0 + _ROOM / largest * change))
+    largest = max(float(-change.min()), _MAX_REDUCTION)
+    return np.asarray(durations * (1.0 + _MAX_REDUCTION / largest * change))

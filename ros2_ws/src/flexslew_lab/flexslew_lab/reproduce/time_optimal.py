@@ -64,35 +64,41 @@ def time_optimal_rows() -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     solved: dict[str, tuple[BangBang, Vector]] = {}
 
-    def add(item: str, paper: str, reference: float, ours: float, tolerance: float) -> None:
-        rows.append(absolute(item, paper, reference, float(ours), tolerance))
+    def add(item: str, source: str, reference: float, computed: float, tolerance: float) -> None:
+        rows.append(absolute(item, source, reference, float(computed), tolerance))
 
-    for name, (_, _, _, _, paper, times) in _SLEWS.items():
+    for name, (_, _, _, _, source, times) in _SLEWS.items():
         slew, durations = solved[name] = _solved(name)
-        ours = np.cumsum(durations)
-        for k, (reference, found) in enumerate(zip(times, ours, strict=True)):
+        computed = np.cumsum(durations)
+        for k, (reference, found) in enumerate(zip(times, computed, strict=True)):
             what = "t_f [s]" if k == len(times) - 1 else f"switch {k + 1} [s]"
-            add(f"{name}: {what}", paper, reference, float(found), 1e-6)
+            add(f"{name}: {what}", source, reference, float(found), 1e-6)
         by_gradient = switch_time_optimisation(slew, linear_durations(slew)).durations
         add(
             f"{name}: t_f by switching-time optimisation [s]",
-            paper,
+            source,
             times[-1],
             float(by_gradient.sum()),
             1e-6,
         )
-        holds = switching_function(slew, durations).holds
-        add(f"{name}: Pontryagin holds", "", float(name != "hub, robust"), float(holds), 0.0)
+        is_optimal = switching_function(slew, durations).holds
+        add(f"{name}: Pontryagin holds", "", float(name != "hub, robust"), float(is_optimal), 0.0)
     for name, low, high in (("time-optimal", 0.138505, 0.127333), ("robust", 0.0119410, 0.0106025)):
         for factor, reference in ((0.9, low), (1.1, high)):
-            ours_left = residual(*solved[f"oscillator, {name}"], factor)
-            add(f"oscillator, {name}: residual at k = {factor}", "", reference, ours_left, 6e-7)
+            computed_residual = residual(*solved[f"oscillator, {name}"], factor)
+            add(
+                f"oscillator, {name}: residual at k = {factor}",
+                "",
+                reference,
+                computed_residual,
+                6e-7,
+            )
     # figures 9 and 11: half of peak to peak after the end; the tip's unit in print is unsettled
     for name, reference in (("time-optimal", 1.0469e-3), ("robust", 3.8855e-4)):
         hub, _ = _left_over(f"hub, {name}", 0.9)
         add(f"hub, {name}: residual of the hub at k = 0.9 [rad]", "", reference, hub, 5e-7)
     e = energy_coefficients(HubParameters())
-    printed = (
+    coefficients = (
         18.09815,
         -8.902248,
         18.278027,
@@ -102,47 +108,47 @@ def time_optimal_rows() -> list[dict[str, Any]]:
         73.112108,
         170.310339,
     )
-    for label, reference, found in zip(e._fields, printed, e, strict=False):
+    for label, reference, found in zip(e._fields, coefficients, e, strict=False):
         add(f"hub: {label}", "", reference, found, 6e-7)
-    five = _slew(HubTestbed(), 2.0, 10.0 * FOOT_POUND, False)
-    add("hub, 2 rad, 10 ft lb: t_f [s]", "", 3.80453683, found_durations(five).sum(), 1e-6)
+    large_slew = _slew(HubTestbed(), 2.0, 10.0 * FOOT_POUND, False)
+    add("hub, 2 rad, 10 ft lb: t_f [s]", "", 3.80453683, found_durations(large_slew).sum(), 1e-6)
     optimum = _slew(HubTestbed(), 1.0, 2.0 * FOOT_POUND, True)
     for of, reference in (
         (optimum, 6.319994),
         (replace(optimum, insensitive="state"), 6.328065),
     ):
         extremal = extremal_durations(of)
-        ours_end = np.nan if extremal is None else float(extremal.sum())
+        computed_end = np.nan if extremal is None else float(extremal.sum())
         item = f"hub, 15 switches, {of.insensitive} insensitive: t_f [s]"
-        add(item, "", reference, ours_end, 1e-6)
-    for sign, low_high, paper in ((-1, -0.113, "-13 %"), (1, 0.248, "+25 %")):
+        add(item, "", reference, computed_end, 1e-6)
+    for sign, low_high, source in ((-1, -0.113, "-13 %"), (1, 0.248, "+25 %")):
         edge = _equal_residual(solved["hub, time-optimal"], solved["hub, robust"], sign)
-        add(f"hub: robust is better up to ({paper[0]})", paper, low_high, edge, 1e-3)
+        add(f"hub: robust is better up to ({source[0]})", source, low_high, edge, 1e-3)
     return rows
 
 
 def time_optimal_figures() -> dict[str, go.Figure]:
     """Return Figures 2-5 and 8-14 of Liu and Singh 1997 by name; 1, 6, 7 are sketches."""
-    drawn: dict[str, go.Figure] = {}
+    figures: dict[str, go.Figure] = {}
     for number, kind in ((2, "time-optimal"), (3, "robust")):
         for letter, factor in (("a", 1.0), ("b", 0.9)):
-            drawn[f"figure_{number}{letter}"] = _states_figure(f"oscillator, {kind}", factor)
-        drawn[f"figure_{number + 2}"] = _control_figure(f"oscillator, {kind}", "u [N]")
+            figures[f"figure_{number}{letter}"] = _states_figure(f"oscillator, {kind}", factor)
+        figures[f"figure_{number + 2}"] = _control_figure(f"oscillator, {kind}", "u [N]")
     for label, kind, factor in (
         ("8", "time-optimal", 1.0),
         ("9", "time-optimal", 0.9),
         ("10a", "robust", 1.0),
     ):
-        drawn[f"figure_{label}"] = _states_figure(f"hub, {kind}", factor)
-    drawn["figure_10b"] = _sensitivity_figure("hub, robust")
-    drawn["figure_11"] = _states_figure("hub, robust", 0.9)
-    drawn["figure_12"] = _control_figure("hub, time-optimal", "u [N m]")
-    drawn["figure_13"] = _control_figure("hub, robust", "u [N m]")
-    drawn["figure_14"] = _residual_figure()
-    return drawn
+        figures[f"figure_{label}"] = _states_figure(f"hub, {kind}", factor)
+    figures["figure_10b"] = _sensitivity_figure("hub, robust")
+    figures["figure_11"] = _states_figure("hub, robust", 0.9)
+    figures["figure_12"] = _control_figure("hub, time-optimal", "u [N m]")
+    figures["figure_13"] = _control_figure("hub, robust", "u [N m]")
+    figures["figure_14"] = _residual_figure()
+    return figures
 
 
-def flown(name: str, factor: float, ticks: Vector) -> Matrix:
+def simulate(name: str, factor: float, ticks: Vector) -> Matrix:
     """Return the states [q, v] at the ticks of a slew on a model with its stiffness times factor.
 
     Args:
@@ -170,25 +176,25 @@ def _states_figure(name: str, factor: float) -> go.Figure:
     """Return positions and rates over time, until well after the end."""
     end = float(_solved(name)[1].sum())
     ticks = np.linspace(0.0, 2.0 * end, 801)
-    x = flown(name, factor, ticks)
+    x = simulate(name, factor, ticks)
     if name.startswith("oscillator"):  # the paper's second coordinate is x_1 + q
-        curves = {"x1 [m]": x[:, 0], "x2 [m]": x[:, 0] + x[:, 1]}
+        lines = {"x1 [m]": x[:, 0], "x2 [m]": x[:, 0] + x[:, 1]}
         rates = {"x1' [m/s]": x[:, 2], "x2' [m/s]": x[:, 2] + x[:, 3]}
     else:
-        curves = {"hub [rad]": x[:, 0], "tip [m]": x[:, 1]}
+        lines = {"hub [rad]": x[:, 0], "tip [m]": x[:, 1]}
         rates = {"hub' [rad/s]": x[:, 2], "tip' [m/s]": x[:, 3]}
     title = f"{name}, stiffness {100.0 * (factor - 1.0):+g} %"
-    return _stacked(title, ticks, {**curves, **rates}, end)
+    return _stacked(title, ticks, {**lines, **rates}, end)
 
 
 def _sensitivity_figure(name: str) -> go.Figure:
     """Return the derivatives of the states by the relative stiffness over time."""
     end = float(_solved(name)[1].sum())
     ticks = np.linspace(0.0, end, 601)
-    by_factor = sum((w * flown(name, f, ticks) for f, w in STENCIL), np.zeros(1))
+    by_factor = sum((w * simulate(name, f, ticks) for f, w in STENCIL), np.zeros(1))
     labels = ("hub [rad]", "tip [m]", "hub' [rad/s]", "tip' [m/s]")
-    curves = {f"d {label}": column for label, column in zip(labels, by_factor.T, strict=True)}
-    return _stacked(f"{name}, sensitivities to the stiffness", ticks, curves, end)
+    lines = {f"d {label}": column for label, column in zip(labels, by_factor.T, strict=True)}
+    return _stacked(f"{name}, sensitivities to the stiffness", ticks, lines, end)
 
 
 def _control_figure(name: str, label: str) -> go.Figure:
@@ -229,22 +235,22 @@ def _left_over(name: str, factor: float) -> tuple[float, float]:
     end = float(durations.sum())
     period = 2.0 * np.pi / float(slew.model.linearise(np.zeros(2)).frequencies[0])
     after = np.linspace(end, end + 2.5 * period, 121)
-    x = flown(name, factor, np.append(np.zeros(1), after))[1:]
+    x = simulate(name, factor, np.append(np.zeros(1), after))[1:]
     return float(0.5 * np.ptp(x[:, 0])), float(0.5 * np.ptp(x[:, 1]))
 
 
-def _stacked(title: str, time: Vector, curves: dict[str, Vector], end: float) -> go.Figure:
+def _stacked(title: str, time: Vector, lines: dict[str, Vector], end: float) -> go.Figure:
     """Return one row per curve, the end of the slew marked."""
-    figure = make_subplots(rows=len(curves), cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    for row, (label, values) in enumerate(curves.items(), start=1):
+    figure = make_subplots(rows=len(lines), cols=1, shared_xaxes=True, vertical_spacing=0.04)
+    for row, (label, values) in enumerate(lines.items(), start=1):
         line = {"color": COLOURS[0], "width": 1.5}
         figure.add_trace(
             go.Scatter(x=time, y=values, mode="lines", line=line, name=label), row=row, col=1
         )
         figure.update_yaxes(title_text=label, row=row, col=1)
     figure.add_vline(x=end, line={"color": COLOURS[7], "width": 1, "dash": "dot"}, row="all", col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(curves), col=1)
-    figure.update_layout(title=title, height=170 * len(curves) + 90, showlegend=False)
+    figure.update_xaxes(title_text="time [s]", row=len(lines), col=1)
+    figure.update_layout(title=title, height=170 * len(lines) + 90, showlegend=False)
     return figure
 
 

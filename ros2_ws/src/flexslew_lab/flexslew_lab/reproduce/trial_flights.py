@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.reproduce.rows import Row, relative
-from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.reproduce.scole_flights import example_trial
 from flexslew_lab.run.flight_log import FlightLog
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.trial.trial import Trial, plan_of_trial, set_up
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.testbeds.contract import Pointing
@@ -52,13 +52,13 @@ def states(trial: Trial) -> tuple[Matrix, Matrix]:
     bench, controllers = set_up(trial, trial.name)
     controller, plan = controllers[trial.active], plan_of_trial(trial, predict=False)
     seen = FlightLog(bench, plan)
-    refused = controller.adopt(plan) if plan is not None else None
-    assert refused is None, refused
-    fly(bench, {trial.active: controller}, seen)
+    error = controller.adopt(plan) if plan is not None else None
+    assert error is None, error
+    run_bench(bench, {trial.active: controller}, seen)
     assert not bench.failure, bench.failure
     return (
-        np.array([row.position for row in seen.truths]),
-        np.array([row.velocity for row in seen.truths]),
+        np.array([row.position for row in seen.truth_log]),
+        np.array([row.velocity for row in seen.truth_log]),
     )
 
 
@@ -69,18 +69,18 @@ def peaks(name: str, changes: dict[str, Any] | None = None) -> dict[str, float]:
         name: of the trial.
         changes: keys of its file.
     """
-    trial = shipped(name, changes)
+    trial = example_trial(name, changes)
     testbed = trial.testbed
     assert isinstance(testbed, Pointing)
     m = testbed.motions(*states(trial), {})
-    place, turned = abs(m.place).max(axis=0) / FOOT, abs(m.turned).max(axis=0)
-    tip = max(float(abs(moved).max()) for moved in m.tips.values()) / FOOT
+    place, rotation = abs(m.place).max(axis=0) / FOOT, abs(m.turned).max(axis=0)
+    tip = max(float(abs(motion).max()) for motion in m.tips.values()) / FOOT
     found = {f"R_{axis} [ft]": float(x) for axis, x in zip("xyz", place, strict=True)}
-    found |= {f"theta_{axis} [rad]": float(x) for axis, x in zip("xyz", turned, strict=True)}
+    found |= {f"theta_{axis} [rad]": float(x) for axis, x in zip("xyz", rotation, strict=True)}
     return {**found, "tip [ft]": tip}
 
 
-def shipped_trials(names: tuple[str, ...] = ()) -> list[Row]:
+def example_trial_rows(names: tuple[str, ...] = ()) -> list[Row]:
     """Return the peaks of the shipped trials, flown on the bench.
 
     Args:
@@ -90,10 +90,10 @@ def shipped_trials(names: tuple[str, ...] = ()) -> list[Row]:
     for name, changes, tolerance, references in _TRIALS:
         if names and name not in names:
             continue
-        ours = peaks(name, changes)
+        computed = peaks(name, changes)
         item = f"trial {name}" + (", P1(tf) = 0" if changes else "")
         rows += [
-            relative(f"{item}: {column}", "not printed", reference, ours[column], tolerance)
+            relative(f"{item}: {column}", "not printed", reference, computed[column], tolerance)
             for column, reference in references.items()
         ]
     return rows

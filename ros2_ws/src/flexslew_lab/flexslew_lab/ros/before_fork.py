@@ -7,13 +7,13 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.type_support import check_for_type_support
 
 from flexslew_lab.log.messages.schemas import store
-from flexslew_plant.keys.settings_fields import meanings
+from flexslew_plant.keys.settings_fields import describe_fields
 from flexslew_plant.ros.plant.settings import PlantSettings
 
 
 def before_fork() -> None:
     """Load what the first parameter, message, kernel and line of a log need; see fork_server."""
-    meanings(PlantSettings())
+    describe_fields(PlantSettings())
     store()
     check_for_type_support(ParameterEvent)
     numba.core.registry.cpu_target.target_context.refresh()

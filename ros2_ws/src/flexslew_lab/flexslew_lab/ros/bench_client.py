@@ -8,8 +8,8 @@ from flexslew_msgs import action, srv
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
-from flexslew_lab.ros.service_request import SERVICES, granted, request_of
+from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult, Then
+from flexslew_lab.ros.service_request import SERVICES, is_accepted, request_of
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 
@@ -17,7 +17,7 @@ TUNE = topics.TUNE.removeprefix("~")  # behind the name of a controller
 PATIENCE = 10.0  # with a service that does not answer [wall s]
 
 
-class _Asked(NamedTuple):
+class _PendingRequest(NamedTuple):
     service: str
     request: Any
     deadline: float  # [wall s]
@@ -35,15 +35,15 @@ class BenchClient:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._clients: dict[str, Any] = {}
-        self._asked: list[_Asked] = []
+        self._pending: list[_PendingRequest] = []
         for name, kind in SERVICES.items():  # found by the time they are needed
             self._clients[name] = node.create_client(kind, name)
-        self._planners = {
+        self._plan_clients = {
             name: ActionClient(node, action.PlanSlew, name)
             for name in (topics.PLAN_SLEW, topics.DRAFT_PLAN)
         }
         self._goal: Any = None  # that is planned for
-        self._planned: list[tuple[str, Drafted]] = []  # plans under way, by action
+        self._plan_requests: list[tuple[str, PlanCallback]] = []  # plans under way, by action
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
         """Call a service; see console.link.Link.ask."""
@@ -60,63 +60,63 @@ class BenchClient:
         except BadInput as error:
             then(RequestResult(False, str(error)))
             return
-        self._asked.append(_Asked(service, request, monotonic() + PATIENCE, then))
+        self._pending.append(_PendingRequest(service, request, monotonic() + PATIENCE, then))
         self._send()
 
     def poll(self, now: float) -> None:
         """Deliver the answers that have come; a planner that has died gives none."""
         self._send()
-        for name, then in list(self._planned):
-            if not self._planners[name].server_is_ready():
-                self._planned.remove((name, then))
+        for name, then in list(self._plan_requests):
+            if not self._plan_clients[name].server_is_ready():
+                self._plan_requests.remove((name, then))
                 then(RequestResult(False, "the planner has left the graph; ask again"), None)
-        for asked in list(self._asked):
-            if asked.future is not None and asked.future.done():
-                self._asked.remove(asked)
-                reply = asked.future.result()
+        for pending in list(self._pending):
+            if pending.future is not None and pending.future.done():
+                self._pending.remove(pending)
+                reply = pending.future.result()
                 tick = int(getattr(reply, "tick", 0))
-                asked.then(RequestResult(granted(reply), str(reply.message), tick))
-            elif now > asked.deadline:
-                self._asked.remove(asked)
-                if asked.future is not None:
-                    self._clients[asked.service].remove_pending_request(asked.future)
-                did = "offer" if asked.future is None else "answer"
-                words = f"the bench did not {did} {asked.service} within {PATIENCE:g} s"
-                asked.then(RequestResult(False, words))
+                pending.then(RequestResult(is_accepted(reply), str(reply.message), tick))
+            elif now > pending.deadline:
+                self._pending.remove(pending)
+                if pending.future is not None:
+                    self._clients[pending.service].remove_pending_request(pending.future)
+                outcome = "offer" if pending.future is None else "answer"
+                words = f"the bench did not {outcome} {pending.service} within {PATIENCE:g} s"
+                pending.then(RequestResult(False, words))
 
     def _send(self) -> None:
         """Call the services on the graph by now: requests to others would be lost."""
-        for k, asked in enumerate(self._asked):
-            client = self._clients[asked.service]
-            if asked.future is None and client.service_is_ready():
-                self._asked[k] = asked._replace(future=client.call_async(asked.request))
+        for k, pending in enumerate(self._pending):
+            client = self._clients[pending.service]
+            if pending.future is None and client.service_is_ready():
+                self._pending[k] = pending._replace(future=client.call_async(pending.request))
 
     def plan(
         self,
         name: str,
         goal: action.PlanSlew.Goal,
-        told: Callable[[Iterate], None],
-        then: Drafted,
+        progress: Callable[[Iterate], None],
+        then: PlanCallback,
     ) -> None:
         """Ask the planner for one plan by the name of its action."""
-        if not self._planners[name].server_is_ready():
+        if not self._plan_clients[name].server_is_ready():
             then(
                 RequestResult(False, "no planner is on the graph; the trial has no plan section"),
                 None,
             )
             return
 
-        self._planned.append((name, then))
+        self._plan_requests.append((name, then))
 
         def answer(result: RequestResult, plan: Any = None) -> None:
             self._goal = None
-            if (name, then) in self._planned:
-                self._planned.remove((name, then))
+            if (name, then) in self._plan_requests:
+                self._plan_requests.remove((name, then))
                 then(result, plan)
 
         def iterate(message: Any) -> None:
             f = message.feedback
-            told(Iterate(f.iteration, f.objective, f.norm_terminal_error, f.norm_input))
+            progress(Iterate(f.iteration, f.objective, f.norm_terminal_error, f.norm_input))
 
         def accepted(future: Any) -> None:
             self._goal = future.result()
@@ -129,13 +129,13 @@ class BenchClient:
             result = future.result().result
             ok = result.error_code == result.DONE
             plan = result.plan
-            did = "published" if name == topics.PLAN_SLEW else "drafted: adopt or refuse it"
-            words = f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is {did}"
+            outcome = "published" if name == topics.PLAN_SLEW else "drafted: adopt or refuse it"
+            words = f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is {outcome}"
             words += f"; {result.message}" if result.message else ""
             answer(RequestResult(ok, words if ok else result.message), plan if ok else None)
 
-        sent = self._planners[name].send_goal_async(goal, feedback_callback=iterate)
-        sent.add_done_callback(accepted)
+        goal_future = self._plan_clients[name].send_goal_async(goal, feedback_callback=iterate)
+        goal_future.add_done_callback(accepted)
 
     def cancel(self) -> None:
         """Give up the plan that is being made, if any."""
@@ -144,5 +144,5 @@ class BenchClient:
 
     def close(self) -> None:
         """Leave the graph."""
-        for planner in self._planners.values():
+        for planner in self._plan_clients.values():
             planner.destroy()

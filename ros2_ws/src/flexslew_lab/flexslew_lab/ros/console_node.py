@@ -11,7 +11,7 @@ from flexslew_lab.console.page import Page
 from flexslew_lab.ros.live_link import LiveLink
 from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.node_process import run_node, within
+from flexslew_plant.ros.node_process import namespace_arguments, run_node
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
 
@@ -35,7 +35,7 @@ class ConsoleNode:
 
     Args:
         settings: None: the parameters of the node.
-        say: called with the address of the page.
+        notify: called with the address of the page.
         loop: loop that serves the node.
 
     Raises:
@@ -43,15 +43,17 @@ class ConsoleNode:
     """
 
     def __init__(
-        self, settings: ConsoleSettings | None, say: Callable[[str], None], loop: Loop
+        self, settings: ConsoleSettings | None, notify: Callable[[str], None], loop: Loop
     ) -> None:
         os.nice(_NICE)
         self.node = node = new_node("console")
         loop.live(node, "console")
-        chosen: ConsoleSettings = settings or settings_of(node, ConsoleSettings)
-        self._link = LiveLink(node, chosen.folder, chosen.command, Trust.of(chosen.trust))
-        self._page = Page(self._link, chosen.host, chosen.port, say)
-        if chosen.browser:
+        parameters: ConsoleSettings = settings or settings_of(node, ConsoleSettings)
+        self._link = LiveLink(
+            node, parameters.folder, parameters.command, Trust.of(parameters.trust)
+        )
+        self._page = Page(self._link, parameters.host, parameters.port, notify)
+        if parameters.browser:
             self._page.server.open_browser()
 
     def poll(self) -> float:
@@ -67,9 +69,9 @@ class ConsoleNode:
         self._link.close()
 
 
-def console(settings: ConsoleSettings, say: Callable[[str], None], namespace: str = "") -> None:
+def console(settings: ConsoleSettings, notify: Callable[[str], None], namespace: str = "") -> None:
     """Serve a page over the bench of a namespace until interrupted, then exit."""
-    run_node(partial(ConsoleNode, settings, say), args=within(namespace))
+    run_node(partial(ConsoleNode, settings, notify), args=namespace_arguments(namespace))
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from rclpy.subscription import Subscription
 
 from flexslew_plant.graph.policies import HIDDEN
 from flexslew_plant.graph.topics import Topic
-from flexslew_plant.ros.offers import SEVERAL, message_class, qos
+from flexslew_plant.ros.offers import LISTENER_DEPTH, message_class, qos
 
 
 class HiddenListener:
@@ -19,13 +19,13 @@ class HiddenListener:
 
     Args:
         node: the visible node; its namespace and its remappings apply.
-        heard: topics by their absolute names in a bench without a namespace.
+        topics: topics by their absolute names in a bench without a namespace.
 
     Attributes:
         node: the second one.
     """
 
-    def __init__(self, node: Node, heard: Mapping[str, Topic]) -> None:
+    def __init__(self, node: Node, topics: Mapping[str, Topic]) -> None:
         self.node = Node(
             HIDDEN + node.get_name(),
             context=node.context,
@@ -36,7 +36,7 @@ class HiddenListener:
         )
         self._resolve = node.resolve_topic_name
         self.subscriptions: dict[str, Subscription[Any]] = {}
-        for name, topic in heard.items():
+        for name, topic in topics.items():
             self.listen(name, topic)
 
     def listen(self, name: str, topic: Topic) -> None:
@@ -44,8 +44,8 @@ class HiddenListener:
         self.subscriptions[name] = self.node.create_subscription(
             message_class(topic.type),
             self._resolve(topic.name),
-            _nothing,
-            qos(topic, SEVERAL if topic.latched else 0),
+            _ignore,
+            qos(topic, LISTENER_DEPTH if topic.latched else 0),
             raw=True,
         )
 
@@ -66,5 +66,5 @@ class HiddenListener:
         self.node.destroy_node()
 
 
-def _nothing(_: Any) -> None:
+def _ignore(_: Any) -> None:
     """Messages are taken by hand."""

@@ -9,9 +9,9 @@ from rclpy.node import Node
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import stamp_of
 from flexslew_lab.log.messages.schemas import schema_text
-from flexslew_plant.ros.offers import SEVERAL, message_class, qos
+from flexslew_plant.ros.offers import LISTENER_DEPTH, message_class, qos
 
-_CLOCKS = {"/clock", "/measurement", "/truth"}  # the plant's own: each rises until a reset
+_TIME_TOPICS = {"/clock", "/measurement", "/truth"}  # the plant's own: each rises until a reset
 
 
 class LiveChannels:
@@ -28,7 +28,7 @@ class LiveChannels:
         self._latched: dict[str, deque[tuple[bytes, int]]] = {}  # with log times
         self._channels: dict[str, Any] = {}
         self._last = 0  # simulated time of the last message [ns]
-        self._stamps = dict.fromkeys(_CLOCKS, 0)  # of their last messages [ns]
+        self._last_times = dict.fromkeys(_TIME_TOPICS, 0)  # of their last messages [ns]
         for topic, known in TOPICS.items():
             text = schema_text(known.type).encode()
             self._channels[topic] = foxglove.Channel(
@@ -38,16 +38,16 @@ class LiveChannels:
                 context=context,
             )
             if known.latched:
-                self._latched[topic] = deque(maxlen=max(known.depth, SEVERAL))
+                self._latched[topic] = deque(maxlen=max(known.depth, LISTENER_DEPTH))
             node.create_subscription(
                 message_class(known.type),
                 known.name,
                 partial(self._forward, topic, known.type),
-                qos(known, SEVERAL if known.latched else 0),
+                qos(known, LISTENER_DEPTH if known.latched else 0),
                 raw=True,
             )
 
-    def welcome(self, topic: str) -> None:
+    def send_stored(self, topic: str) -> None:
         """Send the latched messages of a topic to a newcomer."""
         for data, time in self._latched.get(topic, ()):
             self._channels[topic].log(data, log_time=time)
@@ -57,7 +57,7 @@ class LiveChannels:
         self._channels[topic].log(data, log_time=self._last)
         if topic in self._latched:
             self._latched[topic].append((data, self._last))
-        elif topic in _CLOCKS:
-            if self._last > self.now or self._last < self._stamps[topic]:
+        elif topic in _TIME_TOPICS:
+            if self._last > self.now or self._last < self._last_times[topic]:
                 self.now = self._last
-            self._stamps[topic] = self._last
+            self._last_times[topic] = self._last

@@ -11,7 +11,7 @@ import numpy as np
 from flexslew_msgs import action
 from rclpy.node import Node
 
-from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
+from flexslew_lab.console.link import Iterate, PlanCallback, RequestResult, Then
 from flexslew_lab.console.view import EVENTS, BenchView
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.ros.bench_client import BenchClient
@@ -22,16 +22,18 @@ from flexslew_plant.graph import topics
 from flexslew_plant.graph.topics import TOPICS
 from flexslew_plant.own_code import NO_CODE, Trust
 
-_HEARD = (
+_TOPICS = (
     topics.TESTBED, topics.BENCH_STATE, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN,
     topics.RECORDED,
 )  # fmt: skip
-_SAID = (topics.EVENTS, topics.PLAN)  # may arrive before their testbed
-_UNRECORDED = 4.0  # until ticks are taken without the recorder; DDS needs up to 3 [wall s]
+_STORED_TOPICS = (topics.EVENTS, topics.PLAN)  # may arrive before their testbed
+_RECORDER_TIMEOUT = 4.0  # until ticks are taken without the recorder; DDS needs up to 3 [wall s]
 # delays after the announcement of another plant; a controller that is then not on the graph is of
 # the bench before: a node leaves the graph at once, a killed one after 20 s [wall s]
 _SORTED_OUT = (3.0, 25.0)
-_SILENT = 5.0  # after which the plant is taken for gone; it shows its state twice a second [wall s]
+_PLANT_TIMEOUT = (
+    5.0  # after which the plant is taken for gone; it shows its state twice a second [wall s]
+)
 
 
 class LiveLink:
@@ -49,32 +51,36 @@ class LiveLink:
     def __init__(self, node: Node, folder: str, command: str, trust: Trust = NO_CODE) -> None:
         self.view, self.folder, self.command = BenchView(trust), folder, command
         self._client = BenchClient(node)
-        self._heard = 0.0  # of the plant, last [wall s]
+        self._last_received = 0.0  # of the plant, last [wall s]
         self._recorded = monotonic()  # when the recorder last sent, or could not [wall s]
-        self._listener = HiddenListener(node, {name: TOPICS[name] for name in _HEARD})
+        self._listener = HiddenListener(node, {name: TOPICS[name] for name in _TOPICS})
         self._sort_out: tuple[float, ...] = ()  # when to check which controllers remain [wall s]
-        self._said: deque[tuple[int, str, bytes]] = deque(maxlen=EVENTS)  # when [ns], topic, CDR
-        self._truths = partial(node.count_publishers, node.resolve_topic_name(topics.TRUTH))
+        self._buffer: deque[tuple[int, str, bytes]] = deque(maxlen=EVENTS)  # when [ns], topic, CDR
+        self._count_truth_publishers = partial(
+            node.count_publishers, node.resolve_topic_name(topics.TRUTH)
+        )
 
     def poll(self, now: float) -> None:
         """Take what has come, and deliver answers."""
         batches: dict[str, list[bytes]] = {}
-        announced = 0  # when a testbed was [ns]
+        testbed_time = 0  # when a testbed was [ns]
         for name, data, info in self._listener.take():
-            if name in _SAID:
-                self._said.append((info["source_timestamp"], name, data))
+            if name in _STORED_TOPICS:
+                self._buffer.append((info["source_timestamp"], name, data))
             elif name == topics.TESTBED:
-                announced = info["source_timestamp"]
+                testbed_time = info["source_timestamp"]
             if name != topics.RECORDED:
                 batches.setdefault(name, []).append(data)
                 continue
             with suppress(BadInput):
-                topic, messages = _unpacked(data)
+                topic, messages = _unpack(data)
                 batches.setdefault(topic, []).extend(messages)
-        if announced and self.view.joints is not None:  # by another plant
-            self.view.forget()
-            for name in _SAID:
-                batches[name] = [d for at, of, d in self._said if of == name and at >= announced]
+        if testbed_time and self.view.joints is not None:  # by another plant
+            self.view.clear()
+            for name in _STORED_TOPICS:
+                batches[name] = [
+                    d for at, of, d in self._buffer if of == name and at >= testbed_time
+                ]
             self._sort_out = tuple(now + later for later in _SORTED_OUT)
         for name, batch in batches.items():
             with suppress(BadInput):  # no message ends a page
@@ -82,13 +88,16 @@ class LiveLink:
         if topics.RECORDED in self._listener.subscriptions:
             self._miss_recorder(now, topics.TRUTH in batches)
         if topics.BENCH_STATE in batches:
-            self._heard = now
-        elif now - self._heard > _SILENT and self.view.now.state in ("running", "paused"):
+            self._last_received = now
+        elif now - self._last_received > _PLANT_TIMEOUT and self.view.now.state in (
+            "running",
+            "paused",
+        ):
             self.view.now = self.view.now._replace(state="silent: no sign of life of the plant")
         if self._sort_out and now >= self._sort_out[0]:
             self._sort_out = self._sort_out[1:]
-            there = {*self._listener.node.get_node_names()}
-            for name in self.view.controllers.keys() - there:
+            node_names = {*self._listener.node.get_node_names()}
+            for name in self.view.controllers.keys() - node_names:
                 del self.view.controllers[name]
         self._client.poll(now)
 
@@ -98,10 +107,10 @@ class LiveLink:
         Where a bag is played there are ticks, and no state of a bench.
         """
         state = self.view.now.state
-        ticks = state == "running" or (state == "not found" and self._truths() > 0)
+        ticks = state == "running" or (state == "not found" and self._count_truth_publishers() > 0)
         if passed_on or not ticks:
             self._recorded = now
-        elif now - self._recorded > _UNRECORDED:
+        elif now - self._recorded > _RECORDER_TIMEOUT:
             self._listener.ignore(topics.RECORDED)
             for name in PASSED_ON:
                 self._listener.listen(name, TOPICS[name])
@@ -110,7 +119,9 @@ class LiveLink:
         """Call a service of the bench."""
         self._client.ask(service, values, then)
 
-    def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
+    def draft(
+        self, request: str, who: str, progress: Callable[[Iterate], None], then: PlanCallback
+    ) -> None:
         """Request from the planner a manoeuvre that no controller follows yet."""
         joints = self.view.joints
         if joints is None:
@@ -119,7 +130,7 @@ class LiveLink:
         goal = action.PlanSlew.Goal(
             request=request, period=joints.period, effort_limit=list(joints.limit), who=who
         )
-        self._client.plan(topics.DRAFT_PLAN, goal, told, then)
+        self._client.plan(topics.DRAFT_PLAN, goal, progress, then)
 
     def cancel(self) -> None:
         """Give up the plan that is being made."""
@@ -139,7 +150,7 @@ class LiveLink:
         self._client.close()
 
 
-def _unpacked(data: bytes) -> tuple[str, list[bytes]]:
+def _unpack(data: bytes) -> tuple[str, list[bytes]]:
     """Return the name of a topic and its messages.
 
     Raises:

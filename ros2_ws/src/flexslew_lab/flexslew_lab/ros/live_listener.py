@@ -8,14 +8,14 @@ from flexslew_lab.ros.live_parameters import LiveParameters
 READ_ONLY = "this server is read-only; start ./flexslew live --operate to command the bench"
 
 
-class ServedTopic(Protocol):
+class ServerNode(Protocol):
     """The node, as far as its server's threads may use it."""
 
-    newcomers: deque[str]  # topics with a new subscriber
+    new_subscriptions: deque[str]  # topics with a new subscriber
     parameters: LiveParameters
     operate: bool  # clients may set parameters
 
-    def shown(self, values: dict[str, Any]) -> list[Any]:
+    def library_parameters(self, values: dict[str, Any]) -> list[Any]:
         """Return parameters as the server's library takes them."""
 
     def refuse(self, words: str) -> None:
@@ -29,19 +29,19 @@ class LiveListener:
         live: the node that the server belongs to.
     """
 
-    def __init__(self, live: ServedTopic) -> None:
+    def __init__(self, live: ServerNode) -> None:
         self._live = live
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
         """Take the topic of the channel."""
-        self._live.newcomers.append(channel.topic)
+        self._live.new_subscriptions.append(channel.topic)
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
         """Nothing to do."""
 
     def on_get_parameters(self, client: Any, names: list[str], request: str | None) -> list[Any]:
         """Return parameters by name; no names: all."""
-        return self._live.shown(self._live.parameters.values(names))
+        return self._live.library_parameters(self._live.parameters.values(names))
 
     def on_set_parameters(
         self, client: Any, requested: list[Any], request: str | None
@@ -51,10 +51,12 @@ class LiveListener:
             if not self._live.operate:
                 self._live.refuse(READ_ONLY)
                 break
-            refused = self._live.parameters.set(parameter.name, parameter.get_value())
-            if refused:
-                self._live.refuse(refused)
-        return self._live.shown(self._live.parameters.values([p.name for p in requested]))
+            reason = self._live.parameters.set(parameter.name, parameter.get_value())
+            if reason:
+                self._live.refuse(reason)
+        return self._live.library_parameters(
+            self._live.parameters.values([p.name for p in requested])
+        )
 
     def on_parameters_subscribe(self, names: list[str]) -> None:
         """Do nothing: changes are sent to all clients."""

@@ -14,9 +14,9 @@ from flexslew_lab.ros.live_listener import LiveListener
 from flexslew_lab.ros.live_parameters import LiveParameters
 from flexslew_lab.ros.live_services import LiveServices
 from flexslew_plant.errors import BadInput
-from flexslew_plant.extras import how_to_install
+from flexslew_plant.extras import install_command
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.node_process import run_node, within
+from flexslew_plant.ros.node_process import namespace_arguments, run_node
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
 
@@ -37,7 +37,7 @@ class LiveNode:
 
     Args:
         settings: None: the parameters of the node.
-        say: called with the address of the server.
+        notify: called with the address of the server.
         loop: loop that serves the node.
 
     Raises:
@@ -45,21 +45,21 @@ class LiveNode:
     """
 
     def __init__(
-        self, settings: LiveSettings | None, say: Callable[[str], None], loop: Loop
+        self, settings: LiveSettings | None, notify: Callable[[str], None], loop: Loop
     ) -> None:
         try:
             import foxglove
         except ImportError:
-            needed = f"live needs the package foxglove-sdk: {how_to_install('foxglove')}"
+            needed = f"live needs the package foxglove-sdk: {install_command('foxglove')}"
             raise BadInput(needed) from None
         self.node = node = new_node("live")
         loop.live(node, "live")
-        chosen: LiveSettings = settings or settings_of(node, LiveSettings)
-        self._say, self.operate = say, chosen.operate
-        self._gate = LiveGate(chosen.port, chosen.origins)
+        options: LiveSettings = settings or settings_of(node, LiveSettings)
+        self._notify, self.operate = notify, options.operate
+        self._gate = LiveGate(options.port, options.origins)
         self._websocket = foxglove.websocket
         self._context = context = foxglove.Context()  # its channels close with it
-        self.newcomers: deque[str] = deque()  # topics with a new subscriber
+        self.new_subscriptions: deque[str] = deque()  # topics with a new subscriber
         self.parameters = LiveParameters(node)
         self._services = LiveServices(node, foxglove)
         capability = self._websocket.Capability
@@ -69,34 +69,34 @@ class LiveNode:
                 host=self._gate.server_host,
                 port=0,
                 capabilities=[capability.Time, capability.Parameters]
-                + [capability.Services] * chosen.operate,
+                + [capability.Services] * options.operate,
                 supported_encodings=["json"],
-                services=self._services.offered() if chosen.operate else [],
+                services=self._services.all_services() if options.operate else [],
                 context=context,
                 server_listener=LiveListener(self),
             )
         except Exception as error:  # a type of its own below the binding
             raise BadInput(f"live: the server does not start: {error}") from None
         self._channels = LiveChannels(node, foxglove, context)
-        self._told = -1  # what the clients think the simulated time is [ns]
+        self._last_time = -1  # what the clients think the simulated time is [ns]
         self._gate.open(self._server.port)
-        may = "watches and commands" if chosen.operate else "watches"
-        say(f"open {self._gate.address} in Foxglove, which {may} the bench; Ctrl-C ends it")
+        access = "watches and commands" if options.operate else "watches"
+        notify(f"open {self._gate.address} in Foxglove, which {access} the bench; Ctrl-C ends it")
 
     def poll(self) -> float:
         """Send the time and all changes; return when to poll again [wall s]."""
         now = monotonic()
         self._services.poll(now, self._server.add_services if self.operate else None)
-        for origin in self._gate.refused_origins():
-            self._say(f"refused a page of {origin!r:.100}; --origin lets its origin in")
+        for origin in self._gate.rejected_origins():
+            self._notify(f"refused a page of {origin!r:.100}; --origin lets its origin in")
         changed = self.parameters.poll(now)
         if changed:
-            self._server.publish_parameter_values(self.shown(changed))
-        if self.newcomers or self._channels.now != self._told:
-            self._told = self._channels.now
-            self._server.broadcast_time(self._told)  # else a client plots over its own clock
-        while self.newcomers:
-            self._channels.welcome(self.newcomers.popleft())
+            self._server.publish_parameter_values(self.library_parameters(changed))
+        if self.new_subscriptions or self._channels.now != self._last_time:
+            self._last_time = self._channels.now
+            self._server.broadcast_time(self._last_time)  # else a client plots over its own clock
+        while self.new_subscriptions:
+            self._channels.send_stored(self.new_subscriptions.popleft())
         return _REFRESH
 
     def close(self) -> None:
@@ -108,7 +108,7 @@ class LiveNode:
         """Leave the graph."""
         self._services.close()
 
-    def shown(self, values: dict[str, Any]) -> list[Any]:
+    def library_parameters(self, values: dict[str, Any]) -> list[Any]:
         """Return parameters as the server's library takes them."""
         return [self._websocket.Parameter(name, value=value) for name, value in values.items()]
 
@@ -117,9 +117,9 @@ class LiveNode:
         self._server.publish_status(words, self._websocket.StatusLevel.Error, "parameters")
 
 
-def live(settings: LiveSettings, say: Callable[[str], None], namespace: str = "") -> None:
+def live(settings: LiveSettings, notify: Callable[[str], None], namespace: str = "") -> None:
     """Serve the bench of a namespace from this process until it is interrupted, then exit."""
-    run_node(partial(LiveNode, settings, say), args=within(namespace))
+    run_node(partial(LiveNode, settings, notify), args=namespace_arguments(namespace))
 
 
 def main() -> None:

@@ -29,12 +29,12 @@ class LiveParameters:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._clients: dict[str, AsyncParameterClient] = {}  # by node
-        self._asked: dict[str, float] = {}  # node to time of the last request [wall s]
-        self._told: set[str] = set()  # nodes that have sent their parameters
+        self._request_times: dict[str, float] = {}  # node to time of the last request [wall s]
+        self._known_nodes: set[str] = set()  # nodes that have sent their parameters
         self._values: dict[str, Any] = {}
         self._changed: set[str] = set()
         self._requests: deque[tuple[str, Any, Future[str]]] = deque()
-        self._next_look = 0.0
+        self._next_poll = 0.0
         node.create_subscription(
             ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events
         )
@@ -43,9 +43,9 @@ class LiveParameters:
         """Look for nodes and set what was requested; return what has changed since the last."""
         while self._requests:
             self._set(*self._requests.popleft())
-        if now >= self._next_look:
-            self._next_look = now + _POLL_PERIOD
-            self._look(now)
+        if now >= self._next_poll:
+            self._next_poll = now + _POLL_PERIOD
+            self._find_nodes(now)
         changed, self._changed = self._changed, set()
         return {name: self._values[name] for name in sorted(changed)}
 
@@ -63,55 +63,60 @@ class LiveParameters:
         except TimeoutError:
             return f"{name}: its node did not answer within {PATIENCE:g} s"
 
-    def _look(self, now: float) -> None:
+    def _find_nodes(self, now: float) -> None:
         for name, kinds in self._node.get_service_names_and_types():
             node = name.removesuffix(_SERVICE)
             if (
                 kinds != [_KIND]
-                or node in self._told
+                or node in self._known_nodes
                 or node == self._node.get_fully_qualified_name()
             ):
                 continue
             if node not in self._clients:
                 self._clients[node] = AsyncParameterClient(self._node, node)
             client = self._clients[node]
-            if client.services_are_ready() and now >= self._asked.get(node, -PATIENCE) + PATIENCE:
-                self._asked[node] = now
-                self._meet(node, client)
+            if (
+                client.services_are_ready()
+                and now >= self._request_times.get(node, -PATIENCE) + PATIENCE
+            ):
+                self._request_times[node] = now
+                self._request_parameters(node, client)
 
-    def _meet(self, node: str, client: AsyncParameterClient) -> None:
+    def _request_parameters(self, node: str, client: AsyncParameterClient) -> None:
         """Ask a node for all that it has."""
 
-        def listed(future: Any) -> None:
+        def on_list(future: Any) -> None:
             names = list(future.result().result.names)
 
             def got(future: Any) -> None:
-                self._told.add(node)
+                self._known_nodes.add(node)
                 pairs = zip(names, future.result().values, strict=True)
                 self._keep({f"{node}.{name}": value for name, value in pairs})
 
             client.get_parameters(names).add_done_callback(got)
 
-        client.list_parameters().add_done_callback(listed)
+        client.list_parameters().add_done_callback(on_list)
 
     def _on_event(self, event: ParameterEvent) -> None:
         if event.node in self._clients:
-            news = (*event.new_parameters, *event.changed_parameters)
-            self._keep({f"{event.node}.{one.name}": one.value for one in news})
+            new_values = (*event.new_parameters, *event.changed_parameters)
+            self._keep({f"{event.node}.{one.name}": one.value for one in new_values})
 
-    def _keep(self, news: dict[str, Any]) -> None:
+    def _keep(self, new_values: dict[str, Any]) -> None:
         """Take values by name, all at once: server threads see none or all of a node."""
-        found = {name: _plain(parameter_value_to_python(value)) for name, value in news.items()}
+        found = {
+            name: _plain(parameter_value_to_python(value)) for name, value in new_values.items()
+        }
         self._values.update(found)
         self._changed |= found.keys()
 
     def _set(self, name: str, value: Any, answer: Future[str]) -> None:
-        node, _, own = name.partition(".")
+        node, _, parameter_name = name.partition(".")
         if name not in self._values:
             answer.set_result(f"{name}: there is no such parameter")
             return
         try:
-            parameter = Parameter(own, value=_typed(value, self._values[name]))
+            parameter = Parameter(parameter_name, value=_typed(value, self._values[name]))
         except (TypeError, ValueError) as error:
             answer.set_result(f"{name}: {value!r:.60} is not allowed: {error}")
             return

@@ -19,10 +19,10 @@ from flexslew_plant.ros.offers import subscription
 
 _KINDS = {"string": "string", "boolean": "boolean", "double": "number"}  # of JSON; else integer
 _AT = "builtin_interfaces/Time"
-_TOLD = {"ok": "boolean", "message": "string", "tick": "uint64"}
+_REPLY_FIELDS = {"ok": "boolean", "message": "string", "tick": "uint64"}
 _POLL_PERIOD = 0.5  # between two polls for controllers [wall s]
-_PLANS = (topics.PLAN_SLEW, topics.DRAFT_PLAN)
-_PLANNING = 600.0  # how long a plan may take [wall s]
+_PLAN_ACTIONS = (topics.PLAN_SLEW, topics.DRAFT_PLAN)
+_PLAN_TIMEOUT = 600.0  # how long a plan may take [wall s]
 
 
 class LiveServices:
@@ -38,14 +38,16 @@ class LiveServices:
         self._client = BenchClient(node)
         self._calls: deque[tuple[str, dict[str, Any], Future[RequestResult]]] = deque()
         self._testbed = msg.Testbed()
-        self._tuned: set[str] = set()  # controllers' services that are offered
-        self._next_look = 0.0
+        self._known_services: set[str] = set()  # controllers' services that are offered
+        self._next_poll = 0.0
         subscription(node, topics.TESTBED, self._on_testbed)
 
-    def offered(self) -> list[Any]:
+    def all_services(self) -> list[Any]:
         """Return the services as the server's library takes them; an action answers once."""
-        plans = [self._service(name, action.PlanSlew.Goal) for name in _PLANS]
-        return plans + [self._service(name, kind.Request) for name, kind in SERVICES.items()]
+        plan_services = [self._service(name, action.PlanSlew.Goal) for name in _PLAN_ACTIONS]
+        return plan_services + [
+            self._service(name, kind.Request) for name, kind in SERVICES.items()
+        ]
 
     def poll(self, now: float, add: Callable[[list[Any]], None] | None) -> None:
         """Ask the bench for what clients have called, and deliver its answers.
@@ -56,13 +58,13 @@ class LiveServices:
         """
         while self._calls:
             name, values, answer = self._calls.popleft()
-            if name in _PLANS:
+            if name in _PLAN_ACTIONS:
                 self._plan(name, values, answer)
             else:
                 self._client.ask(name, values, answer.set_result)
         self._client.poll(now)
-        if add is not None and now >= self._next_look:
-            self._next_look = now + _POLL_PERIOD
+        if add is not None and now >= self._next_poll:
+            self._next_poll = now + _POLL_PERIOD
             found = [self._service(name, srv.Tune.Request) for name in self._new_controllers()]
             if found:
                 add(found)
@@ -73,13 +75,13 @@ class LiveServices:
 
     def _new_controllers(self) -> list[str]:
         space = self._node.get_namespace().rstrip("/") + "/"
-        there = {
+        available = {
             name.removeprefix(space)
             for name, kinds in self._node.get_service_names_and_types()
             if kinds == ["flexslew_msgs/srv/Tune"] and name.startswith(space)
         }
-        found = sorted(name for name in there - self._tuned if name.endswith(TUNE))
-        self._tuned.update(found)
+        found = sorted(name for name in available - self._known_services if name.endswith(TUNE))
+        self._known_services.update(found)
         return found
 
     def _on_testbed(self, testbed: Any) -> None:
@@ -100,7 +102,7 @@ class LiveServices:
     def _service(self, name: str, request: Any) -> Any:
         fields = request.get_fields_and_field_types()
         keys = {key: _type_of(of) for key, of in fields.items()}
-        told = {key: _type_of(of) for key, of in _TOLD.items()}
+        reply = {key: _type_of(of) for key, of in _REPLY_FIELDS.items()}
         schemas = {
             part: self._foxglove.MessageSchema(
                 encoding="json",
@@ -110,7 +112,7 @@ class LiveServices:
                     data=json.dumps({"type": "object", "properties": properties}).encode(),
                 ),
             )
-            for part, properties in (("request", keys), ("response", told))
+            for part, properties in (("request", keys), ("response", reply))
         }
         schema = self._foxglove.ServiceSchema(name, **schemas)
         handler = partial(self._call, name)
@@ -126,7 +128,7 @@ class LiveServices:
         if not isinstance(values, dict):
             return json.dumps({"ok": False, "message": "give a JSON object"}).encode()
         self._calls.append((name, values, answer))
-        patience = _PLANNING if name in _PLANS else 2.0 * PATIENCE
+        patience = _PLAN_TIMEOUT if name in _PLAN_ACTIONS else 2.0 * PATIENCE
         return json.dumps(answer.result(patience)._asdict()).encode()
 
 

@@ -5,20 +5,20 @@ from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages import cdr
-from flexslew_plant.bench.operation.presence import Presence
+from flexslew_plant.bench.operation.presence import Heartbeats
 from flexslew_plant.errors import BadInput
 
 _STATUS = "/controller_status"
 
 
-class _Held(NamedTuple):
+class _StoredStatus(NamedTuple):
     since: float  # [wall s]
     name: str
     instance: int
     data: bytes  # CDR
 
 
-class Namesakes:
+class StatusFilter:
     """Admits statuses of the controller that owns its name, and all messages on other topics.
 
     A restarted controller sends while its predecessor still counts as alive: its messages wait
@@ -28,11 +28,11 @@ class Namesakes:
         presence: signs of life.
     """
 
-    def __init__(self, presence: Presence) -> None:
+    def __init__(self, presence: Heartbeats) -> None:
         self._presence = presence
-        self._held: list[_Held] = []
+        self._stored: list[_StoredStatus] = []
 
-    def admit(
+    def filter_messages(
         self, messages: Iterable[tuple[str, bytes]], now: float, last: bool = False
     ) -> Iterator[tuple[str, bytes]]:
         """Yield topic and CDR of what is let in.
@@ -42,23 +42,23 @@ class Namesakes:
             now: [wall s].
             last: nothing will come any more, no signs of life either.
         """
-        held, self._held = self._held, []
-        for one in held:
+        stored, self._stored = self._stored, []
+        for one in stored:
             if last or self._presence.counts(one.name, one.instance, now):
                 yield _STATUS, one.data
-            elif not self._presence.contradicted(one.name, one.instance, one.since, now):
-                self._held.append(one)
+            elif not self._presence.has_later_heartbeat(one.name, one.instance, one.since, now):
+                self._stored.append(one)
         for topic, data in messages:
             status = _status(now, data) if topic == _STATUS else None
             if status is None or self._presence.counts(status.name, status.instance, now):
                 yield topic, data
             else:
-                self._held.append(status)
+                self._stored.append(status)
 
 
-def _status(now: float, data: bytes) -> _Held | None:
+def _status(now: float, data: bytes) -> _StoredStatus | None:
     try:
         status = cdr.decode(TOPICS[_STATUS].type, data)
     except BadInput:
         return None  # left out later, with a word
-    return _Held(now, status.controller, status.instance, data)
+    return _StoredStatus(now, status.controller, status.instance, data)

@@ -15,18 +15,18 @@ from flexslew_msgs import srv
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from flexslew_lab.ros.service_request import SERVICES, granted, request_of
+from flexslew_lab.ros.service_request import SERVICES, is_accepted, request_of
 from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.graph import topics
 from flexslew_plant.graph.graph_names import require_name
-from flexslew_plant.network import demand_loopback
+from flexslew_plant.network import require_loopback
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.start import start_ros
 
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
-_early: dict[tuple[int, str], tuple[list[Node], float]] = {}  # by domain and namespace
-_SURE, _OTHERS = 2, 1.0  # nodes that look for every bench; for one more to be seen [wall s]
+_connections: dict[tuple[int, str], tuple[list[Node], float]] = {}  # by domain and namespace
+_MIN_NODES, _OTHERS = 2, 1.0  # nodes that look for every bench; for one more to be seen [wall s]
 _RETRY = 0.25  # until another node tries to connect, then twice that, and so on [wall s]
 
 
@@ -42,12 +42,12 @@ class Operator:
     def __init__(self, domain: int, namespace: str, patience: float) -> None:
         self._domain, self._namespace, self._patience = domain, namespace, patience
         # nodes on the graph, all with one name; and when to add another if none is known
-        self.nodes, self._due = _early.pop((domain, namespace), ([], 0.0))
+        self.nodes, self._next_node_time = _connections.pop((domain, namespace), ([], 0.0))
         self._who = _user()
 
     def act(self, action: str) -> Reply:
         """Start, pause, reset, brake or release the brake."""
-        return self._ask(topics.OPERATE, action=action)
+        return self._request(topics.OPERATE, action=action)
 
     def act_everywhere(self, action: str) -> Iterator[tuple[str, Reply]]:
         """Yield the namespace of each bench on the graph, and its answer to an action.
@@ -60,31 +60,31 @@ class Operator:
         if self._namespace:
             yield f"/{self._namespace}", self.act(action)
             return
-        asked, end = set[str](), monotonic() + self._patience
-        self.nodes += [_newcomer(self._domain, "") for _ in range(_SURE - len(self.nodes))]
+        requested, end = set[str](), monotonic() + self._patience
+        self.nodes += [_new_node(self._domain, "") for _ in range(_MIN_NODES - len(self.nodes))]
         while monotonic() <= end:
-            for place in sorted(self._places(topics.OPERATE) - asked):
-                asked.add(place)
+            for place in sorted(self._places(topics.OPERATE) - requested):
+                requested.add(place)
                 try:
-                    yield place, self._ask(topics.OPERATE, f"{place}/", action=action)
+                    yield place, self._request(topics.OPERATE, f"{place}/", action=action)
                 except FlexslewError as error:  # the others are called all the same
                     yield place, Reply(refused=Refusal(str(error)))
                 end = min(end, monotonic() + _OTHERS)
             sleep(0.02)
-        if not asked:
+        if not requested:
             raise FlexslewError(f"no bench is on ROS_DOMAIN_ID {self._domain}")
 
     def step(self, ticks: int) -> Reply:
         """Advance a paused bench by some ticks."""
-        return self._ask(topics.STEP, ticks=ticks)
+        return self._request(topics.STEP, ticks=ticks)
 
     def inject(self, fault: str, at: float) -> Reply:
         """Break or disturb something, as YAML in a schedule has it, at a simulated time [s]."""
-        return self._ask(topics.INJECT_FAULT, fault=fault, at=at)
+        return self._request(topics.INJECT_FAULT, fault=fault, at=at)
 
     def retarget(self, target: str, at: float) -> Reply:
         """Give an appendage a new target, as YAML in a schedule has it, at a simulated time [s]."""
-        return self._ask(topics.RETARGET, target=target, at=at)
+        return self._request(topics.RETARGET, target=target, at=at)
 
     def controllers(self) -> tuple[str, list[dict[str, Any]]]:
         """Return the active controller and the status of every controller."""
@@ -103,7 +103,7 @@ class Operator:
             strict: refuse a step of the effort above max_effort_step.
             max_effort_step: [N m or N].
         """
-        return self._ask(
+        return self._request(
             topics.SWITCH_CONTROLLER,
             controller=controller,
             at=at,
@@ -114,15 +114,15 @@ class Operator:
 
     def close(self) -> None:
         """Leave the graph."""
-        _leave(self.nodes)
+        _destroy_nodes(self.nodes)
 
-    def _ask(self, service: str, place: str = "", **values: Any) -> Reply:
+    def _request(self, service: str, place: str = "", **values: Any) -> Reply:
         """Call a service, here or at an absolute place, with plain values; return its answer."""
         kind = SERVICES[service]
         request = request_of(kind.Request, {**values, "who": self._who})
         reply = self._call(kind, place + service, request)
         words = str(reply.message)
-        return Reply(words) if granted(reply) else Reply(refused=Refusal(words))
+        return Reply(words) if is_accepted(reply) else Reply(refused=Refusal(words))
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         node, client = self._find_node(kind, name)
@@ -141,22 +141,22 @@ class Operator:
         """
         clients = [(node, node.create_client(kind, name)) for node in self.nodes]
         now, wait = monotonic(), _RETRY
-        end, again = now + self._patience, self._due or now + wait * bool(clients)
-        self._due = 0.0
+        end, retry_time = now + self._patience, self._next_node_time or now + wait * bool(clients)
+        self._next_node_time = 0.0
         while True:
             for node, client in clients:
                 if client.service_is_ready():
                     return node, client
             now = monotonic()
             if now > end:
-                raise FlexslewError(f"no bench offers {name}; {self._advice(name)}")
-            if now >= again:
-                self.nodes.append(_newcomer(self._domain, self._namespace))
+                raise FlexslewError(f"no bench offers {name}; {self._hint(name)}")
+            if now >= retry_time:
+                self.nodes.append(_new_node(self._domain, self._namespace))
                 clients.append((self.nodes[-1], self.nodes[-1].create_client(kind, name)))
-                again, wait = now + wait, 2.0 * wait
+                retry_time, wait = now + wait, 2.0 * wait
             sleep(0.002)
 
-    def _advice(self, service: str) -> str:
+    def _hint(self, service: str) -> str:
         """Return how a bench is found, where none offers a service here."""
         others = ", ".join(sorted(place.strip("/") for place in self._places(service)))
         if others:
@@ -173,7 +173,7 @@ class Operator:
         }
 
 
-def _newcomer(domain: int, namespace: str) -> Node:
+def _new_node(domain: int, namespace: str) -> Node:
     context = rclpy.Context()
     start_ros(context=context, domain_id=domain)
     node = rclpy.create_node(
@@ -184,18 +184,18 @@ def _newcomer(domain: int, namespace: str) -> Node:
         enable_rosout=False,
         enable_logger_service=False,
     )
-    demand_loopback()
+    require_loopback()
     return node
 
 
-def join_early(domain: int) -> None:
+def join_graph(domain: int) -> None:
     """Join the graph of a bench without a namespace, for the first connection to it."""
-    nodes = [_newcomer(domain, "")]
-    _early[domain, ""] = nodes, monotonic() + _RETRY
-    atexit.register(_leave, nodes)
+    nodes = [_new_node(domain, "")]
+    _connections[domain, ""] = nodes, monotonic() + _RETRY
+    atexit.register(_destroy_nodes, nodes)
 
 
-def _leave(nodes: list[Node]) -> None:
+def _destroy_nodes(nodes: list[Node]) -> None:
     while nodes:
         node = nodes.pop()
         node.destroy_node()

@@ -8,7 +8,7 @@ from flexslew_lab.log.messages import cdr
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 
-SIGN_OF_LIFE = "/" + topics.ALIVE
+HEARTBEAT_TOPIC = "/" + topics.ALIVE
 # Frames and markers are anybody's.
 _OF_PLANT = frozenset(
     "/" + name.lstrip("/")
@@ -18,7 +18,7 @@ _OF_PLANT = frozenset(
         *(topics.IMU, topics.ODOMETRY, topics.WRENCH),
     )
 )
-_UNDECIDED = 5.0  # for a sign of life of a plant that came back; it beats every 0.25 [wall s]
+_TIMEOUT = 5.0  # for a sign of life of a plant that came back; it beats every 0.25 [wall s]
 _FAST_DDS, _PREFIX = "rmw_fastrtps", 12  # of a GUID, the part of its participant [B]
 
 
@@ -31,45 +31,47 @@ class PlantOnly:
     """
 
     def __init__(self) -> None:
-        self._strangers: dict[str, bool] = {}  # topics with messages of others: was it reported
-        self._plants: set[bytes] = set()  # participants of all plants so far
-        self._undecided: defaultdict[bytes, deque[tuple[float, str, bytes]]] = defaultdict(deque)
+        self._rejected_topics: dict[
+            str, bool
+        ] = {}  # topics with messages of others: was it reported
+        self._plant_ids: set[bytes] = set()  # participants of all plants so far
+        self._pending: defaultdict[bytes, deque[tuple[float, str, bytes]]] = defaultdict(deque)
 
-    def admit(
+    def filter_messages(
         self, taken: Iterable[tuple[str, bytes, Mapping[str, Any]]], now: float
     ) -> Iterator[tuple[str, bytes]]:
         """Yield topic and CDR of the admitted messages.
 
         Args:
-            taken: topic, CDR, and info of DDS on each message; also of SIGN_OF_LIFE.
+            taken: topic, CDR, and info of DDS on each message; also of HEARTBEAT_TOPIC.
             now: [wall s].
         """
         for topic, data, info in taken:
             who = _participant(info)
-            if topic == SIGN_OF_LIFE:
-                if who not in self._plants and _is_of_plant(data):
-                    self._plants.add(who)
-            elif topic in _OF_PLANT and who and self._plants and who not in self._plants:
-                self._undecided[who].append((now, topic, data))
+            if topic == HEARTBEAT_TOPIC:
+                if who not in self._plant_ids and _is_of_plant(data):
+                    self._plant_ids.add(who)
+            elif topic in _OF_PLANT and who and self._plant_ids and who not in self._plant_ids:
+                self._pending[who].append((now, topic, data))
             else:
                 yield topic, data
-        for who, held in list(self._undecided.items()):
-            if who in self._plants:
-                yield from ((topic, data) for _, topic, data in self._undecided.pop(who))
+        for who, pending in list(self._pending.items()):
+            if who in self._plant_ids:
+                yield from ((topic, data) for _, topic, data in self._pending.pop(who))
                 continue
-            while held and held[0][0] < now - _UNDECIDED:
-                self._strangers.setdefault(held.popleft()[1], False)
+            while pending and pending[0][0] < now - _TIMEOUT:
+                self._rejected_topics.setdefault(pending.popleft()[1], False)
 
-    def strangers(self) -> list[str]:
+    def unknown_items(self) -> list[str]:
         """Return topics on which messages were left out, each once."""
-        fresh = [topic for topic, told in self._strangers.items() if not told]
-        self._strangers.update(dict.fromkeys(fresh, True))
-        return fresh
+        new_topics = [topic for topic, known in self._rejected_topics.items() if not known]
+        self._rejected_topics.update(dict.fromkeys(new_topics, True))
+        return new_topics
 
 
-def _is_of_plant(sign_of_life: bytes) -> bool:
+def _is_of_plant(heartbeat: bytes) -> bool:
     try:
-        return bool(cdr.decode(topics.TOPICS[topics.ALIVE].type, sign_of_life).role == "plant")
+        return bool(cdr.decode(topics.TOPICS[topics.ALIVE].type, heartbeat).role == "plant")
     except BadInput:
         return False  # anything at all
 
@@ -84,5 +86,5 @@ def _participant(info: Mapping[str, Any]) -> bytes:
         Empty if rclpy or its middleware does not give it.
     """
     gid = info.get("publisher_gid") or {}
-    told = gid.get("implementation_identifier", "").startswith(_FAST_DDS)
-    return bytes(gid["data"][:_PREFIX]) if told else b""
+    known = gid.get("implementation_identifier", "").startswith(_FAST_DDS)
+    return bytes(gid["data"][:_PREFIX]) if known else b""

@@ -14,10 +14,10 @@ from flexslew_lab.replay.player import CLOCK, Outgoing, Player, PlaySettings
 from flexslew_lab.ros.play_services import PlayServices
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph.topics import LOOP_DEPTH, Topic
-from flexslew_plant.ros.graph import unmatched
+from flexslew_plant.ros.graph import missing_listeners
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import stamp
-from flexslew_plant.ros.node_process import run_node, within
+from flexslew_plant.ros.node_process import namespace_arguments, run_node
 from flexslew_plant.ros.offers import message_class, qos
 from flexslew_plant.ros.parameters import new_node, settings_of
 
@@ -50,22 +50,22 @@ class PlayNode:
         self._clock: Publisher[Any] | None = None
         if self._settings.clock:
             self._clock = node.create_publisher(Clock, CLOCK, LOOP_DEPTH)
-        self._services = PlayServices(node, self.player, self.send, self.sought)
+        self._services = PlayServices(node, self.player, self.send, self.after_seek)
         self._waiting: list[str] | None = None  # missing subscribers; None: all are there
-        self._unacknowledged = 0
+        self._pending_count = 0
         self._next_report = self._next_clock = 0.0
         if self._settings.wait_for:
             self._waiting = []
 
     def poll(self) -> float:
         """Publish what is due; return the wall seconds until the next message."""
-        if self._waiting is not None and not self._all_there():
+        if self._waiting is not None and not self._subscribers_ready():
             return 0.02
         now = monotonic()
         self.send(self.player.due(now, _BATCH))
-        self._tell(now)
+        self._report_progress(now)
         if self.player.done:
-            self._await_acknowledged()
+            self._wait_for_subscribers()
             self._report(self.player.time, self.player.last * 1e-9)
             self.loop.stop(0)
             return 0.0
@@ -78,14 +78,16 @@ class PlayNode:
                 self.node.destroy_publisher(self._publishers[topic])
             kind = self.player.topics[topic]
             # deeper than the original: a second of playing may be a day of it
-            offer = Topic(topic, kind, LOOP_DEPTH, topic in self.player.latched)
+            description = Topic(topic, kind, LOOP_DEPTH, topic in self.player.latched)
             self._publishers[topic] = self.node.create_publisher(
-                message_class(kind), TOPICS[topic].name if topic in TOPICS else topic, qos(offer)
+                message_class(kind),
+                TOPICS[topic].name if topic in TOPICS else topic,
+                qos(description),
             )
 
-    def _all_there(self) -> bool:
-        offers = [p for p in (*self._publishers.values(), self._clock) if p is not None]
-        missing = unmatched(self.node, offers, self._settings.wait_for)
+    def _subscribers_ready(self) -> bool:
+        publishers = [p for p in (*self._publishers.values(), self._clock) if p is not None]
+        missing = missing_listeners(self.node, publishers, self._settings.wait_for)
         if missing and missing != self._waiting:
             self.node.get_logger().info(f"waiting for {', '.join(missing)}")
         self._waiting = missing or None
@@ -95,17 +97,17 @@ class PlayNode:
         """Publish messages."""
         for message in messages:
             self._publishers[message.topic].publish(message.data)
-            self._unacknowledged += 1
-            if self._unacknowledged >= _BATCH:
-                self._await_acknowledged()
+            self._pending_count += 1
+            if self._pending_count >= _BATCH:
+                self._wait_for_subscribers()
 
-    def _await_acknowledged(self) -> None:
+    def _wait_for_subscribers(self) -> None:
         """Let reliable listeners take what is out, before more of it would push it away."""
         for publisher in self._publishers.values():
             publisher.wait_for_all_acked(_PATIENCE)
-        self._unacknowledged = 0
+        self._pending_count = 0
 
-    def _tell(self, now: float) -> None:
+    def _report_progress(self, now: float) -> None:
         """Publish the clock and report the progress where they are due."""
         if self._clock is not None and now >= self._next_clock:
             at = min(self.player.simulated(now) * 1e-9, self.player.time)
@@ -118,9 +120,9 @@ class PlayNode:
     def _until_clock(self) -> float:
         return max(0.0, self._next_clock - monotonic()) if self._clock is not None else 0.5
 
-    def sought(self) -> None:
+    def after_seek(self) -> None:
         """Offer the latched messages of another place."""
-        self._await_acknowledged()
+        self._wait_for_subscribers()
         self._publish(self.player.latched)
         self._next_report = 0.0
         self.loop.hurry()
@@ -130,7 +132,7 @@ def play(
     settings: PlaySettings, report: Report = lambda time, end: None, namespace: str = ""
 ) -> None:
     """Play a bag from this process into a namespace, then exit; see PlaySettings."""
-    run_node(partial(PlayNode, settings, report), args=within(namespace))
+    run_node(partial(PlayNode, settings, report), args=namespace_arguments(namespace))
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ class PlayServices:
         node: that offers them.
         player: that is moved.
         send: publishes messages.
-        sought: called when the player has gone to another place.
+        after_seek: called when the player has gone to another place.
     """
 
     def __init__(
@@ -27,9 +27,9 @@ class PlayServices:
         node: Node,
         player: Player,
         send: Callable[[Sequence[Outgoing]], None],
-        sought: Callable[[], None],
+        after_seek: Callable[[], None],
     ) -> None:
-        self._player, self._send, self._sought = player, send, sought
+        self._player, self._send, self._after_seek = player, send, after_seek
         service(node, Trigger, "~/pause", self._on_pause)
         service(node, Trigger, "~/resume", self._on_resume)
         service(node, srv.Step, "~/step", self._on_step)
@@ -65,6 +65,6 @@ class PlayServices:
         except BadInput as error:
             reply.message = str(error)
             return reply
-        self._sought()
+        self._after_seek()
         reply.ok, reply.message = True, f"next at {time:.3f} s"
         return reply

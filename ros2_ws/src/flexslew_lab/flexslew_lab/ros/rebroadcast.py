@@ -10,7 +10,9 @@ from flexslew_plant.ros.offers import publisher
 
 PASSED_ON = (topics.TRUTH, topics.CONTROLLER_STATE)
 _BATCH_PERIOD = 0.04  # between two batches of a topic [wall s]
-_MUCH = 32_000  # that go without waiting for it, so that every batch is one piece for DDS [bytes]
+_BATCH_SIZE = (
+    32_000  # that go without waiting for it, so that every batch is one piece for DDS [bytes]
+)
 
 
 class Rebroadcast:
@@ -30,12 +32,12 @@ class Rebroadcast:
         self._requested = False
         self._next = 0.0  # [wall s]
 
-    def hear(self, topic: str, data: bytes) -> None:
+    def receive(self, topic: str, data: bytes) -> None:
         """Take a message."""
         if self._requested and topic in self._batches:
             self._batches[topic].append(data)
             self._size += len(data)
-            if self._size >= _MUCH:
+            if self._size >= _BATCH_SIZE:
                 self._send()
 
     def poll(self, now: float, last: bool = False) -> None:

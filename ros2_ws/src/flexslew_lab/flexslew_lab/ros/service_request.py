@@ -47,7 +47,7 @@ def request_of(kind: Any, values: Mapping[str, Any]) -> Any:
     return kind(**fields)
 
 
-def granted(response: Any) -> bool:
+def is_accepted(response: Any) -> bool:
     """Return whether a service has granted a request, or will at its time."""
     return bool(response.ok or getattr(response, "scheduled", False))
 

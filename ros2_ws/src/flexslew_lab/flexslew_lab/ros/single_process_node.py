@@ -18,9 +18,9 @@ class PlantAndController:
     """
 
     def __init__(self, controller: str, loop: Loop) -> None:
-        beside = ControllerNode(controller, loop, by_call=True)
-        self._plant = Plant(loop, beside.answering)
-        self._nodes = beside, self._plant
+        controller_node = ControllerNode(controller, loop, by_call=True)
+        self._plant = Plant(loop, controller_node.answering)
+        self._nodes = controller_node, self._plant
 
     def poll(self) -> float:
         """Do what is due in both; return the wall seconds until something can be due again."""

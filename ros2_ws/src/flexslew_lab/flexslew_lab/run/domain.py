@@ -20,7 +20,7 @@ _HIGHEST = 101  # above it the ports of DDS meet the ephemeral ones of Linux
 _LAST = 232  # the highest of DDS
 _ROOT = str(Path(__file__).resolve().parents[2])  # the checkout, or the installation by pip
 _WORDS = 4096  # largest description of a run in a lock [bytes]
-_held: dict[int, int] = {}  # open locks of this process by domain
+_locks: dict[int, int] = {}  # open locks of this process by domain
 
 
 class RunningBench(NamedTuple):
@@ -35,7 +35,7 @@ class RunningBench(NamedTuple):
     bench: bool = True  # whether it is one: an examination of a controller is none
 
     @property
-    def here(self) -> bool:
+    def is_local(self) -> bool:
         """Whether it is flown by the code of this checkout."""
         return self.root == _ROOT
 
@@ -43,12 +43,12 @@ class RunningBench(NamedTuple):
     def words(self) -> str:
         """Trial, folder and domain in one line."""
         where = f" in {self.folder}" if self.folder else ""
-        other = f", of {self.root}" if self.root and not self.here else ""
+        other = f", of {self.root}" if self.root and not self.is_local else ""
         return f"{self.trial or 'a bench'}{where}, ROS_DOMAIN_ID {self.domain}{other}"
 
 
 @contextmanager
-def own_domain(what: str = "", folder: Path | None = None, bench: bool = True) -> Iterator[int]:
+def locked_domain(what: str = "", folder: Path | None = None, bench: bool = True) -> Iterator[int]:
     """Yield a ROS_DOMAIN_ID that no other run of this machine holds; the user's, if set.
 
     While it is held, `running_benches` lists it. The one that has rested longest is taken: where
@@ -64,10 +64,10 @@ def own_domain(what: str = "", folder: Path | None = None, bench: bool = True) -
         BadInput: ROS_DOMAIN_ID is not a number of a domain.
         FlexslewError: if no domain is free.
     """
-    requested, handle = chosen_domain(), None
+    requested, handle = requested_domain(), None
     if requested is not None:
-        if requested in _held:  # claimed by this process before it knew the folder
-            _describe(_held[requested], what, folder, bench)
+        if requested in _locks:  # claimed by this process before it knew the folder
+            _describe(_locks[requested], what, folder, bench)
         number = requested
         with suppress(OSError):
             handle = lock_domain(number, domain_locks())
@@ -75,7 +75,7 @@ def own_domain(what: str = "", folder: Path | None = None, bench: bool = True) -
         number, handle = _free_domain()
     try:
         if handle is not None:
-            _held[number] = handle
+            _locks[number] = handle
             _describe(handle, what, folder, bench)
         yield number
     finally:
@@ -109,7 +109,7 @@ def _free_domain() -> tuple[int, int]:
     )
 
 
-def chosen_domain() -> int | None:
+def requested_domain() -> int | None:
     """Return the domain that ROS_DOMAIN_ID names; None where it is not set.
 
     Raises:
@@ -123,22 +123,22 @@ def chosen_domain() -> int | None:
     return int(requested)
 
 
-def running_benches(everybody: bool = False) -> list[RunningBench]:
+def running_benches(all_users: bool = False) -> list[RunningBench]:
     """Return the benches of this user that run on this machine, by domain.
 
     Args:
-        everybody: include benches of other users, as far as their locks can be read.
+        all_users: include benches of other users, as far as their locks can be read.
     """
     found = []
     for lock in domain_locks():
         with suppress(OSError):  # one that this user cannot read
             if is_locked(lock.path):
                 found.append(_running_bench(lock))
-    mine = user()
-    return sorted(b for b in found if b.bench and (everybody or b.user == mine))
+    this_user = user()
+    return sorted(b for b in found if b.bench and (all_users or b.user == this_user))
 
 
-def bench_to_operate() -> RunningBench:
+def default_bench() -> RunningBench:
     """Return the bench that a command of this checkout means.
 
     ROS_DOMAIN_ID decides where it is set; else the only bench of this checkout; else the only one
@@ -148,21 +148,21 @@ def bench_to_operate() -> RunningBench:
         BadInput: ROS_DOMAIN_ID is not a number of a domain.
         FlexslewError: several benches are meant, or the domain is another user's.
     """
-    chosen = chosen_domain()
-    if chosen is not None:
-        bench = next((b for b in running_benches(everybody=True) if b.domain == chosen), None)
+    requested = requested_domain()
+    if requested is not None:
+        bench = next((b for b in running_benches(all_users=True) if b.domain == requested), None)
         if bench is not None and bench.user != user():
-            raise FlexslewError(f"ROS_DOMAIN_ID {chosen} is the bench of another user")
-        return bench or RunningBench(chosen, known=False)
+            raise FlexslewError(f"ROS_DOMAIN_ID {requested} is the bench of another user")
+        return bench or RunningBench(requested, known=False)
     found = running_benches()
-    meant: Sequence[RunningBench] = [bench for bench in found if bench.here] or found
-    if len(meant) > 1:
-        runs = "; ".join(bench.words for bench in meant)
+    candidates: Sequence[RunningBench] = [bench for bench in found if bench.is_local] or found
+    if len(candidates) > 1:
+        runs = "; ".join(bench.words for bench in candidates)
         raise FlexslewError(f"several benches run here; set ROS_DOMAIN_ID to the one meant: {runs}")
-    return meant[0] if meant else RunningBench(0, known=False)
+    return candidates[0] if candidates else RunningBench(0, known=False)
 
 
-def bench_without_claim() -> list[RunningBench]:
+def bench_without_lock() -> list[RunningBench]:
     """Return the domain of this shell, unless a run has claimed it.
 
     Nodes that are started one by one, or by `ros2 launch`, claim none.
@@ -170,18 +170,18 @@ def bench_without_claim() -> list[RunningBench]:
     Raises:
         BadInput: ROS_DOMAIN_ID is not a number of a domain.
     """
-    here = chosen_domain() or 0
-    claimed = any(bench.domain == here for bench in running_benches(everybody=True))
-    return [] if claimed else [RunningBench(here, known=False)]
+    here = requested_domain() or 0
+    locked = any(bench.domain == here for bench in running_benches(all_users=True))
+    return [] if locked else [RunningBench(here, known=False)]
 
 
 def bench_domain() -> tuple[int, bool]:
     """Return the domain of the bench to talk to, and whether a run has claimed it.
 
     Raises:
-        BadInput, FlexslewError: see bench_to_operate.
+        BadInput, FlexslewError: see default_bench.
     """
-    bench = bench_to_operate()
+    bench = default_bench()
     return bench.domain, bench.known
 
 
@@ -190,9 +190,9 @@ def _running_bench(lock: DomainLock) -> RunningBench:
     with lock.path.open(encoding="utf-8", errors="replace") as file:
         text, owner = file.read(_WORDS), os.fstat(file.fileno()).st_uid
     try:
-        claim = json.loads(text)
-        trial, folder, root = (str(claim[key]) for key in ("trial", "folder", "root"))
-        bench = bool(claim.get("bench", True))
+        record = json.loads(text)
+        trial, folder, root = (str(record[key]) for key in ("trial", "folder", "root"))
+        bench = bool(record.get("bench", True))
         return RunningBench(lock.domain, trial, folder, root, owner, bench=bench)
     except (ValueError, KeyError, TypeError):
         return RunningBench(lock.domain, user=owner)
@@ -208,7 +208,7 @@ def _describe(handle: int, what: str, folder: Path | None, bench: bool) -> None:
 
 def _released(number: int, handle: int | None) -> None:
     if handle is not None:
-        del _held[number]
+        del _locks[number]
         os.ftruncate(handle, 0)  # this also sets the time of the file
         os.close(handle)
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from flexslew_plant.processes.file_lock import lock_file
 
 _NAME = re.compile(r"flexslew_domain_(\d{1,3})(?:_\d+)?\.lock")
-_READABLE = 0o644  # by every user, for any umask
+_FILE_MODE = 0o644  # by every user, for any umask
 
 
 class DomainLock(NamedTuple):
@@ -56,7 +56,7 @@ def lock_domain(number: int, others: Iterable[DomainLock]) -> int | None:
         return None
     try:
         if hasattr(os, "fchmod"):
-            os.fchmod(handle, _READABLE)
+            os.fchmod(handle, _FILE_MODE)
         taken = any(
             is_locked(other.path)
             for other in others

@@ -16,12 +16,12 @@ class FlightLog(Observer):
 
     bench: Bench  # that flies
     plan: Plan | None
-    truths: list[Truth] = field(default_factory=list)
+    truth_log: list[Truth] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
     def truth(self, truth: Truth) -> None:
         """Take the state at a tick."""
-        self.truths.append(truth)
+        self.truth_log.append(truth)
 
     def event(self, event: Event) -> None:
         """Take an event."""
@@ -30,7 +30,7 @@ class FlightLog(Observer):
     def metrics(self) -> dict[str, Any]:
         """Return the content of metrics.json."""
         measured = MetricsObserver(self.bench, self.plan)
-        for truth in self.truths:
+        for truth in self.truth_log:
             measured.truth(truth)
         for event in self.events:
             measured.event(event)

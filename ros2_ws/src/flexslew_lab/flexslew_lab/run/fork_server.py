@@ -25,7 +25,7 @@ from flexslew_plant.errors import FlexslewError
 
 BEFORE_FORK = "flexslew_lab.ros.before_fork"  # does what all nodes have in common
 _LARGEST = 1 << 17  # of a request or a report [B]
-_VANISHED = 1  # exit code of a node after its fork server was killed: it ends by itself
+_LOST = 1  # exit code of a node after its fork server was killed: it ends by itself
 
 
 class ForkServer:
@@ -40,20 +40,20 @@ class ForkServer:
 
     def __init__(self, modules: Iterable[str]) -> None:
         require_shared_memory()
-        self._pipe, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
+        self._pipe, child_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with child_socket:
             command = [
                 sys.executable,
                 "-P",
                 "-m",
                 __name__,
-                str(theirs.fileno()),
+                str(child_socket.fileno()),
                 *sorted({*modules}),
             ]
             self._process = subprocess.Popen(  # a session of its own: Ctrl-C is not for it
                 command,
                 stdin=subprocess.DEVNULL,
-                pass_fds=(theirs.fileno(),),
+                pass_fds=(child_socket.fileno(),),
                 env=os.environ
                 | {
                     "PYTHONUNBUFFERED": "1",
@@ -64,7 +64,7 @@ class ForkServer:
             )
         self._lock = Lock()  # several may start at once
         self._running: set[int] = set()
-        self._ended: dict[int, int] = {}
+        self._exit_codes: dict[int, int] = {}
 
     def start(
         self, module: str, arguments: list[str], environment: Mapping[str, str], output: int
@@ -100,7 +100,7 @@ class ForkServer:
                 while self._running and self._next() is not None:
                     pass
             self._pipe.setblocking(True)
-            return self._ended.get(pid)
+            return self._exit_codes.get(pid)
 
     def close(self) -> None:
         """End it; nodes that still run end by themselves."""
@@ -113,17 +113,17 @@ class ForkServer:
         with suppress(ConnectionResetError):  # it was killed with a request unread
             data = self._pipe.recv(_LARGEST)
         if not data:
-            self._ended |= dict.fromkeys(self._running, _VANISHED)
+            self._exit_codes |= dict.fromkeys(self._running, _LOST)
             self._running.clear()
             return None
         report: dict[str, int] = json.loads(data)
         if "dead" in report:
             self._running.discard(report["dead"])
-            self._ended[report["dead"]] = report["code"]
+            self._exit_codes[report["dead"]] = report["code"]
         return report
 
 
-def _serve(pipe: socket.socket) -> Callable[[], None] | None:
+def _run_server(pipe: socket.socket) -> Callable[[], None] | None:
     """Fork on request; return what the forked process is to run, or None at the end."""
     selector = selectors.DefaultSelector()
     selector.register(pipe, selectors.EVENT_READ)
@@ -145,7 +145,7 @@ def _serve(pipe: socket.socket) -> Callable[[], None] | None:
                     os.close(other.fd)
                 selector.close()
                 pipe.detach()
-                return _born(json.loads(data), handles[0], supervisor)
+                return _start_child(json.loads(data), handles[0], supervisor)
             os.close(handles[0])
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, pid)
             _report(pipe, {"born": pid})
@@ -156,7 +156,7 @@ def _report(pipe: socket.socket, words: dict[str, int]) -> None:
         pipe.send(json.dumps(words).encode())
 
 
-def _born(request: dict[str, object], output: int, supervisor: int) -> Callable[[], None]:
+def _start_child(request: dict[str, object], output: int, supervisor: int) -> Callable[[], None]:
     """Become a process of one's own; return what it is to run."""
     os.setsid()
     os.dup2(output, 1)
@@ -181,7 +181,7 @@ def main() -> None:
             getattr(importlib.import_module(name), "before_fork", lambda: None)()
     gc.collect()
     gc.freeze()  # else each copy would soon have its own pages
-    run = _serve(pipe)
+    run = _run_server(pipe)
     if run is not None:
         run()
 

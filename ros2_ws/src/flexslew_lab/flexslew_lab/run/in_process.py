@@ -30,7 +30,7 @@ class Observer(Protocol):
         return
 
 
-def fly(
+def run_bench(
     bench: Bench,
     controllers: dict[str, Controller],
     observer: Observer | None = None,
@@ -54,7 +54,7 @@ def fly(
     if observer is not None:
         if not bench.failure:  # else the truth of this tick was seen before it failed
             observer.truth(bench.truth())
-        for event in _drained(bench):
+        for event in _take_events(bench):
             observer.event(event)
 
 
@@ -63,11 +63,11 @@ def _tick(bench: Bench, controllers: dict[str, Controller], observer: Observer |
     if observer is not None:
         observer.question(question)
         observer.truth(bench.truth())
-        for event in _drained(bench):
+        for event in _take_events(bench):
             observer.event(event)
     for controller in controllers.values():
         _answer(bench, controller, question, observer)
-        bench.note_readiness(controller.name, controller.reason)
+        bench.set_ready_status(controller.name, controller.reason)
         while controller.events:
             event = controller.events.popleft()
             if observer is not None:
@@ -76,9 +76,9 @@ def _tick(bench: Bench, controllers: dict[str, Controller], observer: Observer |
         # the drive refused the newcomer's step and returns the question to its predecessor
         if observer is not None:
             observer.question(bench.question)
-        predecessor = controllers.get(bench.question.controller)
-        if predecessor is not None:  # else it was the brake
-            _answer(bench, predecessor, bench.question, observer)
+        previous = controllers.get(bench.question.controller)
+        if previous is not None:  # else it was the brake
+            _answer(bench, previous, bench.question, observer)
     bench.advance()
 
 
@@ -93,6 +93,6 @@ def _answer(
         observer.answer(answer)
 
 
-def _drained(bench: Bench) -> Iterator[Event]:
+def _take_events(bench: Bench) -> Iterator[Event]:
     while bench.events:
         yield bench.events.popleft()

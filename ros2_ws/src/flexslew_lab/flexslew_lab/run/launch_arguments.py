@@ -58,7 +58,7 @@ def launch_values(given: Mapping[str, str]) -> LaunchValues:
     )
 
 
-def within(group: str, namespace: str) -> str:
+def nested_namespace(group: str, namespace: str) -> str:
     """Return the namespace of nodes that a file includes in a group.
 
     Args:

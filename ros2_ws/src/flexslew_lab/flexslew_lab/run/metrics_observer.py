@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.from_bag import manoeuvre_of
-from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, Metric, RunSetup
+from flexslew_lab.metrics.metric import Ending, Metric, ReferenceManoeuvre, RunSetup
 from flexslew_lab.run.in_process import Observer
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.wire import stamp_of
@@ -24,20 +24,22 @@ class MetricsObserver(Observer):
     Args:
         bench: at tick 0.
         plan: that is flown, None without one.
-        own: metrics of the trial's own.
+        user_metrics: metrics of the trial's own.
     """
 
-    def __init__(self, bench: Bench, plan: Plan | None, own: Sequence[type[Metric]] = ()) -> None:
+    def __init__(
+        self, bench: Bench, plan: Plan | None, user_metrics: Sequence[type[Metric]] = ()
+    ) -> None:
         joints, n = bench.model.joints, bench.truth().position.size
         if plan is None:
-            aim = FlownManoeuvre(0.0, 0.0, None, np.zeros(joints))
+            manoeuvre = ReferenceManoeuvre(0.0, 0.0, None, np.zeros(joints))
         else:
-            aim = manoeuvre_of(
+            manoeuvre = manoeuvre_of(
                 plan.position, plan.velocity, plan.start, plan.duration, bench.testbed
             )
         names = tuple(bench.model.joint_names)
-        setup = RunSetup(names, aim, bench.limit, bench.testbed)
-        self._epoch = Epoch(bench.epoch, setup, own)
+        setup = RunSetup(names, manoeuvre, bench.limit, bench.testbed)
+        self._epoch = Epoch(bench.epoch, setup, user_metrics)
         rates = bench.truth().velocity.size
         self._rows = 0
         self._columns: dict[str, NDArray[Any]] = {

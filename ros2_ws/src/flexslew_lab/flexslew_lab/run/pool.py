@@ -23,10 +23,10 @@ from flexslew_plant.errors import RunFault
 
 CHUNK_TIME = 3.0  # of a chunk, aimed at [wall s]
 _LEAST_TIME = 0.05  # of a chunk, where there are enough cases for all [wall s]
-_SHARES = 2  # that each worker gets of the cases left, at least
+_CHUNKS_PER_WORKER = 2  # that each worker gets of the cases left, at least
 _LARGEST = 4096  # cases of a chunk
-_GROWTH = 4  # of a chunk over the one before, at most
-_DEATHS = 2  # with a chunk, before it is split to find out which case it is
+_MAX_RATIO = 4  # of a chunk over the one before, at most
+_MAX_FAILURES = 2  # with a chunk, before it is split to find out which case it is
 _LAST_WORDS = 1.0  # patience with a process that has closed its pipe and not yet ended [wall s]
 _READY = -1  # first message of a process
 _START = 120.0  # limit for the first message of a process [wall s]
@@ -34,7 +34,7 @@ _STARTING = threading.Lock()  # of processes, one after the other: others may ha
 _SERVER = multiprocessing.get_context("forkserver")  # has imported everything once, for all
 
 
-class Numbered(Protocol):
+class HasNumber(Protocol):
     """A case, or its result."""
 
     @property
@@ -42,12 +42,12 @@ class Numbered(Protocol):
         """Of the case, unlike any other's."""
 
 
-_Case = TypeVar("_Case", bound=Numbered)
-_Given = TypeVar("_Given", bound=Numbered, contravariant=True)
-_Result = TypeVar("_Result", bound=Numbered)
+_Case = TypeVar("_Case", bound=HasNumber)
+_Given = TypeVar("_Given", bound=HasNumber, contravariant=True)
+_Result = TypeVar("_Result", bound=HasNumber)
 
 
-class CaseFlyer(Protocol[_Given, _Result]):
+class CaseRunner(Protocol[_Given, _Result]):
     """Does cases of a job, in any process."""
 
     def fly(
@@ -76,7 +76,7 @@ class PooledJob(Protocol[_Given, _Result]):
     def at_once(self) -> int:
         """How many cases are done as fast as one."""
 
-    def flyer(self) -> CaseFlyer[_Given, _Result]:
+    def flyer(self) -> CaseRunner[_Given, _Result]:
         """Return what does its cases; called once in every process."""
 
     def failed(self, number: int, reason: str) -> _Result:
@@ -97,7 +97,7 @@ class InThisProcess(Generic[_Case, _Result]):
     """Implements Executor in this process, one case after the other."""
 
     def __init__(self, job: PooledJob[_Case, _Result]) -> None:
-        self._flyer, self._at_once = job.flyer(), job.at_once
+        self._runner, self._at_once = job.flyer(), job.at_once
 
     def fly(self, cases: Iterator[_Case]) -> Iterator[list[_Result]]:
         """Yield the results of all cases; see Executor."""
@@ -105,8 +105,8 @@ class InThisProcess(Generic[_Case, _Result]):
         while chunk := chunks.next(cases):
             started = monotonic()
             results: list[_Result] = []
-            self._flyer.fly(chunk, results.extend)
-            chunks.learn(len(chunk), monotonic() - started)
+            self._runner.fly(chunk, results.extend)
+            chunks.update_rate(len(chunk), monotonic() - started)
             yield results
 
     def close(self) -> None:
@@ -132,19 +132,21 @@ class Chunks:
         """
         size = self._size
         if workers > 1:
-            share = length_hint(cases, sys.maxsize) // (_SHARES * workers)
+            share = length_hint(cases, sys.maxsize) // (_CHUNKS_PER_WORKER * workers)
             size = max(
                 1, min(size, self._complete_count(max(share, int(self._rate * _LEAST_TIME))))
             )
         return list(islice(cases, size))
 
-    def learn(self, count: int, seconds: float) -> None:
+    def update_rate(self, count: int, seconds: float) -> None:
         """Learn from a chunk that was flown in so much wall time."""
         self._rate = count / max(seconds, 1e-9)
         if count < self._size:  # a rest of another one
             return
-        aim = int(self._rate * CHUNK_TIME)
-        self._size = max(1, self._complete_count(min(aim, _GROWTH * self._size, _LARGEST)))
+        target_size = int(self._rate * CHUNK_TIME)
+        self._size = max(
+            1, self._complete_count(min(target_size, _MAX_RATIO * self._size, _LARGEST))
+        )
 
     def _complete_count(self, cases: int) -> int:
         """Return as many cases, or as many of them as are done at once."""
@@ -154,7 +156,7 @@ class Chunks:
 class _Chunk(deque[_Case]):
     """Cases that have no result yet."""
 
-    deaths = 0  # of processes that flew it
+    failures = 0  # of processes that flew it
 
 
 @dataclass
@@ -166,7 +168,7 @@ class _Worker(Generic[_Case]):
     chunk: _Chunk[_Case] = field(default_factory=_Chunk)
     now: int | None = None  # number of the case that is done alone
     ready: bool = False  # its first message has come
-    heard: float = 0.0  # time of its last message [wall s]
+    received: float = 0.0  # time of its last message [wall s]
     patience: float = _START  # with its silence [wall s]
     started: float = 0.0  # the chunk [wall s]
     size: int = 0  # of the chunk at its start
@@ -183,9 +185,9 @@ class Pool(Generic[_Case, _Result]):
     def __init__(self, job: PooledJob[_Case, _Result], workers: int) -> None:
         self._job, self._count = job, workers
         self._workers: list[_Worker[_Case]] = []
-        self._again: deque[_Chunk[_Case]] = deque()
+        self._queue: deque[_Chunk[_Case]] = deque()
         self._chunks = Chunks(job.at_once)
-        self._unready = 0  # processes that ended before they were ready, one after the other
+        self._failed_starts = 0  # processes that ended before they were ready, one after the other
         _SERVER.set_forkserver_preload([type(job).__module__])
 
     def fly(self, cases: Iterator[_Case]) -> Iterator[list[_Result]]:
@@ -199,13 +201,13 @@ class Pool(Generic[_Case, _Result]):
             busy = [worker for worker in self._workers if worker.chunk]
             if not busy:
                 return
-            patience = min(worker.heard + worker.patience for worker in busy) - monotonic()
+            patience = min(worker.received + worker.patience for worker in busy) - monotonic()
             ready = wait([worker.pipe for worker in busy], timeout=max(patience, 0.0))
             for worker in busy:
                 if worker.pipe in ready:
-                    results = self._hear(worker)
-                elif monotonic() - worker.heard > worker.patience:
-                    results = self._end_hung(worker)
+                    results = self._receive(worker)
+                elif monotonic() - worker.received > worker.patience:
+                    results = self._stop_late(worker)
                 else:
                     continue
                 if results:
@@ -225,36 +227,36 @@ class Pool(Generic[_Case, _Result]):
         """Give every idle process a chunk, as long as there are any."""
         idle = [worker for worker in self._workers if not worker.chunk]
         while idle or len(self._workers) < self._count:
-            if self._again:
-                chunk = self._again.popleft()
+            if self._queue:
+                chunk = self._queue.popleft()
             else:
                 chunk = _Chunk[_Case](self._chunks.next(cases, self._count))
             if not chunk:
                 return
             worker = idle.pop() if idle else self._start()
             worker.chunk, worker.now, worker.size = chunk, None, len(chunk)
-            worker.started = worker.heard = monotonic()
+            worker.started = worker.received = monotonic()
             with suppress(OSError):  # it is dead: its pipe will report it
                 worker.pipe.send(list(chunk))
 
     def _start(self) -> _Worker[_Case]:
-        ours, theirs = _SERVER.Pipe()
-        process = _SERVER.Process(target=_work, args=(theirs, self._job), daemon=True)
+        parent_end, child_end = _SERVER.Pipe()
+        process = _SERVER.Process(target=_work, args=(child_end, self._job), daemon=True)
         with _without_script():
             process.start()
-        theirs.close()
-        self._workers.append(_Worker[_Case](process, ours))
+        child_end.close()
+        self._workers.append(_Worker[_Case](process, parent_end))
         return self._workers[-1]
 
-    def _hear(self, worker: _Worker[_Case]) -> list[_Result]:
+    def _receive(self, worker: _Worker[_Case]) -> list[_Result]:
         try:
             message = worker.pipe.recv()
         except (EOFError, OSError):
             return self._replace(worker)
-        worker.heard, worker.patience = monotonic(), self._job.limit
+        worker.received, worker.patience = monotonic(), self._job.limit
         if isinstance(message, int):
             worker.now = message if message != _READY else None
-            worker.ready, self._unready = True, 0
+            worker.ready, self._failed_starts = True, 0
             return []
         worker.now = None
         done = {result.number for result in message}
@@ -262,7 +264,7 @@ class Pool(Generic[_Case, _Result]):
         worker.chunk.clear()
         worker.chunk.extend(left)
         if not left:
-            self._chunks.learn(worker.size, worker.heard - worker.started)
+            self._chunks.update_rate(worker.size, worker.received - worker.started)
         return list(message)
 
     def _replace(self, worker: _Worker[_Case]) -> list[_Result]:
@@ -272,60 +274,63 @@ class Pool(Generic[_Case, _Result]):
         self._workers.remove(worker)
         code = worker.process.exitcode
         if not worker.ready:
-            return self._excuse(worker, f"ended ({_cause(code)})")
-        lost, rest = self._culprits(worker)
+            return self._return_chunk(worker, f"ended ({_cause(code)})")
+        lost, rest = self._remaining_cases(worker)
         if rest:
-            self._again.append(rest)
-        lost.deaths += 1
-        if lost.deaths < _DEATHS:
-            self._again.append(lost)
+            self._queue.append(rest)
+        lost.failures += 1
+        if lost.failures < _MAX_FAILURES:
+            self._queue.append(lost)
             return []
         if len(lost) == 1:
-            why = f"its process died {_DEATHS} times ({_cause(code)})"
+            why = f"its process died {_MAX_FAILURES} times ({_cause(code)})"
             return [self._job.failed(lost[0].number, why)]
         self._split(lost)
         return []
 
-    def _end_hung(self, worker: _Worker[_Case]) -> list[_Result]:
+    def _stop_late(self, worker: _Worker[_Case]) -> list[_Result]:
         self._end(worker)
         self._workers.remove(worker)
         if not worker.ready:
-            return self._excuse(worker, f"were not ready after {_START:g} s")
-        lost, rest = self._culprits(worker)
+            return self._return_chunk(worker, f"were not ready after {_START:g} s")
+        lost, rest = self._remaining_cases(worker)
         if rest:
-            self._again.append(rest)
+            self._queue.append(rest)
         if len(lost) == 1:
             return [self._job.failed(lost[0].number, f"no end after {self._job.limit:g} s")]
         self._split(lost)
         return []
 
-    def _excuse(self, worker: _Worker[_Case], why: str) -> list[_Result]:
+    def _return_chunk(self, worker: _Worker[_Case], why: str) -> list[_Result]:
         """Put the whole chunk of a process back into the queue: it has not started.
 
         Raises:
             RunFault: if the same has happened to others before it.
         """
-        self._again.append(worker.chunk)
-        self._unready += 1
-        if self._unready > _DEATHS * self._count:
-            words = f"{self._unready} processes, one after the other, {why} before their first case"
+        self._queue.append(worker.chunk)
+        self._failed_starts += 1
+        if self._failed_starts > _MAX_FAILURES * self._count:
+            words = (
+                f"{self._failed_starts} processes, one after the other, {why} before their first "
+                "case"
+            )
             raise RunFault(words)
         return []
 
-    def _culprits(self, worker: _Worker[_Case]) -> tuple[_Chunk[_Case], _Chunk[_Case]]:
+    def _remaining_cases(self, worker: _Worker[_Case]) -> tuple[_Chunk[_Case], _Chunk[_Case]]:
         """Return what the process was at when it ended, and the rest of its chunk."""
         lost, rest = _Chunk[_Case](), _Chunk[_Case]()
         for case in worker.chunk:
             (lost if worker.now in (None, case.number) else rest).append(case)
-        lost.deaths = worker.chunk.deaths
+        lost.failures = worker.chunk.failures
         return lost, rest
 
     def _split(self, chunk: _Chunk[_Case]) -> None:
         half = len(chunk) // 2
         for part in (list(chunk)[:half], list(chunk)[half:]):
-            smaller = _Chunk[_Case](part)
-            smaller.deaths = _DEATHS - 1
-            self._again.append(smaller)
+            half_chunk = _Chunk[_Case](part)
+            half_chunk.failures = _MAX_FAILURES - 1
+            self._queue.append(half_chunk)
 
     def _end(self, worker: _Worker[_Case]) -> None:
         worker.process.kill()
@@ -351,11 +356,11 @@ def _without_script() -> Iterator[None]:
 def _work(pipe: Connection, job: PooledJob[Any, Any]) -> None:
     """Do what comes through the pipe until it is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent process
-    flyer = job.flyer()
+    runner = job.flyer()
     with suppress(EOFError, OSError):  # the parent process is gone
         pipe.send(_READY)
         while True:
-            flyer.fly(pipe.recv(), pipe.send, pipe.send)
+            runner.fly(pipe.recv(), pipe.send, pipe.send)
 
 
 def _cause(code: int | None) -> str:

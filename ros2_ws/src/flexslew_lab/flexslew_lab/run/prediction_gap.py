@@ -10,7 +10,7 @@ from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.contract import Testbed
 
 _ALLOWED = 0.1  # of the prediction [-]
-_NEGLIGIBLE = 1e-5  # residual that counts as none [m]
+_ZERO_RESIDUAL = 1e-5  # residual that counts as none [m]
 
 
 def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> str:
@@ -31,12 +31,12 @@ def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> 
     seen = {k: v for k, v in plain(trial.testbed).items() if k != "initial"}
     model = dict(plan.request.get("model") or {})
     model.pop("initial", None)
-    undisturbed = trial.sensors == SensorSettings() and trial.actuator == ActuatorSettings()
-    undisturbed = undisturbed and _is_left_alone(trial.testbed)
-    comparable = model == seen or "residual_tip_deflection_on_model" in plan.summary
-    if predicted is None or not comparable or not undisturbed:
+    ideal_hardware = trial.sensors == SensorSettings() and trial.actuator == ActuatorSettings()
+    ideal_hardware = ideal_hardware and _has_no_disturbance(trial.testbed)
+    same_model = model == seen or "residual_tip_deflection_on_model" in plan.summary
+    if predicted is None or not same_model or not ideal_hardware:
         return ""
-    if left <= predicted * (1.0 + _ALLOWED) + _NEGLIGIBLE:
+    if left <= predicted * (1.0 + _ALLOWED) + _ZERO_RESIDUAL:
         return ""
     return (
         f"the flight left {left:.3g} m at the tip, the plan predicts {predicted:.3g} m on "
@@ -44,7 +44,7 @@ def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> 
     )
 
 
-def _is_left_alone(testbed: Testbed) -> bool:
+def _has_no_disturbance(testbed: Testbed) -> bool:
     """Return whether nothing but its drives moves a testbed after the start."""
     model = testbed.model()
     return not (model.outside or model.appendages.instruments)

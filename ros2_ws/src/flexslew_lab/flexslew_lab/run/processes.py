@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexslew_lab.trial.own_code import own_names
+from flexslew_lab.trial.own_code import user_code_names
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import (
     SavedPlan,
@@ -60,7 +60,7 @@ def node_processes(
         autostart: fly as soon as all nodes are there; else when an operator starts it.
     """
     listeners = ["recorder"] if record else []
-    trust = own_names(trial)
+    trust = user_code_names(trial)
     processes = []
     if record:
         parameters = {
@@ -69,8 +69,8 @@ def node_processes(
             "exit_with_plant": True,
         }
         processes.append(NodeProcess("recorder", "flexslew_lab", "recorder", parameters))
-    planned = trial.plan is not None
-    if planned or not autostart:  # an operator may need to plan
+    has_plan = trial.plan is not None
+    if has_plan or not autostart:  # an operator may need to plan
         parameters = {"exit_with_plant": True, "trust": trust}
         if trial.plan is None:
             pass
@@ -84,14 +84,14 @@ def node_processes(
         parameters |= {"law": charge.law, "law_settings": yaml_text(dict(charge.settings))}
         processes.append(NodeProcess("planner", "flexslew_control", "planner", parameters))
     for name, values in trial.controllers.items():
-        law, own = law_of(name, values or {})
+        law, law_settings = law_of(name, values or {})
         parameters = {
             "law": law,
-            "requires_plan": planned,
+            "requires_plan": has_plan,
             "wait_for": listeners,
             "exit_with_plant": True,
             "trust": trust,
-            **own,
+            **law_settings,
         }
         processes.append(NodeProcess(name, "flexslew_control", "controller", parameters))
     plant = {

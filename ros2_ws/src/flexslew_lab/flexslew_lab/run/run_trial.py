@@ -18,19 +18,19 @@ from flexslew_lab.log.files.read_limits import MIB, most
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.metrics.from_bag import metrics_from
-from flexslew_lab.metrics.goal import missed_goal
-from flexslew_lab.metrics.keep_out import looked_inside
+from flexslew_lab.metrics.goal import goal_error_message
+from flexslew_lab.metrics.keep_out import cone_violations
 from flexslew_lab.metrics.operator_changes import changes_of
-from flexslew_lab.metrics.own import own_metrics
+from flexslew_lab.metrics.own import load_user_metrics
+from flexslew_lab.report.handover_lines import handover_lines
 from flexslew_lab.report.report import write_report
-from flexslew_lab.report.told_takeovers import told_takeovers
-from flexslew_lab.run.domain import own_domain
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.domain import locked_domain
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.run.outcome import Outcome
 from flexslew_lab.run.prediction_gap import prediction_gap
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
-from flexslew_lab.trial.own_code import HASHES, own_code_of
-from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up, trial_text
+from flexslew_lab.trial.own_code import HASH_KEY, user_code_hash
+from flexslew_lab.trial.trial import Trial, plan_of_trial, set_plan, set_up, trial_text
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.events import message_of
@@ -70,7 +70,7 @@ def run_trial(
     in_process: bool = False,
     report: bool = True,
     progress: Progress = lambda tick, last: None,
-    say: Callable[[str], None] = lambda words: None,
+    notify: Callable[[str], None] = lambda words: None,
     autostart: bool = True,
     warn: Callable[[str], None] | None = None,
 ) -> Result:
@@ -83,21 +83,21 @@ def run_trial(
         in_process: without ROS.
         report: write report.html too.
         progress: called with the tick and the last tick.
-        say: called with a line for the user.
+        notify: called with a line for the user.
         autostart: over ROS, fly as soon as all nodes are there; else when an operator starts it.
-        warn: called with a line on a request that the run will not show; None: it goes to `say`.
+        warn: called with a line on a request that the run will not show; None: it goes to `notify`.
 
     Raises:
         BadInput, PlanFailed: before anything was written.
     """
-    warned = warn or (lambda words: say(f"warning: {words}"))
+    warned = warn or (lambda words: notify(f"warning: {words}"))
     folder = new_folder(trial.name, out)
     if not in_process:
         from flexslew_lab.run.shared_memory import require_shared_memory
 
         require_shared_memory()
     prepared = _prepared(trial, source)
-    own_metrics(
+    load_user_metrics(
         trial.metrics, f"{source}: metrics", trial.trust
     )  # refused before anything is flown
     if prepared.plan is not None and prepared.plan.end > trial.duration:
@@ -118,26 +118,28 @@ def run_trial(
     if prepared.plan is not None and "warning" in prepared.plan.summary:
         warned(f"plan: {prepared.plan.summary['warning']}")
     if prepared.plan is not None and prepared.plan.summary.get("believes"):
-        say(f"the plan assumes, unlike the bench: {prepared.plan.summary['believes']}")
+        notify(f"the plan assumes, unlike the bench: {prepared.plan.summary['believes']}")
     text = trial_text(trial)  # refused before anything is written
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(text)
     metadata = {
         "trial_file": source,
         "versions": json.dumps(software_versions()),
-        HASHES: json.dumps(own_code_of(trial)),
+        HASH_KEY: json.dumps(user_code_hash(trial)),
     }
     bag = folder / "bag"
     if in_process:
         outcome = _in_process(trial, prepared, bag, metadata, progress)
     else:
-        outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, say, autostart)
+        outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, notify, autostart)
     result, reader = _finished(folder, bag, outcome, trial.trust)
     words = prediction_gap(trial, prepared.plan, result.metrics)
     if words:
         warned(words)
-    missed = missed_goal(result.metrics, trial.goal_tolerance, trial.testbed.model().units_by_joint)
-    failed = (missed, looked_inside(result.metrics))
+    goal_error = goal_error_message(
+        result.metrics, trial.goal_tolerance, trial.testbed.model().units_by_joint
+    )
+    failed = (goal_error, cone_violations(result.metrics))
     if any(failed) and not result.exit_code:
         words = "; ".join(filter(None, failed))
         result = result._replace(exit_code=CHECK_FAILED, message=words)
@@ -146,7 +148,7 @@ def run_trial(
             bare = None if result.changes else _without_feedforward(trial, source, folder)
             write_report([reader], folder / "report.html", bare)
         except (RecordingStopped, OSError) as error:
-            return _unwritten(result, error)
+            return _write_failure(result, error)
         if bare is not None:
             result = result._replace(bare_metrics=metrics_from(bare))
     return result
@@ -180,13 +182,13 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
     except PlanFailed as error:
         raise PlanFailed(f"{source}: plan: {error}") from None
     if plan is not None:
-        _require_room(plan, source)
-    if (refused := follow(controllers, trial.active, plan)) is not None:
-        raise BadInput(f"{trial.active} is not ready: {refused}", source, "plan")
+        _require_plan_size(plan, source)
+    if (reason := set_plan(controllers, trial.active, plan)) is not None:
+        raise BadInput(f"{trial.active} is not ready: {reason}", source, "plan")
     return _Prepared(bench, controllers, plan)
 
 
-def _require_room(plan: Plan, source: str) -> None:
+def _require_plan_size(plan: Plan, source: str) -> None:
     """Refuse a plan that is too large for the log to be read back."""
     arrays = (plan.position, plan.velocity, plan.effort, plan.state, plan.gains)
     size = sum(array.nbytes for array in arrays) + _ORIENTATION * (plan.ticks + 1) + MIB
@@ -210,8 +212,8 @@ def _in_process(
     last = bench.last_tick or 0
     with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
         observer = BagObserver(writer, bare)
-        observer.announce(trial, bench, plan, controllers)
-        fly(bench, controllers, observer, lambda tick: progress(tick, last))
+        observer.notify(trial, bench, plan, controllers)
+        run_bench(bench, controllers, observer, lambda tick: progress(tick, last))
         try:
             observer.close()
         except RecordingStopped as error:
@@ -242,21 +244,21 @@ def _over_ros(
     folder: Path,
     metadata: dict[str, str],
     progress: Progress,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
     autostart: bool,
 ) -> Outcome:
     # what starts nodes is of Linux alone, as ROS is here
     from flexslew_lab.run.processes import node_processes, parameter_file
     from flexslew_lab.run.supervisor import Supervisor
 
-    planned = folder / "plan.yaml" if plan is not None else None  # made once, for the node too
+    plan_file = folder / "plan.yaml" if plan is not None else None  # made once, for the node too
     if plan is not None:
         save_plan(plan, folder / "plan.yaml")
-    processes = node_processes(trial, folder, True, metadata, planned, autostart=autostart)
+    processes = node_processes(trial, folder, True, metadata, plan_file, autostart=autostart)
     parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
-    with own_domain(trial.name, folder) as domain:
-        say(f"ROS_DOMAIN_ID {domain}: {', '.join(p.name for p in processes)}")
+    with locked_domain(trial.name, folder) as domain:
+        notify(f"ROS_DOMAIN_ID {domain}: {', '.join(p.name for p in processes)}")
         supervisor = Supervisor(processes, parameters, folder / "nodes.log", domain, progress)
         return supervisor.run()
 
@@ -272,18 +274,18 @@ def _finished(
         changes = len(changes_of(reader.overview.events))
         result = result._replace(metrics=metrics_from(reader), changes=changes)
         if outcome.exit_code == 3:
-            words = told_takeovers(reader.overview.events)
+            words = handover_lines(reader.overview.events)
             if not words or not result.metrics["log_complete"]:
                 words.append(outcome.message)
             result = result._replace(message="; ".join(words))
         (folder / "metrics.json").write_text(json_text(result.metrics) + "\n")
     except (BadInput, OSError) as error:
         if outcome.exit_code != 130:  # an interrupted run may hold no tick at all
-            result = _unwritten(result, error)
+            result = _write_failure(result, error)
     return result, reader
 
 
-def _unwritten(result: Result, error: Exception) -> Result:
+def _write_failure(result: Result, error: Exception) -> Result:
     """Return a result with the error of an incomplete write, and exit code 3."""
     words = "; ".join(part for part in (result.message, str(error)) if part)
     return result._replace(exit_code=3, message=words)

@@ -15,7 +15,7 @@ PATIENCE = 30.0  # with a thread of timers that does not wake: ten announcements
 _TIMERS = "dds.ev."  # what Fast DDS calls the threads
 
 
-class Standstill:
+class StallMonitor:
     """Examines the processes of a run from time to time.
 
     Args:
@@ -27,7 +27,7 @@ class Standstill:
         self, clock: Callable[[], float] = monotonic, processes: Path = Path("/proc")
     ) -> None:
         self._clock, self._processes = clock, processes
-        self._woken: dict[Path, tuple[str, float]] = {}  # how often, since when
+        self._switch_counts: dict[Path, tuple[str, float]] = {}  # how often, since when
 
     def of(self, pid: int) -> bool:
         """Return whether a thread of timers of a process has not woken for PATIENCE."""
@@ -39,11 +39,13 @@ class Standstill:
                 status = (thread / "status").read_text()
             except OSError:  # it has just ended
                 continue
-            woken, sleeps = _field(status, "voluntary_ctxt_switches"), _field(status, "State")
-            before, since = self._woken.get(thread, ("", now))
-            if woken != before or not sleeps.startswith("S"):  # stopped by a signal, or at work
+            switch_count, state = _field(status, "voluntary_ctxt_switches"), _field(status, "State")
+            before, since = self._switch_counts.get(thread, ("", now))
+            if switch_count != before or not state.startswith(
+                "S"
+            ):  # stopped by a signal, or at work
                 since = now
-            self._woken[thread] = woken, since
+            self._switch_counts[thread] = switch_count, since
             found = found or now - since > PATIENCE
         return found
 

@@ -8,16 +8,16 @@ import numpy as np
 import pyarrow as pa
 
 from flexslew_control.controllers import CONTROLLERS, require_law
-from flexslew_control.planners import planned_about_one_axis, takes_gains_in_charge
-from flexslew_control.planners.attitude.one_axis import counted
+from flexslew_control.planners import is_single_axis, takes_gains_in_charge
+from flexslew_control.planners.attitude.one_axis import split_modes
 from flexslew_lab.studies.experiment import found_by_flying
-from flexslew_lab.studies.sampling.methods import Samples, drawn
+from flexslew_lab.studies.sampling.methods import Samples, draw_samples
 from flexslew_lab.studies.study import Nominal, Place, Study
 from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
 from flexslew_lab.studies.variants import StudyVariant
-from flexslew_lab.trial.overrides import keys_to, overridden, put, value_at
+from flexslew_lab.trial.overrides import keys_to, override_values, put, value_at
 from flexslew_lab.trial.trial import (
-    ALONE,
+    SEPARATE_SECTIONS,
     Trial,
     checked_trial,
     feedback_of,
@@ -29,7 +29,7 @@ from flexslew_lab.trial.trial import (
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import plain, validated
-from flexslew_plant.testbeds import believed, initial_positions
+from flexslew_plant.testbeds import design_testbed, initial_positions
 
 
 class Case(NamedTuple):
@@ -39,7 +39,7 @@ class Case(NamedTuple):
     sample: int
     variant: int
     seed: int  # of everything random in it
-    draws: tuple[Any, ...]  # one per varied value
+    sampled_values: tuple[Any, ...]  # one per varied value
 
 
 def sample_table(study: Study) -> pa.Table:
@@ -51,12 +51,12 @@ def sample_table(study: Study) -> pa.Table:
         "replicate": samples.replicate,
         "seed": np.array([trial_seed(study.settings.seed, k) for k in range(count)]),
     }
-    for j, varied in enumerate(study.varied):
+    for j, variable in enumerate(study.varied):
         if samples.values:
-            columns[varied.name] = samples.values[j]
+            columns[variable.name] = samples.values[j]
         else:
-            assert varied.distribution is not None
-            columns[varied.name] = varied.distribution.at(samples.unit[:, j])
+            assert variable.distribution is not None
+            columns[variable.name] = variable.distribution.at(samples.unit[:, j])
     return pa.table(columns)
 
 
@@ -76,8 +76,8 @@ def case_of(study: Study, samples: pa.Table, index: int) -> Case:
     if not 0 <= index < last:
         raise BadInput(f"trial {index} is not one of 0 to {last - 1}", study.source)
     sample, variant = divmod(index, len(study.variants))
-    draws = tuple(samples[varied.name][sample].as_py() for varied in study.varied)
-    return Case(index, sample, variant, samples["seed"][sample].as_py(), draws)
+    sampled_values = tuple(samples[variable.name][sample].as_py() for variable in study.varied)
+    return Case(index, sample, variant, samples["seed"][sample].as_py(), sampled_values)
 
 
 class Cases:
@@ -105,20 +105,21 @@ class Cases:
 
 def typical_case(study: Study, samples: pa.Table, variant: int) -> Case:
     """Return a trial in the middle of the distributions, not one of the study's own."""
-    draws = []
-    for varied in study.varied:
-        if varied.distribution is None:
-            draws.append(samples[varied.name][0].as_py())
+    sampled_values = []
+    for variable in study.varied:
+        if variable.distribution is None:
+            sampled_values.append(samples[variable.name][0].as_py())
         else:
-            draws.append(varied.distribution.at(np.array([0.5])).tolist()[0])
-    return Case(-1, 0, variant, trial_seed(study.settings.seed, 0), tuple(draws))
+            sampled_values.append(variable.distribution.at(np.array([0.5])).tolist()[0])
+    return Case(-1, 0, variant, trial_seed(study.settings.seed, 0), tuple(sampled_values))
 
 
 def changes_of(study: Study, case: Case) -> dict[str, Any]:
     """Return what the sample changes of the trial, by key."""
     places = _nominal(study, case.variant).places
     return {
-        place.key: place.varied.value(place.nominal, case.draws[place.draw]) for place in places
+        place.key: place.varied.value(place.nominal, case.sampled_values[place.draw])
+        for place in places
     }
 
 
@@ -128,7 +129,7 @@ def require_variant(study: Study, variant: StudyVariant) -> None:
     Raises:
         BadInput: a name or a value of it is not allowed.
     """
-    values = overridden(study.base, variant.changes)
+    values = override_values(study.base, variant.changes)
     flying = _flying(values, study.source, study.trust)["controllers"]
     whole = values | {"controllers": flying | values["controllers"]}
     checked_trial(trial_of_values(whole, study.source, study.trust), study.source)
@@ -144,11 +145,11 @@ def _nominal(study: Study, variant: int) -> Nominal:
         BadInput: a value of it is not allowed.
     """
     if variant not in study.nominal:
-        own = study.variants[variant]
-        asked = overridden(study.base, own.changes)
-        whole = _flying(asked, study.source, study.trust)
-        known = own.replan is True
-        values = whole if known else believing(whole, study.source, study.trust)
+        local_settings = study.variants[variant]
+        requested = override_values(study.base, local_settings.changes)
+        whole = _flying(requested, study.source, study.trust)
+        known = local_settings.replan is True
+        values = whole if known else with_model_sections(whole, study.source, study.trust)
         trial = trial_of_values(values, study.source, study.trust)
         study.nominal[variant] = Nominal(values, trial, *_places(study, variant, values))
     return study.nominal[variant]
@@ -158,13 +159,16 @@ def _places(
     study: Study, variant: int, values: dict[str, Any]
 ) -> tuple[tuple[Place, ...], dict[str, Any]]:
     """Return where samples change the trial of a variant, and the sections in which that is."""
-    own, keys = study.variants[variant].nominal, [key for v in study.varied for key in v.keys]
+    local_settings, keys = (
+        study.variants[variant].nominal,
+        [key for v in study.varied for key in v.keys],
+    )
     touched = {key: values[key] for key in {path.split(".")[0] for path in keys}}
     changed, places = dict(touched), list[Place]()
-    for draw, varied in enumerate(study.varied):
-        for key in varied.keys:
-            nominal = own[key] if key in own else value_at(study.base, key)
-            places.append(Place(key, keys_to(changed, key), nominal, varied, draw))
+    for draw, variable in enumerate(study.varied):
+        for key in variable.keys:
+            nominal = local_settings[key] if key in local_settings else value_at(study.base, key)
+            places.append(Place(key, keys_to(changed, key), nominal, variable, draw))
             put(changed, places[-1].way, nominal)  # a section that is missing is there for others
     return tuple(places), touched
 
@@ -187,36 +191,40 @@ def case_trial(study: Study, case: Case) -> Trial:
     for place in nominal.places:
         put(changed, place.way, changes[place.key])
     name = f"{study.settings.study}-{max(case.number, 0)}"
-    own = {"seed": case.seed, "name": name, "rate_factor": 0.0}
-    if changed.keys() <= ALONE:
-        trial = with_sections(nominal.trial, changed | own, source)
+    local_settings = {"seed": case.seed, "name": name, "rate_factor": 0.0}
+    if changed.keys() <= SEPARATE_SECTIONS:
+        trial = with_sections(nominal.trial, changed | local_settings, source)
     else:
-        alike = {key: value for key, value in vars(nominal.trial).items() if key in nominal.values}
-        trial = trial_of_values(alike | changed | own, source, study.trust)
-    knows = study.variants[case.variant].replan
-    if knows not in (EXPERIMENT, MANOEUVRE):
+        nominal_values = {
+            key: value for key, value in vars(nominal.trial).items() if key in nominal.values
+        }
+        trial = trial_of_values(nominal_values | changed | local_settings, source, study.trust)
+    plan_mode = study.variants[case.variant].replan
+    if plan_mode not in (EXPERIMENT, MANOEUVRE):
         return trial
-    shake = study.settings.shake if knows == EXPERIMENT else {}
+    test_input = study.settings.shake if plan_mode == EXPERIMENT else {}
     found = found_by_flying(
-        _experiment(study, case, changes, shake),
+        _experiment(study, case, changes, test_input),
         nominal.trial.testbed,
         study.settings.fit,
-        shakes=knows == EXPERIMENT,
+        require_test_input=plan_mode == EXPERIMENT,
     )
-    asked = overridden(study.base, study.variants[case.variant].changes)
-    flying = _flying(overridden(asked, changes), source, study.trust)
-    values = believing(flying, source, study.trust, found)
-    return trial_of_values(values | own, source, study.trust)
+    requested = override_values(study.base, study.variants[case.variant].changes)
+    flying = _flying(override_values(requested, changes), source, study.trust)
+    values = with_model_sections(flying, source, study.trust, found)
+    return trial_of_values(values | local_settings, source, study.trust)
 
 
-def _experiment(study: Study, case: Case, changes: dict[str, Any], shake: dict[str, Any]) -> Trial:
+def _experiment(
+    study: Study, case: Case, changes: dict[str, Any], test_input: dict[str, Any]
+) -> Trial:
     """Return the trial that a sampled bench flies first; its plan believes the nominal one."""
     source = f"{study.source}: shake"
-    asked = overridden(study.base, study.variants[case.variant].changes | shake)
-    flying = _flying(asked, source, study.trust)
-    nominal = believing(flying, source, study.trust)
-    own = {"seed": trial_seed(case.seed, 0), "name": "shake", "rate_factor": 0.0}
-    return trial_of_values(overridden(nominal, changes) | own, source, study.trust)
+    requested = override_values(study.base, study.variants[case.variant].changes | test_input)
+    flying = _flying(requested, source, study.trust)
+    nominal = with_model_sections(flying, source, study.trust)
+    local_settings = {"seed": trial_seed(case.seed, 0), "name": "shake", "rate_factor": 0.0}
+    return trial_of_values(override_values(nominal, changes) | local_settings, source, study.trust)
 
 
 def _flying(values: dict[str, Any], source: str, trust: Trust) -> dict[str, Any]:
@@ -240,7 +248,7 @@ def _flying(values: dict[str, Any], source: str, trust: Trust) -> dict[str, Any]
     return values | {"controllers": controllers}
 
 
-def believing(
+def with_model_sections(
     values: dict[str, Any], source: str, trust: Trust, found: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the trial with all beliefs about the nominal bench written out.
@@ -259,40 +267,44 @@ def believing(
     def model(given: Any, place: str) -> dict[str, Any]:
         if found is not None:
             return found | {k: v for k, v in (given or {}).items() if k in found and k != "kind"}
-        belief: dict[str, Any] = plain(
-            believed(nominal.testbed, given, f"{source}: {place}", trust)
+        design_values: dict[str, Any] = plain(
+            design_testbed(nominal.testbed, given, f"{source}: {place}", trust)
         )
-        return belief
+        return design_values
 
     controllers = {}
-    for name, own in values["controllers"].items():
-        law, _ = law_of(name, own or {})
-        belief = {}
+    for name, local_settings in values["controllers"].items():
+        law, _ = law_of(name, local_settings or {})
+        design_values = {}
         if law in CONTROLLERS and _has(CONTROLLERS[law].settings, "model"):
-            belief["model"] = model((own or {}).get("model"), f"controllers.{name}.model")
-        controllers[name] = (own or {}) | belief
+            design_values["model"] = model(
+                (local_settings or {}).get("model"), f"controllers.{name}.model"
+            )
+        controllers[name] = (local_settings or {}) | design_values
     plan = values["plan"]
     if plan is not None and "method" in plan:  # else a plan from its file
         settings: Any = nominal.plan
         known = type(settings)
-        belief = {}
+        design_values = {}
         if _has(known, "model"):
             count, given = None, plan.get("model")
-            if planned_about_one_axis(settings, plant_of(nominal)):  # no key of its testbed
-                count, given = counted(given, f"{source}: plan.model")
-            belief["model"] = model(given or None, "plan.model")
+            if is_single_axis(settings, plant_of(nominal)):  # no key of its testbed
+                count, given = split_modes(given, f"{source}: plan.model")
+            design_values["model"] = model(given or None, "plan.model")
             if count is not None:
-                belief["model"]["modes"] = count
+                design_values["model"]["modes"] = count
         if _has(known, "initial"):
-            belief["initial"] = initial_positions(nominal.testbed) | (plan.get("initial") or {})
+            design_values["initial"] = initial_positions(nominal.testbed) | (
+                plan.get("initial") or {}
+            )
         try:
             feedback = feedback_of(nominal)
         except BadInput as error:
             raise BadInput(str(error), source) from None
         counts = takes_gains_in_charge(settings)
         if counts and plan.get("feedback") is None and feedback is not None:
-            belief["feedback"] = plain(feedback)
-        plan = plan | belief
+            design_values["feedback"] = plain(feedback)
+        plan = plan | design_values
     return values | {"controllers": controllers, "plan": plan}
 
 
@@ -301,8 +313,8 @@ def _has(settings: type[Any], key: str) -> bool:
 
 
 def _samples(study: Study) -> Samples:
-    if study.listed:
-        count = len(study.listed[0])
-        return Samples(np.empty((count, 0)), study.listed, np.zeros(count, dtype=np.int32))
+    if study.list_columns:
+        count = len(study.list_columns[0])
+        return Samples(np.empty((count, 0)), study.list_columns, np.zeros(count, dtype=np.int32))
     spread = [v.distribution for v in study.varied if v.distribution is not None]
-    return drawn(study.settings.sampling, spread, study.settings.seed)
+    return draw_samples(study.settings.sampling, spread, study.settings.seed)

@@ -19,7 +19,7 @@ def put(place: Path, content: bytes) -> None:
         BadInput: if it cannot be written for another reason.
     """
     half = place.with_name(f"{place.name}.{os.getpid()}{HALF}")
-    with told(place):
+    with write_errors(place):
         try:
             half.unlink(missing_ok=True)
             with half.open("xb") as file:  # never through a link
@@ -37,7 +37,7 @@ def put(place: Path, content: bytes) -> None:
             raise
 
 
-def own_folder(folder: Path) -> Path:
+def checked_folder(folder: Path) -> Path:
     """Return a folder within a study's after checking that it is no link to another place.
 
     Raises:
@@ -51,7 +51,7 @@ def own_folder(folder: Path) -> Path:
 
 
 @contextmanager
-def told(place: Path) -> Iterator[None]:
+def write_errors(place: Path) -> Iterator[None]:
     """Report in one line why something cannot be written.
 
     Raises:

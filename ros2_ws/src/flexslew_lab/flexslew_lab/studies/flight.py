@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.one_axis import RELEVANT
 from flexslew_lab.metrics import Key, Metric
-from flexslew_lab.metrics.own import keys_of, own_metrics
+from flexslew_lab.metrics.own import keys_of, load_user_metrics
 from flexslew_lab.metrics.rows import AXES, NO_KEYS, flat, key_of
-from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.run.metrics_observer import MetricsObserver
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.study import Study
@@ -18,16 +18,22 @@ from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import (
     Trial,
     feedback_of,
-    follow,
     law_in_charge,
     plan_of_trial,
+    set_plan,
     set_up,
 )
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.retarget import with_schedule
-from flexslew_plant.bench.schedule import command_delays
+from flexslew_plant.bench.schedule import command_delay_ticks
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
-from flexslew_plant.events import BecameReady, BecameUnready, BrakeTookOver, Event, message_of
+from flexslew_plant.events import (
+    BrakeActivated,
+    ControllerNotReady,
+    ControllerReady,
+    Event,
+    message_of,
+)
 from flexslew_plant.own_code import one_line
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, initial_positions
@@ -35,7 +41,7 @@ from flexslew_plant.testbeds import Testbed, initial_positions
 _LEFT_OUT = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete", "warnings")
 
 
-class Flown(NamedTuple):
+class FlightResult(NamedTuple):
     """What became of one trial."""
 
     number: int
@@ -47,7 +53,7 @@ class Flown(NamedTuple):
 
 
 @dataclass
-class Plans:
+class PlanCache:
     """Plans of a study: the same request gets the same plan, or the same refusal, once made."""
 
     made: dict[str, Plan | FlexslewError] = field(default_factory=dict)
@@ -89,18 +95,18 @@ def _made(trial: Trial) -> Plan | FlexslewError:
 def plan_key(trial: Trial) -> str:
     """Return what a trial's plan depends on, as text: less where its beliefs are written out."""
     plan = plain(trial.plan) or {}
-    late = command_delays(trial.schedule, trial.testbed.model().joint_names, 0.0)
+    late = command_delay_ticks(trial.schedule, trial.testbed.model().joint_names, 0.0)
     motors = [plain(trial.actuator), late.tolist()]
-    asked = [plan, trial.period, list(trial.testbed.effort_limit), motors]
+    inputs = [plan, trial.period, list(trial.testbed.effort_limit), motors]
     if uses_testbed(plan, trial.testbed):
-        asked.append(plain(with_schedule(trial.testbed, trial.schedule)))
+        inputs.append(plain(with_schedule(trial.testbed, trial.schedule)))
     elif "model" not in plan:
-        asked.append(initial_positions(trial.testbed))
+        inputs.append(initial_positions(trial.testbed))
     if not plan.get("feedback"):
-        asked.append(plain(feedback_of(trial)))
+        inputs.append(plain(feedback_of(trial)))
     if (plan.get("model") or {}).get("modes") == RELEVANT:  # chosen as the law flies them
-        asked.append(law_in_charge(trial))
-    return json.dumps(asked, sort_keys=True)
+        inputs.append(law_in_charge(trial))
+    return json.dumps(inputs, sort_keys=True)
 
 
 def uses_testbed(plan: Mapping[str, Any], testbed: Testbed) -> bool:
@@ -108,86 +114,86 @@ def uses_testbed(plan: Mapping[str, Any], testbed: Testbed) -> bool:
     if "model" not in plan:  # method none, or a plan from its file
         return False
     initial = plan.get("initial") or {}
-    rests = all(name in initial for name in testbed.model().joint_names)
-    return not (rests and sets_every_key(plan["model"], testbed))
+    has_initial = all(name in initial for name in testbed.model().joint_names)
+    return not (has_initial and has_every_key(plan["model"], testbed))
 
 
-def sets_every_key(belief: Any, testbed: Any) -> bool:
+def has_every_key(model_section: Any, testbed: Any) -> bool:
     """Return whether a `model` section has every key of a testbed."""
-    if not isinstance(belief, dict):
+    if not isinstance(model_section, dict):
         return False
     for field_ in fields(testbed):
         value = getattr(testbed, field_.name)
-        if field_.name not in belief:
+        if field_.name not in model_section:
             return False
-        if is_dataclass(value) and not sets_every_key(belief[field_.name], value):
+        if is_dataclass(value) and not has_every_key(model_section[field_.name], value):
             return False
     return True
 
 
-def flown(study: Study, case: Case, plans: Plans) -> Flown:
+def simulate_case(study: Study, case: Case, plan_cache: PlanCache) -> FlightResult:
     """Return the result of a trial; a failure of any kind is a result, too."""
     try:
-        metrics, digest, reason = _fly(case_trial(study, case), study.source, plans)
+        metrics, digest, reason = _simulate(case_trial(study, case), study.source, plan_cache)
     except FlexslewError as error:
         return failed(case.number, str(error))
     except Exception as error:  # a class of the user's own may do anything
         return failed(case.number, one_line(error))
     if reason:
         return failed(case.number, reason)
-    return Flown(case.number, metrics, digest, "ok", "", Way.BENCH)
+    return FlightResult(case.number, metrics, digest, "ok", "", Way.BENCH)
 
 
-def failed(number: int, reason: str) -> Flown:
+def failed(number: int, reason: str) -> FlightResult:
     """Return the result of a trial that has no metrics."""
-    return Flown(number, {}, None, "failed", reason, Way.BENCH)
+    return FlightResult(number, {}, None, "failed", reason, Way.BENCH)
 
 
-def _fly(
-    trial: Trial, source: str, plans: Plans
+def _simulate(
+    trial: Trial, source: str, plan_cache: PlanCache
 ) -> tuple[dict[str, float | None], str | None, str]:
     bench, controllers = set_up(trial, source)
-    plan = plans.of(trial)
-    if (refused := follow(controllers, trial.active, plan)) is not None:
-        return {}, None, str(refused)
-    own = own_metrics(trial.metrics, f"{source}: metrics", trial.trust)
-    observer = MetricsObserver(bench, plan, own)
-    fly(bench, controllers, observer)
+    plan = plan_cache.of(trial)
+    if (reason := set_plan(controllers, trial.active, plan)) is not None:
+        return {}, None, str(reason)
+    user_metrics = load_user_metrics(trial.metrics, f"{source}: metrics", trial.trust)
+    observer = MetricsObserver(bench, plan, user_metrics)
+    run_bench(bench, controllers, observer)
     if bench.drive.active == "":  # whether or not it failed under the brake
-        return {}, None, _why_braked(observer.events)
+        return {}, None, _brake_reason(observer.events)
     if bench.failure:
         return {}, None, bench.failure
     metrics = observer.result()
-    return columns_of(metrics, keys_of(own)), str(metrics["trajectory_hash"]), ""
+    return columns_of(metrics, keys_of(user_metrics)), str(metrics["trajectory_hash"]), ""
 
 
-def braked(takeover: BrakeTookOver, unready: Mapping[str, str]) -> str:
+def brake_reason(brake_event: BrakeActivated, not_ready: Mapping[str, str]) -> str:
     """Return why a trial has failed that ends in the brake.
 
     Args:
-        takeover: of the brake.
-        unready: why controllers could not take charge then, by name.
+        brake_event: of the brake.
+        not_ready: why controllers could not take charge then, by name.
     """
-    words = (f"{name}: {reason}" for name, reason in sorted(unready.items()))
-    return "; ".join((message_of(takeover), *words))
+    words = (f"{name}: {reason}" for name, reason in sorted(not_ready.items()))
+    return "; ".join((message_of(brake_event), *words))
 
 
-def _why_braked(events: Iterable[Event]) -> str:
+def _brake_reason(events: Iterable[Event]) -> str:
     """Return the same from the events of a trial."""
-    unready, found = dict[str, str](), ""
+    not_ready, found = dict[str, str](), ""
     for event in events:
         match event.what:
-            case BecameUnready():
-                unready[event.what.controller] = event.what.reason
-            case BecameReady():
-                del unready[event.what.controller]
-            case BrakeTookOver():
-                found = braked(event.what, unready)
+            case ControllerNotReady():
+                not_ready[event.what.controller] = event.what.reason
+            case ControllerReady():
+                del not_ready[event.what.controller]
+            case BrakeActivated():
+                found = brake_reason(event.what, not_ready)
     return found
 
 
 def columns_of(
-    metrics: dict[str, Any], own: Mapping[str, Key] = NO_KEYS
+    metrics: dict[str, Any], user_metrics: Mapping[str, Key] = NO_KEYS
 ) -> dict[str, float | None]:
     """Return the metrics by column: those with parts by `name.part`, and their largest by name.
 
@@ -195,11 +201,11 @@ def columns_of(
 
     Args:
         metrics: content of metrics.json.
-        own: keys of the trial's own metrics.
+        user_metrics: keys of the trial's own metrics.
     """
     found: dict[str, float | None] = {}
     for name, value in metrics.items():
-        key = key_of(name, own)
+        key = key_of(name, user_metrics)
         if name in _LEFT_OUT or key.spectrum:
             continue
         if isinstance(value, float) or (value is None and not key.axes):  # most of them
@@ -230,8 +236,8 @@ def _by_axis(name: str, value: float | None) -> list[tuple[str, float | None]]:
     return [(f"{name}.{axis}", None) for axis in AXES] if value is None else [(name, value)]
 
 
-def metric_columns(bench: Bench, own: Sequence[type[Metric]]) -> list[str]:
+def metric_columns(bench: Bench, user_metrics: Sequence[type[Metric]]) -> list[str]:
     """Return the columns of columns_of for a bench at tick 0 and metrics of the trial's own."""
-    observer = MetricsObserver(bench, None, own)
+    observer = MetricsObserver(bench, None, user_metrics)
     observer.truth(bench.truth())
-    return list(columns_of(observer.result(), keys_of(own)))
+    return list(columns_of(observer.result(), keys_of(user_metrics)))

@@ -13,15 +13,15 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.metrics import Key
-from flexslew_lab.metrics.own import keys_of, own_metrics
-from flexslew_lab.studies.flight import Plans
+from flexslew_lab.metrics.own import keys_of, load_user_metrics
+from flexslew_lab.studies.flight import PlanCache
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.study_settings import EXPERIMENT, MANOEUVRE
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import file_of
 from flexslew_plant.settings import plain
 
-_NAMING = ("vary", "shake", "compare")  # keys that may name files, as the trial may
+_FILE_KEYS = ("vary", "shake", "compare")  # keys that may name files, as the trial may
 _FREE = ("criteria", "keep", "limit", "trial")  # keys that change no trial
 # folders with the code that determines the result of a trial
 _CODE = (
@@ -35,7 +35,7 @@ _LIBRARIES = ("pyarrow", "pydantic", "llvmlite")
 
 
 def identity_of(
-    study: Study, samples: pa.Table, columns: list[str], plans: Plans
+    study: Study, samples: pa.Table, columns: list[str], plan_cache: PlanCache
 ) -> dict[str, Any]:
     """Return everything that decides the table.
 
@@ -43,7 +43,7 @@ def identity_of(
         study: the file, read.
         samples: see cases.sample_table.
         columns: of the metrics.
-        plans: made before the first trial.
+        plan_cache: made before the first trial.
     """
     settings = plain(study.settings)
     return {
@@ -51,25 +51,27 @@ def identity_of(
         "trial": study.base,
         "files": _files(study),
         "versions": _versions(study),
-        "plans": [plan_hash(p) if isinstance(p, Plan) else str(p) for p in plans.made.values()],
+        "plans": [
+            plan_hash(p) if isinstance(p, Plan) else str(p) for p in plan_cache.made.values()
+        ],
         "samples": _samples_digest(samples),
         "variants": [variant.label for variant in study.variants],
-        "varied": [varied.name for varied in study.varied],
+        "varied": [variable.name for variable in study.varied],
         "columns": columns,
-        "keys": {name: told._asdict() for name, told in _own_keys(study).items()},
+        "keys": {name: entry._asdict() for name, entry in _user_keys(study).items()},
     }
 
 
-def _own_keys(study: Study) -> dict[str, Key]:
+def _user_keys(study: Study) -> dict[str, Key]:
     """Return what the keys of metrics of the trial's own hold, those of all variants."""
     found: dict[str, Key] = {}
     for one in study.nominal.values():
         names, source = one.trial.metrics, f"{study.source}: metrics"
-        found |= keys_of(own_metrics(names, source, one.trial.trust))
+        found |= keys_of(load_user_metrics(names, source, one.trial.trust))
     return found
 
 
-def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> None:
+def require_same(stored: dict[str, Any], here: dict[str, Any], place: Path) -> None:
     """Check that the study of a folder is the requested one.
 
     Raises:
@@ -77,7 +79,7 @@ def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> No
     """
     differences = [
         f"{key}: {_short(old)} there, {_short(new)} here"
-        for key, old, new in _differences("", there, here)
+        for key, old, new in _differences("", stored, here)
     ]
     if differences:
         more = f" (and {len(differences) - 1} more)" if len(differences) > 1 else ""
@@ -88,28 +90,28 @@ def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> No
         )
 
 
-def extended(there: dict[str, Any], here: dict[str, Any], samples: pa.Table) -> bool:
+def extended(stored: dict[str, Any], here: dict[str, Any], samples: pa.Table) -> bool:
     """Return whether one study is another one with more samples, those of that come first.
 
     A `stop` counts checks with fewer samples, so such a study is another one.
 
     Args:
-        there: identity of the one.
+        stored: identity of the one.
         here: identity of the other one.
         samples: samples of the other one.
     """
-    before, now = (one["study"].get("sampling") or {} for one in (there, here))
+    before, now = (one["study"].get("sampling") or {} for one in (stored, here))
     old, new = before.get("n"), now.get("n")
     if not (isinstance(old, int) and isinstance(new, int) and 0 < old < new):
         return False
     if here["study"].get("stop") is not None:
         return False
     first = samples.slice(0, samples.num_rows * old // new)
-    longer = there | {
-        "study": there["study"] | {"sampling": before | {"n": new}},
+    extension = stored | {
+        "study": stored["study"] | {"sampling": before | {"n": new}},
         "samples": here["samples"],
     }
-    return longer == here and there["samples"] == _samples_digest(first)
+    return extension == here and stored["samples"] == _samples_digest(first)
 
 
 def require_files(study: Study, identity: dict[str, Any]) -> None:
@@ -131,8 +133,8 @@ def require_files(study: Study, identity: dict[str, Any]) -> None:
 def _differences(place: str, old: Any, new: Any) -> list[tuple[str, Any, Any]]:
     if isinstance(old, dict) and isinstance(new, dict):
         keys = [*old, *(key for key in new if key not in old)]
-        inside = [_differences(f"{place}.{k}".lstrip("."), old.get(k), new.get(k)) for k in keys]
-        return [found for part in inside for found in part]
+        inner = [_differences(f"{place}.{k}".lstrip("."), old.get(k), new.get(k)) for k in keys]
+        return [found for part in inner for found in part]
     return [] if old == new else [(place, old, new)]
 
 
@@ -143,9 +145,9 @@ def _files(study: Study) -> dict[str, str]:
     compared or a draw names one.
     """
     of_study = plain(study.settings)
-    given = study.base, *(of_study[key] for key in _NAMING)
+    given = study.base, *(of_study[key] for key in _FILE_KEYS)
     digests = {}
-    for name in sorted(set(_texts(given))):
+    for name in sorted(set(_iterate_strings(given))):
         with suppress(OSError, ValueError):  # of a text that could be no file's name
             if (path := file_of(name) or Path(name)).is_file():
                 digests[name] = _digest([path])
@@ -154,24 +156,24 @@ def _files(study: Study) -> dict[str, str]:
     return digests
 
 
-def _texts(values: Any) -> Iterator[str]:
+def _iterate_strings(values: Any) -> Iterator[str]:
     """Yield every text in plain data."""
     if isinstance(values, str):
         yield values
     elif isinstance(values, dict):
         for value in values.values():
-            yield from _texts(value)
+            yield from _iterate_strings(value)
     elif isinstance(values, list | tuple):
         for value in values:
-            yield from _texts(value)
+            yield from _iterate_strings(value)
 
 
 def _versions(study: Study) -> dict[str, str]:
     found = software_versions() | {name: metadata.version(name) for name in _LIBRARIES}
-    shakes = any(variant.replan in (EXPERIMENT, MANOEUVRE) for variant in study.variants)
-    for folder in (*_CODE, *([_IDENTIFICATION] if shakes else [])):
-        package, _, inside = folder.partition("/")
-        root = Path(str(resources.files(package))) / inside
+    has_test = any(variant.replan in (EXPERIMENT, MANOEUVRE) for variant in study.variants)
+    for folder in (*_CODE, *([_IDENTIFICATION] if has_test else [])):
+        package, _, inner = folder.partition("/")
+        root = Path(str(resources.files(package))) / inner
         found[f"source of {folder}"] = _digest(sorted(root.rglob("*.py")))
     return found
 

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexslew_lab.studies.seals import opened_json, sealed_json
+from flexslew_lab.studies.seals import json_with_digest, opened_json
 from flexslew_plant.errors import BadInput
 
 IDENTITY = "study.json"
@@ -38,4 +38,4 @@ def kept_identity(folder: Path) -> KeptIdentity:
 
 def identity_text(kept: KeptIdentity) -> str:
     """Return the content of that file."""
-    return sealed_json(kept.identity | {_DIGEST: kept.samples_sha256})
+    return json_with_digest(kept.identity | {_DIGEST: kept.samples_sha256})

@@ -4,25 +4,25 @@ from pathlib import Path
 
 from flexslew_lab.studies.disk import put
 from flexslew_lab.studies.identity import require_same
-from flexslew_lab.studies.run import flights_of, note
+from flexslew_lab.studies.run import flight_records, note
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, load_study
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
 
-def merged(folders: list[Path], out: Path, trust: Trust) -> tuple[Study, Store]:
+def merged(paths: list[Path], out: Path, trust: Trust) -> tuple[Study, Store]:
     """Return the study and the folder that holds the trials of all others.
 
     Args:
-        folders: of the shards, whole or not; they stay as they are.
+        paths: of the shards, whole or not; they stay as they are.
         out: new, empty, or with a part of the same study.
         trust: which classes of the user's own its trials may name.
 
     Raises:
         BadInput: a folder holds no study, or another one; nothing was changed.
     """
-    shards = [Store(folder) for folder in folders]
+    shards = [Store(folder) for folder in paths]
     for shard in shards:
         if shard.damaged:
             raise BadInput(
@@ -34,7 +34,7 @@ def merged(folders: list[Path], out: Path, trust: Trust) -> tuple[Study, Store]:
     whole = Store(out)
     if whole.exists:
         require_same(whole.identity, shards[0].identity, out)
-    elif whole.strangers:
+    elif whole.unknown_items:
         raise BadInput(f"--out: {out} is not empty and holds no study; choose another folder")
     with whole.locked():
         whole.clean()
@@ -47,9 +47,14 @@ def merged(folders: list[Path], out: Path, trust: Trust) -> tuple[Study, Store]:
                 put(out / name, (shards[0].folder / name).read_bytes())
         for shard in shards:
             whole.adopt(shard)
-        told = [flights_of(shard) for shard in shards]
-        wall = sum(one.get("wall_time", 0.0) for one in told)
-        flown = sum(one.get("flown", 0) for one in told)
-        note(whole, wall_time=wall, flown=flown, trials_per_second=flown / wall if wall else None)
+        records = [flight_records(shard) for shard in shards]
+        elapsed = sum(one.get("wall_time", 0.0) for one in records)
+        flight_count = sum(one.get("flown", 0) for one in records)
+        note(
+            whole,
+            wall_time=elapsed,
+            flown=flight_count,
+            trials_per_second=flight_count / elapsed if elapsed else None,
+        )
         whole.write_table()
     return load_study(whole.description, trust), whole

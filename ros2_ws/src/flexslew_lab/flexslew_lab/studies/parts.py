@@ -10,13 +10,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from flexslew_lab.studies.disk import own_folder, put, told
-from flexslew_lab.studies.seals import is_sound, part_name, part_number
+from flexslew_lab.studies.disk import checked_folder, put, write_errors
+from flexslew_lab.studies.seals import is_valid_part, part_name, part_number
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_bytes
 
 TABLE = 1 << 32  # of a Parquet file of a study, at most [bytes]
-_DAMAGED = ".damaged"
+_INVALID_SUFFIX = ".damaged"
 HEAD = {  # of every part; the other columns are numbers
     "index": pa.int64(),
     "status": pa.string(),
@@ -44,8 +44,8 @@ class Parts:
 
     def make(self) -> None:
         """Make the folder."""
-        with told(self.folder):
-            own_folder(self.folder).mkdir(parents=True, exist_ok=True)
+        with write_errors(self.folder):
+            checked_folder(self.folder).mkdir(parents=True, exist_ok=True)
 
     def add(self, rows: pa.Table) -> None:
         """Write rows as the next part.
@@ -63,7 +63,7 @@ class Parts:
         """Yield the rows of every sound part, the oldest first."""
         for path in self._paths():
             if self._span(path) is not None:
-                with readable(path):
+                with checked_read(path):
                     rows = pq.read_table(path, columns=columns)
                 yield rows
 
@@ -72,14 +72,14 @@ class Parts:
         found = [(path, self._span(path)) for path in self._paths()]
         return [(path, *span) for path, span in found if span is not None]
 
-    def set_aside(self) -> None:
+    def rename_invalid(self) -> None:
         """Rename what is damaged, so that its trials are missing and are flown again."""
         for path in self._paths():
             if self._span(path) is None:
-                path.rename(path.with_name(path.name + _DAMAGED))
+                path.rename(path.with_name(path.name + _INVALID_SUFFIX))
 
     def _paths(self) -> list[Path]:
-        if not own_folder(self.folder).is_dir():
+        if not checked_folder(self.folder).is_dir():
             return []
         return sorted(p for p in self.folder.iterdir() if part_number(p.name) is not None)
 
@@ -91,7 +91,7 @@ class Parts:
 
 
 @contextmanager
-def readable(path: Path) -> Iterator[None]:
+def checked_read(path: Path) -> Iterator[None]:
     """Read a table.
 
     Raises:
@@ -122,7 +122,7 @@ def read_written(content: bytes) -> pa.Table:
 def _span(path: Path) -> tuple[int, int] | None:
     try:
         content = given_bytes(path, TABLE)
-        if not is_sound(path.name, content):
+        if not is_valid_part(path.name, content):
             return None
         rows = read_written(content)
         numbers = rows["index"].to_numpy()

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from flexslew_lab.metrics.own import own_metrics
+from flexslew_lab.metrics.own import load_user_metrics
 from flexslew_lab.run.pool import Executor
 from flexslew_lab.studies.cases import (
     Case,
@@ -21,8 +21,8 @@ from flexslew_lab.studies.cases import (
     typical_case,
 )
 from flexslew_lab.studies.execution.worker import Job
-from flexslew_lab.studies.findings.stopping import interim_sizes, settled
-from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
+from flexslew_lab.studies.findings.stopping import interim_sizes, stop_result
+from flexslew_lab.studies.flight import FlightResult, PlanCache, metric_columns, plan_key
 from flexslew_lab.studies.identity import extended, identity_of, require_files, require_same
 from flexslew_lab.studies.seals import opened_json
 from flexslew_lab.studies.store import Store
@@ -35,7 +35,7 @@ from flexslew_plant.yaml_data import yaml_text
 
 _PART_TIME = 5.0  # between two parts [wall s]
 _PART_ROWS = 5_000  # of a part, at most
-_FLIGHTS = "flights.json"
+_RECORDS_FILE = "flights.json"
 
 
 class Shard(NamedTuple):
@@ -50,13 +50,13 @@ Progress = Callable[[int, int], None]  # trials flown, trials requested
 
 
 @dataclass
-class Preparation:
+class PreparedStudy:
     """A study that is ready to be flown: checked, its plans made."""
 
     study: Study
     samples: pa.Table
     columns: list[str]
-    plans: Plans
+    plans: PlanCache
     identity: dict[str, Any] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -80,7 +80,7 @@ def default_folder(study: Study, shard: Shard = ALL) -> Path:
     return RUNS / f"study-{study.settings.study}{part}"
 
 
-def prepare(study: Study) -> Preparation:
+def prepare(study: Study) -> PreparedStudy:
     """Return the study with its samples drawn, its values checked and its common plans made.
 
     Raises:
@@ -88,13 +88,13 @@ def prepare(study: Study) -> Preparation:
     """
     samples = sample_table(study)
     columns, typical = checked(study, samples)
-    plans = Plans()
+    plans = PlanCache()
     for k, trial in enumerate(typical):
         ends = [case_trial(study, case_of(study, samples, k))]
         ends.append(case_trial(study, case_of(study, samples, _last(study, samples, k))))
         if plan_key(ends[0]) == plan_key(ends[1]) == plan_key(trial):
             plans.keep(trial)
-    return Preparation(study, samples, columns, plans)
+    return PreparedStudy(study, samples, columns, plans)
 
 
 def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
@@ -113,12 +113,12 @@ def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
         require_variant(study, variant)
         typical = case_trial(study, typical_case(study, samples, k))
         bench, _ = set_up(typical, study.source)
-        own = own_metrics(typical.metrics, f"{study.source}: metrics", typical.trust)
-        columns |= dict.fromkeys(metric_columns(bench, own))
+        user_metrics = load_user_metrics(typical.metrics, f"{study.source}: metrics", typical.trust)
+        columns |= dict.fromkeys(metric_columns(bench, user_metrics))
         trials.append(typical)
-    for varied in study.varied:
-        if varied.name in columns:
-            words = f"{varied.name} is not allowed: a metric has that name"
+    for sampled in study.varied:
+        if sampled.name in columns:
+            words = f"{sampled.name} is not allowed: a metric has that name"
             raise BadInput(words, f"{study.source}: vary")
     for name in study.settings.criteria:
         known_metric(name, list(columns), f"{study.source}: criteria")
@@ -128,9 +128,9 @@ def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
 
 
 def run_study(
-    ready: Preparation,
+    ready: PreparedStudy,
     folder: Path,
-    executor: Executor[Case, Flown],
+    executor: Executor[Case, FlightResult],
     shard: Shard = ALL,
     retry_failed: bool = False,
     progress: Progress = lambda done, requested: None,
@@ -156,24 +156,24 @@ def run_study(
         raise BadInput("stop: is not allowed for a shard, which sees a part only", study.source)
     _is_started(Store(folder), ready)
     with store.locked():
-        begun = _is_started(store, ready)  # another run may have started one meanwhile
+        started = _is_started(store, ready)  # another run may have started one meanwhile
         store.clean()
-        if not begun:
+        if not started:
             store.create(ready.identity, ready.samples)
         _describe(study, store)
-        _fly_missing(ready, store, executor, shard, retry_failed, progress)
+        _simulate_missing(ready, store, executor, shard, retry_failed, progress)
         store.write_table()
     return store
 
 
-def _is_started(store: Store, ready: Preparation) -> bool:
+def _is_started(store: Store, ready: PreparedStudy) -> bool:
     """Return whether a folder holds the study, with all of its samples.
 
     Raises:
         BadInput: it holds something else.
     """
     if not store.exists:
-        if store.strangers:
+        if store.unknown_items:
             raise BadInput("is not empty and holds no study; choose another --out", store.folder)
         return False
     if extended(store.identity, ready.identity, ready.samples):
@@ -182,19 +182,19 @@ def _is_started(store: Store, ready: Preparation) -> bool:
     return True
 
 
-def flights_of(store: Store) -> dict[str, Any]:
+def flight_records(store: Store) -> dict[str, Any]:
     """Return the records of all runs of a study together.
 
     Raises:
         BadInput: their file is damaged.
     """
-    path = store.folder / _FLIGHTS
+    path = store.folder / _RECORDS_FILE
     return opened_json(path) if path.is_file() else {}
 
 
 def note(store: Store, **facts: Any) -> None:
     """Write facts of the run next to its results."""
-    store.write_facts(_FLIGHTS, flights_of(store) | facts)
+    store.write_facts(_RECORDS_FILE, flight_records(store) | facts)
 
 
 def _last(study: Study, samples: pa.Table, variant: int) -> int:
@@ -204,48 +204,52 @@ def _last(study: Study, samples: pa.Table, variant: int) -> int:
 def _describe(study: Study, store: Store) -> None:
     """Keep the files that the folder can be read with, wherever it is taken."""
     settings = plain(study.settings) | {"trial": "trial.yaml"}
-    if study.listed:
-        names = [varied.name for varied in study.varied]
-        rows = [",".join(map(repr, map(float, row))) for row in zip(*study.listed, strict=True)]
+    if study.list_columns:
+        names = [sampled.name for sampled in study.varied]
+        rows = [
+            ",".join(map(repr, map(float, row))) for row in zip(*study.list_columns, strict=True)
+        ]
         store.write_text("samples.csv", "\n".join([",".join(names), *rows]) + "\n")
         settings["sampling"]["file"] = "samples.csv"
     store.write_text("trial.yaml", yaml_text(study.base))
     store.write_text("study.yaml", yaml_text(settings))
 
 
-def _fly_missing(
-    ready: Preparation,
+def _simulate_missing(
+    ready: PreparedStudy,
     store: Store,
-    executor: Executor[Case, Flown],
+    executor: Executor[Case, FlightResult],
     shard: Shard,
     retry_failed: bool,
     progress: Progress,
 ) -> None:
     variants = len(ready.study.variants)
-    statuses = store.statuses(ready.trials)
-    missing = (statuses == 0) | (retry_failed & (statuses == 2))
+    status = store.statuses(ready.trials)
+    missing = (status == 0) | (retry_failed & (status == 2))
     missing &= (np.arange(ready.trials) // variants) % shard.of == shard.number - 1
     requested = int(np.count_nonzero(missing))
-    before = int(np.count_nonzero(statuses[~missing]))
+    before = int(np.count_nonzero(status[~missing]))
     progress(before, before + requested)
-    started, flown, start = monotonic(), 0, 0
+    started, flight_count, start = monotonic(), 0, 0
     stopped = None
     try:
-        for look in interim_sizes(ready.study, ready.samples):
-            numbers = np.flatnonzero(missing[start * variants : look * variants])
+        for sample_count in interim_sizes(ready.study, ready.samples):
+            numbers = np.flatnonzero(missing[start * variants : sample_count * variants])
             cases = Cases(ready.study, ready.samples, (numbers + start * variants).tolist())
             for count in _written(executor.fly(cases), store, ready):
-                flown += count
-                progress(before + flown, before + requested)
-            start = look
-            stopped = settled(ready.study, store, ready.samples, look)
+                flight_count += count
+                progress(before + flight_count, before + requested)
+            start = sample_count
+            stopped = stop_result(ready.study, store, ready.samples, sample_count)
             if stopped is not None:
                 break
     finally:
-        _account(store, flown, monotonic() - started, stopped)
+        _write_record(store, flight_count, monotonic() - started, stopped)
 
 
-def _written(results: Iterator[list[Flown]], store: Store, ready: Preparation) -> Iterator[int]:
+def _written(
+    results: Iterator[list[FlightResult]], store: Store, ready: PreparedStudy
+) -> Iterator[int]:
     """Write results as parts and yield how many came; they are written after an error, too.
 
     Raises:
@@ -256,7 +260,7 @@ def _written(results: Iterator[list[Flown]], store: Store, ready: Preparation) -
         require_files(ready.study, ready.identity)
         store.add(waiting)
 
-    waiting: list[Flown] = []
+    waiting: list[FlightResult] = []
     last = monotonic()
     try:
         for some in results:
@@ -270,9 +274,15 @@ def _written(results: Iterator[list[Flown]], store: Store, ready: Preparation) -
             write()
 
 
-def _account(store: Store, flown: int, seconds: float, stopped: dict[str, Any] | None) -> None:
-    before = flights_of(store)
-    total = before.get("flown", 0) + flown
-    wall = before.get("wall_time", 0.0) + (seconds if flown else 0.0)
-    rate = flown / seconds if flown and seconds > 0.0 else before.get("trials_per_second")
-    note(store, flown=total, wall_time=wall, trials_per_second=rate, stopped=stopped)
+def _write_record(
+    store: Store, flight_count: int, seconds: float, stopped: dict[str, Any] | None
+) -> None:
+    before = flight_records(store)
+    total = before.get("flown", 0) + flight_count
+    elapsed = before.get("wall_time", 0.0) + (seconds if flight_count else 0.0)
+    rate = (
+        flight_count / seconds
+        if flight_count and seconds > 0.0
+        else before.get("trials_per_second")
+    )
+    note(store, flown=total, wall_time=elapsed, trials_per_second=rate, stopped=stopped)

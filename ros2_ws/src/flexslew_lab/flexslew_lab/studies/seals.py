@@ -18,7 +18,7 @@ _LINE = re.compile(r"# sha256 ([0-9a-f]{64})\s*\Z")
 _PART = re.compile(r"part-(\d{6})(?:-([0-9a-f]{64}))?\.parquet")
 
 
-def sealed_json(values: dict[str, Any]) -> str:
+def json_with_digest(values: dict[str, Any]) -> str:
     """Return a JSON text with its digest, which opened_json checks."""
     return json.dumps(values | {_KEY: _digest_of(values)}, indent=2) + "\n"
 
@@ -41,7 +41,7 @@ def opened_json(path: Path) -> dict[str, Any]:
     return values
 
 
-def sealed_text(text: str) -> str:
+def text_with_digest(text: str) -> str:
     """Return a YAML text with its digest as a comment in the last line."""
     return f"{text}# sha256 {hashlib.sha256(text.encode()).hexdigest()}\n"
 
@@ -72,7 +72,7 @@ def part_number(name: str) -> int | None:
     return int(found[1]) if found else None
 
 
-def is_sound(name: str, content: bytes) -> bool:
+def is_valid_part(name: str, content: bytes) -> bool:
     """Return whether a part is as it was written."""
     found = _PART.fullmatch(name)
     return found is not None and found[2] in (None, hashlib.sha256(content).hexdigest())

@@ -18,16 +18,16 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from flexslew_lab.metrics import Key
-from flexslew_lab.studies.disk import HALF, own_folder, put, told
-from flexslew_lab.studies.flight import Flown
+from flexslew_lab.studies.disk import HALF, checked_folder, put, write_errors
+from flexslew_lab.studies.flight import FlightResult
 from flexslew_lab.studies.identity_file import (
     IDENTITY,
     KeptIdentity,
     identity_text,
     kept_identity,
 )
-from flexslew_lab.studies.parts import TABLE, Parts, read_written, readable, written
-from flexslew_lab.studies.seals import check_text, sealed_json, sealed_text
+from flexslew_lab.studies.parts import TABLE, Parts, checked_read, read_written, written
+from flexslew_lab.studies.seals import check_text, json_with_digest, text_with_digest
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_bytes
 from flexslew_plant.processes.file_lock import lock_file
@@ -48,7 +48,7 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._kept: KeptIdentity | None = None
+        self._stored: KeptIdentity | None = None
         self._samples: pa.Table | None = None
         self._table: tuple[tuple[int, ...], pq.ParquetFile] | None = None  # as it stood, opened
         self._parts = Parts(folder / _PARTS)
@@ -59,18 +59,18 @@ class Store:
         return os.path.isfile(self.folder / IDENTITY)
 
     @property
-    def strangers(self) -> list[str]:
+    def unknown_items(self) -> list[str]:
         """What is in the folder and does not belong to a study.
 
         Raises:
             BadInput: it is no folder, or cannot be read.
         """
-        own = (_SAMPLES, _PARTS, _LOCK)
+        known_names = (_SAMPLES, _PARTS, _LOCK)
         try:
             names = os.listdir(self.folder) if os.path.lexists(self.folder) else []
         except OSError as error:
             raise BadInput(f"is no folder of a study: {error.strerror}", self.folder) from None
-        return [name for name in names if name not in own and not name.endswith(HALF)]
+        return [name for name in names if name not in known_names and not name.endswith(HALF)]
 
     @property
     def damaged(self) -> list[str]:
@@ -88,9 +88,9 @@ class Store:
 
     @property
     def _identity(self) -> KeptIdentity:
-        if self._kept is None:
-            self._kept = kept_identity(self.folder)
-        return self._kept
+        if self._stored is None:
+            self._stored = kept_identity(self.folder)
+        return self._stored
 
     @property
     def samples(self) -> pa.Table:
@@ -121,7 +121,7 @@ class Store:
         return self._samples
 
     @property
-    def own_keys(self) -> dict[str, Key]:
+    def user_keys(self) -> dict[str, Key]:
         """What the keys of metrics of the trial's own hold.
 
         Raises:
@@ -152,8 +152,8 @@ class Store:
         self._parts.make()
         content = written(samples)
         put(self.folder / _SAMPLES, content)
-        self._kept = KeptIdentity(identity, hashlib.sha256(content).hexdigest())
-        put(self.folder / IDENTITY, identity_text(self._kept).encode())
+        self._stored = KeptIdentity(identity, hashlib.sha256(content).hexdigest())
+        put(self.folder / IDENTITY, identity_text(self._stored).encode())
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -162,7 +162,7 @@ class Store:
         Raises:
             BadInput: if another process writes here already.
         """
-        with told(self.folder / _LOCK):
+        with write_errors(self.folder / _LOCK):
             self.folder.mkdir(parents=True, exist_ok=True)
             handle = lock_file(self.folder / _LOCK)
         if handle is None:
@@ -176,7 +176,7 @@ class Store:
         finally:
             os.close(handle)
 
-    def add(self, results: list[Flown]) -> None:
+    def add(self, results: list[FlightResult]) -> None:
         """Write results as the next part.
 
         Raises:
@@ -250,7 +250,7 @@ class Store:
     @property
     def columns(self) -> list[str]:
         """All columns of the sorted table."""
-        with readable(self.table_path):
+        with checked_read(self.table_path):
             return list(self._opened().schema_arrow.names)
 
     def write_table(self) -> Path:
@@ -268,7 +268,7 @@ class Store:
         for start in range(0, max(last for _, _, last in spans) + 1, _GROUP):
             end = start + _GROUP
             near = [path for path, first, last in spans if first < end and last >= start]
-            with readable(self.folder):
+            with checked_read(self.folder):
                 rows = self._rows(near, start, end) if near else None
             if rows is None or not rows.num_rows:
                 continue
@@ -299,8 +299,8 @@ class Store:
         numbers = rows["index"].to_numpy()
         rows = rows.filter(pa.array((numbers >= start) & (numbers < end)))
         numbers = rows["index"].to_numpy()
-        _, from_behind = np.unique(numbers[::-1], return_index=True)
-        rows = rows.take(pa.array(len(numbers) - 1 - from_behind))
+        _, last_index = np.unique(numbers[::-1], return_index=True)
+        rows = rows.take(pa.array(len(numbers) - 1 - last_index))
         numbers = rows["index"].to_numpy()
         samples = self.samples.take(pa.array(numbers // len(names)))
         head = {
@@ -317,16 +317,16 @@ class Store:
     def write_text(self, name: str, text: str) -> Path:
         """Write a file of the study and return its path."""
         path = self.folder / name
-        put(path, (sealed_text(text) if name in _DESCRIPTION else text).encode())
+        put(path, (text_with_digest(text) if name in _DESCRIPTION else text).encode())
         return path
 
     def write_facts(self, name: str, facts: dict[str, Any]) -> None:
         """Write a JSON file of the study."""
-        put(self.folder / name, sealed_json(facts).encode())
+        put(self.folder / name, json_with_digest(facts).encode())
 
     def clean(self) -> None:
         """Take away what a kill has left half written, and set aside what is damaged."""
-        for folder in (self.folder, own_folder(self.folder / _PARTS)):
+        for folder in (self.folder, checked_folder(self.folder / _PARTS)):
             for path in folder.glob(f"*{HALF}"):
                 path.unlink()
-        self._parts.set_aside()
+        self._parts.rename_invalid()

@@ -11,8 +11,13 @@ from numpy.typing import NDArray
 
 from flexslew_lab.studies.sampling.methods import METHODS, check_sampling
 from flexslew_lab.studies.study_settings import StudySettings
-from flexslew_lab.studies.variants import StudyVariant, require_effect, variants_of, with_nominal
-from flexslew_lab.studies.varied import Varied, require_apart, varied_of
+from flexslew_lab.studies.variants import (
+    StudyVariant,
+    require_nonzero_spread,
+    variants_of,
+    with_nominal,
+)
+from flexslew_lab.studies.varied import SampledParameter, require_distinct, sampled_parameters
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import Trial, load_trial
 from flexslew_plant.errors import BadInput
@@ -21,7 +26,7 @@ from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.yaml_data import load_yaml
 
-SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
+EXAMPLES = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
 
 
 class Place(NamedTuple):
@@ -30,7 +35,7 @@ class Place(NamedTuple):
     key: str
     way: tuple[Any, ...]  # to it in the values of the trial, see overrides.put
     nominal: Any  # what the draw is of
-    varied: Varied
+    varied: SampledParameter
     draw: int  # which of a sample's
 
 
@@ -50,9 +55,9 @@ class Study(NamedTuple):
     source: str  # the file
     trial_source: str  # its trial's file
     base: dict[str, Any]  # the trial as plain data, every default written out
-    varied: tuple[Varied, ...]
+    varied: tuple[SampledParameter, ...]
     variants: tuple[StudyVariant, ...]
-    listed: tuple[NDArray[np.float64], ...]  # columns of a list, by varied value
+    list_columns: tuple[NDArray[np.float64], ...]  # columns of a list, by varied value
     nominal: dict[int, Nominal]  # trials by variant, without a sample; filled on first use
     trust: Trust = NO_CODE  # which classes of the user's own its trials may name
 
@@ -66,16 +71,16 @@ def study_path(name: str) -> Path:
     path = Path(name)
     if os.path.isfile(path):  # also of a name that is too long for one
         return path
-    shipped = SHIPPED / f"{name}.yaml"
-    if os.path.isfile(shipped):
-        return shipped
-    known = ", ".join(shipped_names())
+    example = EXAMPLES / f"{name}.yaml"
+    if os.path.isfile(example):
+        return example
+    known = ", ".join(example_names())
     raise BadInput(f"is neither a study file nor a shipped study; shipped: {known}", name)
 
 
-def shipped_names() -> list[str]:
+def example_names() -> list[str]:
     """Return the names of the shipped studies."""
-    return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
+    return sorted(path.stem for path in EXAMPLES.glob("*.yaml"))
 
 
 def load_study(path: Path, trust: Trust = NO_CODE) -> Study:
@@ -135,14 +140,14 @@ def study_of_values(
     else:
         trial_source = trial.name
     base = plain(trial)
-    varied, listed = varied_of(settings, base, folder, source)
-    check_sampling(settings.sampling, len(varied), f"{source}: sampling")
-    require_apart(varied, f"{source}: vary")
+    sampled, list_columns = sampled_parameters(settings, base, folder, source)
+    check_sampling(settings.sampling, len(sampled), f"{source}: sampling")
+    require_distinct(sampled, f"{source}: vary")
     variants = tuple(
-        with_nominal(variant, varied, base, source, trust)
+        with_nominal(variant, sampled, base, source, trust)
         for variant in variants_of(settings, base, source)
     )
-    require_effect(settings, varied, variants, base, source)
+    require_nonzero_spread(settings, sampled, variants, base, source)
     for name, criterion in settings.criteria.items():
         if (criterion.below is None) == (criterion.above is None):
             raise BadInput(f"criteria.{name}: give either below or above", source)
@@ -155,7 +160,7 @@ def study_of_values(
             "give no bounds; use random, lhs or sobol",
             source,
         )
-    return Study(settings, source, trial_source, base, varied, variants, listed, {}, trust)
+    return Study(settings, source, trial_source, base, sampled, variants, list_columns, {}, trust)
 
 
 def known_metric(name: str, known: list[str], place: str) -> str:

@@ -7,7 +7,7 @@ from pydantic import Field
 from flexslew_lab.studies.sampling.methods import Sampling
 from flexslew_plant.settings import Positive, section
 
-Knowledge: TypeAlias = Literal["experiment", "manoeuvre"] | bool
+ModelSource: TypeAlias = Literal["experiment", "manoeuvre"] | bool
 REPLAN, EXPERIMENT, MANOEUVRE = "replan", "experiment", "manoeuvre"
 
 Confidence = Annotated[float, Field(gt=0.5, lt=1.0)]
@@ -60,7 +60,7 @@ class StudySettings:
     # one; `experiment`: what an experiment on the sampled bench finds; `manoeuvre`: what the log of
     # the manoeuvre finds that was planned for the nominal one. `compare: {replan: {nominal: false,
     # identified: experiment, truth: true}}` flies all three
-    replan: Knowledge = False
+    replan: ModelSource = False
     # keys that make the trial that experiment, with a `plan` of method excitation; its plan
     # believes the nominal bench
     shake: dict[str, Any] = Field(default_factory=dict)

@@ -10,11 +10,17 @@ from flexslew_lab.studies.study_settings import (
     EXPERIMENT,
     MANOEUVRE,
     REPLAN,
-    Knowledge,
+    ModelSource,
     StudySettings,
 )
-from flexslew_lab.studies.varied import OWN, Varied, nominal_value, numeric, overlap
-from flexslew_lab.trial.overrides import overridden, value_at
+from flexslew_lab.studies.varied import (
+    PER_TRIAL_KEYS,
+    SampledParameter,
+    nominal_value,
+    numeric,
+    overlap,
+)
+from flexslew_lab.trial.overrides import override_values, value_at
 from flexslew_lab.trial.trial import trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
@@ -26,7 +32,7 @@ class StudyVariant(NamedTuple):
 
     label: str  # empty where nothing is compared
     changes: dict[str, Any]
-    replan: Knowledge = False  # see StudySettings
+    replan: ModelSource = False  # see StudySettings
     nominal: Mapping[str, Any] = {}  # nominal values of draws by key, where its changes set them
 
 
@@ -45,11 +51,11 @@ def variants_of(
     """
     axes = []
     for key, given in settings.compare.items():
-        if key in OWN:
+        if key in PER_TRIAL_KEYS:
             words = f"compare.{key}: is not allowed: every trial of a study has its own"
             raise BadInput(words, source)
         if key == REPLAN:
-            _require_knowledge(given, source)
+            _require_model_source(given, source)
         elif key.split(".")[0] not in base:
             nominal_value(base, key, f"{source}: compare", (REPLAN,))
         named = given if isinstance(given, dict) else {_label(v): v for v in given}
@@ -57,8 +63,8 @@ def variants_of(
             raise BadInput(f"compare.{key}: two entries read the same; give them names", source)
         if not named:
             raise BadInput(f"compare.{key}: is empty; name what is to be compared", source)
-        shown = len(named) > 1  # one choice needs no label
-        axes.append([(label if shown else "", {key: v}) for label, v in named.items()])
+        has_label = len(named) > 1  # one choice needs no label
+        axes.append([(label if has_label else "", {key: v}) for label, v in named.items()])
     variants = []
     for choice in product(*axes):
         changes: dict[str, Any] = {}
@@ -66,26 +72,26 @@ def variants_of(
             changes |= change
         changes = dict(sorted(changes.items(), key=lambda item: item[0].count(".")))
         label = ", ".join(label for label, _ in choice if label)
-        knows = changes.pop(REPLAN, settings.replan)
-        if knows == EXPERIMENT and not settings.shake:
+        model_source = changes.pop(REPLAN, settings.replan)
+        if model_source == EXPERIMENT and not settings.shake:
             raise BadInput(
                 "shake: is missing; name the keys that make the trial an experiment, such as "
                 "plan: {method: excitation}",
                 source,
             )
-        variants.append(StudyVariant(label, changes, knows))
+        variants.append(StudyVariant(label, changes, model_source))
     return tuple(variants)
 
 
-def require_effect(
+def require_nonzero_spread(
     settings: StudySettings,
-    varied: Iterable[Varied],
+    sampled: Iterable[SampledParameter],
     variants: Sequence[StudyVariant],
     base: dict[str, Any],
     source: str,
 ) -> None:
     """Refuse a draw that is a share of zero everywhere, and what only experiments make use of."""
-    for one in varied:
+    for one in sampled:
         if one.reference != "relative":
             continue
         of = [v.nominal.get(key, value_at(base, key)) for v in variants for key in one.keys]
@@ -101,7 +107,11 @@ def require_effect(
 
 
 def with_nominal(
-    variant: StudyVariant, varied: Iterable[Varied], base: dict[str, Any], source: str, trust: Trust
+    variant: StudyVariant,
+    sampled: Iterable[SampledParameter],
+    base: dict[str, Any],
+    source: str,
+    trust: Trust,
 ) -> StudyVariant:
     """Return a variant with the nominal values of draws, by key, that its changes set.
 
@@ -109,11 +119,17 @@ def with_nominal(
         BadInput: if a draw would replace what is compared.
     """
     place, found = f"{source}: vary", dict[str, Any]()
-    keys = [(key, one.reference) for one in varied for key in one.keys]
-    said = {p: v for p, v in variant.changes.items() if any(overlap(p, key) for key, _ in keys)}
-    values = plain(trial_of_values(overridden(base, said), source, trust)) if said else {}
+    keys = [(key, one.reference) for one in sampled for key in one.keys]
+    relevant_changes = {
+        p: v for p, v in variant.changes.items() if any(overlap(p, key) for key, _ in keys)
+    }
+    values = (
+        plain(trial_of_values(override_values(base, relevant_changes), source, trust))
+        if relevant_changes
+        else {}
+    )
     for key, reference in keys:
-        changed = [path for path in said if overlap(path, key)]
+        changed = [path for path in relevant_changes if overlap(path, key)]
         if changed and reference != "absolute":
             found[key] = nominal_value(values, key, place)
             if not numeric(found[key]):
@@ -125,7 +141,7 @@ def with_nominal(
     return variant._replace(nominal=found)
 
 
-def _require_knowledge(given: list[Any] | dict[str, Any], source: str) -> None:
+def _require_model_source(given: list[Any] | dict[str, Any], source: str) -> None:
     named = given.items() if isinstance(given, dict) else enumerate(given)
     for label, value in named:
         if value not in (False, True, EXPERIMENT, MANOEUVRE):

@@ -14,12 +14,12 @@ from flexslew_lab.studies.study_settings import StudySettings
 from flexslew_lab.trial.overrides import value_at
 from flexslew_plant.errors import BadInput
 
-OWN = ("name", "seed", "rate_factor")  # keys of which every trial of a study has its own
+PER_TRIAL_KEYS = ("name", "seed", "rate_factor")  # keys of which every trial of a study has its own
 _REFERENCES = ("relative", "offset")  # what a draw may be added to
 _TAKEN = ("index", "sample", "variant", "replicate", "seed", "status", "reason", "way")
 
 
-class Varied(NamedTuple):
+class SampledParameter(NamedTuple):
     """One varied value."""
 
     name: str
@@ -36,9 +36,9 @@ class Varied(NamedTuple):
         return nominal + draw if self.reference == "offset" else draw
 
 
-def varied_of(
+def sampled_parameters(
     settings: StudySettings, base: dict[str, Any], folder: Path, source: str
-) -> tuple[tuple[Varied, ...], tuple[NDArray[np.float64], ...]]:
+) -> tuple[tuple[SampledParameter, ...], tuple[NDArray[np.float64], ...]]:
     """Return what varies, and of a list the columns of its file.
 
     Args:
@@ -55,24 +55,26 @@ def varied_of(
             raise BadInput("vary: is not allowed with a list, whose first row names all", source)
         place = f"{source}: sampling.file"
         keys, columns = list_of(folder / settings.sampling.file, place)
-        varied = tuple(Varied(key, (key,), "absolute", None) for key in keys)
+        sampled = tuple(SampledParameter(key, (key,), "absolute", None) for key in keys)
         for key in keys:
             nominal_value(base, key, place)
-        return varied, columns
+        return sampled, columns
     if not settings.vary:
         raise BadInput("vary: is missing; name at least one value of the trial", source)
     return tuple(_one(name, v, base, source) for name, v in settings.vary.items()), ()
 
 
-def require_apart(varied: Iterable[Varied], place: str) -> None:
+def require_distinct(sampled: Iterable[SampledParameter], place: str) -> None:
     """Refuse keys that a later draw would overwrite, and those that the study itself sets."""
     seen: list[str] = []
-    for key in (key for one in varied for key in one.keys):
-        if key in OWN:
+    for key in (key for one in sampled for key in one.keys):
+        if key in PER_TRIAL_KEYS:
             raise BadInput(f"{key} is not allowed: every trial of a study has its own", place)
-        twice = next((other for other in seen if overlap(key, other)), None)
-        if twice is not None:
-            raise BadInput(f"{key} is not allowed beside {twice}: both set the same value", place)
+        duplicate = next((other for other in seen if overlap(key, other)), None)
+        if duplicate is not None:
+            raise BadInput(
+                f"{key} is not allowed beside {duplicate}: both set the same value", place
+            )
         seen.append(key)
 
 
@@ -81,25 +83,27 @@ def overlap(one: str, other: str) -> bool:
     return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
 
 
-def _one(name: str, values: dict[str, Any], base: dict[str, Any], source: str) -> Varied:
+def _one(name: str, values: dict[str, Any], base: dict[str, Any], source: str) -> SampledParameter:
     place = f"{source}: vary.{name}"
-    own = dict(values)
-    keys = own.pop("keys", [name])
+    settings = dict(values)
+    keys = settings.pop("keys", [name])
     if not isinstance(keys, list) or not keys or not all(isinstance(k, str) for k in keys):
         raise BadInput("a list of keys of the trial", key=f"{place}.keys", value=keys)
     reference = "absolute"
     others: tuple[str, ...] = ("keys", *_REFERENCES)
-    if len(own) == 1 and next(iter(own)) in _REFERENCES:
-        reference, inner = next(iter(own.items()))
-        place, own, others = f"{place}.{reference}", inner, ()
+    if len(settings) == 1 and next(iter(settings)) in _REFERENCES:
+        reference, inner = next(iter(settings.items()))
+        place, settings, others = f"{place}.{reference}", inner, ()
     if name in _TAKEN:
         raise BadInput("is not allowed: the tables have a column of that name already", place)
-    varied = Varied(name, tuple(keys), reference, distribution_of(own, place, others))
+    sampled = SampledParameter(
+        name, tuple(keys), reference, distribution_of(settings, place, others)
+    )
     for key in keys:
         nominal = nominal_value(base, key, f"{source}: vary")
         if reference != "absolute" and not numeric(nominal):
             raise BadInput(f"{key} is {nominal!r} in the trial; {reference} needs numbers", place)
-    return varied
+    return sampled
 
 
 def nominal_value(base: dict[str, Any], key: str, place: str, others: tuple[str, ...] = ()) -> Any:
@@ -129,8 +133,8 @@ def nominal_value(base: dict[str, Any], key: str, place: str, others: tuple[str,
 def _paths(values: Any, prefix: str = "") -> list[str]:
     if not isinstance(values, dict):
         return [prefix]
-    inside = [_paths(v, f"{prefix}.{k}" if prefix else str(k)) for k, v in values.items()]
-    return [path for paths in inside for path in paths]
+    nested = [_paths(v, f"{prefix}.{k}" if prefix else str(k)) for k, v in values.items()]
+    return [path for paths in nested for path in paths]
 
 
 def numeric(value: Any) -> bool:

@@ -15,7 +15,7 @@ class Way(StrEnum):
     SCHEDULE = "bench: a switch at the start, or one that is not answered"
     BRAKE = "bench: a switch out of the brake"
     NAN = "bench: a filter that restarts after sensors that read NaN"
-    JUDGED = "bench: sensors or an estimate that are looked at"
+    MONITORED = "bench: sensors or an estimate that are looked at"
     SWITCH = "bench: a switch to a law with a memory of its own"
     NO_PLAN = "bench: no plan for a filter about one"
     JOINTS = "bench: joints that are read in another way"

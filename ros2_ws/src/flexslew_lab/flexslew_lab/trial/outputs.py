@@ -13,7 +13,7 @@ RUNS = Path("runs")  # below the working directory
 WITHOUT = "without_feedforward"  # bag of the same trial without feedforward, in a run's folder
 
 
-def writable_file(path: Path, option: str, read: str | Path | None = None) -> Path:
+def check_output_file(path: Path, option: str, read: str | Path | None = None) -> Path:
     """Return the path after checking that a file can be written there; nothing is left behind.
 
     Args:
@@ -37,7 +37,7 @@ def writable_file(path: Path, option: str, read: str | Path | None = None) -> Pa
     return path
 
 
-def writable_folder(path: Path, option: str, empty: bool = False) -> Path:
+def check_output_folder(path: Path, option: str, empty: bool = False) -> Path:
     """Return the path after checking that files can be written there; nothing is left behind.
 
     Args:
@@ -70,17 +70,17 @@ def new_folder(name: str, out: Path | None) -> Path:
         out: the folder that --out names; None: a new one below runs/.
 
     Raises:
-        BadInput: see writable_folder.
+        BadInput: see check_output_folder.
     """
     if out is not None:
-        return writable_folder(out, "--out", empty=True)
+        return check_output_folder(out, "--out", empty=True)
     now = datetime.now().strftime("%Y%m%d-%H%M%S")
     out = RUNS / f"{name}-{now}"
     counter = 1
     while os.path.exists(out):
         counter += 1
         out = RUNS / f"{name}-{now}-{counter}"
-    return writable_folder(out, "--out (default)", empty=True)
+    return check_output_folder(out, "--out (default)", empty=True)
 
 
 def new_file(name: str) -> Path:

@@ -6,7 +6,7 @@ from typing import Any
 from flexslew_plant.errors import BadInput
 
 
-def overridden(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+def override_values(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     """Return the keys of a file with some of them changed; nothing passed in is touched.
 
     What no path leads through is that of `values`, and not copied.
@@ -39,18 +39,18 @@ def keys_to(values: dict[str, Any], path: str, make: bool = True) -> tuple[Any, 
     Raises:
         BadInput: see overridden; or if a container is missing without `make`.
     """
-    rest, keys, walked = _parts(path), list[Any](), ""
+    rest, keys, prefix = _parts(path), list[Any](), ""
     place: Any = values
     while rest:
-        key, rest = _next_key(place, rest, path, walked)
+        key, rest = _next_key(place, rest, path, prefix)
         keys.append(key)
-        walked = f"{walked}.{key}".lstrip(".")
-        there = _holds(place, key)
-        if rest and not (there or make):
+        prefix = f"{prefix}.{key}".lstrip(".")
+        exists = _has_key(place, key)
+        if rest and not (exists or make):
             raise BadInput(f"{key} is not there", path)
-        place = place[key] if there else None
+        place = place[key] if exists else None
         if make:
-            place = {} if place is None else _shallow(place)
+            place = {} if place is None else _copy_container(place)
     return tuple(keys)
 
 
@@ -67,8 +67,8 @@ def put(values: dict[str, Any], keys: Sequence[Any], value: Any) -> None:
     """
     place: Any = values
     for key in keys[:-1]:
-        inner = place[key] if _holds(place, key) else None
-        place[key] = {} if inner is None else _shallow(inner)
+        inner = place[key] if _has_key(place, key) else None
+        place[key] = {} if inner is None else _copy_container(inner)
         place = place[key]
     place[keys[-1]] = _copied(value)
 
@@ -81,7 +81,7 @@ def value_at(values: dict[str, Any], path: str) -> Any:
     """
     found: Any = values
     for key in keys_to(values, path, make=False):
-        if not _holds(found, key):
+        if not _has_key(found, key):
             raise BadInput(f"{key} is not there", path)
         found = found[key]
     return found
@@ -96,7 +96,7 @@ def _copied(value: Any) -> Any:
     return value
 
 
-def _shallow(value: Any) -> Any:
+def _copy_container(value: Any) -> Any:
     """Return a copy of a container with the same entries."""
     if isinstance(value, dict):
         return dict(value)
@@ -115,7 +115,7 @@ def _parts(path: str) -> list[str]:
     return parts
 
 
-def _next_key(place: Any, rest: list[str], path: str, walked: str) -> tuple[Any, list[str]]:
+def _next_key(place: Any, rest: list[str], path: str, prefix: str) -> tuple[Any, list[str]]:
     """Return the next key, the longest that is there, and what of the path is left."""
     if isinstance(place, dict):
         for count in range(len(rest), 0, -1):
@@ -126,9 +126,9 @@ def _next_key(place: Any, rest: list[str], path: str, walked: str) -> tuple[Any,
     if isinstance(place, list):
         if rest[0].isdigit() and int(rest[0]) < len(place):
             return int(rest[0]), rest[1:]
-        raise BadInput(f"{walked} has the entries 0 to {len(place) - 1}, not {rest[0]}", path)
-    raise BadInput(f"{walked} is the scalar {place!r}; it has no keys", path)
+        raise BadInput(f"{prefix} has the entries 0 to {len(place) - 1}, not {rest[0]}", path)
+    raise BadInput(f"{prefix} is the scalar {place!r}; it has no keys", path)
 
 
-def _holds(place: Any, key: Any) -> bool:
+def _has_key(place: Any, key: Any) -> bool:
     return isinstance(key, int) or key in place

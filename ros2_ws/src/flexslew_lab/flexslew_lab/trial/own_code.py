@@ -10,28 +10,30 @@ from flexslew_plant.own_code import code_hash
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import TESTBEDS
 
-HASHES = "own_code"  # key in the metadata of a log: JSON, SHA-256 by name
+HASH_KEY = "own_code"  # key in the metadata of a log: JSON, SHA-256 by name
 
 
-def own_names(trial: Trial) -> list[str]:
+def user_code_names(trial: Trial) -> list[str]:
     """Return the names of the laws, testbeds, planners and metrics that are not built in."""
     values = plain(trial)
-    names = {law_of(name, own or {})[0] for name, own in values["controllers"].items()}
+    names = {law_of(name, settings or {})[0] for name, settings in values["controllers"].items()}
     names -= set(CONTROLLERS)
-    names |= {*_under("kind", [values["testbed"], values["plan"], values["controllers"]])}
-    names |= {*_under("method", [values["plan"]])} - set(PLANNERS)
+    names |= {*_values_of_key("kind", [values["testbed"], values["plan"], values["controllers"]])}
+    names |= {*_values_of_key("method", [values["plan"]])} - set(PLANNERS)
     return sorted(names - set(TESTBEDS) | set(trial.metrics))
 
 
-def own_code_of(trial: Trial) -> dict[str, str]:
+def user_code_hash(trial: Trial) -> dict[str, str]:
     """Return the SHA-256 of the files of laws, testbeds, planners and metrics not built in."""
-    return {name: code_hash(name) for name in own_names(trial)}
+    return {name: code_hash(name) for name in user_code_names(trial)}
 
 
-def _under(key: str, values: Any) -> Iterator[str]:
+def _values_of_key(key: str, values: Any) -> Iterator[str]:
     """Yield the texts under a key of a testbed, or of a `model` that changes one."""
     for part in values.values() if isinstance(values, dict) else values:
         if isinstance(part, dict):
             if isinstance(part.get(key), str):
                 yield part[key]
-            yield from _under(key, [part[k] for k in ("model",) if isinstance(part.get(k), dict)])
+            yield from _values_of_key(
+                key, [part[k] for k in ("model",) if isinstance(part.get(k), dict)]
+            )

@@ -10,7 +10,7 @@ from pydantic_core import core_schema
 
 from flexslew_control.controllers import CONTROLLERS, CommonSettings
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.keys.settings_fields import own_meanings
+from flexslew_plant.keys.settings_fields import describe_section
 from flexslew_plant.keys.units import ABOVE, UNITS, units_in
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -29,7 +29,7 @@ def trial_schema() -> dict[str, Any]:
         for kind in (Trial, CommonSettings, *(entry.settings for entry in CONTROLLERS.values()))
     ]
     places, whole = TypeAdapter.json_schemas(
-        kinds, schema_generator=_Described, ref_template=_PLACE
+        kinds, schema_generator=_SchemaGenerator, ref_template=_PLACE
     )
     definitions = whole["$defs"]
     del definitions["Trust"]  # of no key
@@ -38,8 +38,8 @@ def trial_schema() -> dict[str, Any]:
     laws = {}
     for name, entry in CONTROLLERS.items():
         place = places[entry.settings, "validation"]["$ref"]
-        own = definitions[place.rpartition("/")[2]]
-        own["properties"] |= common["properties"] | {"law": {"type": "string"}, "file": {}}
+        definition = definitions[place.rpartition("/")[2]]
+        definition["properties"] |= common["properties"] | {"law": {"type": "string"}, "file": {}}
         laws[name] = {"$ref": place}
     trial["properties"]["controllers"] |= {
         "properties": {
@@ -53,7 +53,7 @@ def trial_schema() -> dict[str, Any]:
             ]
         },
     }
-    schema = _open_unions({"$schema": DIALECT, **trial, "$defs": definitions}, definitions)
+    schema = _allow_user_types({"$schema": DIALECT, **trial, "$defs": definitions}, definitions)
     assert isinstance(schema, dict)
     return schema
 
@@ -61,22 +61,22 @@ def trial_schema() -> dict[str, Any]:
 _NULL = {"type": "null"}
 
 
-class _Described(GenerateJsonSchema):
+class _SchemaGenerator(GenerateJsonSchema):
     """Adds to every key of a section what it means, and the quantities that it takes as text."""
 
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> dict[str, Any]:
         found: dict[str, Any] = super().dataclass_schema(schema)
-        for key, meaning in own_meanings(schema["cls"]).items():
+        for key, description in describe_section(schema["cls"]).items():
             node = found.get("properties", {}).get(key)
             if node is None:
                 continue
-            units = [u for unit in units_in(meaning.words) for u in _spelt(unit)]
+            units = [u for unit in units_in(description.words) for u in _unit_names(unit)]
             node = _with_quantities(node, units) if units else node
-            found["properties"][key] = {**node, "description": meaning.told}
+            found["properties"][key] = {**node, "description": description.description}
         return found
 
 
-def _spelt(unit: str) -> Iterable[str]:
+def _unit_names(unit: str) -> Iterable[str]:
     """Return what a unit may be given in; that of the section above is not known here."""
     return chain.from_iterable(UNITS.values()) if unit == ABOVE else UNITS.get(unit, {})
 
@@ -88,21 +88,21 @@ def _with_quantities(node: Any, units: list[str]) -> Any:
     if not isinstance(node, dict):
         return node
     if node.get("type") == "number":
-        told = {key: node[key] for key in ("default", "title") if key in node}
-        number = {key: value for key, value in node.items() if key not in told}
+        metadata = {key: node[key] for key in ("default", "title") if key in node}
+        number = {key: value for key, value in node.items() if key not in metadata}
         text = {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*({'|'.join(units)})\s*$"}
-        return {**told, "anyOf": [number, text]}
+        return {**metadata, "anyOf": [number, text]}
     inner = ("anyOf", "oneOf", "items", "prefixItems", "additionalProperties")
     return {k: _with_quantities(v, units) if k in inner else v for k, v in node.items()}
 
 
-def _open_unions(node: Any, definitions: dict[str, Any]) -> Any:
+def _allow_user_types(node: Any, definitions: dict[str, Any]) -> Any:
     """Return a schema with unions that also take classes of the user's own, chosen by their key."""
     if isinstance(node, list):
-        return [_open_unions(one, definitions) for one in node]
+        return [_allow_user_types(one, definitions) for one in node]
     if not isinstance(node, dict):
         return node
-    node = {key: _open_unions(value, definitions) for key, value in node.items()}
+    node = {key: _allow_user_types(value, definitions) for key, value in node.items()}
     options = node.pop("oneOf", None)
     if options is None:
         return node
@@ -111,14 +111,16 @@ def _open_unions(node: Any, definitions: dict[str, Any]) -> Any:
     known = [one for one in options if one]
     kinds = [definitions[one["$ref"].rpartition("/")[2]]["properties"] for one in known]
     tag = next(key for key, value in kinds[0].items() if "const" in value)
-    chosen = _options_of_tag(tag, zip((kind[tag]["const"] for kind in kinds), known, strict=True))
+    alternatives = _options_of_tag(
+        tag, zip((kind[tag]["const"] for kind in kinds), known, strict=True)
+    )
     names = [kind[tag]["const"] for kind in kinds]
-    own = {"type": "string", "pattern": ":"}
+    definition = {"type": "string", "pattern": ":"}
     return node | {
         "type": "object",
         "required": [tag],
-        "properties": {tag: {"anyOf": [{"enum": names}, own]}},
-        "allOf": list(chosen),
+        "properties": {tag: {"anyOf": [{"enum": names}, definition]}},
+        "allOf": list(alternatives),
     }
 
 

@@ -7,10 +7,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.trial import Trial, checked_trial, text_of, trial_of_values
 from flexslew_plant.errors import BadInput
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.yaml_data import load_yaml
 
@@ -19,7 +19,7 @@ DEFAULT = "m1"
 _CHOICES = ("method", "kind", "law")  # they determine the other keys of a section
 
 
-class Shipped(NamedTuple):
+class ExampleTrial(NamedTuple):
     """A trial that comes with the bench."""
 
     name: str
@@ -27,7 +27,7 @@ class Shipped(NamedTuple):
     about: str  # its first comment, one line
 
 
-def shipped_trials() -> list[Shipped]:
+def example_trials() -> list[ExampleTrial]:
     """Return the shipped trials by name."""
     found = []
     for path in sorted(FOLDER.glob("*.yaml")):
@@ -36,7 +36,7 @@ def shipped_trials() -> list[Shipped]:
             if not line.startswith("#"):
                 break
             comments.append(line.lstrip("# ").rstrip())
-        found.append(Shipped(path.stem, path, " ".join(comments)))
+        found.append(ExampleTrial(path.stem, path, " ".join(comments)))
     return found
 
 
@@ -57,10 +57,10 @@ def trial_path(name: str | Path | None) -> Path:
         run = os.path.isfile(path / "trial.yaml")
         hint = "; give the trial.yaml in it" if run else ""
         raise BadInput(f"{given}: cannot be read: it is a folder{hint}")
-    known = {trial.name: trial.path for trial in shipped_trials()}
+    known = {trial.name: trial.path for trial in example_trials()}
     if given in known:
         return known[given]
-    hint = did_you_mean(given, known)
+    hint = spelling_hint(given, known)
     raise BadInput(
         f"{given}: is neither a file nor a shipped trial; {hint}shipped: {', '.join(known)}"
     )
@@ -103,7 +103,7 @@ def read_trial(name: str | Path | None, assignments: list[str] | None = None) ->
     values = load_yaml(text_of(path), str(path))
     if changes and isinstance(values, dict):
         try:
-            values = overridden(values, changes)
+            values = override_values(values, changes)
         except BadInput as error:
             raise BadInput(f"--set: {error}") from None
     source = label + "".join(f" --set {assignment}" for assignment in assignments or [])

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from flexslew_control.active_laws import LawAt, active_at, canonical, switches_of, with_law
+from flexslew_control.active_laws import LawAt, active_at, canonical, switch_schedule, with_law
 from flexslew_control.controllers import (
     DEFAULT,
     build_controller,
@@ -31,17 +31,17 @@ from flexslew_control.planners.law_gains import law_gains
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.injections import injections_of, names_of
-from flexslew_plant.bench.records import BenchSettings, PaceSettings
+from flexslew_plant.bench.records import BenchSettings, RateSettings
 from flexslew_plant.bench.retarget import with_schedule
-from flexslew_plant.bench.schedule import command_delays, require_allowed
+from flexslew_plant.bench.schedule import command_delay_ticks, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.commands import ControllerSilent
 from flexslew_plant.given_file import given_text
-from flexslew_plant.hardware.actuator import ActuatorSettings, shortest_impulses
+from flexslew_plant.hardware.actuator import ActuatorSettings, minimum_impulse
 from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.hardware.sensors import SensorSettings
 from flexslew_plant.joint_quantities import require_units_of_joints
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import NotAKey, Positive, plain, section, validated
@@ -49,7 +49,7 @@ from flexslew_plant.testbeds import Testbed, TestbedSettings, default_testbed, w
 from flexslew_plant.yaml_data import load_yaml, require_short, yaml_text
 
 
-def _default_law_alone() -> dict[str, dict[str, Any]]:
+def _default_controllers() -> dict[str, dict[str, Any]]:
     return {DEFAULT: {}}
 
 
@@ -73,7 +73,7 @@ PlanKey: TypeAlias = Annotated[
 
 
 @section
-class Trial(BenchSettings, PaceSettings):
+class Trial(BenchSettings, RateSettings):
     """The keys of a trial file: the bench, and the controllers that fly it."""
 
     # name of the run and of its folder: letters, digits, `_`, `.`, `-`
@@ -81,7 +81,7 @@ class Trial(BenchSettings, PaceSettings):
     duration: Positive = 100.0  # length of the run [s], simulated
     plan: PlanKey | None = None  # the manoeuvre; null: hold the first measured position
     # controllers by name; all of them run, one is in charge
-    controllers: dict[str, dict[str, Any]] = Field(default_factory=_default_law_alone)
+    controllers: dict[str, dict[str, Any]] = Field(default_factory=_default_controllers)
     # largest `goal_error` (see metrics.json) of a run that has reached its goal [-]; a run that has
     # not ends with exit code 1
     goal_tolerance: Positive = 0.1
@@ -174,13 +174,13 @@ def _require_settings(trial: Trial, source: str) -> None:
     injections_of(trial.schedule, names, trial.period, source)
     try:
         motors, model = trial.actuator, plant.testbed.model()
-        shortest_impulses(motors, model.joint_names, plant.effort_limit, trial.period)
-        coefficients(model.own_motors, motors)
+        minimum_impulse(motors, model.joint_names, plant.effort_limit, trial.period)
+        coefficients(model.resolved_motors, motors)
     except BadInput as error:
         raise BadInput(error.refusal.within("actuator", source)) from None
     for name, values in trial.controllers.items():
-        law, own = law_of(name, values or {})
-        require_settings(law, own, plant, f"{source}: controllers.{name}")
+        law, user_settings = law_of(name, values or {})
+        require_settings(law, user_settings, plant, f"{source}: controllers.{name}")
     plan: Any = trial.plan
     if getattr(plan, "method", None) in PLANNERS:
         require_section(plan, plant, source)
@@ -191,7 +191,7 @@ def _require_controller(trial: Trial, name: str, source: str, key: str) -> None:
         raise BadInput("give at least one, for example {pd_feedforward: {}}", source, "controllers")
     if name not in trial.controllers:
         known = ", ".join(trial.controllers)
-        hint = did_you_mean(name, trial.controllers)
+        hint = spelling_hint(name, trial.controllers)
         raise BadInput(f"{name} is not in controllers; {hint}allowed: {known}", source, key)
 
 
@@ -230,12 +230,14 @@ def _with_files(trial: Trial, source: str) -> Trial:
     read = {}
     for name, values in trial.controllers.items():
         law, _ = law_of(name, values or {})
-        own, place = dict(values or {}), f"{source}: controllers.{name}"
-        if "file" in own:
-            own = with_file(law, own, place, trial.trust)
-        if isinstance(own.get("model"), dict):
-            own["model"] = with_model_file(own["model"], f"{place}.model", trial.trust)
-        read[name] = own if values else values
+        user_settings, place = dict(values or {}), f"{source}: controllers.{name}"
+        if "file" in user_settings:
+            user_settings = with_file(law, user_settings, place, trial.trust)
+        if isinstance(user_settings.get("model"), dict):
+            user_settings["model"] = with_model_file(
+                user_settings["model"], f"{place}.model", trial.trust
+            )
+        read[name] = user_settings if values else values
     plan: Any = trial.plan
     model = getattr(plan, "model", None)
     if isinstance(model, dict):
@@ -246,7 +248,7 @@ def _with_files(trial: Trial, source: str) -> Trial:
 
 
 @section
-class _Alone:
+class _SeparateSections:
     """Sections of a trial that no other one is checked against."""
 
     testbed: TestbedSettings = Field(default_factory=default_testbed)
@@ -254,7 +256,7 @@ class _Alone:
     sensors: SensorSettings = SensorSettings()
 
 
-ALONE = frozenset(field.name for field in fields(_Alone))
+SEPARATE_SECTIONS = frozenset(field.name for field in fields(_SeparateSections))
 
 
 def with_sections(trial: Trial, values: dict[str, Any], source: str) -> Trial:
@@ -270,9 +272,9 @@ def with_sections(trial: Trial, values: dict[str, Any], source: str) -> Trial:
     Raises:
         BadInput: if a value of a section is not allowed.
     """
-    given = {name: value for name, value in values.items() if name in ALONE}
-    alone = validated(_Alone, given, source, trial.trust)
-    read = {name: getattr(alone, name) for name in given}
+    given = {name: value for name, value in values.items() if name in SEPARATE_SECTIONS}
+    sections = validated(_SeparateSections, given, source, trial.trust)
+    read = {name: getattr(sections, name) for name in given}
     other = object.__new__(Trial)  # all of it is checked
     vars(other).update({**vars(trial), **values, **read})
     return other
@@ -296,8 +298,8 @@ def bench_settings(trial: Trial) -> BenchSettings:
 
 def law_of(name: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return which law a controller of the trial runs, and that law's own values."""
-    own = dict(values)
-    return str(own.pop("law", name)), own
+    user_settings = dict(values)
+    return str(user_settings.pop("law", name)), user_settings
 
 
 def build_controllers(trial: Trial, source: str) -> dict[str, Controller]:
@@ -309,11 +311,11 @@ def build_controllers(trial: Trial, source: str) -> dict[str, Controller]:
     built = {}
     plant = plant_of(trial)
     for name, values in trial.controllers.items():
-        law, own = law_of(name, values or {})
+        law, user_settings = law_of(name, values or {})
         built[name] = build_controller(
             name,
             law,
-            own,
+            user_settings,
             plant,
             f"{source}: controllers.{name}",
         )
@@ -333,24 +335,24 @@ def set_up(
     Raises:
         BadInput: a law or one of its values is not allowed.
     """
-    stands = trial if testbed is None else replace(trial, testbed=testbed)
+    plant_trial = trial if testbed is None else replace(trial, testbed=testbed)
     try:
-        bench = Bench(bench_settings(stands))
+        bench = Bench(bench_settings(plant_trial))
     except BadInput as error:
-        own = error.refusal.source  # the file of a user's testbed
-        raise BadInput(replace(error.refusal, source=own or source)) from None
+        user_settings = error.refusal.source  # the file of a user's testbed
+        raise BadInput(replace(error.refusal, source=user_settings or source)) from None
     return bench, build_controllers(trial, source)
 
 
-def follow(controllers: dict[str, Controller], active: str, plan: Plan | None) -> Refusal | None:
+def set_plan(controllers: dict[str, Controller], active: str, plan: Plan | None) -> Refusal | None:
     """Let controllers follow a plan; return why the one in charge cannot, or None.
 
     Another one that cannot is not ready.
     """
     if plan is None:
         return None
-    refused = {name: controller.adopt(plan) for name, controller in controllers.items()}
-    return refused[active] or controllers[active].reason
+    refusals = {name: controller.adopt(plan) for name, controller in controllers.items()}
+    return refusals[active] or controllers[active].reason
 
 
 def plan_of_trial(trial: Trial, predict: bool = True) -> Plan | None:
@@ -370,7 +372,7 @@ def plan_of_trial(trial: Trial, predict: bool = True) -> Plan | None:
         return with_jump(load_plan(trial.plan.file), plant, {})
     law, gains = law_in_charge(trial), feedback_of(trial)
     plan = make_plan(trial.plan, plant, gains, law=law, predict=predict)
-    plan = with_stated_law(trial, plan)
+    plan = with_law_statement(trial, plan)
     return with_jump(plan, plant, {}) if getattr(trial.plan, "initial", None) else plan
 
 
@@ -390,7 +392,7 @@ def plant_of(trial: Trial) -> PlantDescription:
     """Return what stands on the trial's bench."""
     limit = np.array(trial.testbed.effort_limit, dtype=np.float64)
     testbed = with_schedule(trial.testbed, trial.schedule)
-    delay = command_delays(trial.schedule, testbed.model().joint_names, 0.0)
+    delay = command_delay_ticks(trial.schedule, testbed.model().joint_names, 0.0)
     return PlantDescription(
         testbed, trial.period, limit, trial.trust, trial.actuator, delay, trial.schedule
     )
@@ -402,28 +404,28 @@ def active_controller(trial: Trial, time: float) -> str:
     Fallbacks of a controller that falls silent do not count.
     """
     now = floor(time / trial.period + 1e-6)  # a tick that rounding has moved is that tick
-    return active_at(trial.active, switches_of(trial.schedule, trial.period), now)
+    return active_at(trial.active, switch_schedule(trial.schedule, trial.period), now)
 
 
 def law_in_charge(trial: Trial) -> ActiveLaw:
     """Return the law of the controller that is active at the start of the trial's plan."""
-    name = _planned_controller(trial)
+    name = _plan_controller(trial)
     return ActiveLaw(*law_of(name, trial.controllers[name] or {}))
 
 
 def feedback_of(trial: Trial) -> Feedback | None:
     """Return the joint gains of that law, where it has such gains."""
-    place = f"controllers.{_planned_controller(trial)}"
+    place = f"controllers.{_plan_controller(trial)}"
     return law_gains(law_in_charge(trial), plant_of(trial), place)
 
 
-def with_stated_law(trial: Trial, plan: Plan) -> Plan:
+def with_law_statement(trial: Trial, plan: Plan) -> Plan:
     """Return the plan of a trial with a statement of the law that it is made for."""
-    at = LawAt(_planned_controller(trial), canonical(law_in_charge(trial)))
+    at = LawAt(_plan_controller(trial), canonical(law_in_charge(trial)))
     first, last = plan.first_tick, plan.first_tick + plan.ticks
-    switches = switches_of(trial.schedule, trial.period)
+    switches = switch_schedule(trial.schedule, trial.period)
     return with_law(plan, at, [switch for switch in switches if first < switch.tick < last])
 
 
-def _planned_controller(trial: Trial) -> str:
+def _plan_controller(trial: Trial) -> str:
     return active_controller(trial, getattr(trial.plan, "start", None) or 0.0)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector, keep_all, kept
+from flexslew_plant.arrays import Vector, keep_all, read_only
 from flexslew_plant.bench.divergence import diagnosis, integration_of, is_lost
 from flexslew_plant.bench.due_ticks import past, too_late
 from flexslew_plant.bench.handover import RUN_OVER, Handover
@@ -21,26 +21,26 @@ from flexslew_plant.bench.records import InjectResult as InjectResult
 from flexslew_plant.bench.records import SwitchRequest as SwitchRequest
 from flexslew_plant.bench.records import SwitchResult as SwitchResult
 from flexslew_plant.bench.records import Truth as Truth
-from flexslew_plant.bench.retarget import requested_turn, retargeted, with_schedule
-from flexslew_plant.bench.schedule import injected_entry, require_allowed
+from flexslew_plant.bench.retarget import requested_target, with_schedule, with_target
+from flexslew_plant.bench.schedule import requested_entry, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
-    BentFar,
     CommandRejected,
     Event,
     Fact,
     FaultEndRequested,
     InjectionRequested,
+    LargeDeflection,
     RunFinished,
     StateLost,
     TargetRequested,
     event_of,
     message_of,
 )
-from flexslew_plant.events.run import Objection
+from flexslew_plant.events.run import RejectionReason
 from flexslew_plant.faults.dispatch import load_steps
-from flexslew_plant.faults.effects import Fate
-from flexslew_plant.hardware.actuator import Actuator, shortest_impulses
+from flexslew_plant.faults.effects import CommandStatus
+from flexslew_plant.hardware.actuator import Actuator, minimum_impulse
 from flexslew_plant.hardware.drive import Drive
 from flexslew_plant.hardware.friction import friction_of
 from flexslew_plant.hardware.plausibility import Plausibility
@@ -65,7 +65,7 @@ def _initial_model(given: Testbed, testbed: Testbed) -> tuple[Vector, Model, flo
         BadInput: its numbers are too large or too small to compute with.
     """
     try:
-        start, model = kept(initial_state(given)), testbed.model()
+        start, model = read_only(initial_state(given)), testbed.model()
         small = model.linearise(model.split(start)[0])
         if not np.isfinite((small.mass, small.stiffness)).all():
             raise OverflowError("mass and stiffness are not finite")
@@ -102,20 +102,24 @@ class Bench:
     def __init__(self, settings: BenchSettings) -> None:
         self.settings = settings
         self._testbed = with_schedule(settings.testbed, settings.schedule)
-        self._start, self.model, slowest = _initial_model(settings.testbed, self._testbed)
+        self._start, self.model, lowest_frequency = _initial_model(settings.testbed, self._testbed)
         self.appendages = self.model.appendages
         self.limit: Vector = np.array(settings.testbed.effort_limit, dtype=float)
-        moved = self.model.inertias(self._start)
-        able = np.where(np.isinf(moved), 0.0, moved)  # what does not move its joint brakes nothing
-        brake = settings.brake_damping_ratio * slowest * able
+        joint_inertia = self.model.inertias(self._start)
+        brake_inertia = np.where(
+            np.isinf(joint_inertia), 0.0, joint_inertia
+        )  # what does not move its joint brakes nothing
+        brake = settings.brake_damping_ratio * lowest_frequency * brake_inertia
         self.drive = Drive(settings.active, settings.max_missed, brake)
         self.handover = Handover(self.drive, settings.fallback, self.tell)
         motors, names, period = settings.actuator, self.model.joint_names, settings.period
-        impulse = shortest_impulses(motors, names, self.limit, period)
+        impulse = minimum_impulse(motors, names, self.limit, period)
         self.actuator = Actuator(motors, self.limit, period, impulse, self.model.one_way)
-        self._spins = spin_limits_of(self.model, settings.period)
-        chosen = settings.plausibility
-        self._plausibility = Plausibility(chosen, settings.period) if chosen else None
+        self._wheel_limits = spin_limits_of(self.model, settings.period)
+        check_settings = settings.plausibility
+        self._sensor_check = (
+            Plausibility(check_settings, settings.period) if check_settings else None
+        )
         q, _ = self.model.split(self._start)
         self._steps, self.fast_mode = integration_of(
             self.model, q, settings.period, settings.duration, settings.integration_steps
@@ -124,7 +128,7 @@ class Bench:
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.allow_faults)
         self._names = names_of(self.model, self.limit)
-        self._known = injections_of(settings.schedule, self._names, settings.period)
+        self._known_faults = injections_of(settings.schedule, self._names, settings.period)
         self.events: deque[Event] = deque()
         self.epoch, self.tick = -1, 0
         self.reset()
@@ -137,7 +141,7 @@ class Bench:
             for entry in self.settings.schedule
             if entry.switch is not None
         )
-        self._turned = self._testbed  # including the turns that operators have requested
+        self._current_testbed = self._testbed  # including the turns that operators have requested
         self.model = self._testbed.model()
         self.epoch += 1
         self.tick = 0
@@ -148,21 +152,23 @@ class Bench:
             self.settings.sensors,
             np.random.default_rng([self.settings.seed, self.epoch]),
             self.appendages.errors,
-            self.appendages.begun(self.settings.period, [self.settings.seed, self.epoch]),
+            self.appendages.started(self.settings.period, [self.settings.seed, self.epoch]),
         )
         self._x: Vector = self._start
-        self._applied: Vector = kept(np.zeros(self.model.joints))
+        self._applied: Vector = read_only(np.zeros(self.model.joints))
         self._extra: Vector = self._applied  # disturbance during the last tick
         self._total: Vector = self._applied  # both
-        if self._plausibility is not None:
-            self._plausibility.reset()
-        self._bent: set[int] = set()  # tip readings that have been beyond small deflections
+        if self._sensor_check is not None:
+            self._sensor_check.reset()
+        self._tip_warnings: set[int] = set()  # tip readings that have been beyond small deflections
         self._answer: Vector | None = None
         self._lost = False  # the answer of this tick was given, and did not arrive
         seed, period = self.settings.seed, self.settings.period
-        self._injections = Injections(self._names, period, seed, self.epoch, self._known, self.tell)
+        self._injections = Injections(
+            self._names, period, seed, self.epoch, self._known_faults, self.tell
+        )
         self._faults = self._injections.faults
-        self._ask()
+        self._start_tick()
 
     def place(self, x: Vector, applied: Vector, motors: Vector) -> None:
         """Go on from another state of motion at this tick, as nothing physical does.
@@ -172,22 +178,22 @@ class Bench:
             applied: effort during the last tick, shape (joints,) [N m or N].
             motors: torques of motors with a lag at the end of it, shape (joints,) [N m or N].
         """
-        self._x, self._applied = kept(x), kept(applied)
-        self._extra, self._total = kept(np.zeros_like(applied)), self._applied
+        self._x, self._applied = read_only(x), read_only(applied)
+        self._extra, self._total = read_only(np.zeros_like(applied)), self._applied
         self.actuator.place(motors)
-        self._ask()
+        self._start_tick()
 
     def _warm(self) -> None:
         """Compile and load what a tick needs, so that none of them waits for it."""
         self.truth()
-        self._moved(self._applied)
+        self._integrate(self._applied)
         if self.settings.allow_faults:  # an operator may inject any
             load_steps()
 
     @property
     def testbed(self) -> Testbed:
         """What stands here, with the turns of the schedule and those of operators."""
-        return self._turned
+        return self._current_testbed
 
     @property
     def time(self) -> float:
@@ -226,7 +232,7 @@ class Bench:
             v,
             self._applied,
             self._extra,
-            kept(self.appendages.tip.dot(self.model.modal_state(self._x)[0])),
+            read_only(self.appendages.tip.dot(self.model.modal_state(self._x)[0])),
             self.model.energy(self._x, self.time),
         )
 
@@ -240,26 +246,26 @@ class Bench:
         """
         if getattr(command.effort, "dtype", None) != np.float64:
             command = command._replace(effort=_numbers(command.effort))
-        asked = self.question
-        other = command.tick != asked.tick or command.controller != asked.controller
-        if other and self.drive.heard_before(command):
+        question = self.question
+        other = command.tick != question.tick or command.controller != question.controller
+        if other and self.drive.is_repeat(command):
             return False
-        if self._objected(command) or self._answer is not None or self._lost:
+        if self._is_rejected(command) or self._answer is not None or self._lost:
             return False
         faults = self._faults
-        if faults.at_work and faults.fate(command) is not Fate.ARRIVES:
+        if faults.at_work and faults.command_status(command) is not CommandStatus.ON_TIME:
             self._lost = True
             return True
         if not self.handover.answered(command.effort, self._applied):
             self.question = self.question._replace(controller=self.drive.active)
             return False
-        self._answer = kept(command.effort.copy())  # a copy: the sender may change its array
+        self._answer = read_only(command.effort.copy())  # a copy: the sender may change its array
         return True
 
-    def turn_away(self, command: EffortCommand) -> None:
+    def reject_sender(self, command: EffortCommand) -> None:
         """Reject an answer that comes from another process with the same controller name."""
         words = f"another process called {command.controller} answered than the one that counts"
-        self._reject(command, Objection.SENDER, words)
+        self._reject(command, RejectionReason.SENDER, words)
 
     def advance(self) -> None:
         """Integrate [t_k, t_k+1) with the answer, or with the last one if there is none.
@@ -267,23 +273,23 @@ class Bench:
         A state that is lost on the way ends the run: see `failure`; the truth stays at t_k.
         """
         drive, faults = self.drive, self._faults
-        for old in faults.old_answers(first=False) if faults.late else ():
-            self._objected(old)
+        for old in faults.late_commands(first=False) if faults.late else ():
+            self._is_rejected(old)
         if self._answer is not None:
             drive.take(self._answer)
         elif drive.active:
-            self.handover.missed()
+            self.handover.count_missing_answer()
         demand = drive.effort(self._velocity)
         if faults.at_work:
             applied = faults.effort(self.actuator.apply(faults.demand(demand)))
         else:
             applied = self.actuator.apply(demand)
-        if self._spins is not None:
-            applied = self._spins.apply(applied, self._x)
-        applied = kept(applied)
+        if self._wheel_limits is not None:
+            applied = self._wheel_limits.apply(applied, self._x)
+        applied = read_only(applied)
         extra = self._injections.disturbance(self.tick)
         total = applied + extra
-        after = kept(self._moved(total))
+        after = read_only(self._integrate(total))
         if is_lost(after):
             self._fail(after, extra)
             return
@@ -295,7 +301,7 @@ class Bench:
         self._watch_tips()
         if self.tick == self.last_tick:
             self.handover.drop_all(RUN_OVER)
-        self._ask()
+        self._start_tick()
 
     def _watch_tips(self) -> None:
         """Report appendages that deflect too far for their equations, once an epoch."""
@@ -304,19 +310,19 @@ class Bench:
             return
         tips = self.appendages.tip.dot(self.model.modal_state(self._x)[0])
         for k in np.flatnonzero(np.abs(tips) > small).tolist():
-            if k not in self._bent:
-                self._bent.add(k)
+            if k not in self._tip_warnings:
+                self._tip_warnings.add(k)
                 name, most = self.appendages.names[k], float(small[k])
-                self.tell(BentFar(name, float(tips[k]), most))
+                self.tell(LargeDeflection(name, float(tips[k]), most))
 
-    def _moved(self, effort: Vector) -> Vector:
+    def _integrate(self, effort: Vector) -> Vector:
         """Return the state at the end of the tick under this held effort, and friction.
 
         What no effort gives, `Model.outside`, pushes by half before and by half after (Strang
         1968): of second order.
         """
         model, period, now = self.model, self.settings.period, self.time
-        x = model.pushed(self._x, 0.5 * period, now)
+        x = model.apply_impulse(self._x, 0.5 * period, now)
         if self._friction is None:
             after = model.advance(x, effort, period, self._steps, now)
         else:
@@ -327,19 +333,19 @@ class Bench:
                 mobility,
                 lambda total: model.advance(x, total, period, self._steps, now),
             )
-        return model.pushed(after, -0.5 * period, now + period)
+        return model.apply_impulse(after, -0.5 * period, now + period)
 
     def request_switch(self, request: SwitchRequest) -> Refusal | None:
         """Schedule a switch at a tick (0: the next); return why it is refused, or None."""
-        if gone := past(request.tick, self.tick, self.settings.period):
-            return gone
+        if rejection := past(request.tick, self.tick, self.settings.period):
+            return rejection
         if request.tick <= self.tick:
             request = request._replace(tick=self.tick + 1)
         return self.handover.request(request, self.tick, self.last_tick)
 
-    def note_readiness(self, controller: str, why: Refusal | None) -> None:
+    def set_ready_status(self, controller: str, why: Refusal | None) -> None:
         """Take that a controller could not take charge, and why, or could again (None)."""
-        self.handover.note_readiness(controller, why)
+        self.handover.set_ready_status(controller, why)
 
     def brake(self, on: bool, who: str = "") -> Refusal | None:
         """Latch or release the drive's own brake from the next tick on; return why not, or None."""
@@ -351,19 +357,19 @@ class Bench:
         """Return whether a fault or disturbance that an operator requests is accepted, or why not.
 
         Args:
-            text: YAML, see schedule.injected_entry.
+            text: YAML, see schedule.requested_entry.
             tick: tick at which it begins; 0: the next.
             who: name of the operator.
             controllers: controllers that exist and that a fault may silence; empty: unknown.
         """
         start = max(tick, self.tick + 1)
-        if gone := past(tick, self.tick, self.settings.period):
-            return InjectResult(self.tick, refused=gone)
+        if rejection := past(tick, self.tick, self.settings.period):
+            return InjectResult(self.tick, refused=rejection)
         if not self.settings.allow_faults:
             words = "faults are off in this trial; set allow_faults: true"
             return InjectResult(self.tick, refused=Refusal(words, cause=Cause.FAULTS_OFF))
         try:
-            entry = injected_entry(text, start * self.settings.period, self._testbed)
+            entry = requested_entry(text, start * self.settings.period, self._testbed)
             period = self.settings.period
             names = self._names._replace(controllers=tuple(controllers))
             injection = injection_of(entry, names, period, "fault")
@@ -385,16 +391,16 @@ class Bench:
             who: name of the operator.
         """
         start = max(tick, self.tick + 1)
-        if gone := past(tick, self.tick, self.settings.period):
-            return InjectResult(self.tick, refused=gone)
+        if rejection := past(tick, self.tick, self.settings.period):
+            return InjectResult(self.tick, refused=rejection)
         try:
             at = start * self.settings.period
-            turned = retargeted(self._turned, requested_turn(text), at, "target")
+            new_testbed = with_target(self._current_testbed, requested_target(text), at, "target")
         except BadInput as error:
             return InjectResult(self.tick, refused=error.refusal)
         if late := too_late(start, self.last_tick):
             return InjectResult(self.tick, refused=late)
-        self._turned, self.model = turned, turned.model()
+        self._current_testbed, self.model = new_testbed, new_testbed.model()
         what = TargetRequested(text, start, who)
         self.tell(what)
         return InjectResult(start, message_of(what))
@@ -444,7 +450,7 @@ class Bench:
     def _tick_of(self, time: float) -> int:
         return round(time / self.settings.period)
 
-    def _ask(self) -> None:
+    def _start_tick(self) -> None:
         faults, time = self._faults, self.time
         if faults.waiting or faults.at_work or faults.late:
             self._injections.begin(self.tick, self.drive.demand, self._applied)
@@ -455,8 +461,8 @@ class Bench:
         readings = self._sensors.read(exact, self._x)
         if faults.at_work:
             readings = faults.read(readings)
-        if self._plausibility is not None:
-            self._compare(self._plausibility, readings)
+        if self._sensor_check is not None:
+            self._compare(self._sensor_check, readings)
         keep_all(readings)
         self.question = Measurement(
             self.tick,
@@ -466,28 +472,28 @@ class Bench:
             *readings,
             self._applied,
         )
-        for old in faults.old_answers(first=True) if faults.late else ():
-            self._objected(old)
+        for old in faults.late_commands(first=True) if faults.late else ():
+            self._is_rejected(old)
 
-    def _compare(self, plausibility: Plausibility, readings: Readings) -> None:
+    def _compare(self, sensor_check: Plausibility, readings: Readings) -> None:
         """Take the bench from the one in charge if the joint sensors contradict each other."""
-        found = plausibility.look(readings.joint_position, readings.joint_velocity)
+        found = sensor_check.look(readings.joint_position, readings.joint_velocity)
         if found is None or not self.drive.active:
             return
-        self.handover.distrust(self._names.joints[found.joint], found.difference)
+        self.handover.reject_sensors(self._names.joints[found.joint], found.difference)
 
-    def _objected(self, command: EffortCommand) -> bool:
+    def _is_rejected(self, command: EffortCommand) -> bool:
         """Return whether the drive rejects the command, and record the rejection."""
         found = self.drive.objection(self.question, command)
         if found is not None:
             self._reject(command, *found)
         return found is not None
 
-    def _reject(self, command: EffortCommand, objection: Objection, words: str) -> None:
-        self.drive.rejected[objection] += 1
-        count = self.drive.rejected[objection]
+    def _reject(self, command: EffortCommand, reason: RejectionReason, words: str) -> None:
+        self.drive.rejected[reason] += 1
+        count = self.drive.rejected[reason]
         if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a flood stays readable
-            self.tell(CommandRejected(objection, count, command.controller, words))
+            self.tell(CommandRejected(reason, count, command.controller, words))
 
     def finish(self, wall_time: float) -> None:
         """Record the result of the run as an event.
@@ -496,7 +502,7 @@ class Bench:
             wall_time: wall time during which ticks have passed [s].
         """
         saturated = self.saturated_ticks * self.settings.period
-        rejected = {str(objection): count for objection, count in self.drive.rejected.items()}
+        rejected = {str(reason): count for reason, count in self.drive.rejected.items()}
         self.tell(RunFinished(wall_time, self.tick, self.drive.missed, saturated, rejected))
 
     def tell(self, what: Fact) -> None:

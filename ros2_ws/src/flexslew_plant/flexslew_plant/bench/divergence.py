@@ -9,15 +9,15 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.events import FastMode
 from flexslew_plant.testbeds.integration_error import (
     COARSE,
-    ENDLESS,
+    UNBOUNDED_TICKS,
     rounded_down,
     run_error,
     steps_per_tick,
 )
 from flexslew_plant.testbeds.model import Model
 
-FARTHEST = 1e15  # an angle beyond it has not even its first digit left
-STABLE_TURN = 5.96  # largest step times frequency at which the integration of order 8 is stable
+STATE_LIMIT = 1e15  # an angle beyond it has not even its first digit left
+STABLE_STEP = 5.96  # largest step times frequency at which the integration of order 8 is stable
 
 
 class TickSteps(NamedTuple):
@@ -44,18 +44,20 @@ def integration_of(
     """
     poles = model.linearise(q).eigenvalues
     steps = steps_per_tick(poles, period, duration) if given is None else given
-    fastest = float(abs(poles).max(initial=0.0))
-    if fastest * period <= COARSE * (1.0 + 1e-9):
+    max_frequency = float(abs(poles).max(initial=0.0))
+    if max_frequency * period <= COARSE * (1.0 + 1e-9):
         return TickSteps(steps, None)
-    lasts = duration or ENDLESS * period
-    error = run_error(poles, period / steps, lasts)
-    shorter = rounded_down(COARSE / fastest)
-    return TickSteps(steps, FastMode(fastest, fastest * period, shorter, steps, error))
+    run_time = duration or UNBOUNDED_TICKS * period
+    error = run_error(poles, period / steps, run_time)
+    max_period = rounded_down(COARSE / max_frequency)
+    return TickSteps(
+        steps, FastMode(max_frequency, max_frequency * period, max_period, steps, error)
+    )
 
 
 def is_lost(x: Vector) -> bool:
     """Return whether a state is not finite, or too far away to mean anything."""
-    return not hypot(*x.tolist()) < FARTHEST
+    return not hypot(*x.tolist()) < STATE_LIMIT
 
 
 def diagnosis(
@@ -79,22 +81,23 @@ def diagnosis(
         step: of the integration [s].
     """
     names = model.state_names
-    lost = ~(np.abs(after) < FARTHEST)
+    lost = ~(np.abs(after) < STATE_LIMIT)
     # one lost state soon makes all lost: then the largest one before is reported
     first = int(np.argmax(np.abs(before) if lost.all() else lost))
     where = f"{names[first]} was {before[first]:.3g} before"
     q, modes = model.split(before)[0], model.modes
     rest = np.concatenate((q[: q.size - modes], np.zeros(modes)))
-    fastest = max(model.linearise(rest).frequencies, default=0.0)
-    if step * fastest > STABLE_TURN:
+    max_frequency = max(model.linearise(rest).frequencies, default=0.0)
+    if step * max_frequency > STABLE_STEP:
         return where, (
             f"an integration step of {step:.6g} s is too long for the fastest mode of "
-            f"{fastest:.4g} rad/s; take at most {rounded_down(COARSE / fastest):g} s: more "
+            f"{max_frequency:.4g} rad/s; take at most {rounded_down(COARSE / max_frequency):g} s: "
+            "more "
             "integration_steps, a shorter period or fewer modes"
         )
-    beyond = ~(np.abs(disturbance) <= limit)
-    if beyond.any():
-        joint = int(np.argmax(beyond))
+    above_limit = ~(np.abs(disturbance) <= limit)
+    if above_limit.any():
+        joint = int(np.argmax(above_limit))
         return where, (
             f"a disturbance of {disturbance[joint]:.3g} on {model.joint_names[joint]}, "
             f"whose limit is {limit[joint]:.3g}"

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector, kept
+from flexslew_plant.arrays import Vector, read_only
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.schedule import Schedule, ScheduleEntry
 from flexslew_plant.events import DisturbanceChanged, Fact, FaultChanged
@@ -22,7 +22,7 @@ from flexslew_plant.testbeds.model import Model
 from flexslew_plant.yaml_data import yaml_text
 
 Injection: TypeAlias = TimedDisturbance | Timed
-Tell: TypeAlias = Callable[[Fact], None]  # notes what happened
+Report: TypeAlias = Callable[[Fact], None]  # notes what happened
 
 
 def injection_of(entry: ScheduleEntry, names: Names, period: float, place: str) -> Injection:
@@ -89,7 +89,7 @@ class Injections:
         seed: seed of the trial.
         epoch: number of resets so far.
         known: disturbances and faults of the schedule.
-        tell: takes the events when they begin and end.
+        report: takes the events when they begin and end.
     """
 
     def __init__(
@@ -99,13 +99,13 @@ class Injections:
         seed: int,
         epoch: int,
         known: Sequence[Injection],
-        tell: Tell,
+        report: Report,
     ) -> None:
-        self._names, self._period, self._tell = names, period, tell
+        self._names, self._period, self._report = names, period, report
         self._all = list(known)
         self._disturbances = [one for one in known if isinstance(one, TimedDisturbance)]
-        self._ended: set[int] = set()  # by an operator
-        self._nothing: Vector = kept(np.zeros(len(names.joints)))
+        self._finished: set[int] = set()  # by an operator
+        self._zero: Vector = read_only(np.zeros(len(names.joints)))
         self.faults = Faults(
             names, seed, epoch, tuple(one for one in known if isinstance(one, Timed))
         )
@@ -131,31 +131,31 @@ class Injections:
                 del self._disturbances[k]
             else:
                 self._disturbances[k] = self._all[number] = injection._replace(end=tick)
-        self._ended.add(number)
+        self._finished.add(number)
 
     def active(self, tick: int) -> list[ActiveFault]:
         """Return what disturbs or breaks at this tick, or will."""
         return [
             ActiveFault(number, _words(e), int(e.start), int(e.end) if e.end < inf else None)
             for number, e in enumerate(self._all)
-            if e.end > tick and number not in self._ended
+            if e.end > tick and number not in self._finished
         ]
 
     def begin(self, tick: int, demand: Vector, effort: Vector) -> None:
         """Start and end the faults of this tick, and record events of it; see Faults.begin."""
         for timed, on in self.faults.begin(tick, demand, effort):
             end = int(timed.end) if timed.end < inf else None
-            self._tell(FaultChanged(on, plain(timed.fault), timed.start, end))
+            self._report(FaultChanged(on, plain(timed.fault), timed.start, end))
 
     def disturbance(self, tick: int) -> Vector:
         """Return the disturbance effort over this tick, and record events of its start and end."""
-        total = self._nothing
+        total = self._zero
         for timed in self._disturbances:
             if timed.start <= tick < timed.end:
                 total = total + disturbance_effort(timed, tick, self._names.joints, self._period)
             if tick in (timed.start, timed.end):
-                self._tell(DisturbanceChanged(_plain_shapes(timed), tick == timed.start))
-        return kept(total)
+                self._report(DisturbanceChanged(_plain_shapes(timed), tick == timed.start))
+        return read_only(total)
 
 
 def _plain_shapes(timed: TimedDisturbance) -> dict[str, Any]:

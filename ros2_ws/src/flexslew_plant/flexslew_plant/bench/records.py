@@ -44,7 +44,7 @@ class BenchSettings:
 
 
 @section
-class PaceSettings:
+class RateSettings:
     """How fast a run goes and is shown, over ROS 2; it changes no trajectory."""
 
     # simulated seconds per second of wall time; 0: as fast as possible, 1: real time

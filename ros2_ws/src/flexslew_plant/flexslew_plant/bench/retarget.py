@@ -6,11 +6,11 @@ from typing import Any
 from flexslew_plant.bench.requested_yaml import requested_yaml
 from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import Testbed, varied
+from flexslew_plant.testbeds import Testbed, with_changes
 from flexslew_plant.testbeds.contract import Retargetable
 
 
-def retargeted(testbed: Testbed, requested: Any, at: float, place: str) -> Testbed:
+def with_target(testbed: Testbed, requested: Any, at: float, place: str) -> Testbed:
     """Return a testbed with one more turn of a hinge.
 
     Args:
@@ -33,7 +33,7 @@ def retargeted(testbed: Testbed, requested: Any, at: float, place: str) -> Testb
         changes = testbed.retargeted(requested, at)
     except BadInput as error:
         raise BadInput(f"{place}.{error}") from None
-    return varied(testbed, changes, place)
+    return with_changes(testbed, changes, place)
 
 
 def with_schedule(testbed: Testbed, schedule: Schedule) -> Testbed:
@@ -44,7 +44,7 @@ def with_schedule(testbed: Testbed, schedule: Schedule) -> Testbed:
     """
     for i, entry in enumerate(schedule):
         if entry.retarget is not None:
-            testbed = retargeted(testbed, entry.retarget, entry.at, f"schedule.{i}.retarget")
+            testbed = with_target(testbed, entry.retarget, entry.at, f"schedule.{i}.retarget")
     return testbed
 
 
@@ -59,10 +59,10 @@ def with_requests(testbed: Testbed, requests: Iterable[tuple[str, float]]) -> Te
         BadInput: see retargeted.
     """
     for text, at in requests:
-        testbed = retargeted(testbed, requested_turn(text), at, "target")
+        testbed = with_target(testbed, requested_target(text), at, "target")
     return testbed
 
 
-def requested_turn(text: str) -> Any:
+def requested_target(text: str) -> Any:
     """Return the request of an operator; BadInput: see requested_yaml."""
     return requested_yaml(text, "target")

@@ -33,7 +33,7 @@ class ScheduleEntry:
     retarget: dict[str, Any] | None = None
 
     @model_validator(mode="after")
-    def _one_thing(self) -> "ScheduleEntry":
+    def _check_single_action(self) -> "ScheduleEntry":
         given = [
             x for x in (self.switch, self.disturbance, self.fault, self.retarget) if x is not None
         ]
@@ -49,12 +49,12 @@ class ScheduleEntry:
 Schedule: TypeAlias = tuple[ScheduleEntry, ...]
 
 
-def command_delays(schedule: Schedule, joints: Sequence[str], time: float) -> Vector:
+def command_delay_ticks(schedule: Schedule, joints: Sequence[str], time: float) -> Vector:
     """Return by how many ticks commands are late at a time, shape (joints,)."""
     delay = np.zeros(len(joints))
     for entry in schedule:
-        acts = entry.at <= time < (np.inf if entry.until is None else entry.until)
-        if acts and isinstance(entry.fault, CommandDelay):
+        is_active = entry.at <= time < (np.inf if entry.until is None else entry.until)
+        if is_active and isinstance(entry.fault, CommandDelay):
             delay += entry.fault.ticks * np.array([entry.fault.joint in (None, j) for j in joints])
     return delay
 
@@ -74,7 +74,7 @@ def require_allowed(schedule: Schedule, allowed: bool, source: str = "trial") ->
             )
 
 
-def injected_entry(text: str, at: float, testbed: Testbed | None = None) -> ScheduleEntry:
+def requested_entry(text: str, at: float, testbed: Testbed | None = None) -> ScheduleEntry:
     """Return the fault or disturbance that an operator requests as an entry of the schedule.
 
     Args:

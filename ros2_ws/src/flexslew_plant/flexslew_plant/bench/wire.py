@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import NOTHING
+from flexslew_plant.arrays import EMPTY
 from flexslew_plant.bench.records import Truth
 from flexslew_plant.measurement import EffortCommand, Measurement
 
@@ -20,7 +20,7 @@ HEAD = b"\x00\x01\x00\x00"  # encapsulation
 _LENGTH = Struct("<I")
 _QUESTION = Struct("<iII")  # stamp, length of frame_id
 _TICK = Struct("<QII")  # tick, epoch, length of controller
-_STAMPED = "<4siIIc3xQI", 28  # encapsulation, header, tick and epoch, and where they end
+_HEADER_LAYOUT = "<4siIIc3xQI", 28  # encapsulation, header, tick and epoch, and where they end
 _ANSWER = Struct("<iIQII")  # stamp, tick, epoch, length of controller
 _INSTANCE = Struct("<Q")
 
@@ -75,7 +75,7 @@ def _text(word: str) -> tuple[str, int, bytes]:
     return f"{len(data)}s", len(data), data
 
 
-def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) -> bytes:
+def message_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) -> bytes:
     """Return a message that begins with header, tick and epoch as it goes over DDS.
 
     Args:
@@ -108,16 +108,16 @@ def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) ->
         else:
             parts.append("d")
             values.append(field)
-    return _layout(*_STAMPED, tuple(parts)).pack(*values)
+    return _layout(*_HEADER_LAYOUT, tuple(parts)).pack(*values)
 
 
 def measurement_bytes(m: Measurement) -> bytes:
-    """Return the question as it goes over DDS: as stamped_bytes would, in less time."""
+    """Return the question as it goes over DDS: as message_bytes would, in less time."""
     tick, epoch, time, name, position, velocity, tip, curvature, applied = m
     part, length, word = _text(name)
     q, v, w = position.tolist(), velocity.tolist(), tip.tolist()
     c, u = curvature.tolist(), applied.tolist()
-    layout = _layout(*_STAMPED, (part, len(q), len(v), len(w), len(c), len(u)))
+    layout = _layout(*_HEADER_LAYOUT, (part, len(q), len(v), len(w), len(c), len(u)))
     return layout.pack(
         HEAD, *stamp_of(time), 1, b"\x00", tick, epoch, length, word,
         len(q), *q, len(v), *v, len(w), *w, len(c), *c, len(u), *u,
@@ -127,7 +127,7 @@ def measurement_bytes(m: Measurement) -> bytes:
 def truth_bytes(truth: Truth) -> bytes:
     """Return flexslew_msgs/PlantState as it goes over DDS."""
     tick, time, epoch, *fields = truth
-    return stamped_bytes(stamp_of(time), tick, epoch, fields)
+    return message_bytes(stamp_of(time), tick, epoch, fields)
 
 
 class _Places(NamedTuple):
@@ -229,7 +229,7 @@ def command_from(data: bytes) -> EffortCommand:
         at = 24 + length + -length % 4
         (count,) = _LENGTH.unpack_from(body, at)
         first = at + 4 + -(at + 4) % 8
-        effort = np.frombuffer(body, np.float64, count, first) if count else NOTHING
+        effort = np.frombuffer(body, np.float64, count, first) if count else EMPTY
         end = first + 8 * count
         (instance,) = _INSTANCE.unpack_from(body, end) if len(body) > end else (0,)
         name = body[24 : 23 + length].decode()

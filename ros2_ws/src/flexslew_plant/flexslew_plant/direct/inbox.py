@@ -6,17 +6,17 @@ from struct import Struct
 
 from flexslew_plant.bench.wire import HEAD
 from flexslew_plant.direct.line import DirectLine
-from flexslew_plant.direct.reception import Reception
+from flexslew_plant.direct.reception import ListenerSocket
 from flexslew_plant.graph.topics import LOOP_DEPTH
 
 TOPICS = "topics"  # fact that a caller sends: absolute names of the topics that it publishes
 # facts that the recorder sends: its node that listens over DDS, and the topics that it records
-NODE, NAMESPACE, HEARD = "node", "namespace", "heard"
+NODE, NAMESPACE, RECEIVED = "node", "namespace", "heard"
 PART = Struct("<BI")  # number of the topic, and how many bytes of CDR follow
-BOTH = 0x80  # added to the number of a topic: the message goes over DDS, too
+DDS_FLAG = 0x80  # added to the number of a topic: the message goes over DDS, too
 
 
-class Inbox:
+class RecorderInput:
     """Takes calls of publishers and their messages: several parts at once, each PART and CDR.
 
     The recorder receives all of it over DDS, too, as far as it is published there. Of a message
@@ -24,12 +24,12 @@ class Inbox:
 
     Args:
         address: socket address to listen on.
-        heard: the recorder's names of its topics, by their absolute names.
+        topics: the recorder's names of its topics, by their absolute names.
         node: name and namespace of the node that listens over DDS.
     """
 
-    def __init__(self, address: bytes, heard: Mapping[str, str], node: tuple[str, str]) -> None:
-        self._reception, self._heard = Reception(address), heard
+    def __init__(self, address: bytes, topics: Mapping[str, str], node: tuple[str, str]) -> None:
+        self._listener, self._topics = ListenerSocket(address), topics
         self._node = dict(zip((NODE, NAMESPACE), node, strict=True))
         self._lines: dict[DirectLine, list[str]] = {}  # the recorder's names of their topics
         self._shared: set[str] = set()  # topics of any line
@@ -42,14 +42,14 @@ class Inbox:
         Args:
             over_dds: the same of what was taken from DDS before this.
         """
-        for line, said in self._reception.callers():
-            self._greet(line, said.get(TOPICS))
+        for line, request in self._listener.callers():
+            self._accept(line, request.get(TOPICS))
         for line, names in list(self._lines.items()):
             while (parts := line.receive()) is not None:
                 try:
                     for number, data in split(parts):
-                        topic = names[number % BOTH]
-                        if number < BOTH or self._first(topic, data, 1):
+                        topic = names[number % DDS_FLAG]
+                        if number < DDS_FLAG or self._first(topic, data, 1):
                             yield topic, data
                 except (struct.error, IndexError):  # no message of a publisher
                     line.close()
@@ -69,14 +69,14 @@ class Inbox:
             del self._once[next(iter(self._once))]
         return before * way >= 0
 
-    def _greet(self, line: DirectLine, names: object) -> None:
+    def _accept(self, line: DirectLine, names: object) -> None:
         """Send the names of those published topics that the recorder takes."""
-        if not isinstance(names, list) or len(names) > BOTH:
+        if not isinstance(names, list) or len(names) > DDS_FLAG:
             line.close()
             return
-        heard = [name for name in names if isinstance(name, str) and name in self._heard]
-        line.say({**self._node, HEARD: heard})
-        self._lines[line] = [self._heard[name] for name in heard]
+        topics = [name for name in names if isinstance(name, str) and name in self._topics]
+        line.notify({**self._node, RECEIVED: topics})
+        self._lines[line] = [self._topics[name] for name in topics]
         self._shared.update(self._lines[line])
 
 

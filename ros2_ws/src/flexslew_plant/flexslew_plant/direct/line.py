@@ -15,8 +15,8 @@ from flexslew_plant.graph.topics import LOOP_DEPTH
 SLICE = 0.002  # for which a process waits for a message before it reads the graph [wall s]
 # for which it polls again and again before it sleeps [wall s]: to be woken on another core takes
 # longer than a tick does, and most laws answer sooner
-_AWAKE = 0.0002
-_TRIES = 4  # of a microsecond each, before it reads the clock and yields the processor
+_POLL_TIME = 0.0002
+_ATTEMPTS = 4  # of a microsecond each, before it reads the clock and yields the processor
 LARGEST = 1 << 15  # of a message [B]
 _TIME = struct.Struct("@ll")
 _PEER = struct.Struct("@3i")  # pid, uid, gid (unix(7), SO_PEERCRED)
@@ -42,41 +42,41 @@ class DirectLine:
         wait = _TIME.pack(0, round(SLICE * 1e6))
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
         self._socket = connected
-        self._unsent: deque[bytes] = deque(maxlen=kept)
+        self._queue: deque[bytes] = deque(maxlen=kept)
         self._soon = False  # the last message that was waited for came within _AWAKE
         self.eager, self.closed = True, False
 
     @property
-    def own_user(self) -> bool:
+    def same_user(self) -> bool:
         """Whether the other end is a process of the user of this one."""
         size = _PEER.size
         _, user, _ = _PEER.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _PEERCRED, size))
         return bool(user == os.getuid())
 
     @property
-    def unsent(self) -> int:
+    def queue_size(self) -> int:
         """How many messages the other end has still to take."""
-        return len(self._unsent)
+        return len(self._queue)
 
     def send(self, data: bytes) -> None:
         """Send a message, or keep it until the other end takes more."""
-        if self._unsent:
-            self._unsent.append(data)
+        if self._queue:
+            self._queue.append(data)
             self.flush()
             return
         try:
             self._socket.send(data, _NOW)
         except BlockingIOError:
-            self._unsent.append(data)
+            self._queue.append(data)
         except OSError:
             self.close()
 
     def flush(self) -> None:
         """Send what was kept, as far as the other end takes it."""
         try:
-            while self._unsent:
-                self._socket.send(self._unsent[0], _NOW)
-                self._unsent.popleft()
+            while self._queue:
+                self._socket.send(self._queue[0], _NOW)
+                self._queue.popleft()
         except BlockingIOError:
             return
         except OSError:
@@ -92,7 +92,7 @@ class DirectLine:
             return None
         try:
             if wait >= SLICE:
-                data = self._waited()
+                data = self._wait_for_message()
             else:
                 if wait > 0.0:
                     select.select([self._socket], [], [], wait)
@@ -105,35 +105,35 @@ class DirectLine:
             self.close()
         return data or None
 
-    def _waited(self) -> bytes:
+    def _wait_for_message(self) -> bytes:
         """Return the next message; an eager end waits awake for it if the last one came soon.
 
         Raises:
             BlockingIOError: none came within SLICE.
         """
-        began = monotonic()
+        start = monotonic()
         take = self._socket.recv
         while self._soon and self.eager:
-            for _ in range(_TRIES):
+            for _ in range(_ATTEMPTS):
                 try:
                     return take(LARGEST, _NOW)
                 except BlockingIOError:
                     continue
-            self._soon = monotonic() < began + _AWAKE
+            self._soon = monotonic() < start + _POLL_TIME
             os.sched_yield()  # other processes go first
         try:
             return take(LARGEST, 0)
         finally:
-            self._soon = monotonic() < began + _AWAKE
+            self._soon = monotonic() < start + _POLL_TIME
 
-    def say(self, words: dict[str, Any]) -> None:
+    def notify(self, words: dict[str, Any]) -> None:
         """Send a few facts."""
         self.send(json.dumps(words).encode())
 
     def close(self) -> None:
         """Hang up."""
         self.closed = True
-        self._unsent.clear()
+        self._queue.clear()
         with suppress(OSError):
             self._socket.close()
 
@@ -154,7 +154,7 @@ def call(address: bytes, kept: int = LOOP_DEPTH) -> DirectLine | None:
         connected.setblocking(False)
         connected.connect(address)
         line = DirectLine(connected, kept)
-        if line.own_user:
+        if line.same_user:
             return line
     except OSError:
         pass

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 from flexslew_plant.bench.wire import HEAD, command_from
 from flexslew_plant.direct.line import DirectLine, facts
-from flexslew_plant.direct.reception import Reception
+from flexslew_plant.direct.reception import ListenerSocket
 from flexslew_plant.graph.topics import LOOP_DEPTH
 from flexslew_plant.measurement import EffortCommand
 
@@ -28,10 +28,10 @@ class Lines:
     """
 
     def __init__(self, address: bytes, newest: Callable[[], Key]) -> None:
-        self._newest, self._reception = newest, Reception(address)
+        self._newest, self._listener = newest, ListenerSocket(address)
         self._lines: dict[str, DirectLine] = {}
         # as many as DDS would keep, the oldest first; a dict is slow at letting go of that one
-        self._answers: OrderedDict[bytes, None] = OrderedDict()
+        self._recent_commands: OrderedDict[bytes, None] = OrderedDict()
         self.answering: set[str] = set()  # the controllers that answer on their lines
 
     def look(self) -> None:
@@ -41,8 +41,8 @@ class Lines:
             self.answering.discard(name)
         for line in self._lines.values():
             line.flush()
-        for line, said in self._reception.callers():
-            self._greet(line, said.get(CALLER))
+        for line, request in self._listener.callers():
+            self._accept(line, request.get(CALLER))
 
     def send(self, named: str, question: bytes, eager: bool) -> None:
         """Send a question: first to the controller that must answer, then to the observers.
@@ -63,24 +63,24 @@ class Lines:
     def answer(self, name: str, wait: float) -> EffortCommand | None:
         """Return the next answer of a controller, see DirectLine.receive; None: none yet."""
         data = self._lines[name].receive(wait)
-        return None if data is None else self._understood(name, data)
+        return None if data is None else self._decode(name, data)
 
-    def arrived(self) -> Iterator[EffortCommand]:
+    def received(self) -> Iterator[EffortCommand]:
         """Yield all answers that wait."""
         for name, line in self._lines.items():
             while (data := line.receive()) is not None:
-                command = self._understood(name, data)
+                command = self._decode(name, data)
                 if command is not None:
                     yield command
 
-    def _understood(self, name: str, data: bytes) -> EffortCommand | None:
+    def _decode(self, name: str, data: bytes) -> EffortCommand | None:
         """Return an answer; None: it is something else, after which there may be no line."""
         try:
             if data[:4] == HEAD:
                 command = command_from(data)
-                self._answers[data] = None
-                if len(self._answers) > LOOP_DEPTH:
-                    self._answers.popitem(last=False)
+                self._recent_commands[data] = None
+                if len(self._recent_commands) > LOOP_DEPTH:
+                    self._recent_commands.popitem(last=False)
                 return command
         except ValueError:
             pass
@@ -92,18 +92,18 @@ class Lines:
 
     def copied(self, data: bytes) -> bool:
         """Return whether an answer came on a line before."""
-        return data in self._answers
+        return data in self._recent_commands
 
     @property
-    def greeting(self) -> bool:
+    def handshake_pending(self) -> bool:
         """Whether a caller has called and does not answer on its line yet."""
-        return self._reception.greeting or len(self.answering) < len(self._lines)
+        return self._listener.handshake_pending or len(self.answering) < len(self._lines)
 
-    def _greet(self, line: DirectLine, name: object) -> None:
+    def _accept(self, line: DirectLine, name: object) -> None:
         """Send a caller of this name the newest question's key; it gets all later ones here."""
         if not isinstance(name, str) or not name or name in self._lines:
             line.close()  # of two with one name the older one keeps its line
             return
         epoch, tick = self._newest()
-        line.say({EPOCH: epoch, TICK: tick})
+        line.notify({EPOCH: epoch, TICK: tick})
         self._lines[name] = line

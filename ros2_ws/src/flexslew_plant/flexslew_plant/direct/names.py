@@ -25,13 +25,14 @@ def direct(environment: Mapping[str, str]) -> bool:
     return value == AUTO
 
 
-def address(domain: int, questions: str, answers: str) -> bytes:
+def address(domain: int, measurement_topic: str, command_topic: str) -> bytes:
     """Return the name of the plant's socket, which is on no disk (unix(7), abstract).
 
     Args:
         domain: ROS_DOMAIN_ID.
-        questions: absolute name of the topic of measurements, with namespace and remappings.
-        answers: the same of commands; RECORDER: the name of the recorder's socket instead.
+        measurement_topic: absolute name of the topic of measurements, with namespace and
+            remappings.
+        command_topic: the same of commands; RECORDER: the name of the recorder's socket instead.
     """
-    bench = f"{os.getuid()} {domain} {questions} {answers}"
+    bench = f"{os.getuid()} {domain} {measurement_topic} {command_topic}"
     return b"\0flexslew/" + sha256(bench.encode()).hexdigest()[:32].encode()

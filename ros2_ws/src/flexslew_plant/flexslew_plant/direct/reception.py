@@ -10,7 +10,7 @@ from flexslew_plant.direct.line import DirectLine, facts
 _WAITING = 16  # that call at the same moment
 
 
-class Reception:
+class ListenerSocket:
     """Takes calls; as long as another process listens there, it has none.
 
     Args:
@@ -20,21 +20,21 @@ class Reception:
     def __init__(self, address: bytes) -> None:
         self._address = address
         self._socket: socket.socket | None = None
-        self._strangers: list[DirectLine] = []  # that have not sent their facts
+        self._pending: list[DirectLine] = []  # that have not sent their facts
         self._listen()
 
     @property
-    def greeting(self) -> bool:
+    def handshake_pending(self) -> bool:
         """Whether a caller has called and has not sent anything yet."""
-        return bool(self._strangers)
+        return bool(self._pending)
 
     def callers(self) -> Iterator[tuple[DirectLine, dict[str, Any]]]:
         """Yield a line to each process of this user that has called, and the facts it has sent."""
-        self._strangers += self._calls()
-        for line in list(self._strangers):
+        self._pending += self._calls()
+        for line in list(self._pending):
             data = line.receive()
             if data is not None or line.closed:
-                self._strangers.remove(line)
+                self._pending.remove(line)
             if data is not None:
                 yield line, facts(data)
 
@@ -44,7 +44,7 @@ class Reception:
         with suppress(OSError):
             while self._socket is not None:
                 line = DirectLine(self._socket.accept()[0])
-                if line.own_user:
+                if line.same_user:
                     yield line
                 else:
                     line.close()

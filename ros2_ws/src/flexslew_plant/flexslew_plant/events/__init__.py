@@ -9,15 +9,15 @@ from typing import Any
 
 from flexslew_plant.events.control import AnswerRepeated as AnswerRepeated
 from flexslew_plant.events.control import ControllerTuned as ControllerTuned
-from flexslew_plant.events.control import EstimateBegan as EstimateBegan
-from flexslew_plant.events.control import EstimateDoubted as EstimateDoubted
-from flexslew_plant.events.control import LimitSoftened as LimitSoftened
+from flexslew_plant.events.control import EstimateInconsistent as EstimateInconsistent
+from flexslew_plant.events.control import EstimateStarted as EstimateStarted
+from flexslew_plant.events.control import LimitViolation as LimitViolation
 from flexslew_plant.events.control import PlanDrafted as PlanDrafted
 from flexslew_plant.events.control import PlanOutdated as PlanOutdated
 from flexslew_plant.events.control import PlanPublished as PlanPublished
-from flexslew_plant.events.control import PlanRefused as PlanRefused
-from flexslew_plant.events.control import StrayMessage as StrayMessage
-from flexslew_plant.events.event import UNNAMED as UNNAMED
+from flexslew_plant.events.control import PlanRejected as PlanRejected
+from flexslew_plant.events.control import UnexpectedMessage as UnexpectedMessage
+from flexslew_plant.events.event import NO_NAME as NO_NAME
 from flexslew_plant.events.event import Event as Event
 from flexslew_plant.events.event import Fact as Fact
 from flexslew_plant.events.event import Level as Level
@@ -33,45 +33,45 @@ from flexslew_plant.events.injections import FaultChanged as FaultChanged
 from flexslew_plant.events.injections import FaultEndRequested as FaultEndRequested
 from flexslew_plant.events.injections import InjectionRequested as InjectionRequested
 from flexslew_plant.events.injections import TargetRequested as TargetRequested
-from flexslew_plant.events.recording import RecorderBack as RecorderBack
+from flexslew_plant.events.recording import RecorderActive as RecorderActive
 from flexslew_plant.events.recording import RecorderLost as RecorderLost
 from flexslew_plant.events.recording import RecordingEnded as RecordingEnded
 from flexslew_plant.events.recording import RecordingStarted as RecordingStarted
-from flexslew_plant.events.run import BentFar as BentFar
 from flexslew_plant.events.run import CommandRejected as CommandRejected
 from flexslew_plant.events.run import FastMode as FastMode
-from flexslew_plant.events.run import FellBehind as FellBehind
-from flexslew_plant.events.run import Interrupted as Interrupted
-from flexslew_plant.events.run import Noted as Noted
+from flexslew_plant.events.run import LargeDeflection as LargeDeflection
+from flexslew_plant.events.run import OperatorNote as OperatorNote
 from flexslew_plant.events.run import Paused as Paused
 from flexslew_plant.events.run import RateChanged as RateChanged
 from flexslew_plant.events.run import Resumed as Resumed
 from flexslew_plant.events.run import RunFinished as RunFinished
+from flexslew_plant.events.run import RunStopped as RunStopped
+from flexslew_plant.events.run import ScheduleShifted as ScheduleShifted
 from flexslew_plant.events.run import SecondPlant as SecondPlant
 from flexslew_plant.events.run import Started as Started
 from flexslew_plant.events.run import StateLost as StateLost
-from flexslew_plant.events.run import Stepped as Stepped
+from flexslew_plant.events.run import StepsRequested as StepsRequested
 from flexslew_plant.events.run import TransportChosen as TransportChosen
 from flexslew_plant.events.run import WasReset as WasReset
 from flexslew_plant.events.switching import BRAKE as BRAKE
-from flexslew_plant.events.switching import AnswerMissed as AnswerMissed
-from flexslew_plant.events.switching import BecameReady as BecameReady
-from flexslew_plant.events.switching import BecameUnready as BecameUnready
+from flexslew_plant.events.switching import AnswerMissing as AnswerMissing
+from flexslew_plant.events.switching import BrakeActivated as BrakeActivated
 from flexslew_plant.events.switching import BrakeLatched as BrakeLatched
 from flexslew_plant.events.switching import BrakeReleased as BrakeReleased
 from flexslew_plant.events.switching import BrakeRequested as BrakeRequested
-from flexslew_plant.events.switching import BrakeTookOver as BrakeTookOver
-from flexslew_plant.events.switching import FallbackTookOver as FallbackTookOver
-from flexslew_plant.events.switching import SensorsImplausible as SensorsImplausible
+from flexslew_plant.events.switching import ControllerNotReady as ControllerNotReady
+from flexslew_plant.events.switching import ControllerReady as ControllerReady
+from flexslew_plant.events.switching import FallbackActivated as FallbackActivated
+from flexslew_plant.events.switching import SensorsInconsistent as SensorsInconsistent
+from flexslew_plant.events.switching import SwitchCompleted as SwitchCompleted
 from flexslew_plant.events.switching import SwitchDropped as SwitchDropped
-from flexslew_plant.events.switching import Switched as Switched
-from flexslew_plant.events.switching import SwitchRefused as SwitchRefused
+from flexslew_plant.events.switching import SwitchRejected as SwitchRejected
 from flexslew_plant.events.switching import SwitchRequested as SwitchRequested
 from flexslew_plant.events.switching import largest as largest
 from flexslew_plant.events.switching import step_words as step_words
 
 # events after which another controller is active
-IN_CHARGE = (Switched, FallbackTookOver, BrakeTookOver)
+IN_CHARGE = (SwitchCompleted, FallbackActivated, BrakeActivated)
 EVENTS: dict[str, type[Any]] = kinds()
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from flexslew_plant.events.event import UNNAMED, Count, Finite, Level, Text, fact
+from flexslew_plant.events.event import NO_NAME, Count, Finite, Level, Text, fact
 
 
 def _controller_tuned_message(event: Any) -> str:
@@ -17,16 +17,16 @@ class ControllerTuned:
     controller: Text
     settings: dict[str, Any]  # that were changed
     before: dict[str, Any]  # all of them
-    who: Text = UNNAMED
+    who: Text = NO_NAME
 
 
-def _estimate_began_message(event: Any) -> str:
+def _estimate_started_message(event: Any) -> str:
     why = "has just come" if event.fresh else "has not received the questions before"
     return f"{event.controller} {why}: its estimator begins here"
 
 
-@fact("began", Level.INFO, _estimate_began_message)
-class EstimateBegan:
+@fact("began", Level.INFO, _estimate_started_message)
+class EstimateStarted:
     """An estimator starts in flight, as its controller was late, came back or missed ticks."""
 
     controller: Text = ""
@@ -38,7 +38,7 @@ class EstimateBegan:
     Level.FAULT,
     lambda event: f"{event.controller} does not trust its estimate: {event.reason}",
 )
-class EstimateDoubted:
+class EstimateInconsistent:
     """The innovations of an estimator are larger than it states."""
 
     controller: Text = ""
@@ -58,7 +58,7 @@ class EstimateDoubted:
 @fact(
     "softened", Level.WARNING, "no effort keeps the limit of {limit}: it is passed by {excess:.3g}"
 )
-class LimitSoftened:
+class LimitViolation:
     """No efforts keep a limit of a law that predicts; it is passed by as little as can be."""
 
     limit: Text  # its name
@@ -77,7 +77,7 @@ class AnswerRepeated:
 
 
 @fact("stray", Level.WARNING, "{node} ignores a message on {topic}: {what}")
-class StrayMessage:
+class UnexpectedMessage:
     """A node that is not the plant of this bench publishes on one of its topics; reported once."""
 
     topic: Text
@@ -94,7 +94,7 @@ class PlanPublished:
     hash: Text = ""
     method: Text = ""
     duration: Finite | None = None  # [s]
-    who: Text = UNNAMED
+    who: Text = NO_NAME
 
 
 @fact(
@@ -110,10 +110,10 @@ class PlanDrafted:
     hash: Text = ""
     method: Text = ""
     duration: Finite | None = None  # [s]
-    who: Text = UNNAMED
+    who: Text = NO_NAME
 
 
-def _plan_refused_message(event: Any) -> str:
+def _plan_rejected_message(event: Any) -> str:
     if event.controller is not None:
         return f"{event.controller} refuses the plan: {event.reason}"
     return _line(event.method or "", event.duration, "refused by the operator", event.hash)
@@ -122,9 +122,9 @@ def _plan_refused_message(event: Any) -> str:
 @fact(
     "plan_refused",
     lambda event: Level.INFO if event.controller is None else Level.WARNING,
-    _plan_refused_message,
+    _plan_rejected_message,
 )
-class PlanRefused:
+class PlanRejected:
     """A draft is dropped by an operator, or a controller does not follow a plan."""
 
     hash: Text = ""

@@ -12,25 +12,25 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 
 JOINTS = 64  # at most, on any testbed
-LONGEST_TEXT = 1 << 16  # of a field [characters]
-_LONGEST_NAME = 200  # of an operator [characters]
+MAX_TEXT = 1 << 16  # of a field [characters]
+_MAX_NAME = 200  # of an operator [characters]
 
 Count = Annotated[int, Field(ge=0, lt=1 << 63, strict=True)]
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Seconds = Annotated[float, Field(ge=0.0, le=1e12, strict=True)]
-Text = Annotated[str, Field(max_length=LONGEST_TEXT, strict=True)]
+Text = Annotated[str, Field(max_length=MAX_TEXT, strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
 Efforts = Annotated[list[Finite], Field(max_length=JOINTS)]  # one per joint [N m or N]
 
 _T = TypeVar("_T")
-UNNAMED = "unnamed"  # an operator that gives no name
+NO_NAME = "unnamed"  # an operator that gives no name
 
 
 def too_long(text: str) -> str:
     """Return why a text is too long for a field of an event; empty: it is not."""
-    if len(text) <= LONGEST_TEXT:
+    if len(text) <= MAX_TEXT:
         return ""
-    return f"has {len(text):,} characters; at most {LONGEST_TEXT:,} are allowed"
+    return f"has {len(text):,} characters; at most {MAX_TEXT:,} are allowed"
 
 
 def _key(name: str) -> str:
@@ -85,13 +85,13 @@ def fact(
         message: one line for a person: a format of the fields, or a function of the record.
     """
 
-    def decorate(cls: type[_T]) -> type[_T]:
+    def register(cls: type[_T]) -> type[_T]:
         cls.__pydantic_config__ = ConfigDict(alias_generator=_key, extra="ignore")  # type: ignore[attr-defined]
         record = dataclass(frozen=True)(cls)
         KINDS[record] = Kind(kind, level, message)
         return record
 
-    return decorate
+    return register
 
 
 def kinds() -> dict[str, type[Any]]:
@@ -181,17 +181,17 @@ def event_of(what: Fact, tick: int, time: float, epoch: int, source: str) -> Eve
 
 def _short(what: Fact) -> Fact:
     """Return a fact with its texts cut to the most characters that are read back."""
-    texts = {f.name: v for f in fields(what) if isinstance(v := getattr(what, f.name), str)}
-    most = {name: _LONGEST_NAME if name == "who" else LONGEST_TEXT for name in texts}
-    cut = {name: v[: most[name]] for name, v in texts.items() if len(v) > most[name]}
+    strings = {f.name: v for f in fields(what) if isinstance(v := getattr(what, f.name), str)}
+    most = {name: _MAX_NAME if name == "who" else MAX_TEXT for name in strings}
+    cut = {name: v[: most[name]] for name, v in strings.items() if len(v) > most[name]}
     return replace(what, **cut) if cut else what
 
 
 def data_of(what: Fact) -> dict[str, Any]:
     """Return a fact as plain data by the keys that stand in a log."""
-    own = getattr(what, "content", None)
-    if own is not None:
-        return dict(own)
+    content = getattr(what, "content", None)
+    if content is not None:
+        return dict(content)
     found = {_key(item.name): getattr(what, item.name) for item in fields(what)}
     return {key: value for key, value in found.items() if value is not None}
 

@@ -29,7 +29,7 @@ class RecorderLost:
 
 
 @fact("recorder_back", Level.WARNING, "the recorder {recorder} is back")
-class RecorderBack:
+class RecorderActive:
     """A recorder that had fallen silent is back."""
 
     recorder: Text = ""

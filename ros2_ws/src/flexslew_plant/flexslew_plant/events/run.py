@@ -4,8 +4,8 @@ from enum import StrEnum
 from math import pi
 from typing import Any
 
-from flexslew_plant.counted import counted
-from flexslew_plant.events.event import UNNAMED, Count, Finite, Level, Seconds, Text, fact
+from flexslew_plant.counted import count_text
+from flexslew_plant.events.event import NO_NAME, Count, Finite, Level, Seconds, Text, fact
 
 
 @fact("started", Level.INFO, "started at tick {tick}")
@@ -21,7 +21,7 @@ class Resumed:
     """Ticks pass again after a pause."""
 
     tick: Count = 0
-    who: Text = UNNAMED
+    who: Text = NO_NAME
 
 
 @fact("paused", Level.INFO, "paused at tick {tick}")
@@ -29,16 +29,18 @@ class Paused:
     """The bench rests between two ticks."""
 
     tick: Count = 0
-    who: Text = UNNAMED
+    who: Text = NO_NAME
 
 
-@fact("step", Level.INFO, lambda event: f"{counted(event.ticks, 'tick')} from tick {event.tick} on")
-class Stepped:
+@fact(
+    "step", Level.INFO, lambda event: f"{count_text(event.ticks, 'tick')} from tick {event.tick} on"
+)
+class StepsRequested:
     """An operator lets a paused bench fly some ticks."""
 
     tick: Count = 0
     ticks: Count = 1
-    who: Text = UNNAMED
+    who: Text = NO_NAME
 
 
 @fact("reset", Level.INFO, "reset, epoch {epoch}; call start")
@@ -47,7 +49,7 @@ class WasReset:
 
     from_tick: Count | None = None  # None: it is not in the log
     epoch: Count | None = None  # that begins
-    who: Text = UNNAMED
+    who: Text = NO_NAME
 
 
 @fact(
@@ -59,27 +61,28 @@ class RateChanged:
     """The run goes on at another rate."""
 
     rate_factor: Finite = 0.0  # simulated seconds per wall second; 0: as fast as possible
-    who: Text = UNNAMED
+    who: Text = NO_NAME
 
 
 @fact("note", Level.INFO, "{text}")
-class Noted:
+class OperatorNote:
     """An operator's remark."""
 
     text: Text = ""
-    who: Text = UNNAMED
+    who: Text = NO_NAME
 
 
 @fact("interrupted", Level.WARNING, "stopped at tick {tick}")
-class Interrupted:
+class RunStopped:
     """The run ends before its time."""
 
     tick: Count = 0
 
 
 def _run_finished_message(event: Any) -> str:
-    wall = event.wall_time or 0.0
-    return f"{counted(event.ticks or 0, 'tick')} in {wall:.2f} s wall, {event.missed_ticks} missed"
+    elapsed = event.wall_time or 0.0
+    ticks = count_text(event.ticks or 0, "tick")
+    return f"{ticks} in {elapsed:.2f} s wall, {event.missed_ticks} missed"
 
 
 @fact("finished", Level.INFO, _run_finished_message)
@@ -99,7 +102,7 @@ class RunFinished:
     "{channel} deflects by {deflection:.3g} m, more than a tenth of its length: beyond "
     "{small:.3g} m the equations of small deflections no longer hold",
 )
-class BentFar:
+class LargeDeflection:
     """An appendage has left the range of small deflections, for the first time of its epoch."""
 
     channel: Text = ""  # which reading of its tip
@@ -111,7 +114,7 @@ def _fast_mode(event: Any) -> str:
     """Return what happens to a mode that turns far in a tick."""
     words = (
         f"the fastest mode, {event.frequency:.4g} rad/s, turns by {event.turn:.3g} rad in a tick "
-        f"of {counted(event.steps, 'step')}: an error of {100.0 * event.error:.2g} % of its "
+        f"of {count_text(event.steps, 'step')}: an error of {100.0 * event.error:.2g} % of its "
         "vibration over the run"
     )
     if event.turn > pi:
@@ -149,7 +152,7 @@ class StateLost:
     Level.WARNING,
     "{late:.3f} s behind the schedule, which is shifted; {total:.3f} s in all",
 )
-class FellBehind:
+class ScheduleShifted:
     """A paced run was too late and begins a new schedule."""
 
     late: Finite = 0.0  # this time [wall s]
@@ -165,7 +168,7 @@ class TransportChosen:
     transport: Text = ""  # socket (a process of this machine and user) or dds
 
 
-class Objection(StrEnum):
+class RejectionReason(StrEnum):
     """Why the drive does not take a command."""
 
     SENDER = "sender"
@@ -178,7 +181,7 @@ class Objection(StrEnum):
 class CommandRejected:
     """The drive did not take a command; the 1st, 2nd, 4th, 8th ... of a kind is an event."""
 
-    reason: Objection | None = None
+    reason: RejectionReason | None = None
     count: Count = 1  # of this reason so far
     controller: Text = ""
     detail: Text = ""  # for people

@@ -35,7 +35,7 @@ class SwitchRequested:
         f"{event.from_ or 'brake'} -> {event.to}, effort step {step_words(event.effort_step)}"
     ),
 )
-class Switched:
+class SwitchCompleted:
     """Another controller has answered and is in charge."""
 
     from_: Text | None = None
@@ -52,7 +52,7 @@ class Switched:
         f"{event.max_effort_step or 0.0:.3g}; {event.from_ or 'the brake'} stays in charge"
     ),
 )
-class SwitchRefused:
+class SwitchRejected:
     """The effort of a newcomer would have stepped too far; its predecessor stays in charge."""
 
     from_: Text | None = None
@@ -76,7 +76,7 @@ class SwitchDropped:
     Level.WARNING,
     "no valid answer from {controller}, last effort held ({in_a_row} in a row)",
 )
-class AnswerMissed:
+class AnswerMissing:
     """A tick passed without a valid answer, and the last effort was held."""
 
     controller: Text = ""
@@ -89,7 +89,7 @@ class AnswerMissed:
     Level.FAULT,
     lambda event: f"{event.from_} {_failing(event.cause)}: {event.to} takes over",
 )
-class FallbackTookOver:
+class FallbackActivated:
     """A fallback, or the predecessor of a newcomer, took over from a controller that failed."""
 
     to: Text
@@ -102,7 +102,7 @@ class FallbackTookOver:
     Level.FAULT,
     lambda event: f"{event.from_} {_failing(event.cause)}: the brake takes over",
 )
-class BrakeTookOver:
+class BrakeActivated:
     """The drive's own brake took over from a controller that failed."""
 
     to: Text = BRAKE
@@ -147,7 +147,7 @@ class BrakeReleased:
 
 
 @fact("not_ready", Level.WARNING, "{controller} is not ready: {reason}")
-class BecameUnready:
+class ControllerNotReady:
     """A controller can no longer take charge, or can not for another cause than before."""
 
     controller: Text = ""
@@ -156,7 +156,7 @@ class BecameUnready:
 
 
 @fact("ready", Level.INFO, "{controller} is ready again")
-class BecameReady:
+class ControllerReady:
     """A controller can take charge again."""
 
     controller: Text = ""
@@ -169,7 +169,7 @@ class BecameReady:
     "the sensors of {joint} contradict each other: it moves by {difference:.3g} per "
     "second more than its rate sensor says",
 )
-class SensorsImplausible:
+class SensorsInconsistent:
     """The joint sensors contradict each other; the controller in charge loses the bench."""
 
     controller: Text = ""

@@ -50,19 +50,21 @@ def check_fault(fault: Fault, names: Names, place: str) -> None:
         BadInput: an unknown joint, appendage or controller, with the known ones; an effort beyond
             the limit, or against the direction in which alone a thruster pushes.
     """
-    about = fault.subject(names)
-    if about is not None and about.name not in about.known:
-        known = ", ".join(about.known)
-        raise BadInput(f"{place}.{about.key}: {about.where} no {about.name}; allowed: {known}")
-    if about is not None and about.effort is not None:
-        k = names.joints.index(about.name)
+    subject = fault.subject(names)
+    if subject is not None and subject.name not in subject.known:
+        known = ", ".join(subject.known)
+        raise BadInput(
+            f"{place}.{subject.key}: {subject.where} no {subject.name}; allowed: {known}"
+        )
+    if subject is not None and subject.effort is not None:
+        k = names.joints.index(subject.name)
         most = names.limits[k]
-        if k in names.one_way and about.effort < 0.0:
-            words = f"{about.name} is a thruster, which pushes one way: at least 0"
-            raise BadInput(words, key=f"{place}.effort", value=about.effort)
-        if not abs(about.effort) <= most:
-            words = f"{about.name} gives at most {most:g}, its effort limit"
-            raise BadInput(words, key=f"{place}.effort", value=about.effort)
+        if k in names.one_way and subject.effort < 0.0:
+            words = f"{subject.name} is a thruster, which pushes one way: at least 0"
+            raise BadInput(words, key=f"{place}.effort", value=subject.effort)
+        if not abs(subject.effort) <= most:
+            words = f"{subject.name} gives at most {most:g}, its effort limit"
+            raise BadInput(words, key=f"{place}.effort", value=subject.effort)
 
 
 class Timed(NamedTuple):

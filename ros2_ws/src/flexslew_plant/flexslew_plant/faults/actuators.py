@@ -51,11 +51,11 @@ def delayed_demand(numbers: Vector, memory: Vector, since: int, value: float) ->
         value: u[k] [N m or N].
     """
     part, place = numbers[0] % 1.0, since % memory.size
-    oldest = memory[place]
+    previous = memory[place]
     memory[place] = value
     if part > 0.0:
-        return float((1.0 - part) * memory[(since + 1) % memory.size] + part * oldest)
-    return float(oldest)
+        return float((1.0 - part) * memory[(since + 1) % memory.size] + part * previous)
+    return float(previous)
 
 
 @section
@@ -110,8 +110,8 @@ class CommandDelay:
 
     def action(self, names: Names) -> FaultAction:
         """Return the action on what reaches the motors."""
-        chosen = entries(names.joints, self.joint)
-        return FaultAction(Where.LATE, *chosen, (self.ticks,), memory=ceil(self.ticks))
+        selected = entries(names.joints, self.joint)
+        return FaultAction(Where.LATE, *selected, (self.ticks,), memory=ceil(self.ticks))
 
 
 STUCK = FaultEntry(ActuatorStuck, step=stuck_effort)

@@ -19,10 +19,10 @@ _INIT_B, _MULT_B = np.uint64(0x8B51F9DD), np.uint64(0x58F38DED)
 _LEFT, _RIGHT, _SHIFT = np.uint64(0xCA01F9DD), np.uint64(0x4973F715), np.uint64(16)
 # NumPy's PCG64
 _HIGH, _LOW = np.uint64(0x2360ED051FC65DA4), np.uint64(0x4385DF649FCCF645)
-_TOP, _TURN, _LOST = np.uint64(58), np.uint64(64), np.uint64(11)
+_TOP, _ROTATION_BITS, _LOST = np.uint64(58), np.uint64(64), np.uint64(11)
 
 
-def key_of(seed: int, epoch: int, start: int, kind: str, own: int) -> tuple[int, ...]:
+def key_of(seed: int, epoch: int, start: int, kind: str, fault_seed: int) -> tuple[int, ...]:
     """Return what the chance of a fault depends on, besides the tick.
 
     Args:
@@ -30,19 +30,19 @@ def key_of(seed: int, epoch: int, start: int, kind: str, own: int) -> tuple[int,
         epoch: counts resets.
         start: first tick of the fault.
         kind: of the fault.
-        own: seed of the fault.
+        fault_seed: seed of the fault.
     """
-    return seed, epoch, start, crc32(kind.encode()), own
+    return seed, epoch, start, crc32(kind.encode()), fault_seed
 
 
-def drawn(key: tuple[int, ...], tick: int) -> float:
+def random_number(key: tuple[int, ...], tick: int) -> float:
     """Return the number in [0, 1) that is drawn at a tick."""
     return float(np.random.default_rng((*key, tick)).random())
 
 
-def all_drawn(key: tuple[int, ...], first: int, last: int) -> Vector:
+def random_numbers(key: tuple[int, ...], first: int, last: int) -> Vector:
     """Return what `drawn` does at ticks from `first` to before `last`, below 2^32, bit for bit."""
-    return _all_drawn(_words(key), first, last)
+    return _random_numbers(_words(key), first, last)
 
 
 def _words(numbers: Sequence[int]) -> Words:
@@ -62,7 +62,7 @@ def _mixed(x: Any, y: Any) -> Any:
 
 
 @called
-def _hashed(word: Any, constant: Any, factor: Any) -> Any:
+def _hash(word: Any, constant: Any, factor: Any) -> Any:
     """Return the hash of a word, and the constant for the next one."""
     after = (constant * factor) & _WORD
     found = ((word ^ constant) * after) & _WORD
@@ -75,8 +75,8 @@ def _product(high: Any, low: Any) -> Any:
     a, b, c, d = low >> _HALF, low & _WORD, _LOW >> _HALF, _LOW & _WORD
     inner, outer = a * d, b * c
     middle = (b * d >> _HALF) + (inner & _WORD) + (outer & _WORD)
-    carried = a * c + (inner >> _HALF) + (outer >> _HALF) + (middle >> _HALF)
-    return high * _LOW + low * _HIGH + carried, low * _LOW
+    carry = a * c + (inner >> _HALF) + (outer >> _HALF) + (middle >> _HALF)
+    return high * _LOW + low * _HIGH + carry, low * _LOW
 
 
 @called
@@ -96,14 +96,14 @@ def _first_number(seeds: Words) -> float:
     for _ in range(2):
         high, low = _product(high, low)
         high, low = _sum(high, low, odd[0], odd[1])
-    mixed, turn = high ^ low, high >> _TOP
-    if turn > 0:
-        mixed = (mixed >> turn) | (mixed << (_TURN - turn))
+    mixed, rotation = high ^ low, high >> _TOP
+    if rotation > 0:
+        mixed = (mixed >> rotation) | (mixed << (_ROTATION_BITS - rotation))
     return float(mixed >> _LOST) * 2.0**-53
 
 
 @compiled
-def _all_drawn(words: Words, first: int, last: int) -> Vector:
+def _random_numbers(words: Words, first: int, last: int) -> Vector:
     found = np.empty(max(last - first, 0))
     count = words.size + 1
     entropy = np.zeros(max(count, 4), np.uint64)
@@ -113,18 +113,18 @@ def _all_drawn(words: Words, first: int, last: int) -> Vector:
         entropy[words.size] = np.uint64(first + k)
         constant = _INIT_A
         for i in range(4):
-            pool[i], constant = _hashed(entropy[i], constant, _MULT_A)
+            pool[i], constant = _hash(entropy[i], constant, _MULT_A)
         for i in range(4):
             for j in range(4):
                 if i != j:
-                    one, constant = _hashed(pool[i], constant, _MULT_A)
+                    one, constant = _hash(pool[i], constant, _MULT_A)
                     pool[j] = _mixed(pool[j], one)
         for i in range(4, count):
             for j in range(4):
-                one, constant = _hashed(entropy[i], constant, _MULT_A)
+                one, constant = _hash(entropy[i], constant, _MULT_A)
                 pool[j] = _mixed(pool[j], one)
         constant = _INIT_B
         for i in range(8):
-            seeds[i], constant = _hashed(pool[i % 4], constant, _MULT_B)
+            seeds[i], constant = _hash(pool[i % 4], constant, _MULT_B)
         found[k] = _first_number(seeds)
     return found

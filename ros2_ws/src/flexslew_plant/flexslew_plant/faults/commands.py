@@ -3,8 +3,8 @@
 from typing import Literal
 
 from flexslew_plant.faults.effects import (
+    CommandStatus,
     Effect,
-    Fate,
     FaultContext,
     FaultEntry,
     Names,
@@ -28,7 +28,9 @@ class CommandLost(OnAnyTestbed):
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
         return Effect(
-            fate=lambda _: Fate.LOST if context.happens(self.probability) else Fate.ARRIVES
+            command_status=lambda _: (
+                CommandStatus.LOST if context.happens(self.probability) else CommandStatus.ON_TIME
+            )
         )
 
 
@@ -44,13 +46,13 @@ class CommandLate(OnAnyTestbed):
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
 
-        def fate(command: EffortCommand) -> Fate:
+        def command_status(command: EffortCommand) -> CommandStatus:
             if not context.happens(self.probability):
-                return Fate.ARRIVES
-            context.deliver_later(command, self.ticks, True)
-            return Fate.LATE
+                return CommandStatus.ON_TIME
+            context.delay_command(command, self.ticks, True)
+            return CommandStatus.LATE
 
-        return Effect(fate=fate)
+        return Effect(command_status=command_status)
 
 
 @section
@@ -64,12 +66,12 @@ class CommandDuplicated(OnAnyTestbed):
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
 
-        def fate(command: EffortCommand) -> Fate:
+        def command_status(command: EffortCommand) -> CommandStatus:
             if context.happens(self.probability):
-                context.deliver_later(command, 1, True)
-            return Fate.ARRIVES
+                context.delay_command(command, 1, True)
+            return CommandStatus.ON_TIME
 
-        return Effect(fate=fate)
+        return Effect(command_status=command_status)
 
 
 @section
@@ -83,13 +85,13 @@ class CommandReordered(OnAnyTestbed):
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
 
-        def fate(command: EffortCommand) -> Fate:
+        def command_status(command: EffortCommand) -> CommandStatus:
             if not context.happens(self.probability):
-                return Fate.ARRIVES
-            context.deliver_later(command, 1, False)
-            return Fate.OVERTAKEN
+                return CommandStatus.ON_TIME
+            context.delay_command(command, 1, False)
+            return CommandStatus.OUT_OF_ORDER
 
-        return Effect(fate=fate)
+        return Effect(command_status=command_status)
 
 
 @section
@@ -108,8 +110,10 @@ class ControllerSilent:
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
         return Effect(
-            fate=lambda command: (
-                Fate.LOST if command.controller == self.controller else Fate.ARRIVES
+            command_status=lambda command: (
+                CommandStatus.LOST
+                if command.controller == self.controller
+                else CommandStatus.ON_TIME
             )
         )
 

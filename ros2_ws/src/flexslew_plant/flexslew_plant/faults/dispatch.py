@@ -38,14 +38,14 @@ def number_of(fault: Fault) -> int | None:
 @lru_cache
 def any_step() -> AnyStep:
     """Return one function for the steps of all kinds, for calls from compiled ones."""
-    found: AnyStep = _unchanged
+    found: AnyStep = _identity_step
     for number, step in enumerate(_STEPS.values()):
         found = _either(number, step, found)
     return found
 
 
 @called
-def _unchanged(kind: int, numbers: Vector, memory: Vector, since: int, value: float) -> float:
+def _identity_step(kind: int, numbers: Vector, memory: Vector, since: int, value: float) -> float:
     return value
 
 
@@ -74,15 +74,15 @@ def advance_fault() -> Callable[..., None]:
         numbers: Vector,
         memory: Vector,
         since: int,
-        acts: NDArray[np.bool_],
+        is_active: NDArray[np.bool_],
         values: Matrix,
     ) -> None:
         size = memory.size // max(values.shape[1], 1)
-        for k in range(acts.size):
-            if acts[k]:
+        for k in range(is_active.size):
+            if is_active[k]:
                 for i in range(values.shape[1]):
-                    own = memory[i * size : (i + 1) * size]
-                    values[k, i] = step(kind, numbers, own, since + k, values[k, i])
+                    view = memory[i * size : (i + 1) * size]
+                    values[k, i] = step(kind, numbers, view, since + k, values[k, i])
 
     return cast(Callable[..., None], advance)
 
@@ -92,7 +92,7 @@ def load_steps() -> None:
     advance_fault()(-1, np.zeros(1), np.zeros(1), 0, _NOW, np.zeros((1, 1)))
 
 
-class SteppedFault:
+class StepFault:
     """Numbers and memory of a fault while it acts on the bench.
 
     Args:
@@ -128,8 +128,8 @@ class SteppedFault:
         if action.probability < 1.0 and not context.happens(action.probability):
             return values
         found = values.copy()
-        own, since = found[None, action.first : action.last], context.since()
-        self._advance(self._kind, self._numbers, self._memory, since, _NOW, own)
+        view, since = found[None, action.first : action.last], context.since()
+        self._advance(self._kind, self._numbers, self._memory, since, _NOW, view)
         return found
 
     def _read(self, readings: Readings) -> Readings:
@@ -143,4 +143,4 @@ def effect_of(fault: Any, context: FaultContext) -> Effect:
     if kind is None:
         effect: Effect = fault.begin(context)
         return effect
-    return SteppedFault(kind, fault.action(context.names), context).effect()
+    return StepFault(kind, fault.action(context.names), context).effect()

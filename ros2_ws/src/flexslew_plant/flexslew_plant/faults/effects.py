@@ -21,13 +21,13 @@ Ticks = Annotated[int, Field(ge=1, le=10_000)]
 Seed = Annotated[int, Field(ge=0)]
 
 
-class Fate(Enum):
+class CommandStatus(Enum):
     """What becomes of an answer on its way to the drive."""
 
-    ARRIVES = "arrives"
+    ON_TIME = "arrives"
     LOST = "lost"
     LATE = "late"
-    OVERTAKEN = "overtaken"
+    OUT_OF_ORDER = "overtaken"
 
 
 class Names(NamedTuple):
@@ -68,7 +68,7 @@ class FaultContext:
     Args:
         names: joints and appendages of the testbed.
         happens: draws whether an event of this probability occurs now.
-        deliver_later: hands an answer to the drive some ticks later, before or after that tick's
+        delay_command: hands an answer to the drive some ticks later, before or after that tick's
             own answer.
         demand, effort: last demand on the motors, and the effort that they gave, (joints,).
         since: returns the ticks since the fault began.
@@ -76,7 +76,7 @@ class FaultContext:
 
     names: Names
     happens: Callable[[float], bool]
-    deliver_later: Callable[[EffortCommand, int, bool], None]
+    delay_command: Callable[[EffortCommand, int, bool], None]
     demand: Vector
     effort: Vector
     since: Callable[[], int]
@@ -86,7 +86,9 @@ class Effect(NamedTuple):
     """What a fault does while it acts: only what is given."""
 
     read: Callable[[Readings], Readings] | None = None  # readings of the measurement
-    fate: Callable[[EffortCommand], Fate] | None = None  # what becomes of an answer
+    command_status: Callable[[EffortCommand], CommandStatus] | None = (
+        None  # what becomes of an answer
+    )
     late: Callable[[Vector], Vector] | None = None  # what arrives of what the drive lets go
     demand: Callable[[Vector], Vector] | None = None  # what the motors take a demand for
     effort: Callable[[Vector], Vector] | None = None  # what the motors give of an effort

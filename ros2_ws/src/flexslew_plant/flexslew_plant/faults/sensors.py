@@ -32,8 +32,8 @@ def _action(
     fault: _OnChannel, names: Names, numbers: tuple[float, ...] = (), memory: int = 0
 ) -> FaultAction:
     """Return the action on the chosen entries of a channel."""
-    chosen = entries(names.of(fault.channel), fault.of)
-    return FaultAction(Where.READING, *chosen, numbers, memory, fault.channel)
+    selected = entries(names.of(fault.channel), fault.of)
+    return FaultAction(Where.READING, *selected, numbers, memory, fault.channel)
 
 
 @called

@@ -10,7 +10,7 @@ from flexslew_plant.graph import topics as t
 HIDDEN = "_"  # ROS hides nodes with such names; `_x` listens on behalf of the node `x`
 
 
-class Rights(NamedTuple):
+class RoleAccess(NamedTuple):
     """What nodes of one role may do."""
 
     publish: tuple[str, ...]
@@ -27,57 +27,57 @@ def _with(package: str, *names: str) -> tuple[str, ...]:
     return names if find_spec(package) is not None else ()
 
 
-_OPERATE = (
+_OPERATOR_SERVICES = (
     t.START, t.PAUSE, t.RESET, t.BRAKE, t.RELEASE_BRAKE, t.OPERATE, t.STEP, t.SET_RATE, t.NOTE,
     t.SWITCH_CONTROLLER, t.LIST_CONTROLLERS, t.INJECT_FAULT, t.END_FAULT, t.RETARGET,
 )  # fmt: skip
-_PLANS = (t.PLAN_SLEW, t.DRAFT_PLAN)
+_PLAN_ACTIONS = (t.PLAN_SLEW, t.DRAFT_PLAN)
 _RECORDED = tuple(name for name in t.TOPICS if name not in t.NOT_RECORDED)
 
-ROLES: dict[str, Rights] = {
-    "plant": Rights(
+ROLES: dict[str, RoleAccess] = {
+    "plant": RoleAccess(
         publish=(t.MEASUREMENT, t.TRUTH, t.EVENTS, t.TESTBED, t.ALIVE, t.BENCH_STATE,
                  t.DIAGNOSTICS, *t.DISPLAYED, t.TF_STATIC, t.ROBOT_DESCRIPTION,
                  t.SENSORS_IMU, t.SENSORS_ATTITUDE),
         subscribe=(t.EFFORT_COMMAND, t.CONTROLLER_STATUS, t.RECORDER_STATUS, t.ALIVE),
-        reply=(*_OPERATE, *(f"~/{name}" for name in t.OFFERED_PRIVATELY),
+        reply=(*_OPERATOR_SERVICES, *(f"~/{name}" for name in t.OFFERED_PRIVATELY),
                *_with("simulation_interfaces", t.GET_SIMULATOR_FEATURES, t.GET_SIMULATION_STATE,
                       t.SET_SIMULATION_STATE, t.RESET_SIMULATION, t.STEP_SIMULATION)),
         execute=_with("simulation_interfaces", t.SIMULATE_STEPS),
     ),
-    "controller": Rights(
+    "controller": RoleAccess(
         publish=(t.EFFORT_COMMAND, t.CONTROLLER_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.ALIVE),
         subscribe=(t.MEASUREMENT, t.TESTBED, t.PLAN, t.BENCH_STATE, t.ALIVE),
         reply=(t.TUNE,),
     ),
-    "planner": Rights(
+    "planner": RoleAccess(
         publish=(t.PLAN, t.PLANNED_TRAJECTORY, t.EVENTS, t.ALIVE),
         subscribe=(t.JOINT_TRAJECTORY, t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS,
                    t.ALIVE, t.APPENDAGE_STATES, t.JOINT_STATES),  # the last two for a while
-        execute=(*_PLANS, *_with("control_msgs", t.FOLLOW_JOINT_TRAJECTORY)),
+        execute=(*_PLAN_ACTIONS, *_with("control_msgs", t.FOLLOW_JOINT_TRAJECTORY)),
         reply=(t.DECIDE_PLAN,),
     ),
-    "recorder": Rights(
+    "recorder": RoleAccess(
         publish=(t.EVENTS, t.RECORDER_STATUS, t.RECORDED, t.ALIVE), subscribe=(t.ALIVE,),
     ),
-    "listener": Rights(publish=(), subscribe=(*_RECORDED, t.ALIVE)),  # hidden, of the recorder
-    "operator": Rights(
+    "listener": RoleAccess(publish=(), subscribe=(*_RECORDED, t.ALIVE)),  # hidden, of the recorder
+    "operator": RoleAccess(
         publish=(), subscribe=(t.EVENTS, t.BENCH_STATE, t.TRUTH, t.PLAN),
-        request=(*_OPERATE, t.DECIDE_PLAN), call=_PLANS,
+        request=(*_OPERATOR_SERVICES, t.DECIDE_PLAN), call=_PLAN_ACTIONS,
     ),
-    "console": Rights(
-        publish=(t.ALIVE,), subscribe=(t.ALIVE,), call=_PLANS,
-        request=(*_OPERATE, t.DECIDE_PLAN), tunes=True,
+    "console": RoleAccess(
+        publish=(t.ALIVE,), subscribe=(t.ALIVE,), call=_PLAN_ACTIONS,
+        request=(*_OPERATOR_SERVICES, t.DECIDE_PLAN), tunes=True,
     ),
-    "watcher": Rights(  # hidden, of the console
+    "watcher": RoleAccess(  # hidden, of the console
         publish=(), subscribe=(t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.PLAN,
                                t.RECORDED, t.TRUTH, t.CONTROLLER_STATE),
     ),
 }  # fmt: skip
 
 # What rclpy gives every node.
-OWN_TOPICS = ("/rosout", "/parameter_events")
-OWN_SERVICES = (
+NODE_TOPICS = ("/rosout", "/parameter_events")
+NODE_SERVICES = (
     "~/describe_parameters", "~/get_parameter_types", "~/get_parameters", "~/list_parameters",
     "~/set_parameters", "~/set_parameters_atomically", "~/get_type_description",
 )  # fmt: skip
@@ -103,19 +103,19 @@ def policies(controllers: Iterable[str], namespace: str = "/") -> str:
         namespace: namespace of all of them.
     """
     laws = tuple(controllers)
-    tuned = tuple(t.TUNE.replace("~", law) for law in laws)
+    tuning_services = tuple(t.TUNE.replace("~", law) for law in laws)
     enclaves: dict[str, list[str]] = {}  # profiles by place
     for node, role in (NODES | dict.fromkeys(laws, "controller")).items():
-        rights = ROLES[role]
-        own = [f"{node}/{name.removeprefix('~/')}" for name in OWN_SERVICES]
-        reply = [f"{node}/{n[2:]}" if n.startswith("~/") else n for n in rights.reply]
+        access = ROLES[role]
+        node_services = [f"{node}/{name.removeprefix('~/')}" for name in NODE_SERVICES]
+        reply = [f"{node}/{n[2:]}" if n.startswith("~/") else n for n in access.reply]
         parts = [
-            _part("topic", "publish", (*rights.publish, *OWN_TOPICS)),
-            _part("topic", "subscribe", rights.subscribe),
-            _part("service", "reply", (*reply, *own)),
-            _part("service", "request", rights.request + tuned * rights.tunes),
-            _part("action", "execute", rights.execute),
-            _part("action", "call", rights.call),
+            _part("topic", "publish", (*access.publish, *NODE_TOPICS)),
+            _part("topic", "subscribe", access.subscribe),
+            _part("service", "reply", (*reply, *node_services)),
+            _part("service", "request", access.request + tuning_services * access.tunes),
+            _part("action", "execute", access.execute),
+            _part("action", "call", access.call),
         ]
         place = f"{namespace.rstrip('/')}/{node.removeprefix(HIDDEN)}"
         enclaves.setdefault(place, []).append(

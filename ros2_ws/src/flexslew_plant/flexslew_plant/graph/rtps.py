@@ -34,7 +34,7 @@ def ports(domain: int) -> range:
     return range(first, min(first + 2 * _PARTICIPANTS, 1 << 16), 2)
 
 
-def participants_here(domain: int) -> int:
+def count_participants(domain: int) -> int:
     """Return how many participants of a domain have sockets on this machine; 0 if unknown.
 
     The sockets are closed with a process that is killed, and exist before its first message. Each
@@ -49,7 +49,7 @@ def participants_here(domain: int) -> int:
     return sum(port in bound and port + 1 in bound for port in ports(domain))
 
 
-def tell_all(message: bytes, domain: int) -> None:
+def send_to_all(message: bytes, domain: int) -> None:
     """Send to every participant that may be on this machine."""
     with socket(AF_INET, SOCK_DGRAM) as sender, suppress(OSError):  # no loopback: no receiver
         sender.bind((_LOOPBACK, 0))  # else others could send to it while it sends

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Tag
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.hardware.motor_step import LAGGED, RAMPED, MotorNumbers, drive_motors
+from flexslew_plant.hardware.motor_step import SLEW_ROW, TORQUE_ROW, MotorNumbers, drive_motors
 from flexslew_plant.settings import NonNegative, Positive, section
 
 # one number for all motors, or one by name
@@ -66,9 +66,9 @@ def motor_numbers(
     s, ratio = settings, period / settings.lag if settings.lag else 0.0
     rise = -expm1(-ratio) if ratio else 1.0
     mean_rise = 1.0 - rise / ratio if ratio else 1.0
-    shortest = np.zeros(limit.size) if impulse is None else impulse
+    minimum_pulse = np.zeros(limit.size) if impulse is None else impulse
     motors = s.quantisation, s.slew_rate, s.lag, rise, mean_rise, period
-    return MotorNumbers(np.array(limit, dtype=float), least, shortest, *motors)
+    return MotorNumbers(np.array(limit, dtype=float), least, minimum_pulse, *motors)
 
 
 class Actuator:
@@ -106,7 +106,7 @@ class Actuator:
         Args:
             torque: shape (joints,) [N m or N].
         """
-        self._memory[RAMPED] = self._memory[LAGGED] = torque
+        self._memory[SLEW_ROW] = self._memory[TORQUE_ROW] = torque
 
     def apply(self, demand: Vector) -> Vector:
         """Return the mean effort over the coming tick, shape (joints,) [N m or N]."""
@@ -124,7 +124,7 @@ class Actuator:
         return self.effort
 
 
-def shortest_impulses(
+def minimum_impulse(
     settings: ActuatorSettings, names: tuple[str, ...], limit: Vector, period: float
 ) -> Vector:
     """Return the impulse of each actuator's shortest pulse, shape (actuators,) [N m s or N s].
@@ -140,8 +140,10 @@ def shortest_impulses(
     Raises:
         BadInput: a name is no actuator, or a pulse is longer than a tick.
     """
-    shortest = settings.shortest_pulse
-    by_name = shortest if isinstance(shortest, dict) else dict.fromkeys(names, shortest)
+    minimum_pulse = settings.shortest_pulse
+    by_name = (
+        minimum_pulse if isinstance(minimum_pulse, dict) else dict.fromkeys(names, minimum_pulse)
+    )
     unknown = sorted(set(by_name) - set(names))
     if unknown:
         words = f"names of actuators: {', '.join(names)}"
@@ -151,5 +153,5 @@ def shortest_impulses(
         words = f"at most one tick, {period:g} s"
         raise BadInput(words, "actuator", "shortest_pulse", float(widths.max()))
     # a pulse of a tick may be longer by what is rounded, as 0.1 + 0.2 than 0.3
-    impulses: Vector = np.minimum(widths, period) * limit
-    return impulses
+    impulse: Vector = np.minimum(widths, period) * limit
+    return impulse

@@ -88,9 +88,9 @@ def shape_effort(shape: Shape, ticks: int, period: float) -> float:
     """
     if isinstance(shape, Sine):
         s = shape.sine
-        turn = 2.0 * pi * s.frequency * period
-        angle = turn * ticks + s.phase
-        return s.amplitude * (cos(angle) - cos(angle + turn)) / turn
+        phase_step = 2.0 * pi * s.frequency * period
+        angle = phase_step * ticks + s.phase
+        return s.amplitude * (cos(angle) - cos(angle + phase_step)) / phase_step
     if isinstance(shape, Pulse):
         p = shape.pulse
         width = _in_ticks(p.width, period)
@@ -108,9 +108,9 @@ def _in_ticks(time: float, period: float) -> float:
 
 def _time_on(time: float, width: float, every: float) -> float:
     """Return for how long a pulse has been on, all times in ticks."""
-    begun = 0.0 if every == inf else time // every
-    since = time - begun * every if begun else time
-    return begun * min(width, every) + min(since, width)
+    pulse_count = 0.0 if every == inf else time // every
+    since = time - pulse_count * every if pulse_count else time
+    return pulse_count * min(width, every) + min(since, width)
 
 
 def disturbance_effort(

@@ -6,10 +6,10 @@ from math import isfinite
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.events.run import Objection
+from flexslew_plant.events.run import RejectionReason
 from flexslew_plant.measurement import EffortCommand, Measurement
 
-_REMEMBERED = 64  # answers; a question that was repeated is answered more than once
+_HISTORY_SIZE = 64  # answers; a question that was repeated is answered more than once
 
 
 class Drive:
@@ -30,62 +30,65 @@ class Drive:
         """Return to the state of the start."""
         self.active = self._start
         self.demand: Vector = np.zeros(self._brake.size)  # last requested effort [N m or N]
-        self.missed_in_a_row = 0
+        self.missing_ticks = 0
         self.missed = 0
-        self.rejected: Counter[Objection] = Counter()
-        self._heard: deque[EffortCommand] = deque(maxlen=_REMEMBERED)
+        self.rejected: Counter[RejectionReason] = Counter()
+        self._accepted: deque[EffortCommand] = deque(maxlen=_HISTORY_SIZE)
 
-    def heard_before(self, command: EffortCommand) -> bool:
+    def is_repeat(self, command: EffortCommand) -> bool:
         """Return whether this very answer was given already: the question had been repeated."""
         return any(
             command[:3] == other[:3] and np.array_equal(command.effort, other.effort)
-            for other in self._heard
+            for other in self._accepted
         )
 
     def objection(
         self, question: Measurement, command: EffortCommand
-    ) -> tuple[Objection, str] | None:
+    ) -> tuple[RejectionReason, str] | None:
         """Return why the command is not an answer to the question, also in words, or None."""
         if command.controller != question.controller:
-            asked = question.controller or "none, the brake is on"
-            kind, words = Objection.SENDER, f"{command.controller} answered, expected {asked}"
+            expected = question.controller or "none, the brake is on"
+            kind, words = (
+                RejectionReason.SENDER,
+                f"{command.controller} answered, expected {expected}",
+            )
         elif command.epoch != question.epoch or command.tick != question.tick:
-            kind = Objection.STALE
+            kind = RejectionReason.STALE
             words = (
                 f"answer to tick {command.tick} of epoch {command.epoch}, "
                 f"expected tick {question.tick} of epoch {question.epoch}"
             )
         elif command.effort.shape != self._brake.shape:
-            kind = Objection.SIZE
+            kind = RejectionReason.SIZE
             words = f"{command.effort.size} efforts for {self._brake.size} joints"
         elif not all(map(isfinite, command.effort.tolist())):
-            kind, words = Objection.FINITE, f"effort {command.effort.tolist()} is not finite"
+            kind, words = RejectionReason.FINITE, f"effort {command.effort.tolist()} is not finite"
         else:
-            self._heard.append(command)
+            self._accepted.append(command)
             return None
         return kind, words
 
     def take(self, effort: Vector) -> None:
         """Hold this checked effort."""
         self.demand = effort
-        self.missed_in_a_row = 0
+        self.missing_ticks = 0
 
     def miss(self) -> bool:
         """Count a tick without a valid answer; return whether another one must take over now."""
         over = self.one_miss_left
         self.missed += 1
-        self.missed_in_a_row += 1
+        self.missing_ticks += 1
         return over
 
     @property
     def one_miss_left(self) -> bool:
         """Whether another controller must take over if this tick is missed too."""
-        return self.missed_in_a_row + 1 >= self._max_missed
+        return self.missing_ticks + 1 >= self._max_missed
 
-    def hand_over(self, controller: str) -> None:
+    def set_active(self, controller: str) -> None:
         """Put a controller in charge; "" is the brake."""
         self.active = controller
-        self.missed_in_a_row = 0
+        self.missing_ticks = 0
 
     def effort(self, velocity: Vector) -> Vector:
         """Return the demanded effort of the motors, shape (joints,) [N m or N].

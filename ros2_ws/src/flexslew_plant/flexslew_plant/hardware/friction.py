@@ -17,13 +17,15 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.testbeds.model import Model, Motors
 
-ROUNDS = 30  # at most, of integrations of a tick
-_SWEEPS = 200  # at most, over the joints
+MAX_ITERATIONS = 30  # at most, of integrations of a tick
+_MAX_JOINT_ITERATIONS = 200  # at most, over the joints
 CLOSE = 1e-12  # change of the friction at which it is found, of its size
 
 
 @compiled
-def slid(v: float, g: float, viscous: float, coulomb: float, speed: float, dt: float) -> float:
+def friction_velocity(
+    v: float, g: float, viscous: float, coulomb: float, speed: float, dt: float
+) -> float:
     """Return v after dt of v' = g - viscous v - coulomb tanh(v / speed).
 
     Exponential Rosenbrock steps of order 2 in v / speed, with the error estimated by order 3.
@@ -40,8 +42,8 @@ def slid(v: float, g: float, viscous: float, coulomb: float, speed: float, dt: f
     left, step = dt, dt
     for _ in range(100_000):
         step = min(step, left)
-        held = np.tanh(s)
-        slope = -viscous - kappa * (1.0 - held * held)
+        friction_ratio = np.tanh(s)
+        slope = -viscous - kappa * (1.0 - friction_ratio * friction_ratio)
         z = slope * step
         if z < -1e-2:
             phi_1 = np.expm1(z) / z
@@ -49,8 +51,10 @@ def slid(v: float, g: float, viscous: float, coulomb: float, speed: float, dt: f
         else:
             phi_1 = 1.0 + z * (1.0 / 2.0 + z * (1.0 / 6.0 + z * (1.0 / 24.0 + z / 120.0)))
             phi_3 = 1.0 / 6.0 + z * (1.0 / 24.0 + z * (1.0 / 120.0 + z / 720.0))
-        change = step * phi_1 * (push - viscous * s - kappa * held)
-        rest = -kappa * (np.tanh(s + change) - held - (1.0 - held * held) * change)
+        change = step * phi_1 * (push - viscous * s - kappa * friction_ratio)
+        rest = -kappa * (
+            np.tanh(s + change) - friction_ratio - (1.0 - friction_ratio * friction_ratio) * change
+        )
         error = 2.0 * step * phi_3 * rest
         size = abs(error) / (1e-7 + 1e-13 * abs(s))
         if size <= 1.0 or step <= 1e-14 * dt:
@@ -89,12 +93,12 @@ def balanced(
         dt: [s].
     """
     r = r.copy()
-    for _ in range(_SWEEPS):
+    for _ in range(_MAX_JOINT_ITERATIONS):
         change = 0.0
         for i in range(r.size):
             a = mobility[i, i]
             g = free[i] + mobility[i] @ r - a * r[i]
-            after = slid(v[i], g, a * viscous[i], a * coulomb[i], speed, dt)
+            after = friction_velocity(v[i], g, a * viscous[i], a * coulomb[i], speed, dt)
             found = ((after - v[i]) / dt - g) / a
             change = max(change, abs(found - r[i]))
             r[i] = found
@@ -134,11 +138,11 @@ def next_friction(
     free = (after - v) / dt - mobility @ r
     found = balanced(r, free, mobility, v, viscous, coulomb, speed, dt)
     reach = 0.5 * dt**2
-    further = way + reach * (mobility @ (found - r))
+    displacement = way + reach * (mobility @ (found - r))
     for i in range(found.size):
-        if found[i] * further[i] > 0.0:
-            still = found[i] - further[i] / (reach * mobility[i, i])
-            found[i] = min(max(still, min(found[i], 0.0)), max(found[i], 0.0))
+        if found[i] * displacement[i] > 0.0:
+            stop_friction = found[i] - displacement[i] / (reach * mobility[i, i])
+            found[i] = min(max(stop_friction, min(found[i], 0.0)), max(found[i], 0.0))
     return found
 
 
@@ -172,12 +176,12 @@ class Friction:
             mobility: of all actuators, B^T M^-1 B, shape (efforts, efforts).
             step: returns the state a tick later under a held effort.
         """
-        chosen, at, speed, sign, dt = *self._motors[1:], self._period
-        mobility = np.ascontiguousarray(mobility[np.ix_(chosen, chosen)])
-        v, r = sign * x[speed], np.zeros(len(chosen))
-        for _ in range(ROUNDS):
+        indices, at, speed, sign, dt = *self._motors[1:], self._period
+        mobility = np.ascontiguousarray(mobility[np.ix_(indices, indices)])
+        v, r = sign * x[speed], np.zeros(len(indices))
+        for _ in range(MAX_ITERATIONS):
             total = effort.astype(np.float64)
-            total[chosen] += r
+            total[indices] += r
             after = step(total)
             rate = sign * after[speed]
             if not np.isfinite(rate).all():
@@ -217,9 +221,9 @@ def friction_of(settings: ActuatorSettings, model: Model, period: float) -> Fric
     """
     if not (settings.viscous_friction or settings.coulomb_friction):
         return None
-    if not model.own_motors.names:
+    if not model.resolved_motors.names:
         raise BadInput(
             "actuator: viscous_friction and coulomb_friction are not allowed here: no actuator of "
             "this testbed is a motor in a joint or a wheel; give 0.0"
         )
-    return Friction(model.own_motors, settings, period)
+    return Friction(model.resolved_motors, settings, period)

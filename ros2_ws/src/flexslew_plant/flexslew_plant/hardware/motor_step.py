@@ -11,7 +11,7 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
 
 WHOLE = 1.0 + 1e-12  # 0.3 / 0.1 is less than 3: a quotient but for rounding
-OWED, RAMPED, LAGGED = range(3)  # rows of the memory
+IMPULSE_ROW, SLEW_ROW, TORQUE_ROW = range(3)  # rows of the memory
 
 
 class MotorNumbers(NamedTuple):
@@ -29,7 +29,7 @@ class MotorNumbers(NamedTuple):
 
 
 @called
-def quantised(effort: float, least: float, limit: float, quantum: float) -> float:
+def round_effort(effort: float, least: float, limit: float, quantum: float) -> float:
     """Return the multiple of a quantum that is next to an effort, within the limits [N m or N]."""
     most = np.floor(limit / quantum * WHOLE)
     steps = min(max(np.round(effort / quantum), -most), most)
@@ -37,8 +37,8 @@ def quantised(effort: float, least: float, limit: float, quantum: float) -> floa
 
 
 @called
-def pulsed(
-    demand: float, owed: float, limit: float, shortest: float, period: float
+def pulse_effort(
+    demand: float, residual_impulse: float, limit: float, minimum_impulse: float, period: float
 ) -> tuple[float, float]:
     """Return the mean effort of a thruster that is on or off, and the impulse that it owes.
 
@@ -49,19 +49,21 @@ def pulsed(
 
     Args:
         demand: d [N m or N].
-        owed: c [N m s or N s].
+        residual_impulse: c [N m s or N s].
         limit: F [N m or N].
-        shortest: impulse of the shortest pulse, above 0 [N m s or N s].
+        minimum_impulse: impulse of the shortest pulse, above 0 [N m s or N s].
         period: T [s].
     """
-    asked, most = demand * period + owed, limit * period
-    impulse = min(max(asked, -most), most)
-    impulse = 0.0 if abs(impulse) < shortest else impulse
-    return impulse / period, min(max(asked - impulse, -shortest), shortest)
+    requested_impulse, most = demand * period + residual_impulse, limit * period
+    impulse = min(max(requested_impulse, -most), most)
+    impulse = 0.0 if abs(impulse) < minimum_impulse else impulse
+    return impulse / period, min(
+        max(requested_impulse - impulse, -minimum_impulse), minimum_impulse
+    )
 
 
 @called
-def ramped(
+def slew_limited_torque(
     demand: float, start: float, slew_rate: float, period: float
 ) -> tuple[float, float, float, float]:
     """Return the mean of a torque that ramps to the demand and holds it, and how it does so.
@@ -77,15 +79,19 @@ def ramped(
         its rate [N m/s or N/s].
     """
     gap = demand - start
-    rising = min(abs(gap) / slew_rate, period)
+    slew_time = min(abs(gap) / slew_rate, period)
     rate = slew_rate * np.sign(gap)
-    end = demand if rising < period else start + rate * period
-    return end - 0.5 * rising / period * (end - start), end, rising, rate
+    end = demand if slew_time < period else start + rate * period
+    return end - 0.5 * slew_time / period * (end - start), end, slew_time, rate
 
 
 @called
-def behind_ramp(
-    ramp: tuple[float, float, float, float], start: float, lagged: float, lag: float, period: float
+def first_order_slew_effort(
+    slew_response: tuple[float, float, float, float],
+    start: float,
+    initial_torque: float,
+    lag: float,
+    period: float,
 ) -> tuple[float, float]:
     """Return the mean effort of a motor that lags behind a ramp, and its torque at the tick's end.
 
@@ -93,35 +99,37 @@ def behind_ramp(
     e^(-t/lag). The integral of z is that of u less lag times the change of z.
 
     Args:
-        ramp: what `ramped` returns.
+        slew_response: what `ramped` returns.
         start: u_0 [N m or N].
-        lagged: z_0 [N m or N].
+        initial_torque: z_0 [N m or N].
         lag: [s].
         period: one tick [s].
     """
-    mean, end, rising, rate = ramp
-    behind = rate * lag  # of the torque, once the ramp has gone on for long
-    z = end - behind + (lagged - start + behind) * np.exp(-rising / lag)
-    z = end + (z - end) * np.exp(-(period - rising) / lag)
-    return mean - lag / period * (z - lagged), z
+    mean, end, slew_time, rate = slew_response
+    steady_error = rate * lag  # of the torque, once the ramp has gone on for long
+    z = end - steady_error + (initial_torque - start + steady_error) * np.exp(-slew_time / lag)
+    z = end + (z - end) * np.exp(-(period - slew_time) / lag)
+    return mean - lag / period * (z - initial_torque), z
 
 
 @called
-def delayed(demand: float, lagged: float, rise: float, mean_rise: float) -> tuple[float, float]:
+def first_order_effort(
+    demand: float, initial_torque: float, rise: float, mean_rise: float
+) -> tuple[float, float]:
     """Return the mean effort of a motor with a lag, and its torque at the end of the tick.
 
     Args:
         demand: [N m or N].
-        lagged: torque at the start of the tick [N m or N].
+        initial_torque: torque at the start of the tick [N m or N].
         rise: see MotorNumbers.
         mean_rise: see MotorNumbers.
     """
-    gap = demand - lagged
-    return lagged + mean_rise * gap, lagged + rise * gap
+    gap = demand - initial_torque
+    return initial_torque + mean_rise * gap, initial_torque + rise * gap
 
 
 @called
-def within_speed(effort: float, speed: float, share: float, fastest: float) -> float:
+def speed_limited_effort(effort: float, speed: float, share: float, max_speed: float) -> float:
     """Return the mean effort of a wheel's motor, which drives the wheel up to a speed at most.
 
     An effort u on the platform takes the speed W of a wheel with I W' = -u, so the impulse that
@@ -134,10 +142,10 @@ def within_speed(effort: float, speed: float, share: float, fastest: float) -> f
         effort: u that the motor would give [N m].
         speed: W [rad/s].
         share: I / T [N m s/rad].
-        fastest: W_max [rad/s].
+        max_speed: W_max [rad/s].
     """
-    most = max(share * (fastest + speed), 0.0)
-    least = min(share * (speed - fastest), 0.0)
+    most = max(share * (max_speed + speed), 0.0)
+    least = min(share * (speed - max_speed), 0.0)
     return min(max(effort, least), most)
 
 
@@ -156,20 +164,22 @@ def drive_motors(n: MotorNumbers, demand: Vector, memory: Matrix, out: Vector) -
         effort = min(max(demand[i], n.least[i]), n.limit[i])
         saturated = saturated or effort != demand[i]
         if n.quantum > 0.0:
-            effort = quantised(effort, n.least[i], n.limit[i], n.quantum)
+            effort = round_effort(effort, n.least[i], n.limit[i], n.quantum)
         if n.impulse[i] > 0.0:
-            effort, memory[OWED, i] = pulsed(
-                effort, memory[OWED, i], n.limit[i], n.impulse[i], n.period
+            effort, memory[IMPULSE_ROW, i] = pulse_effort(
+                effort, memory[IMPULSE_ROW, i], n.limit[i], n.impulse[i], n.period
             )
         if n.slew_rate > 0.0:
-            start = memory[RAMPED, i]
-            ramp = ramped(effort, start, n.slew_rate, n.period)
-            effort, memory[RAMPED, i] = ramp[0], ramp[1]
+            start = memory[SLEW_ROW, i]
+            slew_response = slew_limited_torque(effort, start, n.slew_rate, n.period)
+            effort, memory[SLEW_ROW, i] = slew_response[0], slew_response[1]
             if n.lag > 0.0:
-                effort, memory[LAGGED, i] = behind_ramp(
-                    ramp, start, memory[LAGGED, i], n.lag, n.period
+                effort, memory[TORQUE_ROW, i] = first_order_slew_effort(
+                    slew_response, start, memory[TORQUE_ROW, i], n.lag, n.period
                 )
         elif n.lag > 0.0:
-            effort, memory[LAGGED, i] = delayed(effort, memory[LAGGED, i], n.rise, n.mean_rise)
+            effort, memory[TORQUE_ROW, i] = first_order_effort(
+                effort, memory[TORQUE_ROW, i], n.rise, n.mean_rise
+            )
         out[i] = effort
     return saturated

@@ -18,7 +18,7 @@ class PlausibilitySettings:
     window: Annotated[int, Field(ge=1)] = 10  # ticks over which both are compared
 
 
-class Implausible(NamedTuple):
+class JointMismatch(NamedTuple):
     """A joint of which the sensors disagree."""
 
     joint: int
@@ -70,7 +70,7 @@ def compare_rates(
 
 
 @compiled_once("memory", "difference")
-def _all_agree(
+def _compare_all(
     n: PlausibilityNumbers,
     memory: Matrix,
     since: int,
@@ -79,11 +79,11 @@ def _all_agree(
     difference: Vector,
 ) -> bool:
     """Return whether the differences of all joints, which are written, are allowed."""
-    agree = True
+    consistent = True
     for i in range(difference.size):
         difference[i], one = compare_rates(n, memory[i], since, position[i], velocity[i])
-        agree = agree and one
-    return agree
+        consistent = consistent and one
+    return consistent
 
 
 class Plausibility:
@@ -103,7 +103,7 @@ class Plausibility:
         """Forget what was read."""
         self._since = 0
 
-    def look(self, position: Vector, velocity: Vector) -> Implausible | None:
+    def look(self, position: Vector, velocity: Vector) -> JointMismatch | None:
         """Return the joint that disagrees most, beyond what is allowed; None: all is well.
 
         Until the window is full it compares what there is. What is not a number disagrees. A
@@ -117,10 +117,10 @@ class Plausibility:
         if len(self._memory) != joints:
             self._memory = np.zeros((joints, plausibility_memory(self._numbers.window)))
         q, v = np.ascontiguousarray(position), np.ascontiguousarray(velocity)
-        if _all_agree(self._numbers, self._memory, self._since, q, v, difference):
+        if _compare_all(self._numbers, self._memory, self._since, q, v, difference):
             self._since += 1
             return None
         self.reset()
         difference[~np.isfinite(difference)] = np.finfo(np.float64).max
         joint = int(np.abs(difference).argmax())
-        return Implausible(joint, float(difference[joint]))
+        return JointMismatch(joint, float(difference[joint]))

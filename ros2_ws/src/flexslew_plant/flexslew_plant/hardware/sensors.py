@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds.appendages import Instruments
+from flexslew_plant.testbeds.appendages import InstrumentReader
 from flexslew_plant.testbeds.model import Model
 
 
@@ -50,8 +50,8 @@ def exact_readings(model: Model, x: Vector, effort: Vector, t: float) -> Reading
     position, velocity = model.joint_state(x)
     modes, rates = model.modal_state(x)
     tip = model.appendages.reading(modes, rates)
-    if model.appendages.felt is not None:
-        tip = tip + model.appendages.felt(x, model.derivative(x, effort, t), t)
+    if model.appendages.exact_reading is not None:
+        tip = tip + model.appendages.exact_reading(x, model.derivative(x, effort, t), t)
     return Readings(position, velocity, tip, model.appendages.curvature.dot(modes))
 
 
@@ -63,7 +63,7 @@ class Sensors:
         settings: SensorSettings,
         rng: np.random.Generator,
         tips: Matrix | None = None,
-        instruments: Instruments | None = None,
+        instruments: InstrumentReader | None = None,
     ) -> None:
         """Take the errors.
 
@@ -80,12 +80,12 @@ class Sensors:
             settings.tip_deflection,
             settings.root_curvature,
         )
-        self._perfect = all(channel == Channel() for channel in self._channels)
+        self._ideal = all(channel == Channel() for channel in self._channels)
         self._rng = rng
         self._tips = None if tips is None or not tips.any() else tips
         self._instruments = instruments
 
-    def read(self, truth: Readings, x: Vector = NOTHING) -> Readings:
+    def read(self, truth: Readings, x: Vector = EMPTY) -> Readings:
         """Return the sensor readings; a perfect set returns the truth itself.
 
         Args:
@@ -99,7 +99,7 @@ class Sensors:
 
     def _with_errors(self, truth: Readings) -> Readings:
         """Return the readings of all sensors but the instruments."""
-        if not self._perfect:
+        if not self._ideal:
             truth = Readings(*map(self._reading, self._channels, truth))
         if self._tips is None:
             return truth
@@ -124,5 +124,5 @@ def exact_sensors(model: Model, period: float) -> Sensors:
         model: what stands on the bench.
         period: one tick [s].
     """
-    instruments = model.appendages.begun(period)
+    instruments = model.appendages.started(period)
     return Sensors(SensorSettings(), np.random.default_rng(0), instruments=instruments)

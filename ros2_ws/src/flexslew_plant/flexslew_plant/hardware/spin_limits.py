@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_plant.arrays import Indices, Vector, compiled_once
-from flexslew_plant.hardware.motor_step import within_speed
+from flexslew_plant.hardware.motor_step import speed_limited_effort
 from flexslew_plant.testbeds.model import Model
 
 
@@ -19,7 +19,7 @@ class WheelLimits(NamedTuple):
 
 
 class SpinLimits:
-    """What motors of wheels near their largest speed give over a tick; see within_speed.
+    """What motors of wheels near their largest speed give over a tick; see speed_limited_effort.
 
     Args:
         model: of the testbed.
@@ -27,13 +27,13 @@ class SpinLimits:
     """
 
     def __init__(self, model: Model, period: float) -> None:
-        spins, fast = model.spins, np.isfinite(model.spins.fastest)
-        share = spins.inertia[fast] / period
+        wheels, fast = model.spins, np.isfinite(model.spins.fastest)
+        share = wheels.inertia[fast] / period
         self._limits = WheelLimits(
-            spins.efforts[fast], spins.rate[fast], share, spins.fastest[fast]
+            wheels.efforts[fast], wheels.rate[fast], share, wheels.fastest[fast]
         )
-        nothing = np.zeros(int(spins.rate.max()) + 1)
-        self.apply(np.zeros(model.joints), nothing)  # compiled before tick 0
+        zero_state = np.zeros(int(wheels.rate.max()) + 1)
+        self.apply(np.zeros(model.joints), zero_state)  # compiled before tick 0
 
     def apply(self, effort: Vector, x: Vector) -> Vector:
         """Return the mean effort over the coming tick, shape (joints,) [N m or N].
@@ -58,7 +58,7 @@ def bound_wheels(n: WheelLimits, x: Vector, effort: Vector) -> None:
     """
     for k in range(n.efforts.size):
         i = n.efforts[k]
-        effort[i] = within_speed(effort[i], x[n.rates[k]], n.share[k], n.fastest[k])
+        effort[i] = speed_limited_effort(effort[i], x[n.rates[k]], n.share[k], n.fastest[k])
 
 
 def spin_limits_of(model: Model, period: float) -> SpinLimits | None:

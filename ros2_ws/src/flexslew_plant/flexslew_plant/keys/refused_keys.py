@@ -5,14 +5,14 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from flexslew_plant.keys.units import is_quantity
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.own_code import Untrusted
 from flexslew_plant.refusal import Refusal
 
 WHOLE = "(whole file)"  # the key of an error that is about no single one
 
 
-class Placed(ValueError):
+class SectionError(ValueError):
     """A section has invalid values: the words name the place from the top of the file on."""
 
 
@@ -22,22 +22,22 @@ def refusal_of(error: ValidationError, kind: Any, values: Any, source: str) -> R
     Of a missing key and an unknown one next to it, the unknown one is misspelled and comes first.
     """
     errors = error.errors()
-    beside = (one for one in errors if one["loc"][:-1] == errors[0]["loc"][:-1])
-    first = next((one for one in beside if one["type"] == _UNKNOWN), errors[0])
+    same_section = (one for one in errors if one["loc"][:-1] == errors[0]["loc"][:-1])
+    first = next((one for one in same_section if one["type"] == _UNKNOWN), errors[0])
     place = [str(part) for part in first["loc"]]
     written = _written(first, values)
     key = ".".join(written) or WHOLE
     more = _others(written, [_written(one, values) for one in errors])
     if first["type"] == _UNKNOWN:
         known = _known_keys(error, kind, place[:-1])
-        hint = did_you_mean(place[-1], known)
+        hint = spelling_hint(place[-1], known)
         allowed = f"allowed here: {', '.join(known)}" if known else "remove it"
         return Refusal(f"unknown key; {hint}{allowed}{more}", key, source=source)
     if first["type"] in _MISSING and not isinstance(first["loc"][-1], int):
         return Refusal(f"is missing{more}", key, source=source)
     if first["type"] == "value_error" and isinstance(first["input"], dict):  # checked as a whole
-        placed = not written or isinstance(first["ctx"]["error"], Placed)
-        return Refusal(f"{_reason(first)}{more}", "" if placed else key, source=source)
+        is_section_error = not written or isinstance(first["ctx"]["error"], SectionError)
+        return Refusal(f"{_reason(first)}{more}", "" if is_section_error else key, source=source)
     return Refusal(f"{_reason(first)}{more}", key, first["input"], source)
 
 
@@ -54,8 +54,8 @@ def _others(first: tuple[str, ...], wrong: list[tuple[str, ...]]) -> str:
 def untrusted(error: ValidationError) -> str:
     """Return the class that the first error refuses to run; empty: it is another error."""
     cause = error.errors()[0].get("ctx", {}).get("error")
-    refused = cause.__cause__ if isinstance(cause, Exception) else None
-    return refused.name if isinstance(refused, Untrusted) else ""
+    rejected = cause.__cause__ if isinstance(cause, Exception) else None
+    return rejected.name if isinstance(rejected, Untrusted) else ""
 
 
 def quantities(error: ValidationError, values: Any) -> list[tuple[str, ...]]:
@@ -113,11 +113,11 @@ def _written(error: Any, values: Any) -> tuple[str, ...]:
     """Return the path as the file has it: without the tags of unions and what is not there."""
     path, place = [], error["loc"]
     for part in place:
-        inside = isinstance(part, int) or (isinstance(values, dict) and part in values)
+        is_known = isinstance(part, int) or (isinstance(values, dict) and part in values)
         missing = part == place[-1] and error["type"] in _MISSING
-        if (inside and not (missing and isinstance(part, int))) or (missing and not inside):
+        if (is_known and not (missing and isinstance(part, int))) or (missing and not is_known):
             path.append(str(part))
-        if inside:
+        if is_known:
             try:
                 values = values[part]
             except (LookupError, TypeError):

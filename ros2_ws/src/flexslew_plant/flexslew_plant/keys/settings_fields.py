@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from pydantic import TypeAdapter
 
 
-class FieldMeaning(NamedTuple):
+class FieldDescription(NamedTuple):
     """A key of a section."""
 
     words: str  # with its unit; empty where the code has none
@@ -26,7 +26,7 @@ class FieldMeaning(NamedTuple):
     choices: tuple[str, ...] = ()  # the texts that are allowed; none: any
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """The words, and what is allowed."""
         low, high = self.low, self.high
         limits = []
@@ -35,45 +35,47 @@ class FieldMeaning(NamedTuple):
         if high < inf:
             limits.append(f"{'at most' if high == round(high, 9) else 'below'} {round(high, 9):g}")
         named = all(re.search(rf"\b{re.escape(one)}\b", self.words) for one in self.choices)
-        listed = "" if named else f"one of {', '.join(self.choices)}"
-        return "; ".join(part for part in (self.words, ", ".join(limits), listed) if part)
+        choice_text = "" if named else f"one of {', '.join(self.choices)}"
+        return "; ".join(part for part in (self.words, ", ".join(limits), choice_text) if part)
 
 
-_MEANINGS: dict[type, Mapping[str, FieldMeaning]] = {}
+_FIELD_TABLE: dict[type, Mapping[str, FieldDescription]] = {}
 
 
-def meanings(settings: Any, prefix: str = "") -> dict[str, FieldMeaning]:
+def describe_fields(settings: Any, prefix: str = "") -> dict[str, FieldDescription]:
     """Return what the keys of a section mean, by dotted name.
 
     Args:
         settings: an instance of a section; nested sections are followed.
         prefix: of the names.
     """
-    found: dict[str, FieldMeaning] = {}
-    for key, meaning in own_meanings(type(settings)).items():
+    found: dict[str, FieldDescription] = {}
+    for key, description in describe_section(type(settings)).items():
         value, name = getattr(settings, key), prefix + key
         if is_dataclass(value):
-            found |= meanings(value, f"{name}.")
-        found[name] = meaning
+            found |= describe_fields(value, f"{name}.")
+        found[name] = description
     return found
 
 
-def own_meanings(kind: type[Any]) -> Mapping[str, FieldMeaning]:
+def describe_section(kind: type[Any]) -> Mapping[str, FieldDescription]:
     """Return what the keys of a section mean, nested sections not followed."""
-    if kind not in _MEANINGS:
+    if kind not in _FIELD_TABLE:
         comments: dict[str, str] = {}
         for owner in reversed(kind.__mro__):
             comments |= _comments(owner) if "__dataclass_fields__" in vars(owner) else {}
         schema = TypeAdapter(kind).json_schema().get("properties", {})
-        _MEANINGS[kind] = {
-            item.name: _meaning(comments.get(item.name, ""), schema.get(item.name, {}))
+        _FIELD_TABLE[kind] = {
+            item.name: _describe_field(comments.get(item.name, ""), schema.get(item.name, {}))
             for item in fields(kind)
         }
-    return _MEANINGS[kind]
+    return _FIELD_TABLE[kind]
 
 
-def _meaning(comment: str, schema: dict[str, Any]) -> FieldMeaning:
-    return FieldMeaning(comment or schema.get("description", ""), *_range(schema), _choices(schema))
+def _describe_field(comment: str, schema: dict[str, Any]) -> FieldDescription:
+    return FieldDescription(
+        comment or schema.get("description", ""), *_range(schema), _choices(schema)
+    )
 
 
 def _comments(kind: type) -> dict[str, str]:

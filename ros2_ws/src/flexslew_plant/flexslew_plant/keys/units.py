@@ -7,7 +7,7 @@ from math import isfinite, nan, pi
 from typing import Any, get_args, get_type_hints
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.keys.settings_fields import own_meanings
+from flexslew_plant.keys.settings_fields import describe_section
 
 # what a unit of SI may be given in, and how much of it that is
 UNITS: dict[str, dict[str, float]] = {
@@ -82,7 +82,7 @@ def is_quantity(value: Any) -> bool:
     return _matched(value) is not None
 
 
-def replaced(kind: Any, values: Any, places: Iterable[Path], source: str) -> Any:
+def convert_quantities(kind: Any, values: Any, places: Iterable[Path], source: str) -> Any:
     """Return settings with the quantities at some places as numbers in SI.
 
     Args:
@@ -96,7 +96,7 @@ def replaced(kind: Any, values: Any, places: Iterable[Path], source: str) -> Any
     """
     for path in places:
         try:
-            values = _replaced(values, path, units_at(kind, path))
+            values = _convert_at(values, path, units_at(kind, path))
         except BadInput as error:
             why = error.refusal
             raise BadInput(why.why, source, ".".join(path), why.value) from None
@@ -105,16 +105,16 @@ def replaced(kind: Any, values: Any, places: Iterable[Path], source: str) -> Any
 
 def units_at(kind: Any, path: Path) -> tuple[str, ...]:
     """Return the units of the key at a place; none where the code names none."""
-    inside: list[Any] = [kind]
+    kinds: list[Any] = [kind]
     units: tuple[str, ...] = ()
     for part in path:
-        owners = [owner for one in inside for owner in _sections(one)]
-        owners = [owner for owner in owners if part in {item.name for item in fields(owner)}]
-        if owners:
-            named = [units_in(own_meanings(owner)[part].words) for owner in owners]
-            own = tuple(dict.fromkeys(unit for one in named for unit in one))
-            units = units if own == (ABOVE,) else own
-            inside = [get_type_hints(owner, include_extras=True)[part] for owner in owners]
+        sections = [owner for one in kinds for owner in _sections(one)]
+        sections = [owner for owner in sections if part in {item.name for item in fields(owner)}]
+        if sections:
+            named = [units_in(describe_section(owner)[part].words) for owner in sections]
+            key_units = tuple(dict.fromkeys(unit for one in named for unit in one))
+            units = units if key_units == (ABOVE,) else key_units
+            kinds = [get_type_hints(owner, include_extras=True)[part] for owner in sections]
     return units
 
 
@@ -129,17 +129,17 @@ def _matched(value: Any) -> re.Match[str] | None:
     return match if match and any(match[2] in known for known in UNITS.values()) else None
 
 
-def _replaced(values: Any, path: Path, units: tuple[str, ...]) -> Any:
+def _convert_at(values: Any, path: Path, units: tuple[str, ...]) -> Any:
     if not path:
         return in_si(values, units)
     if isinstance(values, dict):
         return {
-            key: _replaced(value, path[1:], units) if str(key) == path[0] else value
+            key: _convert_at(value, path[1:], units) if str(key) == path[0] else value
             for key, value in values.items()
         }
     if isinstance(values, list | tuple):
         return [
-            _replaced(value, path[1:], units) if str(k) == path[0] else value
+            _convert_at(value, path[1:], units) if str(k) == path[0] else value
             for k, value in enumerate(values)
         ]
     return values

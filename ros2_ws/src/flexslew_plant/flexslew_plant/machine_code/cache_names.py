@@ -18,20 +18,20 @@ from numba.core.bytecode import FunctionIdentity
 from numba.core.serialize import dumps
 
 
-def _count_apart() -> None:
+def _offset_counter() -> None:
     FunctionIdentity._unique_ids = count(int.from_bytes(os.urandom(6), "big"))
 
 
-_count_apart()
-os.register_at_fork(after_in_child=_count_apart)
+_offset_counter()
+os.register_at_fork(after_in_child=_offset_counter)
 
 
-def recognised(dispatcher: Any) -> Any:
+def set_cache_name(dispatcher: Any) -> Any:
     """Return a function of Numba after naming it by its place, its file and what it closes over."""
     return _named(dispatcher, dispatcher.py_func, dispatcher.targetoptions)
 
 
-def recognised_intrinsic(found: Any) -> Any:
+def set_intrinsic_cache_name(found: Any) -> Any:
     """Return an intrinsic of Numba after naming it likewise: functions that use it have caches."""
     return _named(found, found._defn, found._ctor_kwargs)
 

@@ -9,17 +9,17 @@ from numba.core.errors import NumbaError, UnsupportedBytecodeError
 
 from flexslew_plant.errors import BadInput
 
-_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+_COLOR_CODES = re.compile(r"\x1b\[[0-9;]*m")
 _STAGE = "Failed in nopython mode pipeline"  # how Numba begins
-_WRITES = "setitem(readonly array"
+_WRITE_ERROR = "setitem(readonly array"
 
 
-def explained(dispatcher: Any) -> Any:
+def convert_compile_errors(dispatcher: Any) -> Any:
     """Return a function of Numba that raises BadInput with its file and line if it is wrong."""
     compile_it: Callable[[Any], Any] = dispatcher.compile
     function = dispatcher.py_func
 
-    def compile_or_explain(signature: Any) -> Any:
+    def compile_checked(signature: Any) -> Any:
         try:
             return compile_it(signature)
         except (NumbaError, UnsupportedBytecodeError) as error:
@@ -30,16 +30,16 @@ def explained(dispatcher: Any) -> Any:
             why = f"{name} cannot be compiled by Numba, {line}: {_reason(error)}"
             raise BadInput(why, file) from None
 
-    dispatcher.compile = compile_or_explain
+    dispatcher.compile = compile_checked
     return dispatcher
 
 
 def _reason(error: Exception) -> str:
     """Return the first message of a Numba error, and its first call."""
-    text = _COLOURS.sub("", str(error))
-    if _WRITES in text:
+    text = _COLOR_CODES.sub("", str(error))
+    if _WRITE_ERROR in text:
         return "it writes into an argument that it may only read"
     lines = [line.strip() for line in text.splitlines()]
-    said = [line for line in lines if line and not line.startswith(_STAGE)]
-    calls = [line.removeprefix(">>> ") for line in said if line.startswith(">>> ")]
-    return " ".join((*said[:1], *calls[:1])).rstrip(".")
+    error_lines = [line for line in lines if line and not line.startswith(_STAGE)]
+    calls = [line.removeprefix(">>> ") for line in error_lines if line.startswith(">>> ")]
+    return " ".join((*error_lines[:1], *calls[:1])).rstrip(".")

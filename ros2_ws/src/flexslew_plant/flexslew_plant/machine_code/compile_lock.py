@@ -27,8 +27,8 @@ from numba import config
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.compiler_lock import global_compiler_lock
 
-from flexslew_plant.machine_code.compile_news import compiling
-from flexslew_plant.processes.file_lock import hold
+from flexslew_plant.machine_code.compile_news import notify_compile
+from flexslew_plant.processes.file_lock import lock_handle
 from flexslew_plant.processes.private_folder import (
     UnsafeFolder,
     cache_folder,
@@ -97,7 +97,7 @@ def _locked(path: Path) -> int:
         return -1
     try:
         with suppress(OSError):  # a file system without locks
-            hold(handle, wait=True)
+            lock_handle(handle, wait=True)
     except BaseException:  # a signal
         os.close(handle)
         raise
@@ -120,15 +120,15 @@ def one_at_a_time(dispatcher: Any, lock: CompileLock | None = None) -> Any:
     """
     compile_it: Callable[[Any], Any] = dispatcher.compile
     function = dispatcher.py_func
-    held = lock or lock_of(function.__code__.co_filename, function.__qualname__)
+    function_lock = lock or lock_of(function.__code__.co_filename, function.__qualname__)
 
-    def compile_alone(signature: Any) -> Any:
-        with held:
+    def compile_locked(signature: Any) -> Any:
+        with function_lock:
             return compile_it(signature)
 
-    dispatcher.compile = compile_alone
+    dispatcher.compile = compile_locked
     name = f"{function.__module__}.{function.__name__}"
-    dispatcher._cache = _LockedCache(dispatcher._cache, held, name)
+    dispatcher._cache = _LockedCache(dispatcher._cache, function_lock, name)
     return dispatcher
 
 
@@ -161,7 +161,7 @@ class _LockedCache:
         self._lock.take(self._part(signature, context))
         found = self._cache.load_overload(signature, context)
         if found is None:
-            compiling(self._name)
+            notify_compile(self._name)
         return found
 
     def _part(self, signature: Any, context: Any) -> str:

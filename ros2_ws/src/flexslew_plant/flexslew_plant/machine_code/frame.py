@@ -6,12 +6,12 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from flexslew_plant.machine_code.cache_names import recognised_intrinsic
+from flexslew_plant.machine_code.cache_names import set_intrinsic_cache_name
 
 _LINE = 64  # bytes in a line of the cache, and in the widest vector
 
 
-@recognised_intrinsic
+@set_intrinsic_cache_name
 @intrinsic  # type: ignore[untyped-decorator]
 def aligned_frame(typing: Any) -> Any:
     """Let the caller's place for them begin a line of the cache: a vector across two costs twice.

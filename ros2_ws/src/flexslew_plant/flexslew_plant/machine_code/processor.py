@@ -5,7 +5,7 @@ from llvmlite.binding import set_option
 from numba.core import codegen
 
 
-def suit_processor() -> None:
+def configure_compiler() -> None:
     """Set the compiler's options, before it compiles anything.
 
     Loops that are written out cost a sixth of its time, and no kernel is faster for them. Where
@@ -15,8 +15,8 @@ def suit_processor() -> None:
     """
     options = ["--unroll-threshold=0", "--unroll-partial-threshold=0"]
     features = codegen.get_host_cpu_features()
-    own = numba.config.CPU_NAME is not None or numba.config.CPU_FEATURES is not None
-    if "+avx512f" in features.split(",") and not own:  # the user's choice is the user's
+    user_options = numba.config.CPU_NAME is not None or numba.config.CPU_FEATURES is not None
+    if "+avx512f" in features.split(",") and not user_options:  # the user's choice is the user's
         numba.config.CPU_FEATURES = features + ",-prefer-256-bit"
         options.append("--force-vector-interleave=2")
     for option in options:

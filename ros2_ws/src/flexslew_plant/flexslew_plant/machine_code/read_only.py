@@ -20,7 +20,7 @@ def for_all_access(dispatcher: Any, written: tuple[str, ...], strided: bool = Fa
         strided: whether matrices may be parts of wider ones; it is compiled for those.
     """
     names = tuple(inspect.signature(dispatcher.py_func).parameters)
-    compile_it, told = dispatcher.compile, set[tuple[Any, ...]]()
+    compile_it, registered = dispatcher.compile, set[tuple[Any, ...]]()
 
     def compile_for_all(signature: Any) -> Any:
         given, result = sigutils.normalize_signature(signature)
@@ -29,11 +29,11 @@ def for_all_access(dispatcher: Any, written: tuple[str, ...], strided: bool = Fa
             for name, kind in zip(names, map(_strided, given) if strided else given, strict=True)
         )
         entry = compile_it(taken if result is None else result(*taken))
-        if taken != given and given not in told:
+        if taken != given and given not in registered:
             # registered with the dispatcher, which else comes here at every such call, for a
             # quarter of a millisecond; if registered twice, as by two compiled callers, the
             # dispatcher would never choose by itself
-            told.add(given)
+            registered.add(given)
             dispatcher._insert([kind._code for kind in given], entry, False)
         return entry
 

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 _LINKS = getattr(os, "O_NOFOLLOW", 0)  # not on Windows
-_PIPES = getattr(os, "O_NONBLOCK", 0)  # opening one would wait for its writer
+_NO_WAIT = getattr(os, "O_NONBLOCK", 0)  # opening one would wait for its writer
 
 
 def lock_file(path: Path, mode: int = 0o644, create: bool = True) -> int | None:
@@ -21,20 +21,20 @@ def lock_file(path: Path, mode: int = 0o644, create: bool = True) -> int | None:
     Raises:
         OSError: the file cannot be opened.
     """
-    access = os.O_RDWR | os.O_CREAT if create else os.O_RDONLY | _PIPES
+    access = os.O_RDWR | os.O_CREAT if create else os.O_RDONLY | _NO_WAIT
     handle = os.open(path, access | _LINKS, mode)
     try:
-        held = hold(handle, wait=False)
+        is_locked = lock_handle(handle, wait=False)
     except BaseException:
         os.close(handle)
         raise
-    if not held:
+    if not is_locked:
         os.close(handle)
         return None
     return handle
 
 
-def hold(handle: int, wait: bool) -> bool:
+def lock_handle(handle: int, wait: bool) -> bool:
     """Return whether an open file is locked now: by flock, on Windows by msvcrt, else not at all.
 
     Args:
@@ -47,7 +47,7 @@ def hold(handle: int, wait: bool) -> bool:
     try:
         import fcntl
     except ImportError:
-        return _hold_elsewhere(handle, wait)
+        return _lock_other(handle, wait)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except BlockingIOError:
@@ -55,7 +55,7 @@ def hold(handle: int, wait: bool) -> bool:
     return True
 
 
-def _hold_elsewhere(handle: int, wait: bool) -> bool:
+def _lock_other(handle: int, wait: bool) -> bool:
     """Return whether the first byte of a file is locked, where there is no flock."""
     try:
         windows = importlib.import_module("msvcrt")

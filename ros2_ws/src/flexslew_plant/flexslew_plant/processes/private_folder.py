@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 _OTHERS, _SEARCH = stat.S_IWGRP | stat.S_IWOTH, stat.S_IXGRP | stat.S_IXOTH
-_reported: list[str] = []  # reasons, of this process
+_reasons: list[str] = []  # reasons, of this process
 
 
 class UnsafeFolder(OSError):
@@ -33,7 +33,7 @@ def private_folder(path: Path) -> Path:
     return path
 
 
-def require_safe(path: Path, writable: int = stat.S_IWOTH) -> None:
+def require_safe(path: Path, forbidden_mode: int = stat.S_IWOTH) -> None:
     """Require that no other user can write into a folder or replace it.
 
     The owner of the folder, and of each one above it, is this user, root or the owner of this code.
@@ -42,7 +42,7 @@ def require_safe(path: Path, writable: int = stat.S_IWOTH) -> None:
 
     Args:
         path: of the folder.
-        writable: the bits of its own mode that must not be set.
+        forbidden_mode: the bits of its own mode that must not be set.
 
     Raises:
         UnsafeFolder: if another user can.
@@ -50,16 +50,16 @@ def require_safe(path: Path, writable: int = stat.S_IWOTH) -> None:
     """
     if not hasattr(os, "getuid"):  # Windows has folders for each user
         return
-    trusted = {os.getuid(), 0, Path(__file__).stat().st_uid}
+    allowed_users = {os.getuid(), 0, Path(__file__).stat().st_uid}
     place, problem = path.resolve(strict=True), ""
     for folder in (place, *place.parents):
         status = folder.stat()
-        if status.st_uid not in trusted:
+        if status.st_uid not in allowed_users:
             problem = f"{folder} belongs to user {status.st_uid}"
             break
         if not status.st_mode & _SEARCH:
             problem = ""
-        elif folder == place and status.st_mode & writable:
+        elif folder == place and status.st_mode & forbidden_mode:
             problem = f"other users can write into {folder}; remedy: chmod go-w {folder}"
         elif status.st_mode & stat.S_IWOTH and not status.st_mode & stat.S_ISVTX:
             problem = f"other users can write into {folder}; remedy: chmod o-w {folder}"
@@ -68,17 +68,17 @@ def require_safe(path: Path, writable: int = stat.S_IWOTH) -> None:
 
 
 @cache
-def cache_folder(name: str, chosen: str = "") -> Path:
+def cache_folder(name: str, base_folder: str = "") -> Path:
     """Return a private folder for files that later runs use again.
 
     Args:
         name: of the folder.
-        chosen: the folder around it, for example NUMBA_CACHE_DIR. If it is empty, unsafe or
+        base_folder: the folder around it, for example NUMBA_CACHE_DIR. If it is empty, unsafe or
             read-only: `flexslew` in the user's cache folder; if that cannot be used either: a new
             folder for this process only.
     """
-    for around in filter(None, (chosen, _user_cache())):
-        place = Path(around)
+    for parent in filter(None, (base_folder, _user_cache())):
+        place = Path(parent)
         try:
             if not place.exists():
                 private_folder(place)
@@ -92,9 +92,9 @@ def cache_folder(name: str, chosen: str = "") -> Path:
 
 def report_unsafe(reason: str) -> None:
     """Write to the terminal, once per process, why a folder is not used."""
-    if not _reported:
+    if not _reasons:
         sys.stderr.write(f"flexslew: machine code is compiled again: {reason}\n")
-    _reported.append(reason)
+    _reasons.append(reason)
 
 
 def _user_cache() -> str:

@@ -7,12 +7,12 @@ from pathlib import Path
 _STARTED = 19  # index in /proc/PID/stat, counted from the state
 
 
-def own_identity() -> str:
+def current_identity() -> str:
     """Return what this process is known by: boot and PID namespace/id; empty: by nothing."""
     return f"{_where()}/{os.getpid()}" if _where() else ""
 
 
-def has_ended(identity: str) -> bool:
+def has_terminated(identity: str) -> bool:
     """Return whether a process of this machine and PID namespace has certainly ended."""
     if not _is_local(identity):
         return False

@@ -7,8 +7,8 @@ from flexslew_plant.graph import topics
 from flexslew_plant.refusal import one_line
 from flexslew_plant.ros.messages import event_message
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.ros.outlet import Outlet
-from flexslew_plant.ros.outlets import Outlets
+from flexslew_plant.ros.outlet import DirectPublisher
+from flexslew_plant.ros.outlets import DirectPublishers
 
 
 class EventLog:
@@ -16,18 +16,20 @@ class EventLog:
 
     Args:
         node: node that publishes the events.
-        outlets: outlets of the node, if the recorder has its own line to them.
+        direct_publishers: outlets of the node, if the recorder has its own line to them.
     """
 
-    def __init__(self, node: Node, outlets: Outlets | None = None) -> None:
-        offer = (
-            outlets.publisher(topics.EVENTS) if outlets else Outlet(publisher(node, topics.EVENTS))
+    def __init__(self, node: Node, direct_publishers: DirectPublishers | None = None) -> None:
+        event_publisher = (
+            direct_publishers.publisher(topics.EVENTS)
+            if direct_publishers
+            else DirectPublisher(publisher(node, topics.EVENTS))
         )
-        self._offer, self._logger = offer, node.get_logger()
+        self._publisher, self._logger = event_publisher, node.get_logger()
 
     def tell(self, event: Event) -> None:
         """Publish and log an event."""
-        self._offer.keep(event_message(event))
+        self._publisher.keep(event_message(event))
         words = one_line(f"t = {event.time:.2f} s: {event.message}")  # operators may write any
         # rclpy ties a severity to the line of the call
         if event.level == Level.INFO:

@@ -8,7 +8,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from flexslew_plant.bench.operation.presence import Presence
+from flexslew_plant.bench.operation.presence import Heartbeats
 from flexslew_plant.graph.policies import HIDDEN
 
 
@@ -22,7 +22,7 @@ def listeners_of(node: Node, publisher: "Publisher[Any]") -> set[str]:
     return names
 
 
-def unmatched(
+def missing_listeners(
     node: Node, publishers: Sequence["Publisher[Any]"], listeners: Sequence[str]
 ) -> list[str]:
     """Return which required listeners a sample published now would not reach, and why.
@@ -38,7 +38,7 @@ def unmatched(
     missing: dict[str, str] = {}
     for publisher in publishers:
         for name in set(listeners) - listeners_of(node, publisher):
-            missing.setdefault(name, f"{name} ({_why_deaf(node, publisher, name)})")
+            missing.setdefault(name, f"{name} ({_mismatch_reason(node, publisher, name)})")
         fitting = [
             info
             for info in node.get_subscriptions_info_by_topic(publisher.topic_name)
@@ -49,7 +49,7 @@ def unmatched(
     return sorted(missing.values())
 
 
-def _why_deaf(node: Node, publisher: "Publisher[Any]", listener: str) -> str:
+def _mismatch_reason(node: Node, publisher: "Publisher[Any]", listener: str) -> str:
     """Return why a listener does not receive a topic, and what to change."""
     topic, here = publisher.topic_name, node.get_namespace()
     nodes = node.get_node_names_and_namespaces()
@@ -60,11 +60,13 @@ def _why_deaf(node: Node, publisher: "Publisher[Any]", listener: str) -> str:
         where = f"it is in namespace {min(places)}, the bench in {here}"
         return f"{where}; start it with -r __ns:={here}"
     kinds = dict(node.get_topic_names_and_types())
-    alike = [other for other, kind in kinds.items() if kind == kinds.get(topic) and other != topic]
-    heard = [other for other in alike if listener in _listeners_here(node, other)]
-    if not heard:
+    same_type = [
+        other for other, kind in kinds.items() if kind == kinds.get(topic) and other != topic
+    ]
+    other_topics = [other for other in same_type if listener in _listeners_here(node, other)]
+    if not other_topics:
         return f"it does not listen to {topic}"
-    return f"it listens to {min(heard)} instead of {topic}; start both with the same remaps"
+    return f"it listens to {min(other_topics)} instead of {topic}; start both with the same remaps"
 
 
 def _listeners_here(node: Node, topic: str) -> set[str]:
@@ -76,7 +78,7 @@ def _listeners_here(node: Node, topic: str) -> set[str]:
 
 
 # a node of which DDS has reported a subscription before the name, or a publisher after it left
-UNNAMED = "_NODE_NAME_UNKNOWN_"
+UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 
 
 def incompatible(node: Node, publishers: Sequence["Publisher[Any]"]) -> set[tuple[str, str]]:
@@ -98,23 +100,23 @@ def publishers_of(node: Node, subscription: "Subscription[Any]") -> set[str]:
     }
 
 
-def is_published(node: Node, subscription: "Subscription[Any]") -> bool:
+def has_publisher(node: Node, subscription: "Subscription[Any]") -> bool:
     """Return whether a node that is on the graph publishes the topic subscribed to.
 
     Where many nodes leave at once, Fast DDS 3.2 sometimes reports publishers of a process after
     the report that it is gone: they have no name, and stay for good.
     """
     infos = node.get_publishers_info_by_topic(subscription.topic_name)
-    return any(info.node_name != UNNAMED for info in infos)
+    return any(info.node_name != UNKNOWN_NODE for info in infos)
 
 
 def _fits(publisher: "Publisher[Any]", info: Any) -> bool:
     """Return whether a subscription requests no more than is offered."""
-    offered, asked = publisher.qos_profile, info.qos_profile
+    publisher_qos, subscription_qos = publisher.qos_profile, info.qos_profile
     reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
     return bool(
-        (asked.reliability != reliable or offered.reliability == reliable)
-        and (asked.durability != latched or offered.durability == latched)
+        (subscription_qos.reliability != reliable or publisher_qos.reliability == reliable)
+        and (subscription_qos.durability != latched or publisher_qos.durability == latched)
     )
 
 
@@ -131,7 +133,7 @@ class PlantWatch:
         loop: loop to stop.
         node: node that queries the graph.
         subscription: subscription to a topic that only the plant publishes.
-        presence: heartbeats of all nodes.
+        heartbeats: heartbeats of all nodes.
         enabled: False: only update `seen`, never stop the loop.
 
     Attributes:
@@ -144,28 +146,28 @@ class PlantWatch:
         loop: _Stops,
         node: Node,
         subscription: "Subscription[Any]",
-        presence: Presence,
+        heartbeats: Heartbeats,
         enabled: bool,
     ) -> None:
         self._loop, self._enabled = loop, enabled
-        self._node, self._subscription, self._presence = node, subscription, presence
+        self._node, self._subscription, self._heartbeats = node, subscription, heartbeats
         self.seen = False
 
     @property
-    def here(self) -> bool:
+    def plant_present(self) -> bool:
         """Whether a plant is on the graph: any publisher until a plant has sent a heartbeat."""
         if not self._subscription.get_publisher_count():
             return False
-        plants = self._presence.of_role("plant")
+        plant_nodes = self._heartbeats.of_role("plant")
         # DDS may report a publisher before the name of its node
-        return not plants or any(
-            info.node_name in (*plants, UNNAMED)
+        return not plant_nodes or any(
+            info.node_name in (*plant_nodes, UNKNOWN_NODE)
             for info in self._node.get_publishers_info_by_topic(self._subscription.topic_name)
         )
 
-    def look(self, code: int = 0, stay: bool = False) -> None:
-        """Check for the plant; stop the loop with this code if it has left and not `stay`."""
-        here = self.here
-        if self._enabled and self.seen and not here and not stay:
+    def look(self, code: int = 0, keep_running: bool = False) -> None:
+        """Check for the plant; stop the loop with this code if it has left, or go on."""
+        here = self.plant_present
+        if self._enabled and self.seen and not here and not keep_running:
             self._loop.stop(code)
         self.seen = self.seen or here

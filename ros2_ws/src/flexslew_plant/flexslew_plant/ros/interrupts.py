@@ -11,7 +11,7 @@ _REPEAT = 0.3  # until it is raised once more [wall s]
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
-class Interrupts:
+class SignalHandler:
     """Both signals end the process, also where the exception is lost on its way.
 
     An exception raised within a compiler's callback or a destructor is printed there and dropped;
@@ -19,7 +19,7 @@ class Interrupts:
     """
 
     def __init__(self) -> None:
-        self._again: Timer | None = None
+        self._repeat_timer: Timer | None = None
 
     def install(self) -> None:
         """Handle both signals from now on."""
@@ -30,18 +30,18 @@ class Interrupts:
         """Ignore them from now on: the process ends anyway, with an exit code of its own."""
         for number in _NUMBERS:
             signal.signal(number, signal.SIG_IGN)
-        self.taken()
+        self.mark_caught()
         keep_exit_code()
 
-    def taken(self) -> None:
+    def mark_caught(self) -> None:
         """Note that the exception was caught."""
-        if self._again is not None:
-            self._again.cancel()
-            self._again = None
+        if self._repeat_timer is not None:
+            self._repeat_timer.cancel()
+            self._repeat_timer = None
 
     def _raise(self, number: int, frame: object) -> None:
-        self.taken()
-        self._again = Timer(_REPEAT, os.kill, (os.getpid(), number))
-        self._again.daemon = True
-        self._again.start()
+        self.mark_caught()
+        self._repeat_timer = Timer(_REPEAT, os.kill, (os.getpid(), number))
+        self._repeat_timer.daemon = True
+        self._repeat_timer.start()
         atomic.interrupt()

@@ -11,18 +11,18 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from flexslew_plant.network import demand_loopback
+from flexslew_plant.network import require_loopback
 from flexslew_plant.processes.atomic import atomic
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.dead_nodes import take_off_graph
-from flexslew_plant.ros.departure import wait_until_acknowledged
-from flexslew_plant.ros.outlets import Outlets
-from flexslew_plant.ros.told_lines import tell
+from flexslew_plant.ros.departure import wait_for_listeners
+from flexslew_plant.ros.outlets import DirectPublishers
+from flexslew_plant.ros.told_lines import write_line
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
 _BEGINNING = 0.02  # between two checks for older nodes [wall s]
-_LEAVING = 10  # until a process that hangs in DDS is ended [wall s]
+_CLOSE_TIMEOUT = 10  # until a process that hangs in DDS is ended [wall s]
 
 
 class Loop:
@@ -31,24 +31,24 @@ class Loop:
     def __init__(self) -> None:
         self._executor = EventsExecutor()
         self._alive: dict[Node, Alive] = {}
-        self._outlets: list[Outlets] = []
+        self._publishers: list[DirectPublishers] = []
         self._code: int | None = None
-        self._due = 0.0  # when to poll [wall s]
-        self._listened = monotonic()  # until then, before it runs [wall s]
+        self._next_poll = 0.0  # when to poll [wall s]
+        self._last_service = monotonic()  # until then, before it runs [wall s]
         self._nodes: list[Node] = []
         self._closing = False
 
     def hurry(self) -> None:
         """Poll before the next event, since its input has changed."""
-        self._due = 0.0
+        self._next_poll = 0.0
 
     def add(self, node: Node) -> None:
         """Serve this node, too.
 
         Raises:
-            RunFault: if other machines could reach it, see network.demand_loopback.
+            RunFault: if other machines could reach it, see network.require_loopback.
         """
-        demand_loopback()
+        require_loopback()
         self._executor.add_node(node)
         self._nodes.append(node)
 
@@ -68,32 +68,32 @@ class Loop:
         self.begin(alive, lambda: alive.is_second(monotonic()))
         return alive
 
-    def begin(self, alive: Alive, look: Callable[[], object] = lambda: None) -> None:
+    def begin(self, alive: Alive, check: Callable[[], object] = lambda: None) -> None:
         """Serve this node until it is the first of its name, or the loop is stopped.
 
         So a second one publishes nothing, answers no request and acts on no message.
 
         Args:
             alive: heartbeat of a node that has published nothing yet.
-            look: called repeatedly meanwhile.
+            check: called repeatedly meanwhile.
         """
         while not (alive.is_first(monotonic()) or self.stopped):
-            look()
-            if self._abandoned:
+            check()
+            if self._parent_lost:
                 self.stop(130)
-            self._serve(_BEGINNING)
-        self._listened = monotonic()
+            self._spin_once(_BEGINNING)
+        self._last_service = monotonic()
 
     @property
-    def _abandoned(self) -> bool:
+    def _parent_lost(self) -> bool:
         """Whether ROS or the supervisor is gone, so that nothing would ever end this process."""
-        supervisor = int(os.environ.get(SUPERVISOR, "0"))
-        return not rclpy.ok() or bool(supervisor and os.getppid() != supervisor)
+        parent = int(os.environ.get(SUPERVISOR, "0"))
+        return not rclpy.ok() or bool(parent and os.getppid() != parent)
 
-    def outlets(self, node: Node) -> Outlets:
+    def direct_publishers(self, node: Node) -> DirectPublishers:
         """Return outlets of a node of this loop, which serves them with the node."""
-        self._outlets.append(Outlets(node))
-        return self._outlets[-1]
+        self._publishers.append(DirectPublishers(node))
+        return self._publishers[-1]
 
     def future(self) -> Future:
         """Return a future that a coroutine of this loop may await."""
@@ -108,9 +108,9 @@ class Loop:
         self._closing = True
         for node in self._executor.get_nodes():
             alive = self._alive.get(node)
-            wait_until_acknowledged(node, alive, lambda: self._serve(0.0), patience)
-        for outlets in self._outlets:
-            outlets.close()
+            wait_for_listeners(node, alive, lambda: self._spin_once(0.0), patience)
+        for publishers in self._publishers:
+            publishers.close()
         self._executor.shutdown()
 
     def leave(self, code: int, before: Callable[[], None]) -> None:
@@ -122,23 +122,23 @@ class Loop:
         the other nodes the announcement that the nodes are gone.
         """
         if SUPERVISOR in os.environ:
-            tell(f"leaves with exit code {code}")
+            write_line(f"leaves with exit code {code}")
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.alarm(_LEAVING)
+        signal.alarm(_CLOSE_TIMEOUT)
         before()
         for node, alive in self._alive.items():
-            if alive.beat.process:
-                take_off_graph(node, alive.beat)
+            if alive.heartbeat.process:
+                take_off_graph(node, alive.heartbeat)
         while self._nodes:
             self._nodes.pop().destroy_node()
 
-    def _serve(self, timeout: float) -> None:
+    def _spin_once(self, timeout: float) -> None:
         """Send the heartbeats that are due, and let one callback run."""
         now = monotonic()
-        due = min((alive.poll(now) for alive in self._alive.values()), default=inf)
+        next_heartbeat = min((alive.poll(now) for alive in self._alive.values()), default=inf)
         with atomic:  # raised while rclpy makes a message, an interrupt comes out as RuntimeError
             # never without a timeout: this executor would neither dispatch nor see a signal
-            self._executor.spin_once(timeout_sec=max(min(timeout, due - now), 0.0))
+            self._executor.spin_once(timeout_sec=max(min(timeout, next_heartbeat - now), 0.0))
 
     @property
     def stopped(self) -> bool:
@@ -146,7 +146,7 @@ class Loop:
         return self._code is not None
 
     @property
-    def leaving(self) -> bool:
+    def is_closing(self) -> bool:
         """Whether its nodes stay only until their messages are acknowledged, without polls."""
         return self.stopped or self._closing
 
@@ -161,24 +161,24 @@ class Loop:
             poll: called between events; returns the time until its next call [wall s].
         """
         # while a node was built, it received no message
-        built, self._listened = max(monotonic() - self._listened, 0.0), inf
+        built, self._last_service = max(monotonic() - self._last_service, 0.0), inf
         for alive in self._alive.values():
-            alive.presence.excuse(built)
-        next_look = 0.0
+            alive.heartbeats.extend_timeouts(built)
+        next_check = 0.0
         while self._code is None:
             now = monotonic()
-            for outlets in self._outlets:
-                outlets.turn()
-            if now >= self._due:
+            for publishers in self._publishers:
+                publishers.turn()
+            if now >= self._next_poll:
                 with atomic:  # an interrupt finds no half-written tick or chunk
-                    for outlets in self._outlets:
-                        outlets.look(now)
-                    self._due = now + poll()
-            for outlets in self._outlets:
-                outlets.send()
-            self._serve(self._due - now)
-            if now >= next_look:
-                if self._abandoned:
+                    for publishers in self._publishers:
+                        publishers.look(now)
+                    self._next_poll = now + poll()
+            for publishers in self._publishers:
+                publishers.send()
+            self._spin_once(self._next_poll - now)
+            if now >= next_check:
+                if self._parent_lost:
                     return 130
-                next_look = now + 0.5
+                next_check = now + 0.5
         return self._code

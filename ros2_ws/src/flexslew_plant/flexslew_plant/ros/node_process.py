@@ -13,14 +13,14 @@ from rclpy.signals import SignalHandlerOptions
 
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.graph.graph_names import require_name
-from flexslew_plant.ros.departure import DEPARTURE_TIMEOUT, INTERRUPTED_TIMEOUT
-from flexslew_plant.ros.interrupts import Interrupts
+from flexslew_plant.ros.departure import ABORT_TIMEOUT, CLOSE_TIMEOUT
+from flexslew_plant.ros.interrupts import SignalHandler
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.start import start_ros
-from flexslew_plant.ros.told_lines import tell
+from flexslew_plant.ros.told_lines import write_line
 
 
-class Served(Protocol):
+class LoopNode(Protocol):
     """What a loop runs: one node or several.
 
     It may also have `interrupted()`, called at an interrupt: where it returns True, the object
@@ -33,32 +33,32 @@ class Served(Protocol):
         """Do what is due; return the time until the next call [wall s]."""
 
 
-_interrupts = Interrupts()
+_signal_handler = SignalHandler()
 
 
-def _run(loop: Loop, served: Served) -> int:
+def _run(loop: Loop, node: LoopNode) -> int:
     """Run the loop; an interrupt ends it, unless `interrupted` returns True."""
     while True:
         try:
-            return loop.run(served.poll)
+            return loop.run(node.poll)
         except KeyboardInterrupt:
-            _interrupts.taken()
-            stay = getattr(served, "interrupted", lambda: False)()
-            if not stay:
+            _signal_handler.mark_caught()
+            keep_running = getattr(node, "interrupted", lambda: False)()
+            if not keep_running:
                 return 130
 
 
-def _closed(served: Served) -> int:
+def _closed(node: LoopNode) -> int:
     """Finish what must be whole; return 3 where that failed."""
     try:
-        getattr(served, "close", lambda: None)()
+        getattr(node, "close", lambda: None)()
     except FlexslewError as error:
-        tell(f"error: {error}", wrong=True)
+        write_line(f"error: {error}", wrong=True)
         return 3
     return 0
 
 
-def within(namespace: str) -> list[str]:
+def namespace_arguments(namespace: str) -> list[str]:
     """Return the command line of a node in a namespace; empty: in none.
 
     Raises:
@@ -71,7 +71,7 @@ def within(namespace: str) -> list[str]:
     return ["--ros-args", "-r", f"__ns:={name}"]
 
 
-def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> None:
+def run_node(build: Callable[[Loop], LoopNode], args: list[str] | None = None) -> None:
     """Initialise ROS, build the node, run its loop, clean up and exit.
 
     Args:
@@ -79,32 +79,32 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
         args: command line; None: that of the process.
     """
     # our own handlers: rclpy's would invalidate the context before the last messages are sent
-    _interrupts.install()
+    _signal_handler.install()
     faulthandler.register(signal.SIGUSR1)  # prints the stack of each thread, even of one that hangs
-    served = loop = None
+    node = loop = None
     code = 0
     try:
         start_ros(args=args, signal_handler_options=SignalHandlerOptions.NO)
         loop = Loop()
-        served = build(loop)
-        code = _run(loop, served)
+        node = build(loop)
+        code = _run(loop, node)
     except (KeyboardInterrupt, ExternalShutdownException):
         code = 130
     except BadInput as error:
-        tell(f"error: {error}", wrong=True)
+        write_line(f"error: {error}", wrong=True)
         code = 2
     except FlexslewError as error:
-        tell(f"error: {error}", wrong=True)
+        write_line(f"error: {error}", wrong=True)
         code = 3
     finally:
-        _interrupts.ignore()
+        _signal_handler.ignore()
         if loop is not None:
-            if served is not None:
-                loop.close(INTERRUPTED_TIMEOUT if code == 130 else DEPARTURE_TIMEOUT)
-                code = _closed(served) or code
-            loop.leave(code, getattr(served, "leave", lambda: None))
+            if node is not None:
+                loop.close(ABORT_TIMEOUT if code == 130 else CLOSE_TIMEOUT)
+                code = _closed(node) or code
+            loop.leave(code, getattr(node, "leave", lambda: None))
         # the leave is announced to the graph only if the participant is really destroyed
-        del served, loop
+        del node, loop
         gc.collect()
         rclpy.try_shutdown()
         signal.alarm(0)

@@ -13,8 +13,10 @@ from rclpy.subscription import Subscription
 
 from flexslew_plant.graph.topics import TOPICS, Topic
 
-_SENDINGS = 10  # of an answer, 0.1 s each
-SEVERAL = 100  # latched samples a listener takes at least: several nodes may publish one each
+_SEND_ATTEMPTS = 10  # of an answer, 0.1 s each
+LISTENER_DEPTH = (
+    100  # latched samples a listener takes at least: several nodes may publish one each
+)
 
 
 @cache
@@ -62,7 +64,7 @@ def subscription(
         at: another name on the graph.
     """
     topic = TOPICS[name]
-    profile = qos(topic, SEVERAL if topic.latched else 0)
+    profile = qos(topic, LISTENER_DEPTH if topic.latched else 0)
     return node.create_subscription(
         message_class(topic.type), at or name, callback, profile, raw=raw
     )
@@ -78,13 +80,13 @@ def service(node: Node, kind: Any, name: str, answer: Callable[[Any, Any], Any])
     made = node.create_service(kind, name, answer)
     send = made.send_response
 
-    def patiently(response: Any, header: Any) -> None:
-        for _ in range(_SENDINGS - 1):
-            with warnings.catch_warnings(record=True) as told:
+    def send_with_retries(response: Any, header: Any) -> None:
+        for _ in range(_SEND_ATTEMPTS - 1):
+            with warnings.catch_warnings(record=True) as warning_records:
                 warnings.simplefilter("always")
                 send(response, header)
-            if not told:
+            if not warning_records:
                 return
         send(response, header)
 
-    made.send_response = patiently
+    made.send_response = send_with_retries

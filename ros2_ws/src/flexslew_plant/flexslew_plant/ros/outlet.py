@@ -7,78 +7,78 @@ from typing import Any
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 
-from flexslew_plant.direct.inbox import BOTH
+from flexslew_plant.direct.inbox import DDS_FLAG
 
-_PROCESSORS = len(os.sched_getaffinity(0))  # of this process
-_AWAKE = 2  # of the processors are taken while plant and controller wait awake
+_CPU_COUNT = len(os.sched_getaffinity(0))  # of this process
+_BUSY_CPU_COUNT = 2  # of the processors are taken while plant and controller wait awake
 
 
-class Turns:
+class LoopCounter:
     """How often the loop of a node has turned; within one turn the listeners count as constant."""
 
     def __init__(self) -> None:
         self.count = 0
 
 
-class Outlet:
+class DirectPublisher:
     """A publisher of one topic.
 
     Args:
         publisher: the publisher over DDS.
         add: appends number and CDR to the message to the recorder; returns whether they fit.
-        turns: turns of the loop; None: the listeners are counted at each call.
+        loop_counter: turns of the loop; None: the listeners are counted at each call.
 
     Attributes:
         number: number of the topic on the line to the recorder; -1: it is not on that line.
-        recorder_alone: the recorder had the only subscription at the last check.
+        recorder_only: the recorder had the only subscription at the last check.
     """
 
     def __init__(
         self,
         publisher: "Publisher[Any]",
         add: Callable[[int, bytes], bool] = lambda number, data: False,
-        turns: Turns | None = None,
+        loop_counter: LoopCounter | None = None,
     ) -> None:
         self.publisher, self._handle, self._add = publisher, publisher.handle, add
-        self.number, self.recorder_alone = -1, False
-        self._turns = turns
-        self._asked: int | None = None  # turn of the last count
+        self.number, self.recorder_only = -1, False
+        self._loop_counter = loop_counter
+        self._count_cycle: int | None = None  # turn of the last count
         self._count = 0  # subscriptions counted then
 
     @property
     def count(self) -> int:
         """How many subscriptions DDS serves, counted once per turn of the loop."""
-        turn = None if self._turns is None else self._turns.count
-        if turn is None or turn != self._asked:
-            self._asked = turn
+        cycle = None if self._loop_counter is None else self._loop_counter.count
+        if cycle is None or cycle != self._count_cycle:
+            self._count_cycle = cycle
             self._count = int(self._handle.get_subscription_count())  # quicker than the publisher's
         return self._count
 
     @property
-    def heard(self) -> bool:
+    def received(self) -> bool:
         """Whether there is any listener."""
         if self.number >= 0:
             return True
-        known = self._turns is not None and self._turns.count == self._asked
+        known = self._loop_counter is not None and self._loop_counter.count == self._count_cycle
         return (self._count if known else self.count) > 0
 
     @property
     def shared(self) -> bool:
         """Whether there is a listener over DDS other than the recorder on its line."""
         count = self.count
-        return count > 0 and (count > 1 or self.number < 0 or not self.recorder_alone)
+        return count > 0 and (count > 1 or self.number < 0 or not self.recorder_only)
 
-    def may_wait_awake(self, processors: int = _PROCESSORS) -> bool:
+    def can_busy_wait(self, cpu_count: int = _CPU_COUNT) -> bool:
         """Return whether plant and controller may wait awake, which takes two processors.
 
         A recorder that receives copies on its line needs one; other listeners may need any number.
         """
-        return not self.heard or (processors > _AWAKE and not self.shared)
+        return not self.received or (cpu_count > _BUSY_CPU_COUNT and not self.shared)
 
     def publish(self, data: bytes) -> None:
         """Send CDR bytes to all listeners; nothing is kept for later ones."""
         number, shared = self.number, self.shared
-        if number >= 0 and not self._add(number + BOTH * shared, data):
+        if number >= 0 and not self._add(number + DDS_FLAG * shared, data):
             shared = True  # too large
         if shared:
             self._handle.publish_raw(data)
@@ -87,5 +87,5 @@ class Outlet:
         """Publish a message of a latched topic, which DDS keeps for later ones."""
         data = serialize_message(message)
         if self.number >= 0:
-            self._add(self.number + BOTH, data)
+            self._add(self.number + DDS_FLAG, data)
         self._handle.publish_raw(data)

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.keys.settings_fields import FieldMeaning, meanings
+from flexslew_plant.keys.settings_fields import FieldDescription, describe_fields
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import flat, plain, validated
 from flexslew_plant.yaml_data import load_yaml, yaml_text
@@ -53,7 +53,7 @@ def _with_known_types(answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any],
         answer: sets parameters, one by one or all together.
     """
 
-    def refused(request: Any, reply: Any) -> Any:
+    def validate_and_answer(request: Any, reply: Any) -> Any:
         try:
             _typed(request.parameters)
         except BadInput as error:
@@ -65,7 +65,7 @@ def _with_known_types(answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any],
             return reply
         return answer(request, reply)
 
-    return refused
+    return validate_and_answer
 
 
 def _typed(values: Iterable[Any]) -> "list[Parameter[Any]]":
@@ -131,7 +131,7 @@ def requested_text(node: Node, key: str, text: str, values: Iterable[Any]) -> st
     return yaml_text(nested(node, given))
 
 
-def declared(node: Node, kind: Any, given: dict[str, Any], changeable: Iterable[str] = ()) -> Any:
+def declared(node: Node, kind: Any, given: dict[str, Any], dynamic: Iterable[str] = ()) -> Any:
     """Return `given` as a section and declare all its keys as parameters.
 
     Nested sections are dotted names; what ROS cannot hold (a list of sections) is YAML text.
@@ -140,33 +140,33 @@ def declared(node: Node, kind: Any, given: dict[str, Any], changeable: Iterable[
         node: node that declares the parameters.
         kind: the section.
         given: values set by the user.
-        changeable: names that may change at run time; the others are read-only.
+        dynamic: names that may change at run time; the others are read-only.
 
     Raises:
         BadInput: for an unknown parameter or a value that is not allowed.
     """
     settings = validated(kind, given, f"node {node.get_name()}", ANY_CODE)
-    declare(node, settings, changeable)
+    declare(node, settings, dynamic)
     return settings
 
 
-def settings_of(node: Node, kind: Any, changeable: Iterable[str] = ()) -> Any:
+def settings_of(node: Node, kind: Any, dynamic: Iterable[str] = ()) -> Any:
     """Return all parameters of the node as one section; see declared."""
-    return declared(node, kind, parameters_of(node), changeable)
+    return declared(node, kind, parameters_of(node), dynamic)
 
 
-def declare(node: Node, settings: Any, changeable: Iterable[str] = ()) -> None:
+def declare(node: Node, settings: Any, dynamic: Iterable[str] = ()) -> None:
     """Declare the keys of a section as parameters, with words, range and value."""
-    chosen, words, values = set(changeable), meanings(settings), plain(settings)
+    dynamic_names, words, values = set(dynamic), describe_fields(settings), plain(settings)
     unset = {name: None for name in words if _at(values, name) is None}
     for name, value in {**flat(values), **unset}.items():
-        descriptor = _descriptor(name, value, words.get(name), name in chosen)
+        descriptor = _descriptor(name, value, words.get(name), name in dynamic_names)
         if node.has_parameter(name):  # given: 2 where a 2.0 is meant has another type
             node.undeclare_parameter(name)
         node.declare_parameter(name, value, descriptor, ignore_override=True)
 
 
-def serve_changes(node: Node, change: Change) -> None:
+def handle_changes(node: Node, change: Change) -> None:
     """Pass on what is set in flight; unknown names are refused, read-only ones by ROS itself."""
 
     def on_set(parameters: list["Parameter[Any]"]) -> SetParametersResult:
@@ -175,8 +175,8 @@ def serve_changes(node: Node, change: Change) -> None:
             known = ", ".join(sorted(node.get_parameters_by_prefix("")))
             words = f"unknown parameter {unknown[0]}; known: {known}"
             return SetParametersResult(successful=False, reason=words)
-        own = [p for p in parameters if not p.name.startswith(_ROS)]
-        reason = change(nested(node, own)) if own else ""
+        user_parameters = [p for p in parameters if not p.name.startswith(_ROS)]
+        reason = change(nested(node, user_parameters)) if user_parameters else ""
         return SetParametersResult(successful=not reason, reason=reason)
 
     node.add_on_set_parameters_callback(on_set)
@@ -190,24 +190,24 @@ def _at(values: Any, name: str) -> Any:
 
 
 def _descriptor(
-    name: str, value: Any, meaning: FieldMeaning | None, changeable: bool
+    name: str, value: Any, field_info: FieldDescription | None, dynamic: bool
 ) -> ParameterDescriptor:
     """Return a descriptor of its own: rclpy writes the parameter's name into it."""
-    descriptor = ParameterDescriptor(name=name, read_only=not changeable)
+    descriptor = ParameterDescriptor(name=name, read_only=not dynamic)
     descriptor.dynamic_typing = value is None
-    constraints = [] if changeable else [_AT_START]
-    if meaning is not None:
-        descriptor.description = meaning.words
+    constraints = [] if dynamic else [_AT_START]
+    if field_info is not None:
+        descriptor.description = field_info.words
         if not isinstance(value, bool):
-            _limit(descriptor, value, meaning)
-            constraints = [words for words in (_bounds(meaning), *constraints) if words]
+            _limit(descriptor, value, field_info)
+            constraints = [words for words in (_bounds(field_info), *constraints) if words]
     descriptor.additional_constraints = "; ".join(constraints)
     return descriptor
 
 
-def _limit(descriptor: ParameterDescriptor, value: Any, meaning: FieldMeaning) -> None:
+def _limit(descriptor: ParameterDescriptor, value: Any, field_info: FieldDescription) -> None:
     """Give a descriptor the range of a number that is limited at both ends; ROS has no other."""
-    low, high = meaning.low, meaning.high
+    low, high = field_info.low, field_info.high
     if not (isfinite(low) and isfinite(high)):
         return
     if isinstance(value, float):
@@ -217,9 +217,9 @@ def _limit(descriptor: ParameterDescriptor, value: Any, meaning: FieldMeaning) -
         descriptor.integer_range = [IntegerRange(from_value=ceil(low), to_value=int(high), step=1)]
 
 
-def _bounds(meaning: FieldMeaning) -> str:
+def _bounds(field_info: FieldDescription) -> str:
     """Return which numbers are allowed, in words; empty: all."""
-    low, high = meaning.low, meaning.high
+    low, high = field_info.low, field_info.high
     least = "more than 0" if low == nextafter(0.0, inf) else f"{low:g} or more"
     if isfinite(low) and isfinite(high):
         return f"{least}, at most {high:g}"

@@ -11,9 +11,9 @@ from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import truth_bytes
 from flexslew_plant.graph import topics
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.ros.alive import NOTICE
+from flexslew_plant.ros.alive import NODE_WAIT_TIME
 from flexslew_plant.ros.event_log import EventLog
-from flexslew_plant.ros.graph import unmatched
+from flexslew_plant.ros.graph import missing_listeners
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.node_process import run_node
@@ -21,14 +21,14 @@ from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.ros.plant.diagnostics import Diagnostics
 from flexslew_plant.ros.plant.display import Display
-from flexslew_plant.ros.plant.exchange import Exchange, Neighbour
-from flexslew_plant.ros.plant.parameters import CHANGEABLE, PlantParameters
+from flexslew_plant.ros.plant.exchange import ControllerLink, LocalController
+from flexslew_plant.ros.plant.parameters import DYNAMIC_PARAMETERS, PlantParameters
 from flexslew_plant.ros.plant.report import PlantReport
 from flexslew_plant.ros.plant.services import Services
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.ros.realtime import NONE, PLANT, RealTime
-from flexslew_plant.ros.statuses import Statuses
-from flexslew_plant.ros.told_lines import tell
+from flexslew_plant.ros.statuses import StatusMonitor
+from flexslew_plant.ros.told_lines import write_line
 
 
 class Plant:
@@ -36,35 +36,31 @@ class Plant:
 
     Args:
         loop: loop that serves it.
-        neighbour: a controller in the same process.
+        local_controller: a controller in the same process.
     """
 
-    def __init__(self, loop: Loop, neighbour: Neighbour | None = None) -> None:
+    def __init__(self, loop: Loop, local_controller: LocalController | None = None) -> None:
         self.loop = loop
         self.node = node = new_node("plant")
-        self._alive, outlets = loop.only(node, "plant"), loop.outlets(node)
-        self.statuses = Statuses(self._alive.presence, self._on_status)
-        self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
-        bench = Bench(self._settings.bench)
+        self._alive, direct = loop.only(node, "plant"), loop.direct_publishers(node)
+        self.statuses = StatusMonitor(self._alive.heartbeats, self._on_status)
+        self._settings: PlantSettings = settings_of(node, PlantSettings, DYNAMIC_PARAMETERS)
+        s, bench = self._settings, Bench(self._settings.bench)
+        running = s.rate_factor, s.answer_timeout, s.autostart
         self.session = Session(
-            bench,
-            self._settings.controllers,
-            self._settings.rate_factor,
-            self._settings.answer_timeout,
-            self._settings.autostart,
-            self._missing,
-            lambda: self._exchange.arrived(),
+            bench, s.controllers, *running, self._missing, lambda: self._link.received()
         )
-        self._exchange = Exchange(node, outlets, loop, self.session, self._take, neighbour)
-        self.session.presence, self._realtime = self._alive.presence, RealTime()
-        self._truth, self._events = outlets.publisher(topics.TRUTH), EventLog(node, outlets)
-        self.display = Display(node, outlets, bench, self._settings.display_rate)
-        self.session.watched = lambda: self._is_truth_received() or self.display.due(bench.tick)
-        subscription(node, topics.CONTROLLER_STATUS, self.statuses.hear)
+        self._link = ControllerLink(node, direct, loop, self.session, self._take, local_controller)
+        self.session.heartbeats, self._realtime = self._alive.heartbeats, RealTime()
+        self._truth = direct.publisher(topics.TRUTH)
+        self._events = EventLog(node, direct)
+        self.display = Display(node, direct, bench, self._settings.display_rate)
+        self.session.monitored = lambda: self._is_truth_received() or self.display.due(bench.tick)
+        subscription(node, topics.CONTROLLER_STATUS, self.statuses.receive)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
-        progress, heard = self._settings.progress, [self._exchange.questions, self._truth]
-        self._report = PlantReport(node, self.session, self._alive, progress, heard)
-        self._services = Services(node, self.session, self.statuses, loop, self.display.show_paused)
+        required = [self._link.measurements, self._truth]
+        self._report = PlantReport(node, self.session, self._alive, s.progress, required)
+        self._services = Services(node, self.session, self.statuses, loop, self.display.refresh)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(node, self.session, self.display, loop)
         fields = {"stamp": stamp(0.0), **testbed_fields(bench, self._settings)}
@@ -74,12 +70,12 @@ class Plant:
         """Do what is due; return the wall seconds until something can be due again."""
         now = monotonic()
         if self._alive.is_second(now):
-            return NOTICE / 4
-        self._exchange.look(now)
+            return NODE_WAIT_TIME / 4
+        self._link.look(now)
         wait = self.session.poll(now)
-        self._realtime.want(PLANT if self.session.pacing.paced else NONE)
+        self._realtime.set_priority(PLANT if self.session.tick_timer.paced else NONE)
         self._send()
-        wait = min(wait, self._exchange.call(wait), self._services.poll(now))
+        wait = min(wait, self._link.call(wait), self._services.poll(now))
         self._report.poll(now)
         self._diagnostics.poll(now)
         return wait
@@ -91,11 +87,11 @@ class Plant:
 
     def _send(self) -> None:
         """Publish the records that the session has put out."""
-        outbox = self.session.outbox
+        outbox = self.session.outgoing
         while outbox:
             record = outbox.popleft()
             if isinstance(record, Measurement):
-                self._exchange.ask(record)
+                self._link.ask(record)
                 self.display.sense(record)
             elif isinstance(record, Truth):
                 if self._is_truth_received():
@@ -106,37 +102,40 @@ class Plant:
         done = self.session.run.state == FINISHED and not self.loop.stopped
         if done and self._settings.exit_when_done:
             if failure := self.session.bench.failure:
-                tell(f"error: {failure}")  # for the process that started this node
+                write_line(f"error: {failure}")  # for the process that started this node
             self.loop.stop(3 if self.session.bench.faulted else 0)
 
     def _is_truth_received(self) -> bool:
         """Return whether the truth is published, and has a listener."""
-        return self._settings.truth and self._truth.heard
+        return self._settings.truth and self._truth.received
 
     def _missing(self) -> list[str]:
         """Return the nodes that the first question would not reach."""
         session, now = self.session, monotonic()
         controllers, listeners = session.needed(now), self._settings.wait_for
         if session.bench.tick or session.bench.epoch:  # nodes lost on the way are not waited for
-            listeners = tuple(n for n in listeners if not session.presence.silent(n, now))
-        shown = [self._truth] * self._settings.truth + self.display.publishers
-        heard = [offer.publisher for offer in (self._exchange.questions, *shown)]
-        return self._exchange.unheard(controllers) + unmatched(self.node, heard, listeners)
+            listeners = tuple(n for n in listeners if not session.heartbeats.inactive(n, now))
+        truth = [self._truth] * self._settings.truth
+        outputs = (self._link.measurements, *truth, *self.display.publishers)
+        required = [output.publisher for output in outputs]
+        missing = missing_listeners(self.node, required, listeners)
+        return self._link.without_link(controllers) + missing
 
     def _take(self, command: EffortCommand) -> bool:
-        if hurry := self.session.take(command, monotonic()):
+        if poll_now := self.session.take(command, monotonic()):
             self.loop.hurry()
         self._send()
-        return hurry
+        return poll_now
 
     def _on_status(self, message: msg.ControllerStatus) -> None:
-        self._exchange.known(message.controller)
-        self.session.hear(message.controller, message.ready, message.reason, message.instance)
-        self.session.backlog.heard(message.controller, message.last_tick, message.epoch)
+        self._link.add_controller(message.controller)
+        self.session.receive(message.controller, message.ready, message.reason, message.instance)
+        self.session.node_progress.received(message.controller, message.last_tick, message.epoch)
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:
-        if self.session.presence.counts(message.recorder, message.instance, monotonic()):
-            self.session.backlog.heard(message.recorder, message.tick, message.epoch, recorder=True)
+        if self.session.heartbeats.counts(message.recorder, message.instance, monotonic()):
+            progress = self.session.node_progress
+            progress.received(message.recorder, message.tick, message.epoch, recorder=True)
         self.loop.hurry()  # the bench may wait for just this
 
 

@@ -19,13 +19,13 @@ class RealTime:
     def __init__(self) -> None:
         self._priority = NONE
 
-    def want(self, priority: int) -> None:
+    def set_priority(self, priority: int) -> None:
         """Change how all threads are scheduled, if the priority is new; NONE: the default."""
         if priority == self._priority:
             return
         self._priority = priority
         for thread in map(int, os.listdir("/proc/self/task")):
-            for policy, allowed in _ways(priority):
+            for policy, allowed in _priority_options(priority):
                 try:
                     os.sched_setscheduler(thread, policy, os.sched_param(allowed))
                 except PermissionError:
@@ -42,7 +42,7 @@ def priority_of(in_charge: bool, rate_factor: float) -> int:
     return NONE
 
 
-def _ways(priority: int) -> list[tuple[int, int]]:
+def _priority_options(priority: int) -> list[tuple[int, int]]:
     """Return policies and priorities, the best first, of which one may be allowed."""
     once = os.SCHED_RESET_ON_FORK  # only a privileged process can take this back
     if priority == NONE:

@@ -9,7 +9,7 @@ import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.network import SETTING, on_network, prepare, tell
+from flexslew_plant.network import SETTING, on_network, prepare, report_network
 from flexslew_plant.ros.loop import SUPERVISOR
 
 MIDDLEWARES = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")  # those that read the profiles
@@ -38,8 +38,8 @@ def start_ros(**how: Any) -> None:
             f"{MIDDLEWARES[0]}, or {SETTING}=1 for the network"
         )
     if SUPERVISOR not in os.environ:  # else the process that started this one has printed it
-        tell()
-    if not _log_folder_is_writable():
+        report_network()
+    if not _can_write_log():
         how["args"] = [*(sys.argv if how.get("args") is None else how["args"]), *_WITHOUT_LOG]
     try:
         rclpy.init(**how)
@@ -49,7 +49,7 @@ def start_ros(**how: Any) -> None:
         raise BadInput(f"{error}{hint * given}") from None
 
 
-def _log_folder_is_writable() -> bool:
+def _can_write_log() -> bool:
     """Return whether ROS can write its log: ROS_LOG_DIR, else `log` in ROS_HOME or ~/.ros."""
     home = os.environ.get("ROS_HOME") or os.path.join(os.environ.get("HOME", ""), ".ros")
     folder = Path(os.environ.get("ROS_LOG_DIR") or os.path.join(home, "log")).expanduser()

@@ -4,7 +4,7 @@ import os
 import sys
 
 
-def tell(line: str, wrong: bool = False) -> None:
+def write_line(line: str, wrong: bool = False) -> None:
     """Write a line at once; once the reader is gone, it and all later ones are discarded.
 
     A supervisor that was killed takes the pipe with it: its nodes end as they do at any other end.

@@ -4,7 +4,7 @@ One of the user's own needs no line: `kind: my_testbed.py:MyTestbed`, or an entr
 group flexslew.testbeds.
 
 Offers: appendages, attitude, beam, compiled.bound, compiled.dynamics, compiled.interface,
-compiled.lane_by_lane, compiled.lanes, compiled.mass, compiled.push, compiled.traced_kernel,
+compiled.scalar_kernel, compiled.lanes, compiled.mass, compiled.push, compiled.traced_kernel,
 contract, csa, floating, floating_oscillator, hub_with_appendages, identified, instruments,
 instruments.instrument, instruments.packed_readers, integration_error, kernels, linearisation,
 model, quaternions, robot_model, scene, spacecraft.assembly.packing, spacecraft.shapes.shape,
@@ -36,11 +36,11 @@ from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
 from flexslew_plant.testbeds.model_file import model_of as model_of
 from flexslew_plant.testbeds.model_file import with_model_file as with_model_file
+from flexslew_plant.testbeds.start import consistent_positions as consistent_positions
+from flexslew_plant.testbeds.start import has_initial_rates as has_initial_rates
 from flexslew_plant.testbeds.start import initial_positions as initial_positions
 from flexslew_plant.testbeds.start import initial_state as initial_state
 from flexslew_plant.testbeds.start import initial_states as initial_states
-from flexslew_plant.testbeds.start import joints_together as joints_together
-from flexslew_plant.testbeds.start import starts_moving as starts_moving
 
 # isort: split
 # the testbeds, a line each
@@ -76,34 +76,34 @@ def _for_all(kind: type[Any], values: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(limit, int | float) or isinstance(limit, bool):
         return values
     field = getattr(kind, "__dataclass_fields__", {}).get("effort_limit")
-    drives = len(field.default) if field is not None and isinstance(field.default, tuple) else 1
-    return {**values, "effort_limit": [limit] * drives}
+    count = len(field.default) if field is not None and isinstance(field.default, tuple) else 1
+    return {**values, "effort_limit": [limit] * count}
 
 
 _NEEDED = ("effort_limit", "model", "modes", "scene")  # of contract.Testbed
 
 
-def _demand_testbed(found: type[Any]) -> None:
+def _require_testbed(found: type[Any]) -> None:
     """Check that a class has what the bench requires of a testbed.
 
     Raises:
         BadInput: it lacks something.
     """
     known = {*dir(found), *getattr(found, "__dataclass_fields__", ())}
-    lacks = sorted(name for name in _NEEDED if name not in known)
-    if lacks:
-        words = f"{found.__name__} is no testbed: it lacks {', '.join(lacks)}; see own_testbed.md"
+    missing = sorted(name for name in _NEEDED if name not in known)
+    if missing:
+        words = f"{found.__name__} is no testbed: it lacks {', '.join(missing)}; see own_testbed.md"
         raise BadInput(words)
 
 
-def _own(values: Any, info: ValidationInfo) -> Any:
+def _user_testbed(values: Any, info: ValidationInfo) -> Any:
     """Return a section of the user's own class."""
     if not isinstance(values, dict):
         return values
     name, trust = str(values["kind"]), info.context or NO_CODE
     try:
         found = find_class(name, GROUP, "testbed", "kind", tuple(TESTBEDS), trust)
-        _demand_testbed(found)
+        _require_testbed(found)
         return validated(found, _for_all(found, values), name, trust)
     except BadInput as error:
         raise ValueError(str(error)) from error  # in which `validated` finds an Untrusted
@@ -128,7 +128,7 @@ else:
         union(
             [
                 *(Annotated[entry.settings, Tag(name)] for name, entry in TESTBEDS.items()),
-                Annotated[Any, PlainValidator(_own), Tag("own")],
+                Annotated[Any, PlainValidator(_user_testbed), Tag("own")],
             ]
         ),
         Discriminator(_kind),
@@ -158,7 +158,7 @@ def read_testbed(values: Any, source: str, trust: Trust = NO_CODE) -> Testbed:
     return testbed
 
 
-def varied(
+def with_changes(
     testbed: Testbed, changes: Mapping[str, Any], source: str, trust: Trust = NO_CODE
 ) -> Testbed:
     """Return the testbed with some of its keys changed, nested sections key by key.
@@ -172,18 +172,18 @@ def varied(
     if changes.get("kind", testbed.kind) != testbed.kind:
         return read_testbed(dict(changes), source, trust)
     known = replace(trust, names=trust.names | {testbed.kind})  # it has been loaded before
-    own = plain(testbed)
-    start = own.get("initial")
+    base = plain(testbed)
+    start = base.get("initial")
     if not isinstance(testbed.initial, dict) or not start:
-        return read_testbed(_merged(own, changes), source, known)
-    found: Any = read_testbed(_merged({**own, "initial": {}}, changes), source, known)
+        return read_testbed(_merged(base, changes), source, known)
+    found: Any = read_testbed(_merged({**base, "initial": {}}, changes), source, known)
     joints = found.model().joint_names
     kept = {name: at for name, at in start.items() if name in joints}
     started: Testbed = replace(found, initial=kept | found.initial)
     return started
 
 
-def believed(
+def design_testbed(
     testbed: Testbed, changes: Mapping[str, Any] | None, source: str, trust: Trust = NO_CODE
 ) -> Testbed:
     """Return what a planner or a law believes of the testbed: simplified, with these changes.
@@ -200,10 +200,10 @@ def believed(
     """
     given = with_model_file(changes or {}, source, trust)
     if given.get("kind", testbed.kind) != testbed.kind:
-        own = TESTBEDS[given["kind"]].settings.simplified if given["kind"] in TESTBEDS else {}
-        other = read_testbed(_merged(dict(own), given), source, trust)
+        base = TESTBEDS[given["kind"]].settings.simplified if given["kind"] in TESTBEDS else {}
+        other = read_testbed(_merged(dict(base), given), source, trust)
         return _of_same_joints(other, testbed, source)
-    return varied(testbed, _merged(dict(testbed.simplified), given), source, trust)
+    return with_changes(testbed, _merged(dict(testbed.simplified), given), source, trust)
 
 
 def _of_same_joints(other: Testbed, testbed: Testbed, source: str) -> Testbed:
@@ -212,14 +212,14 @@ def _of_same_joints(other: Testbed, testbed: Testbed, source: str) -> Testbed:
     Raises:
         BadInput: it has others.
     """
-    here, there = testbed.model().joint_names, other.model().joint_names
-    if not set(there) <= set(here):
+    here, other_joints = testbed.model().joint_names, other.model().joint_names
+    if not set(other_joints) <= set(here):
         raise BadInput(
             f"a model with the joints of the bench, {', '.join(here)}; {other.kind} has "
-            f"{', '.join(there)}",
+            f"{', '.join(other_joints)}",
             source,
             "joints",
-            list(there),
+            list(other_joints),
         )
     return other
 

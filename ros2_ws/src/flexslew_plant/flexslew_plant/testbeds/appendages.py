@@ -6,12 +6,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.instruments import Instrument, MovingBody
+from flexslew_plant.testbeds.instruments import BodyState, Instrument
 from flexslew_plant.testbeds.instruments.instrument import TickReader, channels
 from flexslew_plant.testbeds.instruments.packed_readers import PackedReaders, packed_readers
 
 # from a state and the readings of the tips to those with the instruments'; once a tick, in order
-Instruments: TypeAlias = Callable[[Vector, Vector], Vector]
+InstrumentReader: TypeAlias = Callable[[Vector, Vector], Vector]
 
 
 class Appendages(NamedTuple):
@@ -22,14 +22,14 @@ class Appendages(NamedTuple):
     curvature: Matrix  # at the root, (appendages, modes) [1/m^2]
     rate: Matrix | None = None  # of the modes' rates, added to the tip's reading [s]
     # from state, its derivative and time to what accelerometers add, (appendages,) [m/s^2]
-    felt: Callable[[Vector, Vector, float], Vector] | None = None
+    exact_reading: Callable[[Vector, Vector, float], Vector] | None = None
     # noise, bias and quantisation of every reading, (3, appendages); None: of the channel alone
     errors: Matrix | None = None
     # largest |tip| at which the equations of small deflections hold, (appendages,) [m]; None: any
     small: Vector | None = None
     # that read the platform's attitude or rate, with errors of their own, and their platform
     instruments: tuple[Instrument, ...] = ()
-    body: Callable[[Vector], MovingBody] | None = (
+    body: Callable[[Vector], BodyState] | None = (
         None  # from a state; None: there are no instruments
     )
     units: tuple[str, ...] = ()  # of the tips' readings, "" for a plain number; (): all m
@@ -45,15 +45,15 @@ class Appendages(NamedTuple):
     @property
     def deflections(self) -> list[tuple[int, str, str]]:
         """Those of the readings that the truth holds: displacements and strains."""
-        held = self.in_truth or (True,) * len(self.names)
-        return [known for known, there in zip(self.sensors, held, strict=True) if there]
+        truth_mask = self.in_truth or (True,) * len(self.names)
+        return [known for known, included in zip(self.sensors, truth_mask, strict=True) if included]
 
     def reading(self, modes: Vector, rates: Vector) -> Vector:
         """Return what the tips read of the modes and their rates, shape (appendages,)."""
         tip: Vector = self.tip.dot(modes)
         return tip if self.rate is None else tip + self.rate.dot(rates)
 
-    def begun(self, period: float, seed: list[int] | None = None) -> Instruments | None:
+    def started(self, period: float, seed: list[int] | None = None) -> InstrumentReader | None:
         """Return what reads the instruments from tick 0 on; None: there are none.
 
         Args:

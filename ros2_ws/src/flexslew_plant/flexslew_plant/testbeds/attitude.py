@@ -14,66 +14,74 @@ from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Indices, Matrix, Vector, called, compiled_once
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.quaternions import Turn, multiplied, of_turn, turn_of, way
+from flexslew_plant.testbeds.quaternions import (
+    RotationVector,
+    multiply,
+    quaternion_of,
+    rotation_vector_of,
+    way,
+)
 
 _ROUNDED = 1e-3  # what positions of joints may lie apart that one attitude has [rad or m]
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of x, y, z in a cross product
-_BACK = np.array([-1.0, -1.0, -1.0, 1.0])  # what turns a quaternion x y z w round
+_CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # what turns a quaternion x y z w round
 
 
-def quaternion(turn: Vector) -> Vector:
+def quaternion(rotation: Vector) -> Vector:
     """Return the unit quaternion x y z w of a rotation vector, shapes (..., 3) [rad], (..., 4)."""
-    turned = np.empty((*turn.shape[:-1], 4))
-    _write_quaternions(_rows(turn), turned.reshape(-1, 4))
-    return turned
+    attitude = np.empty((*rotation.shape[:-1], 4))
+    _write_quaternions(_rows(rotation), attitude.reshape(-1, 4))
+    return attitude
 
 
-@compiled_once("turned")
-def _write_quaternions(turn: Matrix, turned: Matrix) -> None:
-    for k in range(len(turn)):
-        turned[k, 0], turned[k, 1], turned[k, 2], turned[k, 3] = of_turn(
-            turn[k, 0], turn[k, 1], turn[k, 2]
+@compiled_once("attitude")
+def _write_quaternions(rotation: Matrix, attitude: Matrix) -> None:
+    for k in range(len(rotation)):
+        attitude[k, 0], attitude[k, 1], attitude[k, 2], attitude[k, 3] = quaternion_of(
+            rotation[k, 0], rotation[k, 1], rotation[k, 2]
         )
 
 
 def product(first: Vector, then: Vector) -> Vector:
     """Return the quaternion of one turn and then another about the turned axes, x y z w."""
     a, b = np.broadcast_arrays(first, then) if first.shape != then.shape else (first, then)
-    both = np.empty(a.shape)
-    _write_products(_rows(a), _rows(b), both.reshape(-1, 4))
-    return both
+    result = np.empty(a.shape)
+    _write_products(_rows(a), _rows(b), result.reshape(-1, 4))
+    return result
 
 
-@compiled_once("both")
-def _write_products(a: Matrix, b: Matrix, both: Matrix) -> None:
+@compiled_once("result")
+def _write_products(a: Matrix, b: Matrix, result: Matrix) -> None:
     for k in range(len(a)):
-        both[k, 0], both[k, 1], both[k, 2], both[k, 3] = multiplied(
+        result[k, 0], result[k, 1], result[k, 2], result[k, 3] = multiply(
             (a[k, 0], a[k, 1], a[k, 2], a[k, 3]), (b[k, 0], b[k, 1], b[k, 2], b[k, 3])
         )
 
 
-def conjugate(turned: Vector) -> Vector:
+def conjugate(attitude: Vector) -> Vector:
     """Return the quaternion of the turn back, x y z w, shape (..., 4)."""
-    back: Vector = turned * _BACK
-    return back
+    inverse: Vector = attitude * _CONJUGATE
+    return inverse
 
 
-def to_body(turned: Vector) -> Matrix:
+def to_body(attitude: Vector) -> Matrix:
     """Return the rotation from inertial to turned axes of a quaternion x y z w, shape (3, 3)."""
-    v, w = turned[:3], turned[3]
+    v, w = attitude[:3], attitude[3]
     rotation: Matrix = (w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) - 2.0 * w * skew(v)
     return rotation
 
 
-def to_inertial(turned: Matrix, along: Vector) -> Matrix:
+def to_inertial(attitude: Matrix, along: Vector) -> Matrix:
     """Return vectors given along turned axes, along inertial ones, shape (..., 3).
 
     Args:
-        turned: quaternions x y z w, shape (..., 4).
+        attitude: quaternions x y z w, shape (..., 4).
         along: in body axes, shape (3,) or (..., 3).
     """
-    across = cross(turned[..., :3], along)
-    found = along + 2.0 * (turned[..., 3:] * across + cross(turned[..., :3], across))
+    cross_product = cross(attitude[..., :3], along)
+    found = along + 2.0 * (
+        attitude[..., 3:] * cross_product + cross(attitude[..., :3], cross_product)
+    )
     return np.ascontiguousarray(found)  # the layout decides the last bits of products with it
 
 
@@ -84,26 +92,26 @@ def skew(a: Vector) -> Matrix:
 
 def cross(a: Vector, b: Vector) -> Vector:
     """Return a x b, shape (..., 3), to the bit as np.cross, which takes five times as long."""
-    across: Vector = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
-    return across
+    cross_product: Vector = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+    return cross_product
 
 
-def rotation_vector(turned: Vector) -> Vector:
+def rotation_vector(attitude: Vector) -> Vector:
     """Return the rotation vector of unit quaternions x y z w, no longer than pi, (..., 3) [rad]."""
-    turn = np.empty((*turned.shape[:-1], 3))
-    _write_turns(_rows(turned), turn.reshape(-1, 3))
-    return turn
+    rotation = np.empty((*attitude.shape[:-1], 3))
+    _write_rotation_vectors(_rows(attitude), rotation.reshape(-1, 3))
+    return rotation
 
 
-@compiled_once("turn")
-def _write_turns(turned: Matrix, turn: Matrix) -> None:
-    for k in range(len(turned)):
-        turn[k, 0], turn[k, 1], turn[k, 2] = turn_of(
-            (turned[k, 0], turned[k, 1], turned[k, 2], turned[k, 3])
+@compiled_once("rotation")
+def _write_rotation_vectors(attitude: Matrix, rotation: Matrix) -> None:
+    for k in range(len(attitude)):
+        rotation[k, 0], rotation[k, 1], rotation[k, 2] = rotation_vector_of(
+            (attitude[k, 0], attitude[k, 1], attitude[k, 2], attitude[k, 3])
         )
 
 
-def turn_between(measured: Vector, goal: Vector) -> Vector:
+def relative_rotation(measured: Vector, goal: Vector) -> Vector:
     """Return the rotation q_measured^-1 q_goal as a rotation vector in body axes, the shorter way.
 
     Args:
@@ -114,17 +122,19 @@ def turn_between(measured: Vector, goal: Vector) -> Vector:
         shape (..., 3), no longer than pi [rad].
     """
     a, b = np.broadcast_arrays(measured, goal) if measured.shape != goal.shape else (measured, goal)
-    between = np.empty(a.shape)
-    _write_turns_between(_rows(a), _rows(b), between.reshape(-1, 3))
-    return between
+    relative = np.empty(a.shape)
+    _write_relative_rotations(_rows(a), _rows(b), relative.reshape(-1, 3))
+    return relative
 
 
-@compiled_once("between")
-def _write_turns_between(measured: Matrix, goal: Matrix, between: Matrix) -> None:
+@compiled_once("relative")
+def _write_relative_rotations(measured: Matrix, goal: Matrix, relative: Matrix) -> None:
     for k in range(len(measured)):
-        back = of_turn(-measured[k, 0], -measured[k, 1], -measured[k, 2])
-        there = of_turn(goal[k, 0], goal[k, 1], goal[k, 2])
-        between[k, 0], between[k, 1], between[k, 2] = turn_of(multiplied(back, there))
+        inverse = quaternion_of(-measured[k, 0], -measured[k, 1], -measured[k, 2])
+        target = quaternion_of(goal[k, 0], goal[k, 1], goal[k, 2])
+        relative[k, 0], relative[k, 1], relative[k, 2] = rotation_vector_of(
+            multiply(inverse, target)
+        )
 
 
 @compiled_once("left")
@@ -141,7 +151,7 @@ def _write_errors(axes: Matrix, start: Matrix, end: Matrix, left: Matrix) -> Non
 
 
 @called
-def joint_turn(inverse: Matrix, position: Vector) -> Turn:
+def joint_rotation_vector(inverse: Matrix, position: Vector) -> RotationVector:
     """Return the rotation vector that joints read, in compiled code [rad].
 
     Args:
@@ -157,16 +167,20 @@ def joint_turn(inverse: Matrix, position: Vector) -> Turn:
 
 
 @called
-def move_about(axes: Matrix, inverse: Matrix, reference: Vector, position: Vector) -> None:
+def apply_attitude_error(
+    axes: Matrix, inverse: Matrix, reference: Vector, position: Vector
+) -> None:
     """Replace positions by AttitudeJoints.about, in compiled code.
 
     Args:
         axes: of the joints, shape (joints, 3).
-        inverse: see joint_turn.
+        inverse: see joint_rotation_vector.
         reference: where they shall be, shape (joints,).
         position: measured, in and out, shape (joints,).
     """
-    plain, (x, y, z) = way(joint_turn(inverse, position), joint_turn(inverse, reference))
+    plain, (x, y, z) = way(
+        joint_rotation_vector(inverse, position), joint_rotation_vector(inverse, reference)
+    )
     if plain:
         return
     for j in range(len(axes)):
@@ -220,21 +234,21 @@ class AttitudeJoints:
         Raises:
             BadInput: no attitude has the named ones.
         """
-        if not self._apart(self.axes @ self.turn_of(position), position, self.reads):
+        if not self._mismatch(self.axes @ self.rotation_vector_of(position), position, self.reads):
             return position
-        asked, start = named & self.reads, self.turn_of(first)
-        rows = self.axes[asked]
-        turn = start + np.linalg.pinv(rows) @ (position[asked] - rows @ start)
-        there: Vector = np.where(self.reads, self.axes @ turn, position)
-        if self._apart(there, position, asked):
-            nearest = ", ".join(f"{at:.6g}" for at in there[asked])
+        requested, start = named & self.reads, self.rotation_vector_of(first)
+        rows = self.axes[requested]
+        rotation = start + np.linalg.pinv(rows) @ (position[requested] - rows @ start)
+        target: Vector = np.where(self.reads, self.axes @ rotation, position)
+        if self._mismatch(target, position, requested):
+            nearest = ", ".join(f"{at:.6g}" for at in target[requested])
             raise BadInput(f"no attitude has these joints there; the nearest has {nearest}")
-        return there
+        return target
 
     @staticmethod
-    def _apart(there: Vector, position: Vector, which: NDArray[np.bool_]) -> bool:
+    def _mismatch(target: Vector, position: Vector, which: NDArray[np.bool_]) -> bool:
         """Return whether positions differ by more than their rounding in a file."""
-        return bool(abs(there - position)[which].max(initial=0.0) > _ROUNDED)
+        return bool(abs(target - position)[which].max(initial=0.0) > _ROUNDED)
 
     def error(self, measured: Vector, goal: Vector) -> Vector:
         """Return what is left to turn or move, along each joint, shape of measured [rad or m].
@@ -246,41 +260,44 @@ class AttitudeJoints:
             goal: where they go, shape (joints,) or (..., joints).
         """
         left: Vector = np.ascontiguousarray(goal - measured)
-        start = _rows(self.turn_of(measured))
-        end = self.turn_of(goal)
+        start = _rows(self.rotation_vector_of(measured))
+        end = self.rotation_vector_of(goal)
         if goal.shape != left.shape:
             end = np.broadcast_to(end, (*left.shape[:-1], 3))
         _write_errors(self.axes, start, _rows(end), left.reshape(-1, left.shape[-1]))
         return left
 
-    def moved(self, position: Vector, by: Vector) -> Vector:
+    def add_error(self, position: Vector, by: Vector) -> Vector:
         """Return positions of which `error`, from these, is `by`, shape (..., joints).
 
         Args:
             position: of the joints, shape (..., joints).
             by: a turn in body axes along the joints that read it, moves of others, same shape.
         """
-        turns = quaternion(self.turn_of(position)), quaternion(self.turn_of(by))
-        turned = rotation_vector(product(*turns)) @ self.axes.T
-        there: Vector = np.where(self.reads, turned, position + by)
-        return there
+        rotations = (
+            quaternion(self.rotation_vector_of(position)),
+            quaternion(self.rotation_vector_of(by)),
+        )
+        attitude = rotation_vector(product(*rotations)) @ self.axes.T
+        target: Vector = np.where(self.reads, attitude, position + by)
+        return target
 
-    def turn_of(self, position: Vector) -> Vector:
+    def rotation_vector_of(self, position: Vector) -> Vector:
         """Return the rotation vector that the joints read, shape (..., 3) [rad]."""
-        turn: Vector = position @ self._from_joints.T
-        return turn
+        rotation: Vector = position @ self._from_joints.T
+        return rotation
 
     def orientation(self, position: Vector) -> Vector:
         """Return the attitude that the joints read, quaternions x y z w, shape (..., 4)."""
-        return quaternion(self.turn_of(position))
+        return quaternion(self.rotation_vector_of(position))
 
     def displacement(self, first: Vector, last: Vector) -> Vector:
         """Return how far each joint goes from one position to another, shape (joints,).
 
         About one axis that is the difference, whole turns included; else it is the error.
         """
-        across = np.cross(self.turn_of(first), self.turn_of(last))
-        return last - first if not across.any() else self.error(first, last)
+        cross_product = np.cross(self.rotation_vector_of(first), self.rotation_vector_of(last))
+        return last - first if not cross_product.any() else self.error(first, last)
 
     def share(self, error: Vector, move: Vector) -> Vector:
         """Return errors as shares of moves, of the attitude and of each other joint that moves.
@@ -289,10 +306,10 @@ class AttitudeJoints:
             error: as `error` gives it, shape (joints,).
             move: as `displacement` gives it, shape (joints,).
         """
-        turns = [[float(np.linalg.norm(self.turn_of(one)))] for one in (error, move)]
+        rotations = [[float(np.linalg.norm(self.rotation_vector_of(one)))] for one in (error, move)]
         off, way = (
-            np.concatenate((turn, np.abs(one[self._other])))
-            for turn, one in zip(turns, (error, move), strict=True)
+            np.concatenate((rotation, np.abs(one[self._other])))
+            for rotation, one in zip(rotations, (error, move), strict=True)
         )
         return off[way > 0.0] / way[way > 0.0]
 

@@ -14,11 +14,11 @@ from flexslew_plant.arrays import Matrix, Vector
 @lru_cache
 def wave_numbers(modes: int) -> tuple[float, ...]:
     """Return beta_j L, the first `modes` roots of cos(b) cosh(b) = -1."""
-    centres = (np.arange(modes) + 0.5) * np.pi
+    centers = (np.arange(modes) + 0.5) * np.pi
     # cos(b) + 1/cosh(b) has the same roots and does not overflow
     return tuple(
         float(brentq(lambda b: np.cos(b) + 1.0 / np.cosh(b), c - 0.5, c + 0.5, xtol=1e-15))
-        for c in centres
+        for c in centers
     )
 
 

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import Positive, section
-from flexslew_plant.testbeds.contract import refuse_payload
+from flexslew_plant.testbeds.contract import require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
@@ -72,7 +72,7 @@ class FloatingOscillatorTestbed:
             JOINT_UNITS,
             self.modes,
             self._appendages(),
-            scale_stiffness=stiffened,
+            scale_stiffness=scale_stiffness,
         )
 
     def initial_rates(self) -> Vector:
@@ -89,7 +89,7 @@ class FloatingOscillatorTestbed:
         Raises:
             BadInput: if another payload is requested.
         """
-        refuse_payload(self.kind, payload)
+        require_no_payload(self.kind, payload)
         p = self.parameters
         return replace(self, parameters=replace(p, stiffness=p.stiffness * stiffness))
 
@@ -106,7 +106,7 @@ def packed(testbed: FloatingOscillatorTestbed) -> Vector:
     return np.array([p.driven_mass + p.free_mass, p.free_mass, p.stiffness, damping])
 
 
-def stiffened(p: Vector, factor: float) -> Vector:
+def scale_stiffness(p: Vector, factor: float) -> Vector:
     """Return the packed parameters with the stiffness k multiplied by factor [-]."""
     scaled = p.copy()
     scaled[_STIFFNESS] *= factor

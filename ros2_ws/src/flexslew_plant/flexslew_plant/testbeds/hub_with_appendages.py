@@ -20,7 +20,7 @@ from pydantic import Field
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.contract import refuse_payload
+from flexslew_plant.testbeds.contract import require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
@@ -51,8 +51,8 @@ class HubParameters:
     @property
     def bending_stiffness(self) -> float:
         """E I of one appendage [lb ft^2]."""
-        inches = self.height * self.thickness**3 / 12.0
-        return self.elastic_modulus * inches / 12.0**4
+        second_moment = self.height * self.thickness**3 / 12.0
+        return self.elastic_modulus * second_moment / 12.0**4
 
 
 @section
@@ -88,7 +88,7 @@ class HubTestbed:
             JOINT_UNITS,
             self.modes,
             self._appendages(),
-            scale_stiffness=stiffened,
+            scale_stiffness=scale_stiffness,
         )
 
     def _appendages(self) -> Appendages:
@@ -101,7 +101,7 @@ class HubTestbed:
         Raises:
             BadInput: if another payload is requested.
         """
-        refuse_payload(self.kind, payload)
+        require_no_payload(self.kind, payload)
         p = self.parameters
         return replace(self, parameters=replace(p, elastic_modulus=p.elastic_modulus * stiffness))
 
@@ -110,9 +110,9 @@ class HubTestbed:
         shapes = np.linspace(0.0, 1.0, POINTS)[None, :] ** 2
         p = self.parameters
         radius, length, slug = p.hub_radius * FOOT, p.length * FOOT, FOOT_POUND / FOOT**2
-        boom = rod(p.linear_density * p.length * slug, length, p.tip_mass * slug)
+        beam_body = rod(p.linear_density * p.length * slug, length, p.tip_mass * slug)
         base = (p.hub_inertia * FOOT_POUND,) * 3
-        return turntable(self.kind, JOINTS, radius, length, shapes, (base,), boom)
+        return turntable(self.kind, JOINTS, radius, length, shapes, (base,), beam_body)
 
 
 class EnergyCoefficients(NamedTuple):
@@ -170,7 +170,7 @@ def packed(testbed: HubTestbed) -> Vector:
     return np.append(numbers, damping)
 
 
-def stiffened(p: Vector, factor: float) -> Vector:
+def scale_stiffness(p: Vector, factor: float) -> Vector:
     """Return the packed parameters with the stiffness k_qq multiplied by factor [-]."""
     scaled = p.copy()
     scaled[_STIFFNESS] *= factor
@@ -182,7 +182,7 @@ def terms(
     p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:
     """Write M(q) and h(q, v) of M a + h = B u; see csa.equations.terms for the arguments."""
-    q, rate, flex = x[1], x[2], x[3]
+    q, rate, deflection_rate = x[1], x[2], x[3]
     s = q * q
     da = (2.0 * p[_A2] + 4.0 * p[_A4] * s) * q
     db = 2.0 * p[_B2] * q
@@ -190,26 +190,28 @@ def terms(
     joints[0, 0] = p[_A0] + (p[_A2] + p[_A4] * s) * s
     coupling[0, 0] = p[_B0] + p[_B2] * s
     modal[0] = p[_C0] + p[_C2] * s
-    bias[0] = (da * rate + db * flex) * flex
-    elastic = p[_DAMPING] * flex + p[_STIFFNESS] * q
-    bias[1] = 0.5 * (dc * flex * flex - da * rate * rate) + elastic
+    bias[0] = (da * rate + db * deflection_rate) * deflection_rate
+    elastic = p[_DAMPING] * deflection_rate + p[_STIFFNESS] * q
+    bias[1] = 0.5 * (dc * deflection_rate * deflection_rate - da * rate * rate) + elastic
 
 
 def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
     """Write dr/dq and dr/dv of r = M(q) a + h(q, v); see csa.equations.residual_jacobian."""
-    q, rate, flex = x[1], x[2], x[3]
+    q, rate, deflection_rate = x[1], x[2], x[3]
     da = (2.0 * p[_A2] + 4.0 * p[_A4] * q * q) * q
     dda = 2.0 * p[_A2] + 12.0 * p[_A4] * q * q
     db, ddb = 2.0 * p[_B2] * q, 2.0 * p[_B2]
     dc, ddc = 2.0 * p[_C2] * q, 2.0 * p[_C2]
     dq[:] = 0.0
-    dq[0, 1] = da * a[0] + db * a[1] + (dda * rate + ddb * flex) * flex
-    dq[1, 1] = db * a[0] + dc * a[1] + 0.5 * (ddc * flex * flex - dda * rate * rate)
+    dq[0, 1] = da * a[0] + db * a[1] + (dda * rate + ddb * deflection_rate) * deflection_rate
+    dq[1, 1] = (
+        db * a[0] + dc * a[1] + 0.5 * (ddc * deflection_rate * deflection_rate - dda * rate * rate)
+    )
     dq[1, 1] += p[_STIFFNESS]
-    dv[0, 0] = da * flex
-    dv[0, 1] = da * rate + 2.0 * db * flex
+    dv[0, 0] = da * deflection_rate
+    dv[0, 1] = da * rate + 2.0 * db * deflection_rate
     dv[1, 0] = -da * rate
-    dv[1, 1] = dc * flex + p[_DAMPING]
+    dv[1, 1] = dc * deflection_rate + p[_DAMPING]
 
 
 def potential(p: Vector, t: float, q: Vector) -> float:

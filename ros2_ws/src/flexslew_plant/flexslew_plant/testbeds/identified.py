@@ -19,7 +19,7 @@ from scipy.linalg import eigh
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
-from flexslew_plant.testbeds.contract import RigidTurn, refuse_payload
+from flexslew_plant.testbeds.contract import RigidTurn, require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
@@ -31,7 +31,7 @@ def terms(
 ) -> None:
     """Write M and h. p holds how many joints there are, J, L = -J Phi V, W^2 and D, row by row."""
     m, k = coupling.shape
-    stiff = 1 + m * m + m * k
+    stiffness_start = 1 + m * m + m * k
     for i in range(m):
         for j in range(m):
             joints[i, j] = p[1 + i * m + j]
@@ -40,9 +40,9 @@ def terms(
         bias[i] = 0.0
     for i in range(k):
         modal[i] = 1.0
-        force = p[stiff + i] * x[m + i]
+        force = p[stiffness_start + i] * x[m + i]
         for j in range(k):
-            force += p[stiff + k + i * k + j] * x[2 * m + k + j]
+            force += p[stiffness_start + k + i * k + j] * x[2 * m + k + j]
         bias[m + i] = force
 
 
@@ -50,13 +50,13 @@ def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv:
     """Write the partial derivatives of M a + h at fixed a."""
     m = int(p[0])
     k = dq.shape[0] - m
-    stiff = 1 + m * m + m * k
+    stiffness_start = 1 + m * m + m * k
     dq[:] = 0.0
     dv[:] = 0.0
     for i in range(k):
-        dq[m + i, m + i] = p[stiff + i]
+        dq[m + i, m + i] = p[stiffness_start + i]
         for j in range(k):
-            dv[m + i, m + j] = p[stiff + k + i * k + j]
+            dv[m + i, m + j] = p[stiffness_start + k + i * k + j]
 
 
 def potential(p: Vector, t: float, q: Vector) -> float:
@@ -140,16 +140,16 @@ class IdentifiedTestbed:
         """A tenth of a unit by each joint [rad or m]."""
         return dict.fromkeys(self.joints, 0.1)
 
-    def _kept(self) -> tuple[FreeMode, ...]:
-        rising = tuple(sorted(self.free_modes, key=lambda mode: mode.frequency))
-        kept = rising[: self.modes]
+    def _used_modes(self) -> tuple[FreeMode, ...]:
+        sorted_modes = tuple(sorted(self.free_modes, key=lambda mode: mode.frequency))
+        kept = sorted_modes[: self.modes]
         if self.damping_ratio is None:
             return kept
         return tuple(replace(mode, damping_ratio=self.damping_ratio) for mode in kept)
 
     def model(self) -> Model:
         """Return the equations of motion, with joints held the clamped modes."""
-        kept, m = self._kept(), len(self.joints)
+        kept, m = self._used_modes(), len(self.joints)
         inertia = np.array(self.inertia)
         phi = np.array([mode.joints for mode in kept]).reshape(len(kept), m).T
         w = np.array([mode.frequency for mode in kept])
@@ -170,7 +170,7 @@ class IdentifiedTestbed:
             self.joint_units,
             len(kept),
             Appendages(self.appendages, tip, np.zeros_like(tip)),
-            scale_stiffness=stiffened,
+            scale_stiffness=scale_stiffness,
         )
 
     def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "IdentifiedTestbed":
@@ -179,7 +179,7 @@ class IdentifiedTestbed:
         Raises:
             BadInput: if another payload is requested: an experiment gives none.
         """
-        refuse_payload(self.kind, payload)
+        require_no_payload(self.kind, payload)
         root = float(np.sqrt(stiffness))
         modes = tuple(replace(mode, frequency=mode.frequency * root) for mode in self.free_modes)
         return replace(self, free_modes=modes)
@@ -233,8 +233,8 @@ class IdentifiedTestbed:
     def rigid_turn(self, joint: str) -> RigidTurn:
         """Return what all joints must do for the turn, u = J_k rate'; see Turning."""
         column = np.array(self.inertia)[:, self._place(joint)]
-        still = np.zeros_like(column)
-        return RigidTurn(float(column[self._place(joint)]), column, still, still)
+        zeros = np.zeros_like(column)
+        return RigidTurn(float(column[self._place(joint)]), column, zeros, zeros)
 
     def _place(self, joint: str) -> int:
         if joint not in self.joints:
@@ -248,14 +248,14 @@ class IdentifiedTestbed:
         return schematic(self.kind, self.joints, self.appendages, tip, self.joint_units, inertias)
 
 
-def stiffened(p: Vector, factor: float) -> Vector:
+def scale_stiffness(p: Vector, factor: float) -> Vector:
     """Return p with the stiffness of every mode times factor [-], damping ratios kept."""
     m, out = int(p[0]), p.copy()
     # size = 1 + m^2 + m k + k + k^2
     k = round(0.5 * (np.sqrt((m + 1) ** 2 + 4.0 * (p.size - 1 - m * m)) - (m + 1)))
-    stiff = 1 + m * m + m * k
-    out[stiff : stiff + k] *= factor
-    out[stiff + k :] *= np.sqrt(factor)
+    stiffness_start = 1 + m * m + m * k
+    out[stiffness_start : stiffness_start + k] *= factor
+    out[stiffness_start + k :] *= np.sqrt(factor)
     return out
 
 

@@ -19,16 +19,16 @@ COARSE = 1.5  # turn of the fastest mode in a tick above which a run has a warni
 _LARGEST = 3.0  # turn in a step, up to which the error grows with the turn [rad]
 _EXACT = 0.25  # turn in a step, up to which the error is rounding [rad]
 MOST_STEPS = 100  # in a tick
-ENDLESS = 1e6  # ticks of a run without an end
-DESIGNED = 100.0  # duration of the flight for which a law or a plan is designed [s]
+UNBOUNDED_TICKS = 1e6  # ticks of a run without an end
+DESIGN_DURATION = 100.0  # duration of the flight for which a law or a plan is designed [s]
 
 
 def step_error(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Return l of a step, see above, shape of z (k,)."""
     inner = np.eye(STAGES) - z[:, None, None] * STAGE_WEIGHTS
     stages = np.linalg.solve(inner, np.ones((len(z), STAGES, 1)))[..., 0]
-    growth = 1.0 + z * (stages @ STEP_WEIGHTS)
-    error: NDArray[np.complex128] = np.log(growth * np.exp(-z))
+    step_gain = 1.0 + z * (stages @ STEP_WEIGHTS)
+    error: NDArray[np.complex128] = np.log(step_gain * np.exp(-z))
     return error
 
 
@@ -48,13 +48,15 @@ def run_error(poles: NDArray[np.complex128], step: float, duration: float) -> fl
     largest = 0.0
     # at the end of the run, and where the error of a vibration that fades is largest
     for k in (np.full(z.size, last), np.clip(1.0 / np.maximum(-z.real, 1e-300), 1.0, last)):
-        faded = np.exp(np.minimum(k * z.real, 0.0))
-        grown = np.exp(np.minimum(k * error.real, 100.0) + 1j * k * error.imag)
-        largest = max(largest, float((faded * abs(grown - 1.0)).max()))
+        decay = np.exp(np.minimum(k * z.real, 0.0))
+        error_factor = np.exp(np.minimum(k * error.real, 100.0) + 1j * k * error.imag)
+        largest = max(largest, float((decay * abs(error_factor - 1.0)).max()))
     return largest
 
 
-def steps_per_tick(poles: NDArray[np.complex128], period: float, duration: float = DESIGNED) -> int:
+def steps_per_tick(
+    poles: NDArray[np.complex128], period: float, duration: float = DESIGN_DURATION
+) -> int:
     """Return the fewest equal steps in a tick that keep the error over a run below BOUND.
 
     Args:
@@ -65,18 +67,18 @@ def steps_per_tick(poles: NDArray[np.complex128], period: float, duration: float
     Raises:
         BadInput: it takes more than MOST_STEPS.
     """
-    duration = duration or ENDLESS * period
-    fastest = float(abs(poles).max(initial=0.0))
-    first = max(int(np.ceil(min(fastest * period / _LARGEST, MOST_STEPS + 1.0))), 1)
+    duration = duration or UNBOUNDED_TICKS * period
+    max_frequency = float(abs(poles).max(initial=0.0))
+    first = max(int(np.ceil(min(max_frequency * period / _LARGEST, MOST_STEPS + 1.0))), 1)
     for steps in range(first, MOST_STEPS + 1):
         if run_error(poles, period / steps, duration) <= BOUND:
             return steps
-    longest = rounded_down(_LARGEST * MOST_STEPS / fastest)
-    while run_error(poles, longest / MOST_STEPS, duration) > BOUND:
-        longest = rounded_down(0.98 * longest)
+    max_period = rounded_down(_LARGEST * MOST_STEPS / max_frequency)
+    while run_error(poles, max_period / MOST_STEPS, duration) > BOUND:
+        max_period = rounded_down(0.98 * max_period)
     words = (
-        f"too long for the fastest mode of {fastest:.4g} rad/s, which turns by "
-        f"{fastest * period:.4g} rad in a tick; take at most {longest:g} s, or fewer modes"
+        f"too long for the fastest mode of {max_frequency:.4g} rad/s, which turns by "
+        f"{max_frequency * period:.4g} rad in a tick; take at most {max_period:g} s, or fewer modes"
     )
     raise BadInput(words, key="period", value=period)
 

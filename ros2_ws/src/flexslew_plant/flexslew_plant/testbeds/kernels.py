@@ -17,7 +17,7 @@ from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
 
 from flexslew_plant.arrays import called, merged
-from flexslew_plant.machine_code.compile_errors import explained
+from flexslew_plant.machine_code.compile_errors import convert_compile_errors
 
 # how many arguments of each function come before those that it writes into
 _READ = {
@@ -100,7 +100,9 @@ class Kernels:
     @cached_property
     def compiled(self) -> dict[str, Any]:
         """The functions that were given, by name, for use inside compiled code."""
-        return {name: _jitted(name, function) for name, function in self.functions.items()}
+        return {
+            name: _compile_function(name, function) for name, function in self.functions.items()
+        }
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
@@ -120,16 +122,16 @@ def known(token: str) -> Kernels:
 
 
 @called
-def chosen(condition: bool, yes: float, no: float) -> float:
+def select(condition: bool, yes: float, no: float) -> float:
     """Return `yes` where the condition holds, else `no`: a branch that lanes can take, too."""
     return yes if condition else no
 
 
-def _jitted(name: str, function: Callable[..., Any]) -> Any:
+def _compile_function(name: str, function: Callable[..., Any]) -> Any:
     if hasattr(function, "py_func"):  # the author has compiled it
         return function
     arguments = tuple(inspect.signature(function).parameters)
-    return explained(merged(*arguments[_READ[name] :])(function))
+    return convert_compile_errors(merged(*arguments[_READ[name] :])(function))
 
 
 def _sources(function: Callable[..., Any]) -> set[Path]:

@@ -31,7 +31,7 @@ class Motors(NamedTuple):
     sign: Vector  # of the coordinate along the effort: -1 for a wheel, which reacts, shape (k,)
 
 
-class DrivenWheels(NamedTuple):
+class ReactionWheels(NamedTuple):
     """Reaction wheels, each with a motor that drives it up to a speed."""
 
     efforts: Indices  # which of the actuators, shape (k,)
@@ -40,7 +40,7 @@ class DrivenWheels(NamedTuple):
     fastest: Vector  # up to which they are driven, shape (k,) [rad/s]; infinite: no limit
 
 
-NO_WHEELS = DrivenWheels(np.arange(0), np.arange(0), np.zeros(0), np.zeros(0))
+NO_WHEELS = ReactionWheels(np.arange(0), np.arange(0), np.zeros(0), np.zeros(0))
 
 
 class Coordinate(NamedTuple):
@@ -69,7 +69,7 @@ class Model:
         leading: number of entries of v before the modes; None: the joints.
         known_as: the entries of q and of v before the modes, where they are not the joints.
         reading: maps a state to where each joint is and how fast; None: the first entries.
-        placed: maps joint positions by name to q at rest; None: the first entries.
+        rest_position: maps joint positions by name to q at rest; None: the first entries.
         motors: motors of the actuators; None: all, one in each joint, unless the kernels define
             what the efforts act on.
         spins: the wheels among them.
@@ -96,9 +96,9 @@ class Model:
     leading: int | None = None
     known_as: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] | None = None
     reading: Callable[[Vector], tuple[Vector, Vector]] | None = None
-    placed: Callable[[Mapping[str, float]], Vector] | None = None
+    rest_position: Callable[[Mapping[str, float]], Vector] | None = None
     motors: Motors | None = None
-    spins: DrivenWheels = NO_WHEELS
+    spins: ReactionWheels = NO_WHEELS
     attitude: AttitudeJoints | None = None
     outside: Outside | None = None
     one_way: tuple[int, ...] = ()
@@ -142,7 +142,7 @@ class Model:
         return self.coordinates + self.kernels.extra_positions
 
     @cached_property
-    def own_motors(self) -> Motors:
+    def resolved_motors(self) -> Motors:
         """The motors in joints and wheels; none of other actuators."""
         if self.motors is not None:
             return self.motors
@@ -186,8 +186,8 @@ class Model:
             BadInput: a name is no joint of the model.
         """
         require_joints(positions, self.joint_names)
-        if self.placed is not None:
-            return self.placed(positions)
+        if self.rest_position is not None:
+            return self.rest_position(positions)
         rest = np.zeros(self.positions)
         rest[: self.joints] = [positions.get(name, 0.0) for name in self.joint_names]
         return rest
@@ -207,7 +207,7 @@ class Model:
         """Those of a state and of efforts."""
         return (self.positions + self.coordinates,), (self.efforts,)
 
-    def _together(self, q: Vector, v: Vector) -> Vector:
+    def _join_state(self, q: Vector, v: Vector) -> Vector:
         """Return the state [q, v].
 
         Raises:
@@ -226,7 +226,7 @@ class Model:
         angles = np.zeros(self.coordinates)
         if v is not None:
             angles[list(self.gimbals)] = v[list(self.gimbals)]
-        x, columns = self._together(q, angles), []
+        x, columns = self._join_state(q, angles), []
         for one in np.eye(self.efforts):
             column = np.zeros(self.coordinates)
             self._bound.actuation(self.packed, t, x, one, column)
@@ -248,7 +248,7 @@ class Model:
         s = n if self.kernels.full_mass else self.before_modes
         joints, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
         bias = np.empty(n)
-        x = self._together(q, v)
+        x = self._join_state(q, v)
         self._bound.terms(self.packed, t, x, joints, coupling, modal, bias)
         mass = np.zeros((n, n))
         mass[:s, :s], mass[:s, s:], mass[s:, :s] = joints, coupling, coupling.T
@@ -301,7 +301,7 @@ class Model:
             found[k] = now
         return found
 
-    def pushed(self, x: Vector, dt: float, t: float) -> Vector:
+    def apply_impulse(self, x: Vector, dt: float, t: float) -> Vector:
         """Return the state at t after the impulse of `outside` from t to t + dt.
 
         With a negative dt it is the impulse between t + dt and t.
@@ -408,7 +408,7 @@ class Model:
             raise BadInput("the stiffness of this testbed cannot be scaled")
         return self.with_packed(self.scale_stiffness(self.packed, factor))
 
-    def begun_at(self, time: float) -> "Model":
+    def with_time_zero(self, time: float) -> "Model":
         """Return the model with its time zero at a time of this one [s]."""
         if not self.time_varying or self.from_time is None or time == 0.0:
             return self
@@ -427,7 +427,7 @@ class Model:
 
     def position_rates(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return N of q' = N(q) v, shape (positions, n)."""
-        x, columns = self._together(q, np.zeros(self.coordinates)), []
+        x, columns = self._join_state(q, np.zeros(self.coordinates)), []
         for one in np.eye(self.coordinates):
             x[self.positions :], rate = one, np.empty(self.positions)
             self._bound.position_rates(self.packed, t, x, rate)
@@ -450,13 +450,13 @@ class Model:
         if self.reading is None:
             position, rate = self._of_joints
             return states[:, position], states[:, rate]
-        both = np.empty((2, len(states), self.joints))
+        result = np.empty((2, len(states), self.joints))
         if self.kernels.reading is not None:
-            joint_reader(self.kernels)(self.packed, states, both[0], both[1])
+            joint_reader(self.kernels)(self.packed, states, result[0], result[1])
         else:
             for k, x in enumerate(states):
-                both[:, k] = self.reading(x)
-        return both[0], both[1]
+                result[:, k] = self.reading(x)
+        return result[0], result[1]
 
     def joint_error(self, position: Vector, goal: Vector) -> Vector:
         """Return goal - position of each joint, of an attitude the rotation [rad or m].
@@ -492,8 +492,8 @@ class Model:
             return self.jacobian(x, effort, t)[1][n : n + self.joints]
         q, _ = self.split(x)
         b = self.input_matrix(q, t)
-        moved: Matrix = b.T @ np.linalg.solve(self.mass_matrix(q, t), b)
-        return moved
+        response: Matrix = b.T @ np.linalg.solve(self.mass_matrix(q, t), b)
+        return response
 
     def inertias(self, x: Vector) -> Vector:
         """Return what each effort moves alone, shape (joints,) [kg m^2 or kg]: effort over the
@@ -504,10 +504,14 @@ class Model:
         q, _ = self.split(x)
         if self.leading is None:
             return np.diag(self.mass_matrix(q))[: self.joints]
-        moved = np.linalg.solve(self.mass_matrix(q), self.input_matrix(q)).T
-        own = [self.joint_state(self._together(q, v))[1][k] for k, v in enumerate(moved)]
-        gained = np.maximum(own, 0.0)
-        return np.divide(1.0, gained, out=np.full(gained.shape, np.inf), where=gained > 0.0)
+        response = np.linalg.solve(self.mass_matrix(q), self.input_matrix(q)).T
+        joint_acceleration = [
+            self.joint_state(self._join_state(q, v))[1][k] for k, v in enumerate(response)
+        ]
+        positive_part = np.maximum(joint_acceleration, 0.0)
+        return np.divide(
+            1.0, positive_part, out=np.full(positive_part.shape, np.inf), where=positive_part > 0.0
+        )
 
     def energy(self, x: Vector, t: float = 0.0) -> float:
         """Return T + U [J], constant without effort, damping and dependence on time.
@@ -537,8 +541,8 @@ class Model:
             q: at rest, beams straight, shape (positions,).
             t: time at which the model is frozen [s].
         """
-        still = np.zeros(self.coordinates)
-        stiffness, damping = self.residual_slopes(self._together(q, still), still, t)
+        zero_rates = np.zeros(self.coordinates)
+        stiffness, damping = self.residual_slopes(self._join_state(q, zero_rates), zero_rates, t)
         if self.kernels.extra_positions:  # by motions along v
             stiffness = stiffness @ self.position_rates(q, t)
         return Linearisation(self.mass_matrix(q, t), damping, stiffness, self.input_matrix(q, t))

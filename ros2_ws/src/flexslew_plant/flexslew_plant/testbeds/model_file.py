@@ -5,7 +5,7 @@ from typing import Any
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_text
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.own_code import NO_CODE, Trust, require_file
 from flexslew_plant.yaml_data import load_yaml
 
@@ -55,7 +55,7 @@ def model_of(values: Any, place: str) -> dict[str, Any]:
     given = values if isinstance(values, dict) else {}
     for key in map(str, given):
         if key not in _KEYS:
-            words = f"unknown key; {did_you_mean(key, _KEYS)}allowed: {', '.join(_KEYS)}"
+            words = f"unknown key; {spelling_hint(key, _KEYS)}allowed: {', '.join(_KEYS)}"
             raise BadInput(words, place, key)
     model = given.get(_MODEL)
     if not isinstance(model, dict):

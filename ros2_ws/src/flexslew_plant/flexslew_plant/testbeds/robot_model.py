@@ -11,7 +11,7 @@ from flexslew_plant.arrays import Matrix
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # x, y, z, w
-STILL: Quaternion = (0.0, 0.0, 0.0, 1.0)
+NO_ROTATION: Quaternion = (0.0, 0.0, 0.0, 1.0)
 GREY, GOLD, FAINT = "0.35 0.37 0.42 1", "0.85 0.65 0.2 1", "0.6 0.6 0.7 0.25"
 _FAR, _STRONG, _FAST = "1e3", "1e6", "1e3"  # URDF requires bounds; the bench has its own
 
@@ -53,22 +53,22 @@ class Joint(NamedTuple):
     child: str
     axis: str = ""
     place: Triple = (0.0, 0.0, 0.0)  # of the child in its parent [m]
-    turned: Quaternion = STILL  # how the child is turned there
+    turned: Quaternion = NO_ROTATION  # how the child is turned there
 
 
-def inertial(mass: float, first: Matrix, about_origin: Matrix) -> Inertial | None:
+def inertial(mass: float, first: Matrix, origin_inertia: Matrix) -> Inertial | None:
     """Return the inertial of a body; none where it has no mass.
 
     Args:
         mass: [kg].
         first: first moment, mass times the centre of mass, shape (3,) [kg m].
-        about_origin: inertia about the origin of the link, shape (3, 3) [kg m^2].
+        origin_inertia: inertia about the origin of the link, shape (3, 3) [kg m^2].
     """
     if mass <= 0.0:
         return None
     x, y, z = (first / mass).tolist()
     center = np.array([x, y, z])
-    i = about_origin - mass * (center @ center * np.eye(3) - np.outer(center, center))
+    i = origin_inertia - mass * (center @ center * np.eye(3) - np.outer(center, center))
     return Inertial(
         mass, (x, y, z), (*i[0].tolist(), float(i[1, 1]), float(i[1, 2]), float(i[2, 2]))
     )

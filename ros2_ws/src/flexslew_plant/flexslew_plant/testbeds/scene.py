@@ -10,7 +10,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.robot_model import (
     FAINT,
     GOLD,
-    STILL,
+    NO_ROTATION,
     Frame,
     Inertial,
     Joint,
@@ -89,24 +89,24 @@ def turntable(
         inertias: of the links that the joints turn, about x, y and z [kg m^2].
         appendage: its inertial, seen from its root, along x.
     """
-    straight = np.zeros((POINTS, 3))
-    straight[:, 0] = np.linspace(0.0, length, POINTS) + radius
-    opposite = np.array([-1.0, -1.0, 1.0])
+    rest_line = np.zeros((POINTS, 3))
+    rest_line[:, 0] = np.linspace(0.0, length, POINTS) + radius
+    mirror = np.array([-1.0, -1.0, 1.0])
     m = len(joints)
 
     def frames(q: Vector) -> list[Frame]:
         yaw, pitch = float(q[0]), float(q[1]) if m > 1 else 0.0
-        turned = (0.0, 0.0, sin(yaw / 2), cos(yaw / 2))
-        pitched = (0.0, sin(pitch / 2), 0.0, cos(pitch / 2))
+        rotation = (0.0, 0.0, sin(yaw / 2), cos(yaw / 2))
+        pitch_rotation = (0.0, sin(pitch / 2), 0.0, cos(pitch / 2))
         return [
-            Frame("world", "base", (0.0, 0.0, HEIGHT), turned),
-            Frame("base", "hub", (0.0, 0.0, 0.0), pitched),
+            Frame("world", "base", (0.0, 0.0, HEIGHT), rotation),
+            Frame("base", "hub", (0.0, 0.0, 0.0), pitch_rotation),
         ]
 
     def lines(q: Vector) -> list[Matrix]:
-        bent = straight.copy()
-        bent[:, 1] = q[m:].dot(shapes)
-        return [bent, bent * opposite]
+        deflection_line = rest_line.copy()
+        deflection_line[:, 1] = q[m:].dot(shapes)
+        return [deflection_line, deflection_line * mirror]
 
     seen = max(radius, 0.05 * length)
     inertials = [principal(max(each) / (0.4 * seen**2), each) for each in inertias]
@@ -118,8 +118,8 @@ def turntable(
         connections.append(Joint("hub_fixed", "fixed", "base", "hub"))
     for name, sign in (("beam_positive", 1.0), ("beam_negative", -1.0)):
         x = sign * (radius + appendage.center[0])
-        there = appendage._replace(center=(x, 0.0, 0.0))
-        links.append(_boom(name, sign, radius, length, there))
+        offset_body = appendage._replace(center=(x, 0.0, 0.0))
+        links.append(_beam_link(name, sign, radius, length, offset_body))
         connections.append(Joint(f"{name}_clamp", "fixed", "hub", name))
     robot = robot_description(kind, links, connections)
     return Scene(frames, lines, ("hub", "hub"), robot, fixed=fixed_frames(connections))
@@ -138,22 +138,22 @@ def slider(kind: str, joint: str, radius: float, length: float, masses: tuple[fl
 
     def frames(q: Vector) -> list[Frame]:
         return [
-            Frame("world", "base", (float(q[0]), 0.0, HEIGHT), STILL),
-            Frame("base", "hub", (0.0, 0.0, 0.0), STILL),
+            Frame("world", "base", (float(q[0]), 0.0, HEIGHT), NO_ROTATION),
+            Frame("base", "hub", (0.0, 0.0, 0.0), NO_ROTATION),
         ]
 
     def lines(q: Vector) -> list[Matrix]:
         return [np.outer(np.linspace(0.0, 1.0, POINTS), (length + float(q[1]), 0.0, 0.0))]
 
-    driven, *free = (principal(mass, _ball(mass, radius)) for mass in masses)
-    links = [Link("world"), *_hub(radius, driven)]
+    cart_body, *free = (principal(mass, _ball(mass, radius)) for mass in masses)
+    links = [Link("world"), *_hub(radius, cart_body)]
     connections = [
         Joint(joint, "prismatic", "world", "base", "1 0 0", _UP),
         Joint("hub_fixed", "fixed", "base", "hub"),
     ]
     for mass in free:
-        there = mass._replace(center=(radius + length, 0.0, 0.0))
-        links.append(_boom("beam_positive", 1.0, radius, length, there))
+        offset_body = mass._replace(center=(radius + length, 0.0, 0.0))
+        links.append(_beam_link("beam_positive", 1.0, radius, length, offset_body))
         connections.append(Joint("beam_positive_clamp", "fixed", "hub", "beam_positive"))
     robot, fixed = robot_description(kind, links, connections), fixed_frames(connections)
     if not free:
@@ -183,13 +183,13 @@ def schematic(
         inertias: that each joint moves [kg m^2 or kg]; none: 1.
     """
     m, radius, length = len(joints), 0.3, 2.0
-    slides = [unit == "m" for unit in units or ("rad",) * m]
+    linear_joints = [unit == "m" for unit in units or ("rad",) * m]
     names = [f"{name}_link" for name in joints]
     parents = ["world", *names[:-1]]
     places = [(0.0, 0.0, HEIGHT), *[(0.0, 0.0, 0.5)] * (m - 1)]
-    for k, sliding in enumerate(slides):
-        if sliding:
-            parents[k], places[k] = "world", (SPACING * sum(slides[:k]), 0.0, HEIGHT)
+    for k, is_linear in enumerate(linear_joints):
+        if is_linear:
+            parents[k], places[k] = "world", (SPACING * sum(linear_joints[:k]), 0.0, HEIGHT)
     s = np.linspace(0.0, 1.0, POINTS)
     angles = 2.0 * np.pi * np.arange(len(appendages)) / max(len(appendages), 1)
 
@@ -197,31 +197,33 @@ def schematic(
         found = []
         for k, at in enumerate(q[:m].tolist()):
             x, y, z = places[k]
-            place, turn = ((x + at, y, z), 0.0) if slides[k] else ((x, y, z), at / 2)
-            turned = (0.0, 0.0, np.sin(turn), np.cos(turn))
-            found.append(Frame(parents[k], names[k], place, turned))
+            place, half_angle = ((x + at, y, z), 0.0) if linear_joints[k] else ((x, y, z), at / 2)
+            rotation = (0.0, 0.0, np.sin(half_angle), np.cos(half_angle))
+            found.append(Frame(parents[k], names[k], place, rotation))
         return found
 
     def lines(q: Vector) -> list[Matrix]:
         out = []
-        for angle, bend in zip(angles, tip @ q[m:], strict=True):
-            forward, aside = (
+        for angle, deflection in zip(angles, tip @ q[m:], strict=True):
+            forward, normal = (
                 np.array([np.cos(angle), np.sin(angle), 0.0]),
                 np.array([-np.sin(angle), np.cos(angle), 0.0]),
             )
-            out.append(np.outer(radius + length * s, forward) + np.outer(bend * s**2, aside))
+            out.append(np.outer(radius + length * s, forward) + np.outer(deflection * s**2, normal))
         return out
 
     links, connections = [Link("world")], []
     for k, size in enumerate(inertias or (1.0,) * m):
-        if slides[k]:
+        if linear_joints[k]:
             box = {"size": f"{2 * radius} {radius} {radius}"}
             links.append(Link(names[k], "box", box, inertial=principal(size, _ball(size, radius))))
         else:
             mass = size / (0.4 * radius**2)  # of a ball with this inertia
-            drum = {"radius": radius, "length": 0.4}
-            links.append(Link(names[k], "cylinder", drum, inertial=principal(mass, (size,) * 3)))
-        motion = ("prismatic", "1 0 0") if slides[k] else ("continuous", "0 0 1")
+            geometry = {"radius": radius, "length": 0.4}
+            links.append(
+                Link(names[k], "cylinder", geometry, inertial=principal(mass, (size,) * 3))
+            )
+        motion = ("prismatic", "1 0 0") if linear_joints[k] else ("continuous", "0 0 1")
         kind_of_joint, axis = motion
         connections.append(Joint(joints[k], kind_of_joint, parents[k], names[k], axis, places[k]))
     robot = robot_description(kind, links, connections)
@@ -238,8 +240,8 @@ def rod(mass: float, length: float, end: float = 0.0) -> Inertial:
     """
     whole = mass + end
     center = (0.5 * mass + end) * length / whole
-    about = (mass / 3.0 + end) * length**2 - whole * center**2
-    return principal(whole, (0.01 * about, about, about), (center, 0.0, 0.0))
+    inertia = (mass / 3.0 + end) * length**2 - whole * center**2
+    return principal(whole, (0.01 * inertia, inertia, inertia), (center, 0.0, 0.0))
 
 
 def _ball(mass: float, radius: float) -> Triple:
@@ -256,6 +258,6 @@ def _hub(radius: float, base: Inertial, hub: Inertial | None = None) -> list[Lin
     ]
 
 
-def _boom(name: str, sign: float, radius: float, length: float, inertial: Inertial) -> Link:
+def _beam_link(name: str, sign: float, radius: float, length: float, inertial: Inertial) -> Link:
     middle = (sign * (radius + length / 2), 0.0, 0.0)
     return Link(name, "box", {"size": f"{length} 0.02 0.4"}, middle, FAINT, inertial)

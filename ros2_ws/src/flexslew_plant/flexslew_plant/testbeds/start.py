@@ -36,7 +36,7 @@ def _initial_positions(testbed: Testbed, model: Model) -> dict[str, float]:
     if not any(first.values()):
         return first
     if model.attitude is not None:
-        first = joints_together(model, first, [n for n in names if n in values], "initial")
+        first = consistent_positions(model, first, [n for n in names if n in values], "initial")
     if set(names) <= set(values):
         return first
     read, _ = model.joint_state(np.concatenate((model.rest(first), np.zeros(model.coordinates))))
@@ -47,9 +47,9 @@ def _initial_positions(testbed: Testbed, model: Model) -> dict[str, float]:
     }
 
 
-def joints_together(
+def consistent_positions(
     model: Model,
-    asked: Mapping[str, float],
+    requested: Mapping[str, float],
     named: Collection[str],
     key: str,
     first: Mapping[str, float] | None = None,
@@ -58,7 +58,7 @@ def joints_together(
 
     Args:
         model: model with these joints.
-        asked: position of each joint [rad or m].
+        requested: position of each joint [rad or m].
         named: names of the joints that are given.
         key: key that gives them, for an error.
         first: present position of each joint [rad or m]; None: at zero.
@@ -67,13 +67,15 @@ def joints_together(
         BadInput: no attitude has the named ones.
     """
     if model.attitude is None:
-        return dict(asked)
+        return dict(requested)
     names = model.joint_names
-    begin, end = (np.array([at.get(name, 0.0) for name in names]) for at in (first or {}, asked))
+    begin, end = (
+        np.array([at.get(name, 0.0) for name in names]) for at in (first or {}, requested)
+    )
     try:
         found = model.attitude.together(end, np.array([name in named for name in names]), begin)
     except BadInput as error:
-        given = {name: asked[name] for name in names if name in named}
+        given = {name: requested[name] for name in names if name in named}
         raise BadInput(error.refusal.why, key=key, value=given) from None
     return dict(zip(names, found.tolist(), strict=True))
 
@@ -93,34 +95,36 @@ def initial_states(testbeds: Sequence[Testbed], models: Sequence[Model]) -> Matr
     found = list[Vector]()
     known: Any = None
     for testbed, model in zip(testbeds, models, strict=True):
-        own = _rest_of_numbers(testbed, model)
+        numbers = _rest_of_numbers(testbed, model)
         found.append(
-            found[-1] if own is not None and own == known else _initial_state(testbed, model)
+            found[-1]
+            if numbers is not None and numbers == known
+            else _initial_state(testbed, model)
         )
-        known = own
+        known = numbers
     return np.array(found)
 
 
 def _initial_state(testbed: Testbed, model: Model) -> Vector:
     rest = model.rest(_initial_positions(testbed, model))
-    if _starts_moving(testbed):
+    if _has_rate_method(testbed):
         return np.concatenate((rest, testbed.initial_rates()))
     return np.concatenate((rest, np.zeros(model.coordinates)))
 
 
 def _rest_of_numbers(testbed: Testbed, model: Model) -> Any:
     """Return all that a testbed's state at the start depends on; None: more than `initial`."""
-    reads = (model.placed, model.reading, model.attitude) != (None, None, None)
-    if reads or _starts_moving(testbed):
+    reads = (model.rest_position, model.reading, model.attitude) != (None, None, None)
+    if reads or _has_rate_method(testbed):
         return None
     return testbed.initial, model.joint_names, model.positions, model.coordinates
 
 
-def starts_moving(testbed: Testbed) -> bool:
+def has_initial_rates(testbed: Testbed) -> bool:
     """Return whether a testbed has rates at the start."""
-    return _starts_moving(testbed) and bool(testbed.initial_rates().any())
+    return _has_rate_method(testbed) and bool(testbed.initial_rates().any())
 
 
-def _starts_moving(testbed: Any) -> TypeGuard[StartsMoving]:
+def _has_rate_method(testbed: Any) -> TypeGuard[StartsMoving]:
     kind: Any = type(testbed)
     return implements(kind, StartsMoving)

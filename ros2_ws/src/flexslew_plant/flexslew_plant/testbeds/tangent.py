@@ -59,25 +59,25 @@ def tangent_jacobian(
     n, q, v = model.coordinates, x[: model.positions], x[model.positions :]
     rates = model.position_rates(q, t)
     inverse = np.linalg.pinv(rates)
-    twist, pushed = np.empty((n, n)), np.empty((n, n))
+    position_slope, effort_slope = np.empty((n, n)), np.empty((n, n))
     for k, along in enumerate(rates.T):
-        turned = _slope(lambda at: model.position_rates(at, t), q, along) @ v
-        carried = _slope(lambda at: model.position_rates(at, t), q, rates @ v)[:, k]
-        twist[:, k] = inverse @ (turned - carried)
-        pushed[:, k] = _slope(lambda at: model.input_matrix(at, t, v), q, along) @ effort
-    steered = np.zeros((n, n))
+        rate_slope = _slope(lambda at: model.position_rates(at, t), q, along) @ v
+        frame_slope = _slope(lambda at: model.position_rates(at, t), q, rates @ v)[:, k]
+        position_slope[:, k] = inverse @ (rate_slope - frame_slope)
+        effort_slope[:, k] = _slope(lambda at: model.input_matrix(at, t, v), q, along) @ effort
+    gimbal_slope = np.zeros((n, n))
     for k in model.gimbals:
         one = np.eye(n)[k]
-        steered[:, k] = _slope(lambda at: model.input_matrix(q, t, at), v, one) @ effort
+        gimbal_slope[:, k] = _slope(lambda at: model.input_matrix(q, t, at), v, one) @ effort
     a = model.derivative(x, effort, t)[model.positions :]
     dq, dv = model.residual_slopes(x, a, t)
-    right = np.hstack((pushed - dq @ rates, steered - dv, model.input_matrix(q, t, v)))
+    right = np.hstack((effort_slope - dq @ rates, gimbal_slope - dv, model.input_matrix(q, t, v)))
     below = np.linalg.solve(model.mass_matrix(q, t), right)
-    dx = np.block([[twist, np.eye(n)], [below[:, : 2 * n]]])
+    dx = np.block([[position_slope, np.eye(n)], [below[:, : 2 * n]]])
     return dx, np.vstack((np.zeros((n, model.efforts)), below[:, 2 * n :]))
 
 
 def _slope(what: Callable[[Vector], Matrix], q: Vector, along: Vector) -> Matrix:
     """Return the derivative of what(q) along a direction, by a central difference."""
-    ahead, back = what(q + _CHANGE * along), what(q - _CHANGE * along)
-    return np.asarray((ahead - back) / (2.0 * _CHANGE))
+    forward, backward = what(q + _CHANGE * along), what(q - _CHANGE * along)
+    return np.asarray((forward - backward) / (2.0 * _CHANGE))

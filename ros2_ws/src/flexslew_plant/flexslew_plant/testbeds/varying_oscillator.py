@@ -12,7 +12,7 @@ from pydantic import Field
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.contract import refuse_payload
+from flexslew_plant.testbeds.contract import require_no_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
@@ -62,8 +62,8 @@ class VaryingOscillatorTestbed:
 
     def model(self) -> Model:
         """Return the equations of motion."""
-        nothing = np.zeros((0, 0))
-        appendages = Appendages((), nothing, nothing)
+        empty = np.zeros((0, 0))
+        appendages = Appendages((), empty, empty)
         return Model(
             KERNELS,
             packed(self),
@@ -71,9 +71,9 @@ class VaryingOscillatorTestbed:
             ("m",),
             0,
             appendages,
-            scale_stiffness=stiffened,
+            scale_stiffness=scale_stiffness,
             time_varying=self.parameters.stiffness_swing > 0.0,
-            from_time=begun_at,
+            from_time=shift_time,
         )
 
     def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "VaryingOscillatorTestbed":
@@ -82,7 +82,7 @@ class VaryingOscillatorTestbed:
         Raises:
             BadInput: if another payload is requested.
         """
-        refuse_payload(self.kind, payload)
+        require_no_payload(self.kind, payload)
         p = self.parameters
         other = replace(
             p, stiffness=p.stiffness * stiffness, stiffness_swing=p.stiffness_swing * stiffness
@@ -102,7 +102,7 @@ def packed(testbed: VaryingOscillatorTestbed) -> Vector:
     return np.array([p.mass, damping, p.stiffness, p.stiffness_swing, rate, p.load, 0.0])
 
 
-def stiffened(p: Vector, factor: float) -> Vector:
+def scale_stiffness(p: Vector, factor: float) -> Vector:
     """Return the packed parameters with the stiffness and its swing times factor [-]."""
     scaled = p.copy()
     scaled[_STIFFNESS] *= factor
@@ -111,11 +111,11 @@ def stiffened(p: Vector, factor: float) -> Vector:
     return scaled
 
 
-def begun_at(p: Vector, time: float) -> Vector:
+def shift_time(p: Vector, time: float) -> Vector:
     """Return the packed parameters with their time zero at this time [s]."""
-    moved = p.copy()
-    moved[_PHASE] += p[_RATE] * time
-    return moved
+    shifted = p.copy()
+    shifted[_PHASE] += p[_RATE] * time
+    return shifted
 
 
 def terms(

@@ -7,7 +7,7 @@ import numpy as np
 from flexslew_control.allocation import Allocation
 from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
 from flexslew_control.controllers.by_joint.integral_action import Action, IntegralLaw
-from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, controlled, form_on_axes
+from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, control_axes, form_on_axes
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
@@ -28,7 +28,7 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_control.linear_form import LinearForm, collocated_form
-from flexslew_control.shared_keys import BelievedModel, TrackingTime
+from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import PerJoint, section
 from flexslew_plant.testbeds.linearisation import Linearisation
@@ -42,7 +42,7 @@ class CollocatedPid:
     ki: PerJoint = (15.0,)  # one per joint, or one for all [N m/(rad s)]
     kd: PerJoint = (920.0,)  # one per joint, or one for all [N m s/rad]
     tracking_time: TrackingTime = 10.0
-    model: BelievedModel = None
+    model: DesignModel = None
     operating_point: OperatingPoint = None
     gyroscopic: bool = False  # add w x J w, beyond that of the plan, of a craft in three axes
     # attitude and rates by gyro and star tracker; null: as the joints read them
@@ -78,10 +78,10 @@ def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Ma
     b = linear.input_matrix
     n = len(b)
     loop = linear.with_feedback(kp, kd)
-    integrating = ki > 0.0
-    count = int(integrating.sum())
-    top = np.hstack((loop.state_matrix, loop.state_input_matrix[:, integrating]))
-    integral = -(np.diag(ki) @ b.T)[integrating]
+    has_integral = ki > 0.0
+    count = int(has_integral.sum())
+    top = np.hstack((loop.state_matrix, loop.state_input_matrix[:, has_integral]))
+    integral = -(np.diag(ki) @ b.T)[has_integral]
     return np.vstack((top, np.hstack((integral, np.zeros((count, n + count))))))
 
 
@@ -92,8 +92,8 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, 
         BadInput: neither one gain nor one per joint, gains that do not stabilise the operating
             point, or a testbed that lacks the sensors of an attitude or turns in fewer axes.
     """
-    model = plant.believed(settings.model)
-    what = controlled(plant, settings.allocation, settings.gyroscopic, settings.model)
+    model = plant.design_model(settings.model)
+    what = control_axes(plant, settings.allocation, settings.gyroscopic, settings.model)
     given = (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd))
     kp, ki, kd = (per_joint(name, gains, what.names) for name, gains in given)
     linear = model.linearise(operating_point_of(plant, model, settings.operating_point))
@@ -114,12 +114,12 @@ def linear(estimator: Estimator, law: Law, references: list[Reference]) -> Linea
     return form_on_axes(estimator, law, references, _form)
 
 
-def _form(law: Law, planned: Matrix) -> tuple[LinearForm, Gyroscopic | None] | None:
+def _form(law: Law, plan_efforts: Matrix) -> tuple[LinearForm, Gyroscopic | None] | None:
     if not isinstance(law, IntegralLaw):
         return None
     gains = law.deviation
     assert isinstance(gains, JointDeviation)
-    form = collocated_form(gains.kp, gains.ki, gains.kd, planned, law.integration)
+    form = collocated_form(gains.kp, gains.ki, gains.kd, plan_efforts, law.integration)
     return form, law.turning
 
 
@@ -128,7 +128,7 @@ COLLOCATED_PID = LawEntry(
     CollocatedPid,
     build,
     linear=linear,
-    lane_gains=("kp", "ki", "kd"),
+    batch_gains=("kp", "ki", "kd"),
     of_testbed=OF_TESTBED,
     checked=True,
     takes_over=True,

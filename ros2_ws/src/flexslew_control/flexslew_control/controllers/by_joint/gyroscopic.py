@@ -28,22 +28,22 @@ class Gyroscopic:
 
     def efforts(self, rates: Vector) -> Vector:
         """Return the efforts at some rates of the joints, both of shape (joints,)."""
-        w = self.attitude.turn_of(rates)
+        w = self.attitude.rotation_vector_of(rates)
         return np.asarray(self.quadratic @ w @ w)
 
     def along(self, rates: Matrix) -> Matrix:
         """Return the efforts at many rates, both of shape (ticks, joints)."""
-        w = self.attitude.turn_of(rates)
+        w = self.attitude.rotation_vector_of(rates)
         efforts: Matrix = np.einsum("jab,ka,kb->kj", self.quadratic, w, w)
         return efforts
 
     def of_products(self, joints: int) -> Matrix:
         """Return Q of efforts Q (r x r) at rates r, r x r in rows: (joints, joints^2)."""
-        turn = self.attitude.turn_of(np.eye(joints))
-        found = np.einsum("jab,pa,qb->jpq", self.quadratic, turn, turn)
+        rotation = self.attitude.rotation_vector_of(np.eye(joints))
+        found = np.einsum("jab,pa,qb->jpq", self.quadratic, rotation, rotation)
         return np.ascontiguousarray(found.reshape(joints, joints**2))
 
-    def beyond(self, rates: Vector, reference: Vector) -> Vector:
+    def limit_excess(self, rates: Vector, reference: Vector) -> Vector:
         """Return the efforts at some rates beyond those of a reference, which its plan carries."""
         return self.efforts(rates) - self.efforts(reference)
 
@@ -72,6 +72,6 @@ def gyroscopic(testbed: Testbed, key: str) -> Gyroscopic:
     for i in range(3):
         quadratic[:, i, i] = squares[i]
         for k in range(i):
-            both = along(axes[i] + axes[k]) - squares[i] - squares[k]
-            quadratic[:, i, k] = quadratic[:, k, i] = 0.5 * both
+            cross_term = along(axes[i] + axes[k]) - squares[i] - squares[k]
+            quadratic[:, i, k] = quadratic[:, k, i] = 0.5 * cross_term
     return Gyroscopic(attitude, quadratic)

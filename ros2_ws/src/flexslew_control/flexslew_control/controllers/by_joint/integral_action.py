@@ -47,12 +47,12 @@ class IntegralLaw:
     def __post_init__(self) -> None:
         """Start with an empty integral."""
         self._s = np.zeros(self.limit.size)
-        self._unwinding = 0.0 if self.tracking_time is None else 1.0 / self.tracking_time
+        self._tracking_rate = 0.0 if self.tracking_time is None else 1.0 / self.tracking_time
 
     @property
     def integration(self) -> Integration:
         """The integral of the linear form."""
-        return Integration(True, self._unwinding, self.limit)
+        return Integration(True, self._tracking_rate, self.limit)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -70,23 +70,23 @@ class IntegralLaw:
         """Return the joint efforts within the limit, shape (joints,) [N m or N]."""
         action = self.deviation(estimate, reference)
         demand = reference.effort + action.proportional + action.derivative + self._s
-        beyond = {}
+        excess = {}
         if self.turning is not None:
-            beyond = {"gyroscopic": self._gyroscopic_excess(self.turning, estimate, reference)}
-            demand = demand + beyond["gyroscopic"]
+            excess = {"gyroscopic": self._gyroscopic_excess(self.turning, estimate, reference)}
+            demand = demand + excess["gyroscopic"]
         effort = np.clip(demand, -self.limit, self.limit)
         self.terms = {
             "feedforward": reference.effort,
             "proportional": action.proportional,
             "derivative": action.derivative,
             "integral": self._s,
-            **beyond,
+            **excess,
         }
-        integrand = action.integrand + self._unwinding * (effort - demand)
+        integrand = action.integrand + self._tracking_rate * (effort - demand)
         self._s = self._s + self.period * integrand
         return effort
 
     def _gyroscopic_excess(
-        self, turning: Gyroscopic, estimate: Estimate, reference: Reference
+        self, gyro_torque: Gyroscopic, estimate: Estimate, reference: Reference
     ) -> Vector:
-        return turning.beyond(estimate.velocity[: self.limit.size], reference.velocity)
+        return gyro_torque.limit_excess(estimate.velocity[: self.limit.size], reference.velocity)

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_control.allocation import Allocation
 from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic
-from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, controlled, form_on_axes
+from flexslew_control.controllers.by_joint.three_axes import OF_TESTBED, control_axes, form_on_axes
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
@@ -45,8 +45,8 @@ class PdFeedforwardSettings:
 class PdFeedforward:
     """u = u_ff - k (q - q_d) - b (q' - q_d'), and w x J w beyond that of the reference."""
 
-    def __init__(self, kp: Vector, kd: Vector, turning: Gyroscopic | None = None) -> None:
-        self.kp, self.kd, self.turning = kp, kd, turning
+    def __init__(self, kp: Vector, kd: Vector, gyro_torque: Gyroscopic | None = None) -> None:
+        self.kp, self.kd, self.turning = kp, kd, gyro_torque
         self.terms: dict[str, Vector] = {}
 
     def reset(
@@ -67,9 +67,9 @@ class PdFeedforward:
         effort: Vector = reference.effort + proportional + derivative
         if self.turning is None:
             return effort
-        beyond = self.turning.beyond(estimate.velocity[:n], reference.velocity)
-        self.terms["gyroscopic"] = beyond
-        return effort + beyond
+        excess = self.turning.limit_excess(estimate.velocity[:n], reference.velocity)
+        self.terms["gyroscopic"] = excess
+        return effort + excess
 
 
 def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Estimator, Law]:
@@ -84,7 +84,7 @@ def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Est
             with an allocation on a testbed that does not turn in three axes, or without the
             sensors of an attitude.
     """
-    what = controlled(plant, settings.allocation, settings.gyroscopic)
+    what = control_axes(plant, settings.allocation, settings.gyroscopic)
     kp, kd = per_joint("kp", settings.kp, what.names), per_joint("kd", settings.kd, what.names)
     what.require_stable(kp, kd, "pd_feedforward")
     law = what.finished(PdFeedforward(kp, kd, what.turning))
@@ -96,11 +96,11 @@ def linear(estimator: Estimator, law: Law, references: list[Reference]) -> Linea
     return form_on_axes(estimator, law, references, _form)
 
 
-def _form(law: Law, planned: Matrix) -> tuple[LinearForm, Gyroscopic | None] | None:
+def _form(law: Law, plan_efforts: Matrix) -> tuple[LinearForm, Gyroscopic | None] | None:
     if not isinstance(law, PdFeedforward):
         return None
     none, integration = np.zeros(law.kp.size), no_integral(law.kp.size)
-    return collocated_form(law.kp, none, law.kd, planned, integration), law.turning
+    return collocated_form(law.kp, none, law.kd, plan_efforts, integration), law.turning
 
 
 PD_FEEDFORWARD = LawEntry(
@@ -108,7 +108,7 @@ PD_FEEDFORWARD = LawEntry(
     PdFeedforwardSettings,
     build,
     linear=linear,
-    lane_gains=("kp", "kd"),
+    batch_gains=("kp", "kd"),
     of_testbed=OF_TESTBED,
     takes_over=True,
 )

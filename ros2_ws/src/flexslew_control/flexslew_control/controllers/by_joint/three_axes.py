@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.allocation import (
-    AllocatedLaw,
+    AllocationLaw,
     Allocator,
     AnyAllocation,
     allocator_of,
 )
 from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic, gyroscopic
-from flexslew_control.controllers.sampled_loop import SmallMotions, require_sampled_pd
+from flexslew_control.controllers.sampled_loop import SampledPlant, require_sampled_pd
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.estimators.attitude_tick import attitude_numbers
 from flexslew_control.estimators.flexible_attitude_tick import flexible_form
 from flexslew_control.law import Estimator, Law, PlantDescription, Reference
 from flexslew_control.linear_form import LinearForm, SharedForm
-from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 _AXES = ("x", "y", "z")
@@ -27,7 +27,7 @@ OF_TESTBED = ("gyroscopic", "allocation", "attitude")  # keys that make a law de
 
 
 @dataclass(frozen=True)
-class TurnedByTorque:
+class BodyAxisPlant:
     """The small motions of a craft with its body axes as joints, and torques as efforts.
 
     Args:
@@ -36,19 +36,19 @@ class TurnedByTorque:
         attitude: the joints that measure the turn.
     """
 
-    motions: SmallMotions
+    motions: SampledPlant
     allocator: Allocator
     attitude: AttitudeJoints
 
     @property
     def position(self) -> Matrix:
         """From the state to the turn, shape (3, states)."""
-        return self.attitude.turn_of(self.motions.position.T).T
+        return self.attitude.rotation_vector_of(self.motions.position.T).T
 
     @property
     def velocity(self) -> Matrix:
         """From the state to the body rates, shape (3, states)."""
-        return self.attitude.turn_of(self.motions.velocity.T).T
+        return self.attitude.rotation_vector_of(self.motions.velocity.T).T
 
     def step(self, period: float) -> tuple[Matrix, Matrix]:
         """Return F and G of x+ = F x + G T over a tick with the torque T held."""
@@ -57,7 +57,7 @@ class TurnedByTorque:
 
 
 @dataclass(frozen=True)
-class Controlled:
+class ControlAxes:
     """The joints or axes that a collocated law has gains for.
 
     Args:
@@ -85,49 +85,51 @@ class Controlled:
         model = self.plant.testbed.model()
         require_sampled_pd(model, model.rest({}), kp, kd, self.plant.period, what, ki, self._seen())
 
-    def _seen(self) -> Callable[[SmallMotions], SmallMotions]:
+    def _seen(self) -> Callable[[SampledPlant], SampledPlant]:
         allocator, attitude = self.allocator, self.plant.testbed.model().attitude
         if allocator is None or attitude is None:
             return lambda motions: motions
-        return lambda motions: TurnedByTorque(motions, allocator, attitude)
+        return lambda motions: BodyAxisPlant(motions, allocator, attitude)
 
     def finished(self, law: Law) -> Law:
         """Return a law of these as one of the joints."""
         if self.allocator is None or self.attitude is None:
             return law
-        return AllocatedLaw(law, self.allocator, self.attitude)
+        return AllocationLaw(law, self.allocator, self.attitude)
 
 
-def controlled(
+def control_axes(
     plant: PlantDescription,
     allocation: AnyAllocation | None,
     with_gyroscopic: bool,
-    belief: dict[str, Any] | None = None,
-) -> Controlled:
+    design_model: dict[str, Any] | None = None,
+) -> ControlAxes:
     """Return the axes of a law's gains: the joints, or with an allocation the body axes.
 
     Args:
         plant: what the law is for.
         allocation: allocation of its torque; None: its efforts are those of the joints.
         with_gyroscopic: whether w x J w is used.
-        belief: its `model` section; None: its design model is the testbed.
+        design_model: its `model` section; None: its design model is the testbed.
 
     Raises:
         BadInput: if the torque cannot be shared out so, or w x J w is used where nothing turns
             in three axes.
     """
     attitude = plant.testbed.model().attitude
-    plant = plant if belief is None else plant.with_belief(belief)
-    turning = gyroscopic(plant.testbed, "gyroscopic") if with_gyroscopic else None
-    if turning is not None and attitude is not None:
-        turning = replace(turning, attitude=attitude)
+    plant = plant if design_model is None else plant.with_design_model(design_model)
+    gyro_torque = gyroscopic(plant.testbed, "gyroscopic") if with_gyroscopic else None
+    if gyro_torque is not None and attitude is not None:
+        gyro_torque = replace(gyro_torque, attitude=attitude)
     if allocation is None:
-        return Controlled(plant.joint_names, plant.effort_limit, turning, None, plant, attitude)
+        return ControlAxes(
+            plant.joint_names, plant.effort_limit, gyro_torque, None, plant, attitude
+        )
     allocator = allocator_of(allocation, plant)
-    if turning is not None:
-        torque = np.tensordot(allocator.torque, turning.quadratic, axes=1)
-        turning = replace(turning, attitude=AttitudeJoints(np.eye(3)), quadratic=torque)
-    return Controlled(_AXES, allocator.limit, turning, allocator, plant, attitude)
+    if gyro_torque is not None:
+        torque = np.tensordot(allocator.torque, gyro_torque.quadratic, axes=1)
+        gyro_torque = replace(gyro_torque, attitude=AttitudeJoints(np.eye(3)), quadratic=torque)
+    return ControlAxes(_AXES, allocator.limit, gyro_torque, allocator, plant, attitude)
 
 
 def form_on_axes(
@@ -152,18 +154,21 @@ def form_on_axes(
         np.array([reference.position for reference in references]),
         np.array([reference.velocity for reference in references]),
         np.array([reference.effort for reference in references]),
-        NOTHING,
+        EMPTY,
     )
-    if isinstance(law, AllocatedLaw):
+    if isinstance(law, AllocationLaw):
         wanted = law.requested(wanted)
         shared = SharedForm(law.allocator.numbers, wanted.position, wanted.velocity)
         law = law.law
     found = form_of(law, wanted.effort)
     if found is None:
         return None
-    form, turning = found
-    own = form.law
-    if turning is not None:
-        carried = turning.along(wanted.velocity)
-        own = own._replace(demand=own.demand - carried, quadratic=turning.of_products(own.kp.size))
-    return form._replace(law=own, shared=shared, attitude=attitude, flexible=flexible)
+    form, gyro_torque = found
+    law_form = form.law
+    if gyro_torque is not None:
+        plan_torque = gyro_torque.along(wanted.velocity)
+        law_form = law_form._replace(
+            demand=law_form.demand - plan_torque,
+            quadratic=gyro_torque.of_products(law_form.kp.size),
+        )
+    return form._replace(law=law_form, shared=shared, attitude=attitude, flexible=flexible)

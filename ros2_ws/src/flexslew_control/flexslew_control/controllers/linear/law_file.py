@@ -10,7 +10,7 @@ from flexslew_control.controllers.linear.mat_file import read_mat
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.given_file import given_bytes, given_text
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.npz_file import read_npz
 from flexslew_plant.yaml_data import load_yaml
 
@@ -19,8 +19,8 @@ _NAMES = ("inputs", "outputs")
 _READ = (*_KEYS, *_NAMES)
 _KNOWN = {*_READ, *_KEYS.values(), "states"}  # the names of states are not used
 # errors by which readers report that a file is in another format, or damaged
-_DAMAGED = (ValueError, TypeError)
-_ENDINGS = (".mat", ".npz", ".yaml", ".yml", ".json")
+_READ_ERRORS = (ValueError, TypeError)
+_SUFFIXES = (".mat", ".npz", ".yaml", ".yml", ".json")
 
 
 def law_from_file(path: str, source: str) -> dict[str, Any]:
@@ -35,15 +35,15 @@ def law_from_file(path: str, source: str) -> dict[str, Any]:
         BadInput: it cannot be read, or holds no such system.
     """
     place = Path(path)
-    if place.suffix not in _ENDINGS:
-        raise BadInput(f"{source}: file: {path}: give a file that ends in {', '.join(_ENDINGS)}")
+    if place.suffix not in _SUFFIXES:
+        raise BadInput(f"{source}: file: {path}: give a file that ends in {', '.join(_SUFFIXES)}")
     try:
         values = _read(place)
     except BadInput as error:
         raise BadInput(f"{source}: file: {error}") from None
     except OSError as error:
         raise BadInput(f"{source}: file: {path}: cannot be read: {error.strerror}") from None
-    except _DAMAGED as error:
+    except _READ_ERRORS as error:
         raise BadInput(f"{source}: file: {path}: cannot be read: {error}") from None
     return {"system": _system(values, f"{source}: file: {path}")}
 
@@ -72,7 +72,7 @@ def _system(values: dict[str, Any], place: str) -> dict[str, Any]:
     system["period"] = float(period[0])
     for name in _NAMES:
         if name in values:
-            system[name] = _texts(values[name], name, place)
+            system[name] = _text_list(values[name], name, place)
     return system
 
 
@@ -82,14 +82,14 @@ def _require_known(values: dict[str, Any], place: str) -> None:
         if name == "dt":
             raise BadInput("dt: call the period Ts [s], 0 if continuous", place)
         if name not in _KNOWN:
-            words = f"unknown key; {did_you_mean(name, _READ)}allowed: {', '.join(_READ)}"
+            words = f"unknown key; {spelling_hint(name, _READ)}allowed: {', '.join(_READ)}"
             raise BadInput(words, place, name)
         if name in _KEYS and _KEYS[name] in values:
             raise BadInput(f"is not allowed beside {name}: both set the same value", place,
                            _KEYS[name])  # fmt: skip
 
 
-def _texts(value: Any, key: str, place: str) -> list[str]:
+def _text_list(value: Any, key: str, place: str) -> list[str]:
     """Return names of signals: a list of texts, or the cells of a .mat file."""
     try:
         names = np.ravel(np.asarray(value)).tolist()

@@ -23,12 +23,12 @@ from flexslew_control.law import (
 )
 from flexslew_control.linear_design import OperatingPoint
 from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver, no_integral
-from flexslew_control.shared_keys import BelievedModel, TrackingTime
+from flexslew_control.shared_keys import DesignModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds import believed
+from flexslew_plant.testbeds import design_testbed
 from flexslew_plant.testbeds.integration_error import steps_per_tick
 from flexslew_plant.testbeds.model import Model
 
@@ -39,7 +39,7 @@ SIGNALS = ("error", "error_rate", "position", "rate", "reference", "reference_ra
            "tip", "curvature")  # fmt: skip
 _OF_APPENDAGES = ("tip", "curvature")
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
-_UNWINDINGS = 10.0  # time constants of the anti-windup in which a state may grow e-fold
+_TRACKING_TIMES = 10.0  # time constants of the anti-windup in which a state may grow e-fold
 
 
 @section
@@ -66,7 +66,7 @@ class LinearSettings:
     prewarping: Positive | None = None  # where Tustin's method is exact [rad/s]; null: at zero
     tracking_time: TrackingTime = 2.0
     feedforward: bool = True  # whether the plan's effort is added
-    model: BelievedModel = None
+    model: DesignModel = None
     operating_point: OperatingPoint = None
     allow_unstable: bool = False  # fly it though the loop is not stable on that model
 
@@ -77,12 +77,19 @@ class LinearLaw:
     Args:
         system: discrete, from `raw` signals to all joints: see _folded.
         limit: of the efforts, shape (joints,).
-        back: C^+ h / T_t, shape (states, joints).
+        tracking_gain: C^+ h / T_t, shape (states, joints).
         feedforward: whether the plan's effort is added.
     """
 
-    def __init__(self, system: Lti, limit: Vector, back: Matrix, feedforward: bool) -> None:
-        self.system, self.limit, self.back, self.feedforward = system, limit, back, feedforward
+    def __init__(
+        self, system: Lti, limit: Vector, tracking_gain: Matrix, feedforward: bool
+    ) -> None:
+        self.system, self.limit, self.back, self.feedforward = (
+            system,
+            limit,
+            tracking_gain,
+            feedforward,
+        )
         self._n, self._bounds = len(system.a), limit.tolist()
         self._map = np.block([[system.a, system.b], [system.c, system.d]])
         self._inverse = np.linalg.pinv(system.c)
@@ -96,23 +103,23 @@ class LinearLaw:
         """Choose the smallest state such that the next effort is `effort`; at tick 0 it is zero."""
         self._x = np.zeros(self._n)
         if measurement.tick > 0 and self._n:
-            own = self._map[self._n :] @ self._raw(measurement, reference)
-            self._x = self._inverse @ (effort - own - self._fed(reference))
+            feedback = self._map[self._n :] @ self._raw(measurement, reference)
+            self._x = self._inverse @ (effort - feedback - self._feedforward(reference))
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the joint efforts within the limit, shape (joints,) [N m or N]."""
         out = self._map @ self._raw(measurement, reference)
-        n, fed = self._n, self._fed(reference)
-        self._x, own = out[:n], out[n:]
-        demand = fed + own
-        self.terms = {"feedforward": fed, "linear": own}
+        n, feedforward = self._n, self._feedforward(reference)
+        self._x, feedback = out[:n], out[n:]
+        demand = feedforward + feedback
+        self.terms = {"feedforward": feedforward, "linear": feedback}
         if all(-b <= u <= b for u, b in zip(demand.tolist(), self._bounds, strict=True)):
             return demand
         effort = np.clip(demand, -self.limit, self.limit)
         self._x = self._x + self.back @ (effort - demand)
         return effort
 
-    def _fed(self, reference: Reference) -> Vector:
+    def _feedforward(self, reference: Reference) -> Vector:
         return reference.effort if self.feedforward else self._none
 
     def _raw(self, m: Measurement, r: Reference) -> Vector:
@@ -133,15 +140,15 @@ def build(settings: LinearSettings, plant: PlantDescription) -> tuple[Estimator,
     system = _folded(settings, model, plant.period)
     m, limit = len(plant.joint_names), plant.effort_limit
     share = 0.0 if settings.tracking_time is None else plant.period / settings.tracking_time
-    back = np.asarray(share * np.linalg.pinv(system.c).reshape(-1, m), dtype=np.float64)
-    _require_unwinding(settings, system, back)
-    law = LinearLaw(system, limit, back, settings.feedforward)
+    tracking_gain = np.asarray(share * np.linalg.pinv(system.c).reshape(-1, m), dtype=np.float64)
+    _require_stable_tracking(settings, system, tracking_gain)
+    law = LinearLaw(system, limit, tracking_gain, settings.feedforward)
     if settings.system is not None and not settings.allow_unstable:
         _require_stable(settings, plant, system)
     return MeasuredJoints(), law
 
 
-def _require_unwinding(settings: LinearSettings, system: Lti, back: Matrix) -> None:
+def _require_stable_tracking(settings: LinearSettings, system: Lti, tracking_gain: Matrix) -> None:
     """Check that the state settles while an effort is at its limit: there it goes by A - back C.
 
     Raises:
@@ -149,14 +156,15 @@ def _require_unwinding(settings: LinearSettings, system: Lti, back: Matrix) -> N
     """
     if settings.tracking_time is None or not len(system.a):
         return
-    alone, held = (
-        float(np.abs(np.linalg.eigvals(a)).max()) for a in (system.a, system.a - back @ system.c)
+    open_radius, tracking_radius = (
+        float(np.abs(np.linalg.eigvals(a)).max())
+        for a in (system.a, system.a - tracking_gain @ system.c)
     )
-    growth = np.log(held / max(alone, 1.0)) / system.period  # [1/s]
-    if growth * _UNWINDINGS * settings.tracking_time > 1.0:
+    rate = np.log(tracking_radius / max(open_radius, 1.0)) / system.period  # [1/s]
+    if rate * _TRACKING_TIMES * settings.tracking_time > 1.0:
         raise BadInput(
             f"null, or longer: while an effort is at its limit the state would grow "
-            f"{np.exp(min(growth, 100.0)):.3g}-fold in a second, as the system has poles that are "
+            f"{np.exp(min(rate, 100.0)):.3g}-fold in a second, as the system has poles that are "
             "fast beside a tick",
             key="tracking_time",
             value=settings.tracking_time,
@@ -172,7 +180,7 @@ def _folded(settings: LinearSettings, model: Model, period: float) -> Lti:
     joints, appendages = model.joint_names, model.appendages.names
     raw = raw_signals(joints, appendages)
     m, given = len(joints), settings.system or StateSpace()
-    inputs = given.inputs or _usual_inputs(given, joints)
+    inputs = given.inputs or _default_inputs(given, joints)
     outputs = given.outputs or joints
     a, b, c, d = _matrices(given, len(inputs), len(outputs))
     if given.period and abs(given.period - period) > 1e-9 * period:
@@ -181,7 +189,7 @@ def _folded(settings: LinearSettings, model: Model, period: float) -> Lti:
             " give a continuous system (0), or one of this period"
         )
     if not given.period and len(a):
-        a, b, c, d = discretised(settings, a, b, c, d, period)
+        a, b, c, d = to_discrete(settings, a, b, c, d, period)
     pick = np.array([_row(name, raw, joints, appendages) for name in inputs])
     place = np.zeros((m, len(outputs)))
     for k, name in enumerate(outputs):
@@ -205,7 +213,7 @@ def raw_signals(joints: tuple[str, ...], appendages: tuple[str, ...]) -> tuple[s
     return tuple(f"{kind}.{name}" for kind, names in of.items() for name in names)
 
 
-def _usual_inputs(given: StateSpace, joints: tuple[str, ...]) -> tuple[str, ...]:
+def _default_inputs(given: StateSpace, joints: tuple[str, ...]) -> tuple[str, ...]:
     """Return the inputs of a system that names none."""
     rows = given.b or given.d or ()
     errors = tuple(f"error.{joint}" for joint in joints)
@@ -233,7 +241,7 @@ def _matrices(given: StateSpace, k: int, m: int) -> tuple[Matrix, Matrix, Matrix
     return found[0], found[1], found[2], found[3]
 
 
-def discretised(
+def to_discrete(
     settings: LinearSettings, a: Matrix, b: Matrix, c: Matrix, d: Matrix, period: float
 ) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     """Return a continuous system at a period: held inputs, or Tustin's method with prewarping.
@@ -262,9 +270,9 @@ def _row(
     kind, _, of = name.partition(".")
     known = appendages if kind in _OF_APPENDAGES else joints
     if kind not in SIGNALS or of not in known:
-        there = [f"{k}.{n}" for k in SIGNALS for n in
+        allowed = [f"{k}.{n}" for k in SIGNALS for n in
                  (appendages if k in _OF_APPENDAGES else joints)]  # fmt: skip
-        raise BadInput(f"system.inputs: {name} is not allowed: {', '.join(there)}")
+        raise BadInput(f"system.inputs: {name} is not allowed: {', '.join(allowed)}")
     row = np.zeros(len(raw))
     if kind in ("error", "error_rate"):
         rate = "_rate" if kind == "error_rate" else ""
@@ -281,15 +289,15 @@ def _require_stable(settings: LinearSettings, plant: PlantDescription, system: L
     Raises:
         BadInput: it is not stable; gives the spectral radius.
     """
-    testbed = believed(plant.testbed, settings.model, "model")
+    testbed = design_testbed(plant.testbed, settings.model, "model")
     point = settings.operating_point
     rest = rest_of(testbed, plant.testbed.operating_point if point is None else point)
     poles = rest.model.linearise(rest.q).eigenvalues
     steps = steps_per_tick(poles, plant.period)
     seen = sampled_plant(rest, PlantPath(plant.period, steps=steps), applied=True)
-    both = [name for name in system.inputs if name in seen.outputs or "reference" in name]
-    columns = [system.inputs.index(name) for name in both]
-    names = tuple(name for name in both)
+    shared = [name for name in system.inputs if name in seen.outputs or "reference" in name]
+    columns = [system.inputs.index(name) for name in shared]
+    names = tuple(name for name in shared)
     form = Lti(
         system.a, system.b[:, columns], system.c, system.d[:, columns], names, system.outputs,
         system.states, system.period,
@@ -326,16 +334,16 @@ def linear(estimator: Estimator, law: LinearLaw, references: list[Reference]) ->
     x, demand = np.zeros(len(a)), []
     for one in references:
         w = np.concatenate((one.position, one.velocity))
-        fed = one.effort if law.feedforward else np.zeros(m)
-        demand.append(fed + s.c @ x + s.d[:, r] @ w)
-        x = a @ x + b[:, r] @ w - law.back @ fed
+        feedforward = one.effort if law.feedforward else np.zeros(m)
+        demand.append(feedforward + s.c @ x + s.d[:, r] @ w)
+        x = a @ x + b[:, r] @ w - law.back @ feedforward
     none, n = np.zeros(m), len(a)
     form = LawForm(
         none, none, none, s.c, s.d[:, y], np.zeros((m, n)), np.array(demand),
         np.zeros((len(references), m)), **(no_integral(m)._asdict() | {"limit": law.limit}),
     )  # fmt: skip
-    start, unheard = np.zeros((n, len(y))), np.zeros((n, m))
-    return LinearForm(form, LinearObserver(start, a, unheard, b[:, y], np.zeros(n), law.back))
+    start, no_effort = np.zeros((n, len(y))), np.zeros((n, m))
+    return LinearForm(form, LinearObserver(start, a, no_effort, b[:, y], np.zeros(n), law.back))
 
 
 LINEAR = LawEntry("linear", LinearSettings, build, linear=linear, from_file=law_from_file)

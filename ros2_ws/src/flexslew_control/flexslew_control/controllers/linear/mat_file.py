@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 _VERSION_7_3 = b"\x00\x02IM"  # bytes 124 to 127, also where MATLAB writes big-endian: never
-_REFUSED = "refused"  # key of what the reader prints, in place of the variables
+_ERROR = "refused"  # key of what the reader prints, in place of the variables
 _MOST = 1_000_000  # numbers of a matrix
-_LONGEST = 60.0  # of a reader [s]
+_TIMEOUT = 60.0  # of a reader [s]
 _MEMORY = 256 << 20  # of a reader, besides its modules [B]
 _TOO_LARGE = 3  # exit code of a reader that needs more
 
@@ -34,17 +34,17 @@ def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> di
             raise ValueError(
                 "it is of MATLAB's version 7.3; save it again with -v7: save law.mat A B C D Ts -v7"
             )
-    asked = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names])]
+    request = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names])]
     try:
-        done = subprocess.run(asked, capture_output=True, text=True, timeout=_LONGEST, check=True)
+        done = subprocess.run(request, capture_output=True, text=True, timeout=_TIMEOUT, check=True)
     except subprocess.TimeoutExpired:
-        raise ValueError(f"its reader has not ended within {_LONGEST:g} s") from None
+        raise ValueError(f"its reader has not ended within {_TIMEOUT:g} s") from None
     except subprocess.CalledProcessError as error:
         if error.returncode == _TOO_LARGE:
             raise ValueError(f"it unpacks to more than {_MEMORY >> 20} MiB") from None
         raise ValueError("it is no MATLAB file of version 5 to 7, or damaged") from None
     found: dict[str, Any] = json.loads(done.stdout)
-    if why := found.pop(_REFUSED, ""):
+    if why := found.pop(_ERROR, ""):
         raise ValueError(why)
     return found
 
@@ -53,14 +53,14 @@ class _NoNumbers(Exception):
     """A variable is no matrix of real numbers."""
 
 
-def _main(path: str, asked: str) -> None:
+def _main(path: str, request: str) -> None:
     """Print the variables as JSON."""
     import numpy as np
     from scipy.io import loadmat, whosmat
     from scipy.sparse import issparse
 
     def numbers_of(key: str) -> Any:
-        value: Any = held[key]
+        value: Any = variables[key]
         sparse = issparse(value)
         if not sparse and (not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc"):
             raise _NoNumbers(f"{key} holds no matrix of numbers; save A, B, C and D one by one")
@@ -80,18 +80,22 @@ def _main(path: str, asked: str) -> None:
             entry = entry.ravel()[0]
         return str(entry).strip()
 
-    numbers, names = json.loads(asked)
+    numbers, names = json.loads(request)
     _limit_memory()
     try:
-        held = loadmat(path, variable_names=[*numbers, *names])
+        variables = loadmat(path, variable_names=[*numbers, *names])
         present = [name for name, _, _ in whosmat(path) if not name.startswith("__")]
-        found: dict[str, Any] = {key: numbers_of(key) for key in numbers if key in held}
-        found |= {key: [text(entry) for entry in held[key].ravel()] for key in names if key in held}
+        found: dict[str, Any] = {key: numbers_of(key) for key in numbers if key in variables}
+        found |= {
+            key: [text(entry) for entry in variables[key].ravel()]
+            for key in names
+            if key in variables
+        }
         found |= dict.fromkeys(name for name in present if name not in found)
     except MemoryError:
         sys.exit(_TOO_LARGE)
     except _NoNumbers as error:
-        found = {_REFUSED: str(error)}
+        found = {_ERROR: str(error)}
     print(json.dumps(found))
 
 

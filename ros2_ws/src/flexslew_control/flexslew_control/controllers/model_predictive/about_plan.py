@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexslew_control.controllers.model_predictive.ahead import (
-    Ahead,
     HorizonLimits,
+    HorizonProblem,
     HorizonQuestion,
     Steps,
     program,
@@ -18,19 +18,20 @@ from flexslew_control.controllers.model_predictive.prediction import (
 )
 from flexslew_control.free_platform import nominal
 from flexslew_control.law import Reference
-from flexslew_control.turning_platform import TurningPlatform
+from flexslew_control.rate_dependent_platform import RateDependentPlatform
 from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
-_TURN = 1e-4  # of the differences of what joints read [rad]
+_ROTATION_STEP = 1e-4  # of the differences of what joints read [rad]
 
 
 @dataclass
-class AboutPlan:
+class PlanPrediction:
     """(e, e')(k + 1) = F(w) (e, e')(k) + G(w) (v - u_d)(k), w the mean rates of the plan in a step.
 
-    e of the attitude is a rotation in body axes, see turning_platform, so nothing here depends on
+    e of the attitude is a rotation in body axes, see rate_dependent_platform, so nothing here
+    depends on
     the inertial frame but the limits of what joints read. A plan that the craft can fly within the
     limits is left alone: all e are zero under its own efforts.
 
@@ -46,12 +47,12 @@ class AboutPlan:
         steps: the horizon.
     """
 
-    craft: TurningPlatform
+    craft: RateDependentPlatform
     attitude: AttitudeJoints
     costs: Costs
     limits: HorizonLimits
     steps: Steps
-    _known: dict[bytes, tuple[Matrix, Matrix]] = field(init=False, default_factory=dict)
+    _step_cache: dict[bytes, tuple[Matrix, Matrix]] = field(init=False, default_factory=dict)
     _made: tuple[int, int] | None = field(init=False, default=None)  # which step, how many move
     _forced: Matrix = field(init=False)
     _program: Program = field(init=False)
@@ -60,15 +61,15 @@ class AboutPlan:
         """Forget the program."""
         self._made = None
 
-    def ahead(self, question: HorizonQuestion) -> Ahead:
+    def predict(self, question: HorizonQuestion) -> HorizonProblem:
         """Return what efforts do from this tick on."""
         q, n, m = question, self.steps.count, self.limits.effort.size
         at = np.array([one.velocity for one in q.references])
         steps = [self._step(w) for w in 0.5 * (at[:-1] + at[1:])]
-        beyond = q.last - np.array([one.effort for one in q.references[:-1]])
+        excess = q.last - np.array([one.effort for one in q.references[:-1]])
         x = np.concatenate((q.estimate.position, q.estimate.velocity))
         x, path = x - nominal(self.craft.small, q.references[0]), []
-        for (f, g), effort in zip(steps, beyond, strict=True):
+        for (f, g), effort in zip(steps, excess, strict=True):
             x = f @ x + g @ effort
             path.append(x)
         off = np.array(path)
@@ -85,19 +86,19 @@ class AboutPlan:
                 _along(rows, off.shape[1]),
             )  # fmt: skip
             self._made = which
-        readings = read - (self._program.soft @ q.last.ravel()).reshape(read.shape)
+        outputs = read - (self._program.soft @ q.last.ravel()).reshape(read.shape)
         off = off - (self._forced @ q.last.ravel()).reshape(off.shape)
-        return Ahead(self._program, off, readings)
+        return HorizonProblem(self._program, off, outputs)
 
     def _step(self, rates: Vector) -> tuple[Matrix, Matrix]:
         """Return F and G of a step about these rates."""
         key = rates.tobytes()
-        if key not in self._known:
-            if len(self._known) > 2 * self.steps.count * self.steps.ticks:
-                self._known = {}
+        if key not in self._step_cache:
+            if len(self._step_cache) > 2 * self.steps.count * self.steps.ticks:
+                self._step_cache = {}
             a, b = self.craft.state_matrix(rates), self.craft.input_matrix
-            self._known[key] = zero_order_hold(a, b, self.steps.length)
-        return self._known[key]
+            self._step_cache[key] = zero_order_hold(a, b, self.steps.length)
+        return self._step_cache[key]
 
     def _read(self, references: list[Reference], e: Matrix) -> tuple[Matrix, Tensor]:
         """Return what the limited joints read, and how it changes with e.
@@ -109,13 +110,13 @@ class AboutPlan:
         Returns:
             shapes (N, s) and (N, s, joints).
         """
-        chosen = self.limits.rows.argmax(axis=1)
-        planned = np.array([one.position for one in references])
-        slopes = np.empty((len(e), len(chosen), e.shape[1]))
-        for k, one in enumerate(_TURN * np.eye(e.shape[1])):
-            there, back = (self.attitude.moved(planned, e + s * one) for s in (1.0, -1.0))
-            slopes[:, :, k] = (there - back)[:, chosen] / (2.0 * _TURN)
-        return self.attitude.moved(planned, e)[:, chosen], slopes
+        limited = self.limits.rows.argmax(axis=1)
+        desired = np.array([one.position for one in references])
+        slopes = np.empty((len(e), len(limited), e.shape[1]))
+        for k, one in enumerate(_ROTATION_STEP * np.eye(e.shape[1])):
+            forward, backward = (self.attitude.add_error(desired, e + s * one) for s in (1.0, -1.0))
+            slopes[:, :, k] = (forward - backward)[:, limited] / (2.0 * _ROTATION_STEP)
+        return self.attitude.add_error(desired, e)[:, limited], slopes
 
 
 def _along(rows: Tensor, states: int) -> Matrix:

@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_control.controllers.model_predictive.prediction import Costs, Program, horizon
 from flexslew_control.free_platform import nominal_states
 from flexslew_control.law import Estimate, Reference
-from flexslew_control.linear_design import Designed
+from flexslew_control.linear_design import LinearDesignModel
 from flexslew_plant.arrays import Matrix, Vector
 
 
@@ -38,9 +38,9 @@ class Steps:
         """Of a step [s]."""
         return self.ticks * self.period
 
-    def shares(self, moving: int) -> Vector:
+    def shares(self, steps_left: int) -> Vector:
         """Return the factor of the weights of each step's state, of which some move, (N,)."""
-        return np.where(np.arange(self.count) < moving, self.on_the_way, 1.0)
+        return np.where(np.arange(self.count) < steps_left, self.on_the_way, 1.0)
 
 
 class HorizonQuestion(NamedTuple):
@@ -54,12 +54,12 @@ class HorizonQuestion(NamedTuple):
     last: Matrix  # V, about which a non-linear prediction is linear, (N, m)
 
 
-class Ahead(NamedTuple):
+class HorizonProblem(NamedTuple):
     """The program of a tick, and what it starts from."""
 
     program: Program
     off: Matrix  # x(1 ... N) - x* with V = 0, (N, k)
-    readings: Matrix  # of the soft rows with V = 0, (N, s)
+    outputs: Matrix  # of the soft rows with V = 0, (N, s)
 
 
 class HorizonPrediction(Protocol):
@@ -76,19 +76,24 @@ class HorizonPrediction(Protocol):
     def restart(self) -> None:
         """Forget what was prepared for the steps that came next."""
 
-    def ahead(self, question: HorizonQuestion) -> Ahead:
+    def predict(self, question: HorizonQuestion) -> HorizonProblem:
         """Return the effect of efforts from this tick on."""
 
 
 def program(
-    forced: Matrix, costs: Costs, shares: Vector, steps: Steps, limits: HorizonLimits, soft: Matrix
+    forced: Matrix,
+    costs: Costs,
+    weight_factors: Vector,
+    steps: Steps,
+    limits: HorizonLimits,
+    soft: Matrix,
 ) -> Program:
     """Return the program of a horizon, with the differences of efforts as its hard rows.
 
     Args:
         forced: of the horizon, shape (N k, N m).
         costs: of a step.
-        shares: factor of the weights of each step's state, shape (N,).
+        weight_factors: factor of the weights of each step's state, shape (N,).
         steps: the horizon.
         limits: of the efforts and of their rate.
         soft: rows C of C X, shape (N s, N k).
@@ -97,11 +102,11 @@ def program(
     hard = np.zeros((0, n * m))
     if limits.rate is not None:
         hard = np.eye((n - 1) * m, n * m, m) - np.eye((n - 1) * m, n * m)
-    return Program(forced, costs, shares, limits.effort, hard, soft, steps.iterations)
+    return Program(forced, costs, weight_factors, limits.effort, hard, soft, steps.iterations)
 
 
 @dataclass
-class AboutRest:
+class RestPrediction:
     """The prediction by the small motions about an operating point.
 
     Args:
@@ -114,7 +119,7 @@ class AboutRest:
         substeps: of the integration of a step.
     """
 
-    model: Designed
+    model: LinearDesignModel
     rest: Vector
     step: tuple[Matrix, Matrix]
     costs: Costs
@@ -128,8 +133,8 @@ class AboutRest:
         self._forced = horizon(*self.step, s.count)
         soft = np.asarray(np.kron(np.eye(s.count), self.limits.rows), dtype=np.float64)
         self._programs = [
-            program(self._forced, self.costs, s.shares(moving), s, self.limits, soft)
-            for moving in (range(s.count + 1) if s.on_the_way != 1.0 else (0,))
+            program(self._forced, self.costs, s.shares(steps_left), s, self.limits, soft)
+            for steps_left in (range(s.count + 1) if s.on_the_way != 1.0 else (0,))
         ]
         for one in self._programs:
             one.prepare()
@@ -137,7 +142,7 @@ class AboutRest:
     def restart(self) -> None:
         """Nothing to forget."""
 
-    def ahead(self, question: HorizonQuestion) -> Ahead:
+    def predict(self, question: HorizonQuestion) -> HorizonProblem:
         """Return what efforts do from this tick on.
 
         The model itself is followed under the last answer's efforts; so what is predicted of the
@@ -148,5 +153,5 @@ class AboutRest:
         free = self.model.path(x, q.last, s.length, self.substeps, q.time) - self.rest
         free = free - (self._forced @ q.last.ravel()).reshape(free.shape)
         target = nominal_states(self.model, q.references[1:]) - self.rest
-        chosen = self._programs[min(q.moving, len(self._programs) - 1)]
-        return Ahead(chosen, free - target, free @ self.limits.rows.T)
+        selected = self._programs[min(q.moving, len(self._programs) - 1)]
+        return HorizonProblem(selected, free - target, free @ self.limits.rows.T)

@@ -14,37 +14,37 @@ from pydantic import Field
 
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
-from flexslew_control.controllers.model_predictive.about_plan import AboutPlan
+from flexslew_control.controllers.model_predictive.about_plan import PlanPrediction
 from flexslew_control.controllers.model_predictive.ahead import (
-    AboutRest,
-    Ahead,
     HorizonLimits,
     HorizonPrediction,
+    HorizonProblem,
     HorizonQuestion,
+    RestPrediction,
     Steps,
 )
 from flexslew_control.controllers.model_predictive.prediction import Costs, costs
-from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, discretised
-from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
+from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, discrete_model
+from flexslew_control.estimators.rotation_filter import RotationFilter, rotation_filter
 from flexslew_control.free_platform import joints_first
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import (
-    Designed,
+    LinearDesignModel,
     OperatingPoint,
     operating_point_of,
     require_controllable,
     state_names,
 )
-from flexslew_control.shared_keys import BelievedModel
-from flexslew_control.turning_platform import TurningPlatform, turning_platform
-from flexslew_plant.arrays import Matrix, Vector, kept
+from flexslew_control.rate_dependent_platform import RateDependentPlatform, rate_dependent_platform
+from flexslew_control.shared_keys import DesignModel
+from flexslew_plant.arrays import Matrix, Vector, read_only
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import AnswerRepeated, LimitSoftened
+from flexslew_plant.events import AnswerRepeated, LimitViolation
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import Positive, section
 
 _RESOLVED = 2.0  # of the fastest motion in a substep of the integration [rad]
-_ITERATIONS, _ITERATIONS_TURNING = 200, 2000  # of the solver, unless they are given
+_ITERATIONS, _SLEW_ITERATIONS = 200, 2000  # of the solver, unless they are given
 _DISTINCT = 1e-9  # of two tips that are one, or mirrored
 
 
@@ -52,7 +52,7 @@ _DISTINCT = 1e-9  # of two tips that are one, or mirrored
 class ModelPredictive:
     """The settings of controller `model_predictive`."""
 
-    model: BelievedModel = None
+    model: DesignModel = None
     operating_point: OperatingPoint = None
     steps: Annotated[int, Field(ge=1, le=200)] = 40  # steps of the horizon
     step: Positive = 0.25  # one of them, rounded to whole ticks, at least one [s]
@@ -95,34 +95,34 @@ class ModelPredictiveLaw:
         limits, steps = self._limits, self._steps
         n, m = steps.count, limits.effort.size
         rates = 0 if limits.rate is None else (n - 1) * m
-        between = np.full(rates, (limits.rate or 0.0) * steps.ticks * steps.period)
-        self._widest = np.concatenate((np.tile(limits.effort, n), between))
+        rate_bounds = np.full(rates, (limits.rate or 0.0) * steps.ticks * steps.period)
+        self._limit_sizes = np.concatenate((np.tile(limits.effort, n), rate_bounds))
         self._soft = np.tile(limits.lower, n), np.tile(limits.upper, n)
         # an effort with a limited rate must be free to go on at every tick
         self._by_steps = steps.on_the_way != 1.0 and limits.rate is None
-        self._ahead: list[Reference] = []  # of the coming answer; none: the reference stays
-        self._whole = True  # whole steps lead from this tick to the end, or it is far
-        self._fresh = True  # no answer yet
+        self._references: list[Reference] = []  # of the coming answer; none: the reference stays
+        self._on_step = True  # whole steps lead from this tick to the end, or it is far
+        self._is_new = True  # no answer yet
         self._active = np.zeros(n * m + rates + n * len(limits.names))
-        self._last = kept(np.zeros((n, m)))
-        self._softened = self._repeats = False
+        self._last = read_only(np.zeros((n, m)))
+        self._soft_active = self._repeats = False
         self.remarks: list[Any] = []  # of the last answer, for the log
         self.terms: dict[str, Vector] = {}
 
     def foresee(self, reference: Callable[[int], Reference], tick: int) -> None:
         """Look up the references at the ends of the steps from this tick on."""
         steps = self._steps
-        self._ahead = [reference(tick + (i + 1) * steps.ticks) for i in range(steps.count)]
-        moving = _moving(self._ahead)
-        last = reference(tick + (moving + 1) * steps.ticks - 1)
-        self._whole = moving == steps.count or bool(last.velocity.any())
+        self._references = [reference(tick + (i + 1) * steps.ticks) for i in range(steps.count)]
+        steps_left = _steps_left(self._references)
+        last = reference(tick + (steps_left + 1) * steps.ticks - 1)
+        self._on_step = steps_left == steps.count or bool(last.velocity.any())
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
     ) -> None:
         """Begin without an answer before."""
-        self._active, self._softened, self._repeats = np.zeros_like(self._active), False, False
-        self._last, self._fresh = kept(np.zeros_like(self._last)), True
+        self._active, self._soft_active, self._repeats = np.zeros_like(self._active), False, False
+        self._last, self._is_new = read_only(np.zeros_like(self._last)), True
         self._prediction.restart()
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
@@ -132,12 +132,12 @@ class ModelPredictiveLaw:
         """
         d, self.remarks = estimate.disturbance, []
         by_steps = self._by_steps and bool(reference.velocity.any())
-        if self._whole or self._fresh or not by_steps:
+        if self._on_step or self._is_new or not by_steps:
             self._solve(measurement, estimate, reference, by_steps)
         limit = self._limits.effort
         effort: Vector = np.clip(self._last[0] - d, -limit, limit)
-        regulating = effort - reference.effort + d
-        self.terms = {"feedforward": reference.effort, "regulator": regulating, "disturbance": -d}
+        feedback = effort - reference.effort + d
+        self.terms = {"feedforward": reference.effort, "regulator": feedback, "disturbance": -d}
         return effort
 
     def _solve(
@@ -145,37 +145,37 @@ class ModelPredictiveLaw:
     ) -> None:
         """Optimise the efforts of the horizon, starting from the last ones; see update."""
         d, n = estimate.disturbance, self._steps.count
-        ahead, self._ahead = self._ahead or [reference] * n, []
-        moving = _moving(ahead)
-        if by_steps and not self._fresh and moving < n:  # a step has gone by
-            self._last = kept(np.vstack((self._last[1:], self._last[-1:])))
-        self._fresh = False
-        requested = np.array([reference.effort, *(one.effort for one in ahead[:-1])])
-        known = self._prediction.ahead(
+        references, self._references = self._references or [reference] * n, []
+        steps_left = _steps_left(references)
+        if by_steps and not self._is_new and steps_left < n:  # a step has gone by
+            self._last = read_only(np.vstack((self._last[1:], self._last[-1:])))
+        self._is_new = False
+        requested = np.array([reference.effort, *(one.effort for one in references[:-1])])
+        known = self._prediction.predict(
             HorizonQuestion(
                 measurement.tick,
                 measurement.time,
                 estimate,
-                [reference, *ahead],
-                moving,
+                [reference, *references],
+                steps_left,
                 self._last,
             )
         )
-        lower, upper = self._bounds(measurement.applied_effort, d, known.readings.ravel())
+        lower, upper = self._bounds(measurement.applied_effort, d, known.outputs.ravel())
         solved, active = known.program.solve(known.off, requested, lower, upper, self._active)
         if not solved.optimal and not self._repeats:
             self.remarks = [AnswerRepeated(self._steps.iterations)]
         self._repeats = not solved.optimal
         if solved.optimal:
-            self._active, self._last = active, kept(solved.efforts)
-            if solved.softened and not self._softened:
+            self._active, self._last = active, read_only(solved.efforts)
+            if solved.softened and not self._soft_active:
                 self.remarks = [self._passed(known, solved.efforts)]
-            self._softened = solved.softened
+            self._soft_active = solved.softened
 
     def _bounds(self, applied: Vector, d: Vector, free: Vector) -> tuple[Vector, Vector]:
         """Return the limits of V, of its differences, and of the soft rows less their free part."""
         limits, m, steps = self._limits, len(d), self._steps
-        lower, upper = -self._widest, self._widest.copy()
+        lower, upper = -self._limit_sizes, self._limit_sizes.copy()
         for bound in (lower, upper):
             bound[: steps.count * m].reshape(-1, m)[:] += d
         if limits.rate is not None:
@@ -189,24 +189,24 @@ class ModelPredictiveLaw:
             np.concatenate((upper, self._soft[1] - free)),
         )
 
-    def _passed(self, known: Ahead, efforts: Matrix) -> LimitSoftened:
+    def _passed(self, known: HorizonProblem, efforts: Matrix) -> LimitViolation:
         """Return which limit the prediction passes, and by how much."""
-        forced = (known.program.soft @ efforts.ravel()).reshape(known.readings.shape)
-        seen = known.readings + forced
+        forced = (known.program.soft @ efforts.ravel()).reshape(known.outputs.shape)
+        seen = known.outputs + forced
         excess = np.maximum(seen - self._limits.upper, self._limits.lower - seen)
-        worst = int(excess.max(axis=0).argmax())
-        return LimitSoftened(self._limits.names[worst], float(excess[:, worst].max()))
+        largest = int(excess.max(axis=0).argmax())
+        return LimitViolation(self._limits.names[largest], float(excess[:, largest].max()))
 
 
-def _moving(ahead: list[Reference]) -> int:
+def _steps_left(references: list[Reference]) -> int:
     """Return after how many steps the reference has come to its end."""
-    velocities = np.array([one.velocity for one in ahead])
+    velocities = np.array([one.velocity for one in references])
     return int(np.flatnonzero(velocities.any(axis=1)).max(initial=-1)) + 1
 
 
 def build(
     settings: ModelPredictive, plant: PlantDescription
-) -> tuple[KalmanFilter | TurningFilter, ModelPredictiveLaw]:
+) -> tuple[KalmanFilter | RotationFilter, ModelPredictiveLaw]:
     """Return the filter and the law.
 
     Raises:
@@ -214,22 +214,22 @@ def build(
             or a limit names what the testbed has not.
     """
     ticks = max(1, round(settings.step / plant.period))
-    believed = plant.believed(settings.model)
-    at = operating_point_of(plant, believed, settings.operating_point)
-    turning = turning_platform(believed, at)
-    most = settings.iterations or (_ITERATIONS if turning is None else _ITERATIONS_TURNING)
+    design_model = plant.design_model(settings.model)
+    at = operating_point_of(plant, design_model, settings.operating_point)
+    platform = rate_dependent_platform(design_model, at)
+    most = settings.iterations or (_ITERATIONS if platform is None else _SLEW_ITERATIONS)
     steps = Steps(settings.steps, ticks, plant.period, settings.on_the_way, most)
-    model = joints_first(believed, at) if turning is None else turning.small
+    model = joints_first(design_model, at) if platform is None else platform.small
     rest = operating_point_of(plant, model, settings.operating_point)
     linear = model.linearise(rest)
     a, b = linear.state_matrix, linear.state_input_matrix
     require_controllable(a, b, state_names(model))
     problem = scaled_problem(linear, settings.weights)
-    f, g, _ = discretised(a, b, np.zeros_like(a), steps.length)
+    f, g, _ = discrete_model(a, b, np.zeros_like(a), steps.length)
     cost = costs(f, g, problem.q, problem.effort_weight)
-    if turning is not None:
-        return _about_plan(settings, plant, turning, cost, steps)
-    about = AboutRest(
+    if platform is not None:
+        return _plan_controller(settings, plant, platform, cost, steps)
+    prediction = RestPrediction(
         model,
         np.concatenate((rest, np.zeros_like(rest))),
         (f, g),
@@ -238,17 +238,17 @@ def build(
         steps,
         max(1, int(np.ceil(steps.length * np.abs(np.linalg.eigvals(a)).max() / _RESOLVED))),
     )
-    filtering = KalmanFilter(model, rest, settings.filter, plant.period)
-    return filtering, ModelPredictiveLaw(about)
+    estimator = KalmanFilter(model, rest, settings.filter, plant.period)
+    return estimator, ModelPredictiveLaw(prediction)
 
 
-def _about_plan(
+def _plan_controller(
     settings: ModelPredictive,
     plant: PlantDescription,
-    craft: TurningPlatform,
+    platform: RateDependentPlatform,
     cost: Costs,
     steps: Steps,
-) -> tuple[TurningFilter, ModelPredictiveLaw]:
+) -> tuple[RotationFilter, ModelPredictiveLaw]:
     """Return filter and law of a craft that turns in three axes; see about_plan."""
     if settings.tip_limit is not None:
         raise BadInput(
@@ -259,12 +259,14 @@ def _about_plan(
         )
     attitude = plant.testbed.model().attitude
     assert attitude is not None
-    limits = _limits(settings, craft.small, craft.small.rest({}), plant.effort_limit)
-    law = ModelPredictiveLaw(AboutPlan(craft, attitude, cost, limits, steps))
-    return turning_filter(craft, settings.filter, plant), law
+    limits = _limits(settings, platform.small, platform.small.rest({}), plant.effort_limit)
+    law = ModelPredictiveLaw(PlanPrediction(platform, attitude, cost, limits, steps))
+    return rotation_filter(platform, settings.filter, plant), law
 
 
-def _limits(s: ModelPredictive, model: Designed, rest: Vector, effort: Vector) -> HorizonLimits:
+def _limits(
+    s: ModelPredictive, model: LinearDesignModel, rest: Vector, effort: Vector
+) -> HorizonLimits:
     """Return what the prediction keeps to, as rows of x about the rest.
 
     Raises:

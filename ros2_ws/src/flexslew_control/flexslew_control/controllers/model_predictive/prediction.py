@@ -15,7 +15,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
 _ACTIVE, _LOWER, _SOFT = 1, 2, 8  # of DAQP's `sense`
-_SOFTENED = 2  # its exit flag: optimal, with a soft limit passed
+_SOFT_FLAG = 2  # its exit flag: optimal, with a soft limit passed
 
 
 class Costs(NamedTuple):
@@ -90,7 +90,7 @@ class Program:
     Args:
         forced: of the horizon, shape (N k, N m).
         costs: of each step.
-        shares: factor of the weights of each step's state, shape (N,).
+        weight_factors: factor of the weights of each step's state, shape (N,).
         size: of each effort, by which the variables are divided, shape (m,).
         hard: rows H of H V, shape (r, N m).
         soft: rows C of C X, shape (s, N k).
@@ -101,16 +101,16 @@ class Program:
         self,
         forced: Matrix,
         costs: Costs,
-        shares: Vector,
+        weight_factors: Vector,
         size: Vector,
         hard: Matrix,
         soft: Matrix,
         iterations: int,
     ) -> None:
-        n, k = len(shares), len(costs.state)
+        n, k = len(weight_factors), len(costs.state)
         self._n = n
         self._size = np.tile(size, n)
-        state = shares[:, None, None] * np.array([costs.state] * (n - 1) + [costs.last])
+        state = weight_factors[:, None, None] * np.array([costs.state] * (n - 1) + [costs.last])
         weighted = np.einsum("nij,njv->niv", state, forced.reshape(n, k, -1))
         self._weighted, self._r = weighted.reshape(n * k, -1), costs.effort  # Q Forced, R
         hessian = forced.T @ self._weighted + np.kron(np.eye(n), self._r)
@@ -141,15 +141,20 @@ class Program:
             import daqp  # for this law alone
 
             self._model = daqp.Model()
-            wide = np.full(len(self._sense), 1e20)
+            unbounded = np.full(len(self._sense), 1e20)
             self._model.setup(
-                self._hessian, np.zeros(len(self._size)), self._rows, wide, -wide, self._sense
+                self._hessian,
+                np.zeros(len(self._size)),
+                self._rows,
+                unbounded,
+                -unbounded,
+                self._sense,
             )
             self._model.settings = {"iter_limit": self._iterations}
 
     def solve(
         self,
-        ahead: Matrix,
+        free_response: Matrix,
         requested: Matrix,
         lower: Vector,
         upper: Vector,
@@ -158,14 +163,14 @@ class Program:
         """Return the answer, and which limits hold it, for the next tick's start.
 
         Args:
-            ahead: x(1 ... N) - x* with V = 0, shape (N, k).
+            free_response: x(1 ... N) - x* with V = 0, shape (N, k).
             requested: v*, shape (N, m).
             lower: of V, of the hard rows, then of the soft ones' C (X - X with V = 0).
             upper: the same.
             active: of the limits at the start: 1 at the upper, -1 at the lower, else 0.
         """
         self.prepare()
-        pull = ahead.ravel() @ self._weighted
+        pull = free_response.ravel() @ self._weighted
         pull -= (requested @ self._r).ravel()
         if not (np.isfinite(pull).all() and np.isfinite(lower).all() and np.isfinite(upper).all()):
             return Solved(np.zeros_like(requested), 0, False, False), active  # it has run away
@@ -182,5 +187,5 @@ class Program:
         )
         found, _, flag, info = self._model.solve()
         efforts = (np.asarray(found) * self._size).reshape(self._n, -1)
-        solved = Solved(efforts, int(info["iterations"]), flag == _SOFTENED, flag > 0)
+        solved = Solved(efforts, int(info["iterations"]), flag == _SOFT_FLAG, flag > 0)
         return solved, np.sign(np.asarray(info["lam"]))

@@ -1,6 +1,6 @@
 """The linear form of a controller, taken from its running code.
 
-A controller at rest is copied, what it measures and what it remembers is perturbed, and the copies
+A controller at rest is copied, what it measures and what it remembers is perturb, and the copies
 answer one tick: differences of fourth order of its answer and of its memory are the matrices of
     s(k + 1) = A s(k) + B w(k), u(k) = C s(k) + D w(k).
 The memory s is what differs between two copies that have measured different things, as far as it
@@ -17,12 +17,12 @@ from flexslew_control.analysis.rest import Rest
 from flexslew_control.analysis.signals import applied_of, inputs_of, outputs_of
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.probing.probed_controller import (
-    ProbedController,
+    ProbeController,
+    from_flat,
     memory_parts,
-    placed,
 )
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
-from flexslew_control.estimators.instrument_readings import with_instruments
+from flexslew_control.estimators.instrument_readings import with_sensors
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
@@ -32,7 +32,7 @@ _CLOSE = 0.02  # mismatch of the two at small motions, of the largest effort
 _KEPT = 1e-5  # mismatch then, of the largest effort: beyond it something may be kept elsewhere
 # Motions, of those before, at which such a mismatch is looked at again: what is kept elsewhere is
 # as large a part as before, what is not linear is smaller by as much; a part from which it is kept.
-_SMALLER, _AS_BEFORE = 0.01, 0.1
+_REDUCTION, _AS_BEFORE = 0.01, 0.1
 
 
 @dataclass(frozen=True)
@@ -44,23 +44,24 @@ class RunningLaw:
         mismatch: largest difference between form and code over some ticks of small motions,
             of the largest effort [-].
         ticks: after which its memory had settled at rest.
-        rested: a copy that has answered the ticks before that one, its references at the rest.
+        steady_controller: a copy that has answered the ticks before that one, its references at
+            the rest.
         memory: where the states of the form stand in it.
     """
 
     form: Lti
     mismatch: float
     ticks: int
-    rested: Controller
+    steady_controller: Controller
     memory: tuple[Place, ...]
 
-    def moved(self, s: Vector) -> Controller:
+    def perturb(self, s: Vector) -> Controller:
         """Return a copy of the rested controller with its memory away from its rest by s."""
-        one: Controller = copied(self.rested)
+        one: Controller = copied(self.steady_controller)
         parts = memory_parts(one)
-        held = numbers(parts)
-        flat = np.concatenate([np.ravel(held[place]) for place in self.memory] + [np.zeros(0)])
-        for place, value in placed(held, self.memory, flat + s).items():
+        values = numbers(parts)
+        flat = np.concatenate([np.ravel(values[place]) for place in self.memory] + [np.zeros(0)])
+        for place, value in from_flat(values, self.memory, flat + s).items():
             assign(parts, place, value)
         return one
 
@@ -82,25 +83,25 @@ def running_law(
         BadInput: it gives no answer at rest, or is not linear there.
     """
     if isinstance(controller.estimator, AttitudeEstimator):
-        instruments = with_instruments(controller.estimator)
+        sensors = with_sensors(controller.estimator)
         controller = copied(controller)
-        controller.use_estimator(instruments)
-    probed = ProbedController(controller, rest, limit, gains)
-    probed.settle()
-    memory = probed.memory()
-    a, b, c, d = probed.slopes(memory)
+        controller.use_estimator(sensors)
+    probe = ProbeController(controller, rest, limit, gains)
+    probe.settle()
+    memory = probe.memory()
+    a, b, c, d = probe.slopes(memory)
     model = rest.model
     names = (*outputs_of(model), *applied_of(model))
     references = tuple(f"{REFERENCE}.{joint}" for joint in model.joint_names)
     form = Lti(
-        a, b, c, d, (*names, *references), inputs_of(model), _names(probed, memory),
+        a, b, c, d, (*names, *references), inputs_of(model), _names(probe, memory),
         controller.period,
     )  # fmt: skip
-    mismatch, kept = probed.mismatch(form)
+    mismatch, kept = probe.mismatch(form)
     if (
         mismatch < _CLOSE
         and not kept < _KEPT
-        and not probed.mismatch(form, _SMALLER)[1] < _AS_BEFORE * kept
+        and not probe.mismatch(form, _REDUCTION)[1] < _AS_BEFORE * kept
     ):
         raise BadInput(
             f"{controller.name} keeps memory outside of itself: at rest after small motions its "
@@ -114,12 +115,12 @@ def running_law(
             " (of drives that push one way: take another time by --at, or give the law an "
             "`allocation`), or keep its memory outside of itself"
         )
-    return RunningLaw(form, mismatch, probed.tick, probed.controller, tuple(memory))
+    return RunningLaw(form, mismatch, probe.tick, probe.controller, tuple(memory))
 
 
-def _names(probed: ProbedController, memory: list[Place]) -> tuple[str, ...]:
+def _names(probe: ProbeController, memory: list[Place]) -> tuple[str, ...]:
     out = []
     for place in memory:
         name = ".".join(str(part).lstrip("_") for part in place)
-        out += [f"{name}.{k + 1}" for k in range(np.size(probed.held[place]))]
+        out += [f"{name}.{k + 1}" for k in range(np.size(probe.held[place]))]
     return tuple(out)

@@ -17,7 +17,7 @@ from flexslew_control.estimators.small_motion_observer import ObserverSettings, 
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.linear_design import require_controllable
 from flexslew_control.shared_keys import TrackingTime, WholeModel
-from flexslew_control.small_motion import Frozen, moving, require_balancing
+from flexslew_control.small_motion import Frozen, design_motion, require_full_rank
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.settings import Positive, section
 
@@ -80,14 +80,14 @@ def build(
         BadInput: a motion is not controllable or does not show in the readings, or two efforts do
             the same.
     """
-    motion = moving(plant, settings.model)
+    motion = design_motion(plant, settings.model)
     before = motion.before()
-    require_balancing(before, motion)
+    require_full_rank(before, motion)
     names = (*motion.names, *(f"{name} rate" for name in motion.names))
     require_controllable(before.state_matrix, before.state_input_matrix, names)
     gains = motion.gains(integral_gains(before, settings.weights))
     law = IntegralFeedback(
-        gains, motion.resting_joints, plant.effort_limit, settings.tracking_time, plant.period
+        gains, motion.rest_position, plant.effort_limit, settings.tracking_time, plant.period
     )
     return observer(motion, settings.observer, plant.period), law
 

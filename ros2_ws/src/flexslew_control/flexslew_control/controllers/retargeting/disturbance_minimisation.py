@@ -7,13 +7,13 @@ disturbance_minimisation), which includes d(t); the gains are those of the start
 import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry, PlanVariant
-from flexslew_control.controllers.retargeting.sampled_regulator import Design, held_regulator
+from flexslew_control.controllers.retargeting.sampled_regulator import Design, sampled_gain
 from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback, state_form
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.linear_design import require_controllable
 from flexslew_control.shared_keys import WholeModel
-from flexslew_control.small_motion import moving
+from flexslew_control.small_motion import design_motion
 from flexslew_plant.settings import Positive, section
 
 
@@ -45,15 +45,15 @@ def build(
         BadInput: a motion is not controllable or does not show in the readings, or the loop is
             not stable at this period.
     """
-    motion = moving(plant, settings.model)
+    motion = design_motion(plant, settings.model)
     before = motion.before()
     a, b = before.state_matrix, before.state_input_matrix
     require_controllable(a, b, (*motion.names, *(f"{name} rate" for name in motion.names)))
     w = settings.weights
     q, r = w.state * np.eye(len(a)), w.effort * np.eye(b.shape[1])
-    gain = held_regulator(a, b, q, r, plant.period, settings.design)
+    gain = sampled_gain(a, b, q, r, plant.period, settings.design)
     return observer(motion, settings.observer, plant.period), StateFeedback(
-        motion.gains(gain), motion.resting_joints
+        motion.gains(gain), motion.rest_position
     )
 
 

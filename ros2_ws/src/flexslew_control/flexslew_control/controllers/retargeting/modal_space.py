@@ -11,7 +11,7 @@ from flexslew_control.controllers.retargeting.small_motion_laws import StateFeed
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.shared_keys import WholeModel
-from flexslew_control.small_motion import Frozen, moving, require_balancing
+from flexslew_control.small_motion import Frozen, design_motion, require_full_rank
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
 
@@ -37,8 +37,8 @@ def modal_gains(squares: Vector, weight: float) -> tuple[Vector, Vector]:
     """
     w = np.sqrt(squares)
     s = np.sqrt(squares + 1.0 / weight)
-    stiffening = w * (s - w)
-    return stiffening, np.sqrt(2.0 * stiffening + 1.0 / weight)
+    position_gain = w * (s - w)
+    return position_gain, np.sqrt(2.0 * position_gain + 1.0 / weight)
 
 
 def space_gains(before: Frozen, weight: float, rate_gain: float) -> Matrix:
@@ -54,8 +54,8 @@ def space_gains(before: Frozen, weight: float, rate_gain: float) -> Matrix:
     mass, b = np.diag(before.mass), before.input_matrix
     squares = np.diag(before.stiffness) / mass
     elastic = squares > _SOFT * squares.max()
-    stiffening, damping = modal_gains(np.where(elastic, squares, 0.0), weight)
-    position = np.diag(np.where(elastic, mass * stiffening, 0.0))
+    position_gain, damping = modal_gains(np.where(elastic, squares, 0.0), weight)
+    position = np.diag(np.where(elastic, mass * position_gain, 0.0))
     rate = np.diag(np.where(elastic, mass * damping, mass * rate_gain))
     requested = np.hstack((position, rate))
     gains = np.linalg.pinv(b[elastic]) @ requested[elastic]
@@ -70,12 +70,12 @@ def build(settings: ModalSpace, plant: PlantDescription) -> tuple[Estimator, Sta
     Raises:
         BadInput: two efforts are dependent, or a motion does not show in the readings.
     """
-    motion = moving(plant, settings.model)
+    motion = design_motion(plant, settings.model)
     before = motion.before()
-    require_balancing(before, motion)
+    require_full_rank(before, motion)
     gain = space_gains(before, settings.weight, settings.rate_gain)
     return observer(motion, settings.observer, plant.period), StateFeedback(
-        motion.gains(gain), motion.resting_joints
+        motion.gains(gain), motion.rest_position
     )
 
 

@@ -16,7 +16,7 @@ from flexslew_control.controllers.retargeting.small_motion_laws import (
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.shared_keys import TrackingTime, WholeModel
-from flexslew_control.small_motion import moving
+from flexslew_control.small_motion import design_motion
 from flexslew_plant.settings import section
 
 
@@ -37,11 +37,11 @@ def build(settings: PlannedGains, plant: PlantDescription) -> tuple[Estimator, I
     Raises:
         BadInput: a motion is not controllable or does not show in the readings.
     """
-    motion = moving(plant, settings.model)
+    motion = design_motion(plant, settings.model)
     gains = motion.gains(integral_gains(motion.before(), settings.weights))
     law = IntegralFeedback(
         gains,
-        motion.resting_joints,
+        motion.rest_position,
         plant.effort_limit,
         settings.tracking_time,
         plant.period,

@@ -14,7 +14,7 @@ Design: TypeAlias = Literal["continuous", "sampled"]
 _HALVINGS = 14  # of a tick in the integral of the cost
 
 
-def held_cost(
+def sampled_cost(
     a: Matrix, b: Matrix, q: Matrix, r: Matrix, period: float
 ) -> tuple[Matrix, Matrix, Matrix]:
     """Return F, G of x+ = F x + G u and the integral of the cost of (x, u) over a tick.
@@ -27,19 +27,19 @@ def held_cost(
         period: one tick [s].
     """
     k, m = b.shape
-    held, weight = np.zeros((k + m, k + m)), np.zeros((k + m, k + m))
-    held[:k, :k], held[:k, k:] = a, b
+    augmented, weight = np.zeros((k + m, k + m)), np.zeros((k + m, k + m))
+    augmented[:k, :k], augmented[:k, k:] = a, b
     weight[:k, :k], weight[k:, k:] = q, r
     step = period / 2**_HALVINGS
-    moved = expm(held * step)
-    cost = 0.5 * step * (weight + moved.T @ weight @ moved)
+    transition = expm(augmented * step)
+    cost = 0.5 * step * (weight + transition.T @ weight @ transition)
     for _ in range(_HALVINGS):  # twice the interval each time
-        cost = cost + moved.T @ cost @ moved
-        moved = moved @ moved
-    return moved[:k, :k], moved[:k, k:], cost
+        cost = cost + transition.T @ cost @ transition
+        transition = transition @ transition
+    return transition[:k, :k], transition[:k, k:], cost
 
 
-def held_regulator(
+def sampled_gain(
     a: Matrix, b: Matrix, q: Matrix, r: Matrix, period: float, design: Design
 ) -> Matrix:
     """Return K of u = -K x, shape (m, k), that is stable when u is held over a tick.
@@ -56,7 +56,7 @@ def held_regulator(
     Raises:
         BadInput: there is no regulator, or the continuous one is not stable at this period.
     """
-    f, g, cost = held_cost(a, b, q, r, period)
+    f, g, cost = sampled_cost(a, b, q, r, period)
     k = len(a)
     if design == "sampled":
         try:
@@ -66,11 +66,12 @@ def held_regulator(
         gain = np.linalg.solve(cost[k:, k:] + g.T @ p @ g, g.T @ p @ f + cost[k:, :k])
         return np.asarray(gain)
     gain, _ = regulator(a, b, q, r)
-    growth = float(abs(np.linalg.eigvals(f - g @ gain)).max())
-    if growth > 1.0:
-        fastest = float(abs(np.linalg.eigvals(a - b @ gain)).max())
+    radius = float(abs(np.linalg.eigvals(f - g @ gain)).max())
+    if radius > 1.0:
+        largest_pole = float(abs(np.linalg.eigvals(a - b @ gain)).max())
         raise BadInput(
             f"design: continuous is not stable with efforts held for {period:g} s: its fastest "
-            f"pole is {fastest:.5g} 1/s; take sampled, or a period below {1.0 / fastest:.2g} s"
+            f"pole is {largest_pole:.5g} 1/s; take sampled, or a period below "
+            f"{1.0 / largest_pole:.2g} s"
         )
     return gain

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import block_diag
 
-from flexslew_control.controllers.probing.at_rest import moves
+from flexslew_control.controllers.probing.at_rest import plan_motion_error
 from flexslew_control.estimators.small_motion_observer import (
-    InvertedReadings,
+    InverseObserver,
     SmallMotionObserver,
 )
 from flexslew_control.law import Estimate, Reference
@@ -40,7 +40,7 @@ class StateFeedback:
 
     def objection(self, plan: Plan | None) -> str:
         """Return why it cannot fly without a plan, or with this one; empty if it can."""
-        return moves(plan, self.rest)
+        return plan_motion_error(plan, self.rest)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -49,9 +49,9 @@ class StateFeedback:
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the efforts, shape (m,) [N m or N]."""
-        regulating = -(self.gain @ np.concatenate((estimate.position, estimate.velocity)))
-        self.terms = {"feedforward": reference.effort, "regulator": regulating}
-        return reference.effort + regulating
+        feedback = -(self.gain @ np.concatenate((estimate.position, estimate.velocity)))
+        self.terms = {"feedforward": reference.effort, "regulator": feedback}
+        return reference.effort + feedback
 
 
 @dataclass
@@ -81,8 +81,8 @@ class IntegralFeedback:
 
     def objection(self, plan: Plan | None) -> str:
         """Return why it cannot fly without a plan, or with this one; empty if it can."""
-        lacking = self.planned and not (plan and plan.gains.size)
-        return NO_GAINS * lacking or moves(plan, self.rest)
+        missing = self.planned and not (plan and plan.gains.size)
+        return NO_GAINS * missing or plan_motion_error(plan, self.rest)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -111,8 +111,8 @@ class IntegralFeedback:
         demand: Vector = sum(self.terms.values(), np.zeros(len(self.limit)))
         effort = np.clip(demand, -self.limit, self.limit)
         if self.tracking_time is not None and (effort != demand).any():
-            back = np.linalg.lstsq(ki, demand - effort, rcond=None)[0]
-            self._z = self._z + self.period / self.tracking_time * back
+            correction = np.linalg.lstsq(ki, demand - effort, rcond=None)[0]
+            self._z = self._z + self.period / self.tracking_time * correction
         return effort
 
     def three(self, reference: Reference) -> tuple[Matrix, Matrix, Matrix]:
@@ -125,7 +125,7 @@ class IntegralFeedback:
 
 
 def state_form(
-    estimator: InvertedReadings | SmallMotionObserver,
+    estimator: InverseObserver | SmallMotionObserver,
     law: StateFeedback,
     references: list[Reference],
 ) -> LinearForm:
@@ -136,7 +136,7 @@ def state_form(
 
 
 def integral_form(
-    estimator: InvertedReadings | SmallMotionObserver,
+    estimator: InverseObserver | SmallMotionObserver,
     law: IntegralFeedback,
     references: list[Reference],
 ) -> LinearForm:
@@ -152,21 +152,21 @@ def integral_form(
     rows = []
     for reference in references if varying else references[:1]:
         kp, kd, ki = law.three(reference)
-        back = np.zeros((n, m))
+        correction = np.zeros((n, m))
         if law.tracking_time is not None:
-            back = h / law.tracking_time * np.asarray(np.linalg.pinv(ki))
+            correction = h / law.tracking_time * np.asarray(np.linalg.pinv(ki))
         of_motion = -np.hstack((kp + 0.5 * h * ki, kd))
-        before = np.hstack((h * one, none)) + back @ of_motion
-        rows.append((of_motion, -ki, one - back @ ki, -back, before, back))
-    of_motion, of_state, state, taken, before, back = map(np.array, zip(*rows, strict=True))
+        before = np.hstack((h * one, none)) + correction @ of_motion
+        rows.append((of_motion, -ki, one - correction @ ki, -correction, before, correction))
+    of_motion, of_state, state, taken, before, correction = map(np.array, zip(*rows, strict=True))
     start = np.hstack((-0.5 * h * one, none))
-    constant = (back @ demand[:, :, None])[:, :, 0]
+    constant = (correction @ demand[:, :, None])[:, :, 0]
     observer = LinearObserver(start, state, np.zeros((n, m)), before, constant, taken)
     return _on_motion(estimator, of_motion, of_state, demand, observer)
 
 
 def _on_motion(
-    estimator: InvertedReadings | SmallMotionObserver,
+    estimator: InverseObserver | SmallMotionObserver,
     of_motion: Matrix,
     of_state: Matrix,
     demand: Matrix,
@@ -181,10 +181,10 @@ def _on_motion(
         demand: shape (ticks, m).
         observer: observer with y = (x, x').
     """
-    if isinstance(estimator, InvertedReadings):
+    if isinstance(estimator, InverseObserver):
         read = block_diag(estimator.inverse, estimator.inverse)
-        on_readings = observer._replace(start=observer.start @ read, before=observer.before @ read)
-        return observed_form(of_state, of_motion @ read, demand, on_readings)
+        on_outputs = observer._replace(start=observer.start @ read, before=observer.before @ read)
+        return observed_form(of_state, of_motion @ read, demand, on_outputs)
     m = demand.shape[1]
     form = SmallMotionForm(estimator.motion.model, estimator.belief, observer)
     on_all = np.concatenate((of_motion, of_state), axis=-1)

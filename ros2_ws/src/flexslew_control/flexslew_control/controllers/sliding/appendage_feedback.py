@@ -5,13 +5,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from flexslew_control.controllers.sliding.one_appendage import Carried, OneAppendage
+from flexslew_control.controllers.sliding.one_appendage import OneAppendage, PlatformCoupling
 from flexslew_control.controllers.sliding.sliding_surface import LinearSystem, SlidingDesign, design
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds import believed
+from flexslew_plant.testbeds import design_testbed
 from flexslew_plant.testbeds.contract import Clamped, HasClampedAppendages
 
 
@@ -35,12 +35,12 @@ def appendage_system(c: Clamped, settings: AppendageFeedback, name: str) -> Line
     lower = np.hstack((-np.diag(c.stiffness / c.mass), -c.damping / c.mass[:, None]))
     a = np.vstack((np.hstack((np.zeros((n, n)), np.eye(n))), lower))
     b = np.vstack((np.zeros((n, len(c.joints))), c.torque_input / c.mass[:, None]))
-    still = np.zeros_like(c.tip)
+    zero = np.zeros_like(c.tip)
     modes = [f"{name} mode {k + 1}" for k in range(n)]
     return LinearSystem(
         a,
         b,
-        np.block([[c.tip, still], [still, c.tip]]),
+        np.block([[c.tip, zero], [zero, c.tip]]),
         np.eye(2 * n),
         settings.process_density * np.eye(2 * n),
         settings.sensor_density * np.eye(2 * len(c.tip)),
@@ -62,11 +62,11 @@ def platform_gains(c: Clamped, settings: AppendageFeedback) -> tuple[Vector, Vec
     I_least); force = -m (kappa/I_least R + 2 zeta sqrt(kappa/I_least) R').
     """
     least = float(np.diag(c.inertia).min())
-    about = np.einsum("aj,ab,bj->j", c.torque, c.inertia, c.torque)
-    pushed = abs(c.force).sum(axis=0) > 0.0
-    carried = np.where(pushed, c.total_mass, about)
+    axis_inertia = np.einsum("aj,ab,bj->j", c.torque, c.inertia, c.torque)
+    is_force = abs(c.force).sum(axis=0) > 0.0
+    load = np.where(is_force, c.total_mass, axis_inertia)
     square = settings.platform_gain / least
-    return carried * square, carried * 2.0 * settings.platform_damping * np.sqrt(square)
+    return load * square, load * 2.0 * settings.platform_damping * np.sqrt(square)
 
 
 def appendage_model(
@@ -88,7 +88,7 @@ def appendage_model(
     Raises:
         BadInput: no such appendage, none of its torques, or no stable design.
     """
-    testbed = believed(plant.testbed, model, "model", plant.trust)
+    testbed = design_testbed(plant.testbed, model, "model", plant.trust)
     if not isinstance(testbed, HasClampedAppendages):
         raise BadInput(f"appendage: {testbed.kind} has no appendages that can be taken alone")
     c = testbed.clamped(settings.name)
@@ -100,11 +100,11 @@ def appendage_model(
     system = appendage_system(c, settings, settings.name)
     found = design(system, appendage_weight(c, settings.weight_exponents), reaching_rate)
     stiffness, damping = platform_gains(c, settings)
-    carried = Carried(c.torque, c.inertia, c.tangential, c.centrifugal, c.mass)
+    load = PlatformCoupling(c.torque, c.inertia, c.tangential, c.centrifugal, c.mass)
     observed = OneAppendage(
         system,
         found.observer_gain,
-        carried,
+        load,
         mode != "tracking_b",
         mode != "rigid_hold",
         plant.period,

@@ -74,7 +74,7 @@ class ObservedModel(Protocol):
     def efforts(self, measurement: Measurement) -> Vector:
         """Return the efforts of B that were applied during the last tick, shape (m,)."""
 
-    def advanced(
+    def propagate(
         self, z: Vector, y: Vector, effort: Vector, gain: Matrix, reference: Reference | None
     ) -> Vector:
         """Return z one tick later under z' = f(z, u) + K_f (y - C z), y and u held.
@@ -97,7 +97,7 @@ class ObservedModel(Protocol):
         """Return positions and rates, the joints first."""
 
 
-def held_step(system: LinearSystem, gain: Matrix, period: float) -> Matrix:
+def observer_step(system: LinearSystem, gain: Matrix, period: float) -> Matrix:
     """Return S of z+ = S (z, u, y), exact for z' = (A - K_f C) z + B u + K_f y over a tick.
 
     Args:
@@ -108,8 +108,8 @@ def held_step(system: LinearSystem, gain: Matrix, period: float) -> Matrix:
     Returns:
         of shape (k, k + m + p).
     """
-    held = np.hstack((system.b, gain))
-    return np.hstack(zero_order_hold(system.a - gain @ system.c, held, period))
+    inputs = np.hstack((system.b, gain))
+    return np.hstack(zero_order_hold(system.a - gain @ system.c, inputs, period))
 
 
 @dataclass
@@ -141,7 +141,7 @@ class JointsAndModes:
         n, m = self.model.coordinates, self.model.joints
         self._joint_rows = np.tile(np.arange(n) < m, 2)
         self._no_effort = np.zeros(m)
-        self._step = held_step(self.system, self.gain, self.period)
+        self._step = observer_step(self.system, self.gain, self.period)
         self._feedback: Matrix = self.gain @ self.system.c
 
     @property
@@ -165,7 +165,7 @@ class JointsAndModes:
         """Return the efforts of the joints."""
         return measurement.applied_effort
 
-    def advanced(
+    def propagate(
         self, z: Vector, y: Vector, effort: Vector, gain: Matrix, reference: Reference | None
     ) -> Vector:
         """Return z one tick later: exactly where it is linear, else by a step of RK4."""
@@ -173,14 +173,14 @@ class JointsAndModes:
             y = y - self.system.c @ self.origin
             return self.origin + self._step @ np.concatenate((z - self.origin, effort, y))
         h = self.period
-        held, derivative, feedback = gain @ y, self.model.derivative, self._feedback
-        k1 = derivative(z, effort) + (held - feedback @ z)
+        inputs, derivative, feedback = gain @ y, self.model.derivative, self._feedback
+        k1 = derivative(z, effort) + (inputs - feedback @ z)
         at = z + 0.5 * h * k1
-        k2 = derivative(at, effort) + (held - feedback @ at)
+        k2 = derivative(at, effort) + (inputs - feedback @ at)
         at = z + 0.5 * h * k2
-        k3 = derivative(at, effort) + (held - feedback @ at)
+        k3 = derivative(at, effort) + (inputs - feedback @ at)
         at = z + h * k3
-        k4 = derivative(at, effort) + (held - feedback @ at)
+        k4 = derivative(at, effort) + (inputs - feedback @ at)
         return z + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
 
     def error_step(self) -> tuple[Matrix, Matrix]:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.controllers.sliding.design_model import Mask, held_step, inverse
+from flexslew_control.controllers.sliding.design_model import Mask, inverse, observer_step
 from flexslew_control.controllers.sliding.sliding_surface import LinearSystem, SlidingDesign
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.linear_form import LinearForm, LinearObserver, observed_form
@@ -19,7 +19,7 @@ def _cross(a: Vector, b: Vector) -> Vector:
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
-class Carried(NamedTuple):
+class PlatformCoupling(NamedTuple):
     """How the platform's motion moves an appendage, and the platform's own numbers.
 
     Args:
@@ -60,7 +60,7 @@ class OneAppendage:
 
     system: LinearSystem
     gain: Matrix
-    carried: Carried
+    carried: PlatformCoupling
     known: bool
     elastic: bool
     period: float
@@ -77,13 +77,13 @@ class OneAppendage:
         """Precompute what does not change."""
         k = len(self.system.a)
         # one column more per state: a disturbance that is held
-        both = replace(self.system, b=np.hstack((self.system.b, np.eye(k))))
-        self._step = held_step(both, self.gain, self.period)
+        augmented = replace(self.system, b=np.hstack((self.system.b, np.eye(k))))
+        self._step = observer_step(augmented, self.gain, self.period)
         self._inverse = np.linalg.inv(self.carried.inertia)
         self._to_spin = np.linalg.pinv(self.carried.torque.T)
         self._none = np.zeros(k)
-        self._own = np.zeros(self.count, dtype=bool)
-        self._own[self.joints] = True
+        self._appendage_joints = np.zeros(self.count, dtype=bool)
+        self._appendage_joints[self.joints] = True
 
     @property
     def joint_rows(self) -> Mask:
@@ -120,15 +120,17 @@ class OneAppendage:
         effort[:, self.joints] = self._step[:, k : k + m]
         before[:, [first + row for row in self.rows]] = self._step[:, k + m + k :]
         known = np.array([self.disturbance(reference) for reference in references])
-        held = known @ self._step[:, k + m : k + m + k].T
-        return LinearObserver(np.zeros((k, outputs)), self._step[:, :k], effort, before, held)
+        disturbance = known @ self._step[:, k + m : k + m + k].T
+        return LinearObserver(
+            np.zeros((k, outputs)), self._step[:, :k], effort, before, disturbance
+        )
 
-    def advanced(
+    def propagate(
         self, z: Vector, y: Vector, effort: Vector, gain: Matrix, reference: Reference | None
     ) -> Vector:
         """Return z one tick later, exactly for what is held."""
-        held = self.disturbance(reference)
-        return self._step @ np.concatenate((z, effort, held, y))
+        disturbance = self.disturbance(reference)
+        return self._step @ np.concatenate((z, effort, disturbance, y))
 
     def error_step(self) -> tuple[Matrix, Matrix]:
         """Return what a tick makes of errors and of held sensor noise."""
@@ -177,9 +179,9 @@ class OneAppendage:
         position = self.stiffness * (reference.position - measurement.joint_position)
         rate = self.damping * (reference.velocity - measurement.joint_velocity)
         return {
-            "zero_order": np.where(self._own, 0.0, reference.effort),
-            "attitude": np.where(self._own, 0.0, position),
-            "attitude_rate": np.where(self._own, 0.0, rate),
+            "zero_order": np.where(self._appendage_joints, 0.0, reference.effort),
+            "attitude": np.where(self._appendage_joints, 0.0, position),
+            "attitude_rate": np.where(self._appendage_joints, 0.0, rate),
         }
 
     def estimate(self, z: Vector, measurement: Measurement) -> tuple[Vector, Vector]:
@@ -215,12 +217,12 @@ def appendage_form(
     pairs = [observed.nominal_state(reference) for reference in references]
     nominal, slope = (np.array(column) for column in zip(*pairs, strict=True))
     known = np.array([observed.disturbance(reference) for reference in references])
-    own = np.isin(np.arange(count), observed.joints)
-    planned = np.array([np.where(own, 0.0, reference.effort) for reference in references])
-    demand = planned + ((slope - known) @ (g_b @ surface).T + nominal @ reaching.T) @ place.T
+    mask = np.isin(np.arange(count), observed.joints)
+    plan_efforts = np.array([np.where(mask, 0.0, reference.effort) for reference in references])
+    demand = plan_efforts + ((slope - known) @ (g_b @ surface).T + nominal @ reaching.T) @ place.T
     of_state = innovation @ system.c - g_b @ surface @ system.a - reaching
     of_output = np.zeros((count, 2 * count + 1 + max(observed.rows)))
     of_output[:, [2 * count + row for row in observed.rows]] = place @ -innovation
     observer = observed.linear_observer(of_output.shape[1], references)
-    gains = np.where(own, 0.0, observed.stiffness), np.where(own, 0.0, observed.damping)
+    gains = np.where(mask, 0.0, observed.stiffness), np.where(mask, 0.0, observed.damping)
     return observed_form(place @ of_state, of_output, demand, observer, gains)

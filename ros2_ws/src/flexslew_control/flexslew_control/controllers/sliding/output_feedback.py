@@ -14,7 +14,7 @@ Observers:
             rest alone.
 
 A craft that is free in space is controlled about its plan: see plan_deviation. The observer is then
-a TurningFilter, and tracking_b has the A of rest in the law.
+a RotationFilter, and tracking_b has the A of rest in the law.
 """
 
 from typing import Literal
@@ -25,7 +25,7 @@ from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.sampled_loop import (
     LinearPlant,
     appendage_loop,
-    integrating_loop,
+    integral_loop,
     require_sampled_stability,
 )
 from flexslew_control.controllers.sliding.appendage_feedback import (
@@ -41,19 +41,19 @@ from flexslew_control.controllers.sliding.sliding_law import (
 )
 from flexslew_control.controllers.sliding.sliding_surface import LinearSystem, design
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, continuous_gain
-from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
+from flexslew_control.estimators.rotation_filter import RotationFilter, rotation_filter
 from flexslew_control.free_platform import LinearModel
 from flexslew_control.law import PlantDescription
 from flexslew_control.linear_design import (
-    Designed,
+    LinearDesignModel,
     OperatingPoint,
     operating_point_of,
     output_matrix,
     require_stable,
     state_names,
 )
-from flexslew_control.shared_keys import BelievedModel
-from flexslew_control.turning_platform import free_platform
+from flexslew_control.rate_dependent_platform import free_platform
+from flexslew_control.shared_keys import DesignModel
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -71,7 +71,7 @@ class OutputFeedback:
 
     # strategy
     mode: Literal["tracking_a", "tracking_b", "rigid_hold"] = "tracking_a"
-    model: BelievedModel = None
+    model: DesignModel = None
     # joint positions at mid-slew, by name [rad or m]; null: half of those of the testbed
     operating_point: OperatingPoint = None
     reaching_rate: Positive = 2.0  # rate nu at which the hypersurface is reached [1/s]
@@ -99,7 +99,7 @@ class OutputFeedback:
 
 
 def testbed_system(
-    model: Designed, rest: Vector, settings: OutputFeedback, period: float
+    model: LinearDesignModel, rest: Vector, settings: OutputFeedback, period: float
 ) -> LinearSystem:
     """Return the linearisation at the rest q with the noises of the settings.
 
@@ -110,8 +110,10 @@ def testbed_system(
     modal = np.zeros((2 * n, n - m))
     modal[n + m :] = np.linalg.inv(linear.mass[m:, m:])
     b, tip = linear.state_input_matrix, settings.tip_sigma
-    usual = _FREE_NOISE * settings.effort_noise if isinstance(model, LinearModel) else _MODAL_NOISE
-    modal_noise = usual if settings.modal_noise is None else settings.modal_noise
+    default = (
+        _FREE_NOISE * settings.effort_noise if isinstance(model, LinearModel) else _MODAL_NOISE
+    )
+    modal_noise = default if settings.modal_noise is None else settings.modal_noise
     sigmas = [settings.angle_sigma] * m + [settings.rate_sigma] * m + ([] if tip is None else [tip])
     return LinearSystem(
         linear.state_matrix,
@@ -124,7 +126,7 @@ def testbed_system(
     )
 
 
-def testbed_weight(model: Designed, rest: Vector, settings: OutputFeedback) -> Matrix:
+def testbed_weight(model: LinearDesignModel, rest: Vector, settings: OutputFeedback) -> Matrix:
     """Return Q_s = diag(M_jj omega_r^2, K_qq, M_jj, M_qq), an energy, shape (2 n, 2 n).
 
     Of a free craft M_jj is what the joint's effort turns and M_qq the deflections' own, both
@@ -142,7 +144,7 @@ def testbed_weight(model: Designed, rest: Vector, settings: OutputFeedback) -> M
 
 def build(
     settings: OutputFeedback, plant: PlantDescription
-) -> tuple[SampledObserver | KalmanFilter | TurningFilter, SlidingLaw]:
+) -> tuple[SampledObserver | KalmanFilter | RotationFilter, SlidingLaw]:
     """Return the observer and the law; the drive limits the effort.
 
     Raises:
@@ -151,9 +153,9 @@ def build(
     """
     if settings.appendage is not None:
         return _of_appendage(settings, settings.appendage, plant)
-    model = plant.believed(settings.model)
+    model = plant.design_model(settings.model)
     if model.leading is not None:
-        return _about_plan(settings, model, plant)
+        return _plan_controller(settings, model, plant)
     if model.efforts != model.joints:
         raise BadInput(
             f"output_feedback: needs one motor in each joint, and {plant.testbed.kind} has "
@@ -194,9 +196,9 @@ def _steady_step(model: Model, rest: Vector, settings: OutputFeedback, period: f
     return step
 
 
-def _about_plan(
+def _plan_controller(
     settings: OutputFeedback, model: Model, plant: PlantDescription
-) -> tuple[TurningFilter, SlidingLaw]:
+) -> tuple[RotationFilter, SlidingLaw]:
     """Return the filter and the law of a craft that is free in space; see plan_deviation."""
     for key, value, other in (
         ("mode", settings.mode, "rigid_hold"),
@@ -209,22 +211,22 @@ def _about_plan(
                 key=key,
                 value=value,
             )
-    craft = free_platform(model, operating_point_of(plant, model, settings.operating_point))
-    small, rest = craft.small, np.zeros(craft.small.coordinates)
+    platform = free_platform(model, operating_point_of(plant, model, settings.operating_point))
+    small, rest = platform.small, np.zeros(platform.small.coordinates)
     system = testbed_system(small, rest, settings, plant.period)
     found = design(system, testbed_weight(small, rest, settings), settings.reaching_rate)
     sensors = _sensors(settings)
-    estimator = turning_filter(craft, sensors, plant, _noise(system), "tip_sigma")
+    estimator = rotation_filter(platform, sensors, plant, _noise(system), "tip_sigma")
     law = SlidingLaw(
-        PlanDeviation(craft, settings.mode != "tracking_b"),
+        PlanDeviation(platform, settings.mode != "tracking_b"),
         found,
         settings.attitude_gain,
-        drifts=False,
+        innovation_term=False,
     )
     gain = law.at_rest(system.a)
     n = small.coordinates
     require_sampled_stability(
-        lambda period: integrating_loop(small.linear, gain[:, :n], gain[:, n:], None, period),
+        lambda period: integral_loop(small.linear, gain[:, :n], gain[:, n:], None, period),
         plant.period,
         "output_feedback",
         "; a lower reaching_rate takes a longer one",
@@ -249,23 +251,23 @@ def _noise(system: LinearSystem) -> Matrix:
 
 
 def _of_appendage(
-    settings: OutputFeedback, chosen: AppendageFeedback, plant: PlantDescription
+    settings: OutputFeedback, appendage: AppendageFeedback, plant: PlantDescription
 ) -> tuple[SampledObserver, SlidingLaw]:
     """Return the observer and the law of one appendage; see appendage_feedback."""
     one, found = appendage_model(
-        chosen, settings.mode, settings.reaching_rate, settings.model, plant
+        appendage, settings.mode, settings.reaching_rate, settings.model, plant
     )
     require_stable(one.system.a - one.gain @ one.system.c, one.system.names, "the observer")
     model = plant.testbed.model()
     linear = LinearPlant(model, model.rest({}))
-    printed = chosen.weight_exponents[0] > 0.0
+    fast_weights = appendage.weight_exponents[0] > 0.0
     require_sampled_stability(
         lambda period: appendage_loop(linear, one, found, period),
         plant.period,
-        f"output_feedback of {chosen.name}",
-        f"; weight_exponents {list(chosen.weight_exponents)} weigh the fast modes most: "
+        f"output_feedback of {appendage.name}",
+        f"; weight_exponents {list(appendage.weight_exponents)} weigh the fast modes most: "
         "the printed 6.6 (Sung and Joo, (52)) is unusable, take [0, -2]"
-        if printed
+        if fast_weights
         else "",
     )
     return SampledObserver(one, found, plant.period), SlidingLaw(one, found)

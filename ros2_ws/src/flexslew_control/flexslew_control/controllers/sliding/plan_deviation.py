@@ -7,7 +7,7 @@ import numpy as np
 from flexslew_control.controllers.sliding.design_model import Mask, inverse
 from flexslew_control.free_platform import nominal
 from flexslew_control.law import Estimate, Reference
-from flexslew_control.turning_platform import TurningPlatform
+from flexslew_control.rate_dependent_platform import RateDependentPlatform
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
 
@@ -16,7 +16,7 @@ from flexslew_plant.measurement import Measurement
 class PlanDeviation:
     """(z - z*)' = A(w) (z - z*) + B (u - u_d) about the rates w of the plan.
 
-    z are joints and modes as a TurningFilter estimates them: the reference plus their deviation,
+    z are joints and modes as a RotationFilter estimates them: the reference plus their deviation,
     of the attitude a rotation in body axes. So z* has no modes, and the equivalent efforts cancel
     what A(w) does: the hypersurface is reached as fast at every rate of the plan.
 
@@ -25,7 +25,7 @@ class PlanDeviation:
         turning: whether A is that of the plan's rates; False: that of rest.
     """
 
-    craft: TurningPlatform
+    craft: RateDependentPlatform
     turning: bool
     _rest: Matrix = field(init=False)
     _joint_rows: Mask = field(init=False)
@@ -53,8 +53,8 @@ class PlanDeviation:
 
     def nominal_state(self, reference: Reference) -> tuple[Vector, Vector]:
         """Return z*, and B u_d as the part of its derivative that efforts give."""
-        planned: Vector = self.craft.input_matrix @ reference.effort
-        return nominal(self.craft.small, reference), planned
+        plan_effort: Vector = self.craft.input_matrix @ reference.effort
+        return nominal(self.craft.small, reference), plan_effort
 
     def on_bench(self, effort: Vector) -> Vector:
         """Return the efforts as they are."""

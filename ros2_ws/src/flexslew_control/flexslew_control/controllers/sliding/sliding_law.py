@@ -5,19 +5,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from flexslew_control.controllers.rotation_form import rotation_form
 from flexslew_control.controllers.sliding.design_model import (
     DesignModel,
     JointsAndModes,
     ObservedModel,
-    held_step,
+    observer_step,
 )
 from flexslew_control.controllers.sliding.one_appendage import OneAppendage, appendage_form
 from flexslew_control.controllers.sliding.plan_deviation import PlanDeviation
 from flexslew_control.controllers.sliding.sliding_surface import SlidingDesign
-from flexslew_control.controllers.turning_form import turning_form
-from flexslew_control.estimators.gained_filter import GainedFilter
-from flexslew_control.estimators.kalman import KalmanFilter, discretised
-from flexslew_control.estimators.turning_filter import TurningFilter
+from flexslew_control.estimators.gained_filter import GainFilter
+from flexslew_control.estimators.kalman import KalmanFilter, discrete_model
+from flexslew_control.estimators.rotation_filter import RotationFilter
 from flexslew_control.law import Estimate, Estimator, Reference
 from flexslew_control.linear_form import (
     KalmanForm,
@@ -30,7 +30,7 @@ from flexslew_control.linear_form import (
     no_integral,
     observed_form,
 )
-from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Tensor, Vector
 from flexslew_plant.measurement import Measurement
 
 
@@ -63,7 +63,7 @@ class SampledObserver:
         s, sensors = self.observed.system, self.observed.system.sensor_density / self.period
         noise = s.noise_input @ s.noise_density @ s.noise_input.T
         f, h = self.observed.error_step()
-        q = discretised(s.a, s.b, noise, self.period)[2] + h @ sensors @ h.T
+        q = discrete_model(s.a, s.b, noise, self.period)[2] + h @ sensors @ h.T
         self._covariance = np.asarray(solve_discrete_lyapunov(f, q), dtype=np.float64)
         variance = s.c @ self._covariance @ s.c.T + sensors
         self._inverse, self._variance = np.linalg.inv(variance), np.diag(variance)
@@ -84,7 +84,7 @@ class SampledObserver:
         if measurement.tick != self._tick:
             effort = self.observed.efforts(measurement)
             gain = self.found.observer_gain
-            self._z = self.observed.advanced(self._z, self._y, effort, gain, self._reference)
+            self._z = self.observed.propagate(self._z, self._y, effort, gain, self._reference)
             self._tick = measurement.tick
             self._take(measurement)
         return self._last
@@ -114,14 +114,15 @@ class SlidingLaw:
         observed: what is controlled.
         found: G and nu.
         attitude_gain: kappa, on the joints' rows of z_hat - z* [1/s].
-        drifts: whether K_f e moves z_hat between ticks, too; False: without that term, as the
+        innovation_term: whether K_f e moves z_hat between ticks, too; False: without that term, as
+            the
             observer has corrected z_hat at the tick.
     """
 
     observed: DesignModel
     found: SlidingDesign
     attitude_gain: float = 0.0
-    drifts: bool = True
+    innovation_term: bool = True
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -151,30 +152,30 @@ class SlidingLaw:
         z = observed.state(estimate)
         nominal, slope = observed.nominal_state(reference)
         drift, inverse = observed.drift(z, reference), observed.effectiveness(z, surface)
-        summands = {
+        parts = {
             "feedforward": inverse @ (surface @ slope),
             "equivalent": -inverse @ (surface @ drift),
         }
-        if self.drifts:
-            summands["innovation"] = -inverse @ (self._innovation_gain @ estimate.innovation)
-        summands["reaching"] = -inverse @ (self.reaching @ (z - nominal))
-        self.terms = {name: observed.on_bench(effort) for name, effort in summands.items()}
+        if self.innovation_term:
+            parts["innovation"] = -inverse @ (self._innovation_gain @ estimate.innovation)
+        parts["reaching"] = -inverse @ (self.reaching @ (z - nominal))
+        self.terms = {name: observed.on_bench(effort) for name, effort in parts.items()}
         self.terms |= observed.platform(measurement, reference)
-        total: Vector = sum(self.terms.values(), start=_NOTHING)
+        total: Vector = sum(self.terms.values(), start=_ZERO)
         return total
 
 
-_NOTHING = np.zeros(())
+_ZERO = np.zeros(())
 
 
 def _of_deviation(law: SlidingLaw, observed: PlanDeviation, references: list[Reference]) -> Tensor:
     """Return what multiplies [e, e'] about a plan, shape (ticks, joints, 2 n)."""
-    craft, surface = observed.craft, law.found.surface
-    inverse = observed.effectiveness(NOTHING, surface)
-    rest = craft.small.linear.state_matrix
+    platform, surface = observed.craft, law.found.surface
+    inverse = observed.effectiveness(EMPTY, surface)
+    rest = platform.small.linear.state_matrix
     found = np.empty((len(references), len(inverse), len(rest)))
     for tick, reference in enumerate(references):
-        a = craft.state_matrix(reference.velocity) if observed.turning else rest
+        a = platform.state_matrix(reference.velocity) if observed.turning else rest
         found[tick] = -inverse @ (surface @ a + law.reaching)
     return found
 
@@ -188,8 +189,8 @@ def sliding_form(
     come from the plan alone; of all else z has the efforts by the equations of motion.
     """
     observed = law.observed
-    if isinstance(estimator, TurningFilter) and isinstance(observed, PlanDeviation):
-        return turning_form(estimator, _of_deviation(law, observed, references), references)
+    if isinstance(estimator, RotationFilter) and isinstance(observed, PlanDeviation):
+        return rotation_form(estimator, _of_deviation(law, observed, references), references)
     if isinstance(observed, OneAppendage) and isinstance(estimator, SampledObserver):
         return appendage_form(law.found, observed, law.attitude_gain, references)
     if not isinstance(observed, JointsAndModes):
@@ -205,7 +206,7 @@ def sliding_form(
     nominal, slope = observed.nominal_states(references)
     demand = slope @ (inverse @ surface).T + nominal @ reaching.T + equivalent @ observed.origin
     of_state, outputs = -equivalent - reaching, len(system.c)
-    found: LinearObserver | GainedFilter | KalmanForm
+    found: LinearObserver | GainFilter | KalmanForm
     if isinstance(estimator, KalmanFilter):
         found, of_output = kalman_form(estimator, len(references)), np.zeros((m, outputs))
         of_state = np.hstack((of_state, innovation))
@@ -215,7 +216,7 @@ def sliding_form(
     else:
         return None
     none, unused = np.zeros(m), np.zeros_like(of_state)
-    none_integrated = no_integral(m)._asdict()
+    integration = no_integral(m)._asdict()
     form = LawForm(
         none,
         none,
@@ -225,7 +226,7 @@ def sliding_form(
         unused,
         demand,
         0.0 * demand,
-        **none_integrated,
+        **integration,
     )
     return LinearForm(form, found)
 
@@ -234,7 +235,7 @@ def _on_model(
     estimator: Estimator, law: SlidingLaw, observed: JointsAndModes, references: list[Reference]
 ) -> LinearForm | None:
     """Return the law with drift and effectiveness by the equations of motion."""
-    found: KalmanForm | SteadyForm | GainedFilter
+    found: KalmanForm | SteadyForm | GainFilter
     if isinstance(estimator, KalmanFilter):
         found = kalman_form(estimator, len(references))
     elif isinstance(estimator, SampledObserver):
@@ -247,16 +248,18 @@ def _on_model(
     demand = slope @ surface.T + nominal @ law.reaching.T
     m, (outputs, states) = len(surface), c.shape
     efforts = OnModelForm(found, observed.model, surface, law.reaching, surface @ gain, demand)
-    chosen = np.hstack((np.zeros((m, states + outputs)), np.eye(m)))
-    return observed_form(chosen, np.zeros((m, outputs)), 0.0 * demand, efforts)
+    selection = np.hstack((np.zeros((m, states + outputs)), np.eye(m)))
+    return observed_form(selection, np.zeros((m, outputs)), 0.0 * demand, efforts)
 
 
 def _sampled(observed: JointsAndModes) -> LinearObserver:
     """Return the linear observer with the measurement held over the tick."""
     c, origin = observed.system.c, observed.origin
-    step = held_step(observed.system, observed.gain, observed.period)
+    step = observer_step(observed.system, observed.gain, observed.period)
     k, m, n = len(origin), observed.model.joints, observed.model.coordinates
-    a, b, held = step[:, :k], step[:, k : k + m], step[:, k + m :]
+    a, b, output_gain = step[:, :k], step[:, k : k + m], step[:, k + m :]
     start = np.zeros((k, len(c)))
     start[:m, :m], start[n : n + m, m : 2 * m] = np.eye(m), np.eye(m)
-    return LinearObserver(start, a, b, held, origin - a @ origin - held @ (c @ origin))
+    return LinearObserver(
+        start, a, b, output_gain, origin - a @ origin - output_gain @ (c @ origin)
+    )

@@ -91,16 +91,16 @@ def design(system: LinearSystem, weight: Matrix, reaching_rate: float) -> Slidin
     observer_gain, covariance = continuous_gain(a, system.c, noise, system.sensor_density)
     units = np.ones(len(a))
     if np.linalg.cond(b) > _CONDITION:
-        own = np.diag(weight)
-        units = 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0))
+        diagonal = np.diag(weight)
+        units = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         a, b = a * units / units[:, None], b / units[:, None]
         b, weight = b / np.linalg.norm(b, axis=0), units[:, None] * weight * units
     basis = null_space(b.T).T  # N
     transform = np.vstack((basis, b.T))
     inverse = np.hstack((basis.T, b @ np.linalg.inv(b.T @ b)))
     k = len(basis)
-    turned, w = transform @ a @ inverse, inverse.T @ weight @ inverse
-    a11, a12 = turned[:k, :k], turned[:k, k:]
+    transformed, w = transform @ a @ inverse, inverse.T @ weight @ inverse
+    a11, a12 = transformed[:k, :k], transformed[:k, k:]
     q11, n12, r22 = w[:k, :k], w[:k, k:], w[k:, k:]
     lowest = float(np.linalg.eigvalsh(r22).min())
     if lowest <= 1e-12 * float(abs(np.linalg.eigvalsh(r22)).max()):

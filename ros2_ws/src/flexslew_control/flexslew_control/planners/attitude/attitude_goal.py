@@ -50,15 +50,15 @@ class AttitudeGoal:
         Raises:
             ValueError: in words for the section's reader.
         """
-        ways: dict[str, list[Any]] = {
+        options: dict[str, list[Any]] = {
             "quaternion": [self.quaternion],
             "axis and angle": [self.axis, self.angle],
             "euler and order": [self.euler, self.order],
             "to": [self.to],
         }
-        begun = [name for name, parts in ways.items() if any(p is not None for p in parts)]
-        if len(begun) != 1 or any(part is None for part in ways[begun[0]]):
-            raise ValueError(f"give one of {', '.join(ways)}")
+        started = [name for name, parts in options.items() if any(p is not None for p in parts)]
+        if len(started) != 1 or any(part is None for part in options[started[0]]):
+            raise ValueError(f"give one of {', '.join(options)}")
         for name in ("quaternion", "axis", "to", "boresight"):
             given = getattr(self, name)
             if given is not None and not np.linalg.norm(given) > 0.0:
@@ -73,25 +73,25 @@ class AttitudeGoal:
         if self.to is not None:
             return product(start, self._least(start, np.array(self.to)))
         if self.quaternion is not None:
-            asked = np.array(self.quaternion) / np.linalg.norm(self.quaternion)
+            requested = np.array(self.quaternion) / np.linalg.norm(self.quaternion)
         elif self.axis is not None and self.angle is not None:
             axis = np.array(self.axis) / np.linalg.norm(self.axis)
-            asked = quaternion(self.angle * axis)
+            requested = quaternion(self.angle * axis)
         else:
             assert self.order is not None
             assert self.euler is not None
-            asked = Rotation.from_euler(self.order.upper(), self.euler).as_quat()
-        return product(start, asked) if self.relative else asked
+            requested = Rotation.from_euler(self.order.upper(), self.euler).as_quat()
+        return product(start, requested) if self.relative else requested
 
     def _least(self, start: Vector, to: Vector) -> Vector:
         """Return the least turn in body axes that points the boresight, as a quaternion."""
-        look = np.array(self.boresight) / np.linalg.norm(self.boresight)
-        there = Rotation.from_quat(start).inv().apply(to / np.linalg.norm(to))
-        across = np.cross(look, there)
-        if np.linalg.norm(across) < SAME and look @ there < 0.0:  # any axis across it will do
-            across = np.cross(look, np.eye(3)[int(np.argmin(abs(look)))])
-            return quaternion(np.pi * across / np.linalg.norm(across))
-        half = np.append(across, 1.0 + look @ there)
+        boresight = np.array(self.boresight) / np.linalg.norm(self.boresight)
+        target = Rotation.from_quat(start).inv().apply(to / np.linalg.norm(to))
+        cross = np.cross(boresight, target)
+        if np.linalg.norm(cross) < SAME and boresight @ target < 0.0:  # any axis across it will do
+            cross = np.cross(boresight, np.eye(3)[int(np.argmin(abs(boresight)))])
+            return quaternion(np.pi * cross / np.linalg.norm(cross))
+        half = np.append(cross, 1.0 + boresight @ target)
         return np.asarray(half / np.linalg.norm(half))
 
 
@@ -100,11 +100,11 @@ _KEYS = frozenset(field.name for field in fields(AttitudeGoal))
 
 def _way(goal: Any) -> str:
     """Return whether a goal is an attitude or positions of joints."""
-    attitude = isinstance(goal, AttitudeGoal) or (isinstance(goal, Mapping) and _asks(goal))
+    attitude = isinstance(goal, AttitudeGoal) or (isinstance(goal, Mapping) and _is_attitude(goal))
     return "attitude" if attitude else "joints"
 
 
-def _asks(goal: Mapping[Any, Any]) -> bool:
+def _is_attitude(goal: Mapping[Any, Any]) -> bool:
     return any(isinstance(key, str) and key in _KEYS - {"relative", "boresight"} for key in goal)
 
 
@@ -146,9 +146,9 @@ def joint_goal(
         )
     named = initial_positions(plant.testbed) | (initial or {})
     first = np.array([named[name] for name in model.joint_names])
-    start = model.attitude.turn_of(first)
-    turn = nearest_turn(rotation_vector(goal.attitude(quaternion(start))), start)
-    last = model.attitude.axes @ turn
+    start = model.attitude.rotation_vector_of(first)
+    rotation = nearest_rotation(rotation_vector(goal.attitude(quaternion(start))), start)
+    last = model.attitude.axes @ rotation
     last = np.where(abs(last - first) <= _ROUNDING, first, last)
     return {
         name: float(at)
@@ -157,14 +157,14 @@ def joint_goal(
     }
 
 
-def nearest_turn(turn: Vector, to: Vector) -> Vector:
+def nearest_rotation(rotation: Vector, to: Vector) -> Vector:
     """Return the rotation vector of the same attitude that is next to another one [rad]."""
-    angle = float(np.linalg.norm(turn))
+    angle = float(np.linalg.norm(rotation))
     if angle > SAME:
-        axis = turn / angle
+        axis = rotation / angle
     elif np.linalg.norm(to) > np.pi:
         axis, angle = to / np.linalg.norm(to), 0.0
     else:
-        return turn
-    turns = np.round((axis @ to - angle) / (2.0 * np.pi))
-    return turn if turns == 0.0 else (angle + 2.0 * np.pi * turns) * axis
+        return rotation
+    angle_count = np.round((axis @ to - angle) / (2.0 * np.pi))
+    return rotation if angle_count == 0.0 else (angle + 2.0 * np.pi * angle_count) * axis

@@ -44,26 +44,34 @@ def completed(knots: Sequence[Knot]) -> tuple[Knot, ...]:
     accelerations are zero.
     """
     times = np.array([knot.at for knot in knots])
-    between = [_turn(one, other) for one, other in pairwise(knots)]
-    means = np.array(between) / np.diff(times)[:, None]
+    rotations = [_rotation(one, other) for one, other in pairwise(knots)]
+    means = np.array(rotations) / np.diff(times)[:, None]
     rates = [
         knot.rate
         if knot.rate is not None
-        else _weighed(means[k - 1], means[k], times[k - 1 : k + 2])
+        else _weighted_slope(means[k - 1], means[k], times[k - 1 : k + 2])
         for k, knot in enumerate(knots)
     ]
-    pushes = np.diff(rates, axis=0) / np.diff(times)[:, None]
-    last, still = len(knots) - 1, np.zeros(3)
+    mean_acceleration = np.diff(rates, axis=0) / np.diff(times)[:, None]
+    last, zero = len(knots) - 1, np.zeros(3)
     found = []
     for k, knot in enumerate(knots):
         inner = 0 < k < last
-        push = _weighed(pushes[k - 1], pushes[k], times[k - 1 : k + 2]) if inner else still
-        own = knot.acceleration
-        found.append(knot._replace(rate=rates[k], acceleration=push if own is None else own))
+        push = (
+            _weighted_slope(mean_acceleration[k - 1], mean_acceleration[k], times[k - 1 : k + 2])
+            if inner
+            else zero
+        )
+        acceleration = knot.acceleration
+        found.append(
+            knot._replace(
+                rate=rates[k], acceleration=push if acceleration is None else acceleration
+            )
+        )
     return tuple(found)
 
 
-def through(knots: Sequence[Knot], times: Vector) -> AttitudeMotion:
+def interpolate(knots: Sequence[Knot], times: Vector) -> AttitudeMotion:
     """Return the motion at rising times between the first knot and the last one.
 
     Args:
@@ -72,22 +80,22 @@ def through(knots: Sequence[Knot], times: Vector) -> AttitudeMotion:
     """
     parts = []
     ends = np.searchsorted(times, [knot.at for knot in knots[1:-1]], side="right")
-    for one, other, inside in zip(knots[:-1], knots[1:], np.split(times, ends), strict=True):
-        turn = _turn(one, other)
-        given = [_derivatives(np.zeros(3), one), _derivatives(turn, other)]
+    for one, other, part_times in zip(knots[:-1], knots[1:], np.split(times, ends), strict=True):
+        rotation = _rotation(one, other)
+        given = [_derivatives(np.zeros(3), one), _derivatives(rotation, other)]
         path = BPoly.from_derivatives([0.0, other.at - one.at], given)
-        phi, slope = path(inside - one.at), path.derivative()(inside - one.at)
+        phi, slope = path(part_times - one.at), path.derivative()(part_times - one.at)
         parts.append(AttitudeMotion(product(one.attitude, quaternion(phi)), body_rates(phi, slope)))
     return AttitudeMotion(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
 
 
 def spinning(attitude: Vector, rate: Vector, times: Vector) -> AttitudeMotion:
     """Return the motion with constant body rates from an attitude at time 0 on."""
-    turned = product(attitude, quaternion(np.outer(times, rate)))
-    return AttitudeMotion(turned, np.tile(rate, (len(times), 1)))
+    path_attitude = product(attitude, quaternion(np.outer(times, rate)))
+    return AttitudeMotion(path_attitude, np.tile(rate, (len(times), 1)))
 
 
-def spun_up(attitude: Vector, rate: Vector, duration: float, times: Vector) -> AttitudeMotion:
+def spin_up(attitude: Vector, rate: Vector, duration: float, times: Vector) -> AttitudeMotion:
     """Return the motion from rest at time 0 to body rates, about their axis, which it then keeps.
 
     The rate is that of the polynomial 10 s^3 - 15 s^4 + 6 s^5, s = t / duration.
@@ -100,17 +108,17 @@ def spun_up(attitude: Vector, rate: Vector, duration: float, times: Vector) -> A
     """
     s = np.clip(times / duration, 0.0, 1.0)
     share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    lasted = duration * s**4 * (2.5 - 3.0 * s + s**2) + np.maximum(times - duration, 0.0)
-    turned = product(attitude, quaternion(np.outer(lasted, rate)))
-    return AttitudeMotion(turned, np.outer(share, rate))
+    elapsed = duration * s**4 * (2.5 - 3.0 * s + s**2) + np.maximum(times - duration, 0.0)
+    path_attitude = product(attitude, quaternion(np.outer(elapsed, rate)))
+    return AttitudeMotion(path_attitude, np.outer(share, rate))
 
 
-def _turn(one: Knot, other: Knot) -> Vector:
+def _rotation(one: Knot, other: Knot) -> Vector:
     """Return the rotation vector from a knot to the next, the shorter way, shape (3,) [rad]."""
     return rotation_vector(product(conjugate(one.attitude), other.attitude))
 
 
-def _weighed(before: Vector, after: Vector, times: Vector) -> Vector:
+def _weighted_slope(before: Vector, after: Vector, times: Vector) -> Vector:
     """Return the slope in the middle of a parabola with these mean slopes before and after it."""
     first, then = np.diff(times)
     slope: Vector = (then * before + first * after) / (first + then)
@@ -120,8 +128,8 @@ def _weighed(before: Vector, after: Vector, times: Vector) -> Vector:
 def body_rates(phi: Matrix, slope: Matrix) -> Matrix:
     """Return body rates of rotation vectors and their slopes, shape (k, 3) [rad/s]."""
     c, d = (factor[:, None] for factor in _factors(np.linalg.norm(phi, axis=1)))
-    across = np.cross(phi, slope)
-    rates: Matrix = slope - c * across + d * np.cross(phi, across)
+    cross_rate = np.cross(phi, slope)
+    rates: Matrix = slope - c * cross_rate + d * np.cross(phi, cross_rate)
     return rates
 
 
@@ -153,6 +161,10 @@ def _derivatives(phi: Vector, knot: Knot) -> Matrix:
     else:
         c_slope = along * (1.0 - angle**2 * d - 2.0 * c) / angle**2
         d_slope = along * (c - 3.0 * d) / angle**2
-    across = np.cross(phi, slope)
-    moving = -c_slope * across + d_slope * np.cross(phi, across) + d * np.cross(slope, across)
-    return np.array([phi, slope, np.linalg.solve(jacobian, knot.acceleration - moving)])
+    cross_rate = np.cross(phi, slope)
+    rate_term = (
+        -c_slope * cross_rate
+        + d_slope * np.cross(phi, cross_rate)
+        + d * np.cross(slope, cross_rate)
+    )
+    return np.array([phi, slope, np.linalg.solve(jacobian, knot.acceleration - rate_term)])

@@ -18,15 +18,19 @@ from flexslew_control.planners.attitude.attitude_path import (
     AttitudeMotion,
     Knot,
     completed,
+    interpolate,
+    spin_up,
     spinning,
-    spun_up,
-    through,
 )
-from flexslew_control.planners.attitude.eigenaxis import carried_by, continuous, following
+from flexslew_control.planners.attitude.eigenaxis import (
+    continuous,
+    joint_coupling,
+    tracking_efforts,
+)
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.one_way import shared_out
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Feedback, TooMuchTorque, slew_of, tick_times
+from flexslew_control.planners.slew import ExcessTorque, Feedback, slew_of, tick_times
 from flexslew_control.shared_keys import Initial, Start
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -113,7 +117,7 @@ def plan_attitude_profile(
 
     Raises:
         BadInput: no attitude in three axes, or points that are not in order.
-        TooMuchTorque: a drive has not what the profile needs.
+        ExcessTorque: a drive has not what the profile needs.
         PlanFailed: the period is too long for the modes.
     """
     slew = slew_of(settings, plant)
@@ -126,17 +130,17 @@ def plan_attitude_profile(
             "method",
             settings.method,
         )
-    knots = _knots(settings, quaternion(model.attitude.turn_of(slew.start)))
+    knots = _knots(settings, quaternion(model.attitude.rotation_vector_of(slew.start)))
     duration = _duration(settings, knots[-1].at)
     ticks = tick_times(settings.start, duration, slew.period)
     motion = _motion(settings, knots, ticks)
     testbed: Any = plant.testbed
-    turned, carried = continuous(rotation_vector(motion.attitude)), carried_by(testbed)
+    rotation, coupling = continuous(rotation_vector(motion.attitude)), joint_coupling(testbed)
     axes = model.attitude.axes.T
-    along = slew.start + (turned - turned[0]) @ carried
-    position = np.where(model.attitude.reads, turned @ axes, along)
+    along = slew.start + (rotation - rotation[0]) @ coupling
+    position = np.where(model.attitude.reads, rotation @ axes, along)
     position[0] = slew.start
-    velocity = motion.rate @ axes + motion.rate @ carried
+    velocity = motion.rate @ axes + motion.rate @ coupling
     plan = Plan(
         method=settings.method,
         joint_names=model.joint_names,
@@ -144,7 +148,9 @@ def plan_attitude_profile(
         period=slew.period,
         position=position,
         velocity=velocity,
-        effort=following(model.begun_at(settings.start), position, velocity, slew.period),
+        effort=tracking_efforts(
+            model.with_time_zero(settings.start), position, velocity, slew.period
+        ),
         state=np.zeros((len(ticks), 0)),
         duration=duration,
         request={**plain(settings), "initial": slew.named(slew.start)},
@@ -153,10 +159,10 @@ def plan_attitude_profile(
     plan, used = shared_out(plan, plant, law)
     peak = np.abs(plan.effort).max(axis=0, initial=0.0)
     if used > 1.0 + _ROUNDING:
-        worst = int((peak / slew.effort_limit).argmax())
-        raise TooMuchTorque(
-            f"{model.joint_names[worst]} needs {used:.3g} times its limit, "
-            f"{slew.effort_limit[worst]:g}; put points further apart, give the spin a longer "
+        joint = int((peak / slew.effort_limit).argmax())
+        raise ExcessTorque(
+            f"{model.joint_names[joint]} needs {used:.3g} times its limit, "
+            f"{slew.effort_limit[joint]:g}; put points further apart, give the spin a longer "
             "duration, or ask for lower rates"
         )
     return replace(plan, summary={**plan.summary, "peak_effort": peak.tolist()})
@@ -168,7 +174,7 @@ def _knots(settings: AttitudeProfile, start: Vector) -> tuple[Knot, ...]:
     Raises:
         BadInput: there are none and no spin, or times that do not rise, or a spin after motion.
     """
-    points, still = settings.points, np.zeros(3)
+    points, zero = settings.points, np.zeros(3)
     if not points and settings.spin is None:
         raise BadInput("give points, a spin, or both", "plan", "points", [])
     for k, (one, other) in enumerate(pairwise(points)):
@@ -178,12 +184,12 @@ def _knots(settings: AttitudeProfile, start: Vector) -> tuple[Knot, ...]:
     if settings.spin is not None and points and any(points[-1].rate or ()):
         words = "zero or left out: a spin starts from rest"
         raise BadInput(words, "plan", f"points.{len(points) - 1}.rate", points[-1].rate)
-    knots = [Knot(0.0, start, still)]
+    knots = [Knot(0.0, start, zero)]
     for point in points:
         rate = None if point.rate is None else np.array(point.rate)
         knots.append(Knot(point.at, point.attitude.attitude(knots[-1].attitude), rate))
     if knots[-1].rate is None:
-        knots[-1] = knots[-1]._replace(rate=still)
+        knots[-1] = knots[-1]._replace(rate=zero)
     return completed(knots) if points else (knots[0],)
 
 
@@ -194,31 +200,31 @@ def _duration(settings: AttitudeProfile, last: float) -> float:
         BadInput: if the plan ends before the last point or the spin, or if it turns on after the
             last point and the section gives no end.
     """
-    spun = last + (settings.spin.duration if settings.spin is not None else 0.0)
-    asked = settings.duration
-    if asked is None and settings.turns_until is not None:
+    spin_end = last + (settings.spin.duration if settings.spin is not None else 0.0)
+    requested = settings.duration
+    if requested is None and settings.turns_until is not None:
         words = "the craft turns on after the last point: give the time until the run's end [s]"
-        raise BadInput(words, "plan", "duration", asked)
-    if asked is not None and asked < spun:
-        words = f"at least {spun:g} s, when the last point or the rate of the spin is reached"
-        raise BadInput(words, "plan", "duration", asked)
-    return spun if asked is None else asked
+        raise BadInput(words, "plan", "duration", requested)
+    if requested is not None and requested < spin_end:
+        words = f"at least {spin_end:g} s, when the last point or the rate of the spin is reached"
+        raise BadInput(words, "plan", "duration", requested)
+    return spin_end if requested is None else requested
 
 
 def _motion(settings: AttitudeProfile, knots: tuple[Knot, ...], ticks: Vector) -> AttitudeMotion:
     """Return attitudes and body rates at the ticks."""
     last = knots[-1]
     assert last.rate is not None
-    underway, after = ticks[ticks <= last.at], ticks[ticks > last.at] - last.at
+    before, after = ticks[ticks <= last.at], ticks[ticks > last.at] - last.at
     if settings.spin is None:
         rest = spinning(last.attitude, last.rate, after)
     else:
-        rest = spun_up(last.attitude, settings.spin.rates, settings.spin.duration, after)
+        rest = spin_up(last.attitude, settings.spin.rates, settings.spin.duration, after)
     if len(knots) == 1:
-        begun = spinning(last.attitude, last.rate, underway)
+        motion = spinning(last.attitude, last.rate, before)
     else:
-        begun = through(knots, underway)
-    return AttitudeMotion(*(np.concatenate(rows) for rows in zip(begun, rest, strict=True)))
+        motion = interpolate(knots, before)
+    return AttitudeMotion(*(np.concatenate(rows) for rows in zip(motion, rest, strict=True)))
 
 
 PROFILE = PlannerEntry(AttitudeProfile, plan_attitude_profile, slews=False)

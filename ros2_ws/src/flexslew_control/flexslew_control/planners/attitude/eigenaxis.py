@@ -10,22 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.free_platform import rate_readings
+from flexslew_control.free_platform import rate_outputs
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import SAME
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
 from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes
 from flexslew_plant.testbeds.model import Model
 
-TURN = "turn"  # name of the joint about the eigenaxis
+ROTATION = "turn"  # name of the joint about the eigenaxis
 _EXACT = 1e-12  # of the joints' rates at a tick [rad/s or m/s]
-_BACK = 10.0  # ticks in which a drift goes back
-_CORRECTIONS = 4  # of the efforts of a tick
+_RETURN_TICKS = 10.0  # ticks in which a drift goes back
+_ITERATIONS = 4  # of the efforts of a tick
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,12 @@ class Eigenaxis:
         position, velocity = self._path(plan.position[:, 0], plan.velocity[:, 0])
         effort = np.zeros((len(plan.effort), len(names)))
         if plan.effort.any():
-            effort = following(self.whole, position, velocity, plan.period)
+            effort = tracking_efforts(self.whole, position, velocity, plan.period)
         peak = abs(effort).max(axis=0, initial=0.0)
-        believes = ", ".join(filter(None, (plan.summary.get("believes", ""), self.left_out)))
-        own = {
+        model_text = ", ".join(filter(None, (plan.summary.get("believes", ""), self.left_out)))
+        summary = {
             "peak_effort": peak.tolist(),
-            "believes": believes,
+            "believes": model_text,
             "eigenaxis": self.axis.tolist(),
             "angle": self.angle,
         }
@@ -77,7 +77,7 @@ class Eigenaxis:
             "goal": dict(zip(names, self.last.tolist(), strict=True)),
             "initial": dict(zip(names, self.first.tolist(), strict=True)),
         }
-        asked = {key: value for key, value in by_joint.items() if key in plan.request}
+        requested = {key: value for key, value in by_joint.items() if key in plan.request}
         return replace(
             plan,
             joint_names=names,
@@ -85,20 +85,20 @@ class Eigenaxis:
             velocity=velocity,
             effort=effort,
             state=np.zeros((len(position), 0)),
-            request={**plan.request, **asked},
-            summary={**plan.summary, **own},
+            request={**plan.request, **requested},
+            summary={**plan.summary, **summary},
         )
 
     def _path(self, angle: Vector, rate: Vector) -> tuple[Matrix, Matrix]:
         """Return positions and rates of all joints, (ticks + 1, joints)."""
         attitude = self.whole.attitude
         assert attitude is not None
-        start = quaternion(attitude.turn_of(self.first))
-        turned = rotation_vector(product(start, quaternion(np.outer(angle, self.axis))))
-        turned = continuous(turned)
-        position = self.first + (turned - turned[0]) @ self.carried
+        start = quaternion(attitude.rotation_vector_of(self.first))
+        rotation = rotation_vector(product(start, quaternion(np.outer(angle, self.axis))))
+        rotation = continuous(rotation)
+        position = self.first + (rotation - rotation[0]) @ self.carried
         turns = attitude.axes.any(axis=1)
-        position[:, turns] = (turned @ attitude.axes.T)[:, turns]
+        position[:, turns] = (rotation @ attitude.axes.T)[:, turns]
         return position, np.outer(rate, attitude.axes @ self.axis + self.axis @ self.carried)
 
 
@@ -129,50 +129,50 @@ def eigenaxis(
     bench: Any = plant.testbed
     model: Model = bench.model()
     assert model.attitude is not None
-    turn = model.attitude.turn_of(model.joint_error(first, last))
-    angle = float(np.linalg.norm(turn))
+    rotation = model.attitude.rotation_vector_of(model.joint_error(first, last))
+    angle = float(np.linalg.norm(rotation))
     if angle <= SAME:
         raise BadInput(
             "another attitude: whole turns away the craft is where it starts", "plan", "goal"
         )
-    axis = turn / angle
-    limit = share * torque_about(whole.rigid_turn_about(axis), plant.effort_limit, angle)
+    axis = rotation / angle
+    limit = share * axis_torque(whole.rigid_turn_about(axis), plant.effort_limit, angle)
     reduced: Any = whole.turning_about(axis, limit, modes)
-    about: dict[str, Any] = {"goal": {TURN: angle}}
-    about |= {key: None for key in ("model", "initial") if hasattr(settings, key)}
+    changes: dict[str, Any] = {"goal": {ROTATION: angle}}
+    changes |= {key: None for key in ("model", "initial") if hasattr(settings, key)}
     seen = model.attitude.axes @ axis
     if getattr(settings, "feedback", None) is not None:
-        about["feedback"] = _about(settings.feedback, seen)
+        changes["feedback"] = _axis_gains(settings.feedback, seen)
     return Eigenaxis(
-        replace(settings, **about),
+        replace(settings, **changes),
         replace(
             plant,
             testbed=reduced,
             effort_limit=np.array([limit]),
             delay=plant.delay.max(keepdims=True, initial=0.0),
         ),
-        None if feedback is None else _about(feedback, seen),
+        None if feedback is None else _axis_gains(feedback, seen),
         plant,
-        reduced_to(whole, model).begun_at(settings.start),
+        reduced_to(whole, model).with_time_zero(settings.start),
         first,
         last,
         axis,
         angle,
-        carried_by(whole),
+        joint_coupling(whole),
         f"turns about the eigenaxis {np.round(axis, 3).tolist()} by {angle:.4g} rad, the shorter "
-        f"way, on {reduced.modes} of {counted(model.modes, 'mode')}",
+        f"way, on {reduced.modes} of {count_text(model.modes, 'mode')}",
     )
 
 
-def carried_by(whole: ThreeAxes) -> Matrix:
+def joint_coupling(whole: ThreeAxes) -> Matrix:
     """Return how far a turn about each body axis carries the joints, shape (3, joints) [m/rad].
 
     Zero for those that read the attitude.
     """
     testbed: Any = whole
     attitude = testbed.model().attitude
-    carried = np.array([whole.rigid_turn_about(axis).carried for axis in np.eye(3)])
-    return np.where(attitude.axes.any(axis=1), 0.0, carried)
+    coupling = np.array([whole.rigid_turn_about(axis).carried for axis in np.eye(3)])
+    return np.where(attitude.axes.any(axis=1), 0.0, coupling)
 
 
 def reduced_to(whole: ThreeAxes, bench: Model) -> Model:
@@ -182,23 +182,23 @@ def reduced_to(whole: ThreeAxes, bench: Model) -> Model:
     return model if model.joint_names == bench.joint_names else bench
 
 
-def torque_about(turn: RigidTurn, limit: Vector, angle: float) -> float:
+def axis_torque(rotation: RigidTurn, limit: Vector, angle: float) -> float:
     """Return the torque about an axis that no drive needs its limit for [N m].
 
     From rest to rest by an angle A with |alpha| <= a the rate squared stays below a A, so drive j
     needs at most a (|tangential_j| + A |centrifugal_j|).
 
     Args:
-        turn: what all drives do for it.
+        rotation: what all drives do for it.
         limit: of the drives, shape (joints,) [N m or N].
         angle: of the turn [rad].
     """
-    needed = np.abs(turn.tangential) + angle * np.abs(turn.centrifugal)
+    needed = np.abs(rotation.tangential) + angle * np.abs(rotation.centrifugal)
     needed = np.where(needed > 1e-12 * needed.max(), needed, 1e-300)
-    return float(turn.inertia * (limit / needed).min())
+    return float(rotation.inertia * (limit / needed).min())
 
 
-def _about(feedback: Feedback, seen: Vector) -> Feedback:
+def _axis_gains(feedback: Feedback, seen: Vector) -> Feedback:
     """Return the gains about the axis: what each joint sees of a turn, and gives for it."""
     kp, kd = (
         float((np.array(g) * np.ones(seen.size)) @ seen**2) for g in (feedback.kp, feedback.kd)
@@ -206,19 +206,19 @@ def _about(feedback: Feedback, seen: Vector) -> Feedback:
     return Feedback(kp=(kp,), kd=(kd,))
 
 
-def continuous(turn: Matrix) -> Matrix:
+def continuous(rotation: Matrix) -> Matrix:
     """Return rotation vectors without jumps of a whole turn, shape (k, 3) [rad]."""
-    angle = np.linalg.norm(turn, axis=1)
-    path = turn.copy()
+    angle = np.linalg.norm(rotation, axis=1)
+    path = rotation.copy()
     for k in range(1, len(path)):
         if angle[k] > 0.0:
-            axis = turn[k] / angle[k]
+            axis = rotation[k] / angle[k]
             turns = np.round((axis @ path[k - 1] - angle[k]) / (2.0 * np.pi))
-            path[k] = (angle[k] + 2.0 * np.pi * turns) * axis if turns else turn[k]
+            path[k] = (angle[k] + 2.0 * np.pi * turns) * axis if turns else rotation[k]
     return path
 
 
-def following(model: Model, position: Matrix, velocity: Matrix, period: float) -> Matrix:
+def tracking_efforts(model: Model, position: Matrix, velocity: Matrix, period: float) -> Matrix:
     """Return the efforts, held over every tick, with which the joints follow a path.
 
     Each tick's are found by Newton's method on the model itself, so gyroscopic torques, modes and
@@ -240,15 +240,15 @@ def following(model: Model, position: Matrix, velocity: Matrix, period: float) -
     """
     rest = model.rest(dict(zip(model.joint_names, position[0].tolist(), strict=True)))
     x = np.concatenate((rest, np.zeros(model.coordinates)))
-    read = rate_readings(model, rest)
+    read = rate_outputs(model, rest)
     inverse = np.linalg.pinv(
         period * read @ np.linalg.solve(model.mass_matrix(rest), model.input_matrix(rest))
     )
     u, efforts = np.zeros(model.efforts), np.empty((len(velocity) - 1, model.efforts))
     for k in range(len(efforts)):
         drift = model.joint_error(model.joint_state(x)[0], position[k])
-        rate, after = velocity[k + 1] + drift / (_BACK * period), x
-        for _ in range(_CORRECTIONS):
+        rate, after = velocity[k + 1] + drift / (_RETURN_TICKS * period), x
+        for _ in range(_ITERATIONS):
             after = model.advance(x, u, period, t=k * period)
             off = rate - model.joint_state(after)[1]
             if np.abs(off).max() <= _EXACT:

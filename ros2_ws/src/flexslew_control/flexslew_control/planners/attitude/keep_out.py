@@ -7,7 +7,7 @@ from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.contract import HasSky
 
-_TOUCHES = 1e-9  # rounding [rad]
+_TOLERANCE = 1e-9  # rounding [rad]
 
 
 def require_clear(plan: Plan, testbed: Testbed) -> None:
@@ -27,9 +27,9 @@ def require_clear(plan: Plan, testbed: Testbed) -> None:
     attitude = joints.orientation(plan.position)
     for cone in sky.cones:
         margin = cone.margin(attitude)
-        inside = np.flatnonzero(margin < -_TOUCHES)
-        if inside.size:
-            begin = plan.start + plan.period * inside[0]
+        ticks = np.flatnonzero(margin < -_TOLERANCE)
+        if ticks.size:
+            begin = plan.start + plan.period * ticks[0]
             raise PlanFailed(
                 f"the plan looks into keep_out {cone.name} from {begin:g} s on, by "
                 f"{-margin.min():.3g} rad at most; time_optimal and minimax_feedforward with "

@@ -7,13 +7,13 @@ import numpy as np
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude.eigenaxis import Eigenaxis, eigenaxis, following
+from flexslew_control.planners.attitude.eigenaxis import Eigenaxis, eigenaxis, tracking_efforts
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import require_joints_of
 from flexslew_plant.own_code import NO_CODE, Trust
-from flexslew_plant.testbeds import believed, initial_positions, with_model_file
+from flexslew_plant.testbeds import design_testbed, initial_positions, with_model_file
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.contract import (
     HingeTurn,
@@ -26,7 +26,7 @@ from flexslew_plant.testbeds.contract import (
 from flexslew_plant.testbeds.model import Model
 
 RELEVANT = "relevant"  # as `model: modes`: those that matter
-_ASIDE = 1e-9  # of an axis: rotation across it by rounding [-], [rad]
+_OFF_AXIS = 1e-9  # of an axis: rotation across it by rounding [-], [rad]
 
 
 class OneAxis(NamedTuple):
@@ -68,14 +68,16 @@ class OneAxis(NamedTuple):
         effort = np.outer(acceleration, self.rigid.tangential)
         effort += np.outer(square, self.rigid.centrifugal)
         effort[:, k] += plan.effort[:, 0] - self.rigid.inertia * acceleration
-        meanwhile = any(t.begin < plan.end and t.end > plan.start for t in self.hinge_turns)
-        if meanwhile and plan.effort.any():
+        hinge_active = any(t.begin < plan.end and t.end > plan.start for t in self.hinge_turns)
+        if hinge_active and plan.effort.any():
             others = np.arange(count) != k
-            effort[:, others] = following(self.whole, position, velocity, plan.period)[:, others]
+            effort[:, others] = tracking_efforts(self.whole, position, velocity, plan.period)[
+                :, others
+            ]
         peak = abs(effort).max(axis=0, initial=0.0)
-        believes = ", ".join(filter(None, (plan.summary.get("believes", ""), self.left_out)))
-        own = {"peak_effort": [float(x) for x in peak], "believes": believes}
-        summary = {**plan.summary, **own}
+        model_text = ", ".join(filter(None, (plan.summary.get("believes", ""), self.left_out)))
+        entries = {"peak_effort": [float(x) for x in peak], "believes": model_text}
+        summary = {**plan.summary, **entries}
         assert effort.shape[1] == count
         return replace(
             plan,
@@ -87,7 +89,7 @@ class OneAxis(NamedTuple):
         )
 
 
-def turns(plant: PlantDescription) -> bool:
+def has_single_axis(plant: PlantDescription) -> bool:
     """Return whether a bench is planned about one axis at a time."""
     testbed = plant.testbed
     if not isinstance(testbed, Turning):
@@ -104,11 +106,11 @@ def in_three_axes(plant: PlantDescription) -> bool:
 
 def more_modes(settings: Any, plant: PlantDescription, count: int) -> bool:
     """Return whether the turn can be planned on more modes than with this many frequencies."""
-    now, ahead = (
+    now, more = (
         reduced(replace(settings, model={"modes": k}), plant, None).plant.testbed.modes
         for k in (count, count + 1)
     )
-    return bool(ahead > now)
+    return bool(more > now)
 
 
 def reduced(
@@ -130,33 +132,33 @@ def reduced(
     require_joints_of(settings, names, "plan")
     first = initial_positions(testbed) | (getattr(settings, "initial", None) or {})
     goal = getattr(settings, "goal", None) or {}
-    moving = [name for name in names if goal.get(name, first[name]) != first[name]]
+    changed = [name for name in names if goal.get(name, first[name]) != first[name]]
     attitude = testbed.model().attitude
-    turning = [] if attitude is None else [attitude.axes[names.index(n)].any() for n in moving]
-    whole_turn = isinstance(testbed, ThreeAxes) and bool(turning) and all(turning)
-    if len(moving) == 1 and whole_turn:
+    is_rotation = [] if attitude is None else [attitude.axes[names.index(n)].any() for n in changed]
+    is_attitude = isinstance(testbed, ThreeAxes) and bool(is_rotation) and all(is_rotation)
+    if len(changed) == 1 and is_attitude:
         start = np.array([first[name] for name in names])
-        whole_turn = not turns_alone(attitude, names.index(moving[0]), start)
-    if len(moving) != 1 and not whole_turn:
+        is_attitude = not is_single_rotation(attitude, names.index(changed[0]), start)
+    if len(changed) != 1 and not is_attitude:
         raise BadInput(
-            f"plan: goal: {', '.join(moving) or 'nothing'} moves; a spacecraft is planned about "
+            f"plan: goal: {', '.join(changed) or 'nothing'} moves; a spacecraft is planned about "
             "one axis at a time: give one joint, or an attitude where joints turn it in three axes"
         )
-    count, kept = counted(getattr(settings, "model", None), "plan: model", plant.trust)
-    whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
+    count, kept = split_modes(getattr(settings, "model", None), "plan: model", plant.trust)
+    whole: Any = design_testbed(testbed, kept or None, "plan: model", plant.trust)
     if isinstance(whole, Wheeled):
         whole = whole.wheeled()
     if getattr(settings, "initial", None):
         whole = replace(whole, initial=first)
-    _require_turning(whole, names)
-    if whole_turn:
+    _require_rotation(whole, names)
+    if is_attitude:
         ends = tuple(np.array([at[name] for name in names]) for at in (first, first | goal))
         return eigenaxis(settings, plant, feedback, (ends[0], ends[1]), whole, count, share)
     of_joint = replace(plant, effort_limit=share * plant.effort_limit)
-    return _about_joint(settings, of_joint, feedback, moving[0], whole, count)
+    return _joint_manoeuvre(settings, of_joint, feedback, changed[0], whole, count)
 
 
-def turns_alone(attitude: AttitudeJoints, joint: int, start: Vector) -> bool:
+def is_single_rotation(attitude: AttitudeJoints, joint: int, start: Vector) -> bool:
     """Return whether a turn about the axis of one joint moves what this joint reads, and no other.
 
     Rotation vectors add up about one axis alone: one that the craft is turned about already, and
@@ -169,11 +171,11 @@ def turns_alone(attitude: AttitudeJoints, joint: int, start: Vector) -> bool:
     """
     axis = attitude.axes[joint]
     others = np.delete(attitude.axes, joint, axis=0)
-    aside = np.append(others @ axis, np.cross(axis, attitude.turn_of(start)))
-    return bool(np.abs(aside).max() <= _ASIDE * np.linalg.norm(axis))
+    off_axis = np.append(others @ axis, np.cross(axis, attitude.rotation_vector_of(start)))
+    return bool(np.abs(off_axis).max() <= _OFF_AXIS * np.linalg.norm(axis))
 
 
-def counted(given: Any, place: str, trust: Trust = NO_CODE) -> tuple[Any, dict[str, Any]]:
+def split_modes(given: Any, place: str, trust: Trust = NO_CODE) -> tuple[Any, dict[str, Any]]:
     """Return how many frequencies a `model` section counts with, None: all; and its other keys.
 
     Args:
@@ -193,7 +195,7 @@ def counted(given: Any, place: str, trust: Trust = NO_CODE) -> tuple[Any, dict[s
     return count, changes
 
 
-def _about_joint(
+def _joint_manoeuvre(
     settings: Any,
     plant: PlantDescription,
     feedback: Feedback | None,
@@ -206,41 +208,42 @@ def _about_joint(
     first = initial_positions(plant.testbed) | (getattr(settings, "initial", None) or {})
     k = names.index(joint)
     pivoting = whole.turning(joint, count)
-    about: dict[str, Any] = {"goal": {joint: settings.goal[joint]}}
+    changes: dict[str, Any] = {"goal": {joint: settings.goal[joint]}}
     taken = {"model": None, "initial": {joint: first[joint]}}
-    about |= {key: value for key, value in taken.items() if hasattr(settings, key)}
+    changes |= {key: value for key, value in taken.items() if hasattr(settings, key)}
     if getattr(settings, "feedback", None) is not None:
-        about["feedback"] = _own(settings.feedback, k)
+        changes["feedback"] = _joint_gains(settings.feedback, k)
     return OneAxis(
-        replace(settings, **about),
+        replace(settings, **changes),
         replace(
             plant,
             testbed=pivoting,
             effort_limit=plant.effort_limit[k : k + 1],
             delay=plant.delay[k : k + 1],
         ),
-        None if feedback is None else _own(feedback, k),
+        None if feedback is None else _joint_gains(feedback, k),
         k,
         names,
         np.array([first[name] for name in names]),
         whole.rigid_turn(joint),
         _left_out(pivoting.model().modes, plant.testbed.model().modes, joint),
-        whole.model().begun_at(settings.start),
+        whole.model().with_time_zero(settings.start),
         whole.hinge_turns() if isinstance(whole, Retargetable) else (),
     )
 
 
-def _require_turning(testbed: Any, names: tuple[str, ...]) -> None:
+def _require_rotation(testbed: Any, names: tuple[str, ...]) -> None:
     """Refuse a design model of another kind without the motion of all joints in a turn."""
-    there = testbed.model().joint_names
+    joint_names = testbed.model().joint_names
     if not isinstance(testbed, Turning):
         raise BadInput(
             f"plan: model: kind: {testbed.kind} cannot be turned about one axis: leave it out, or "
             "give a file of an identification"
         )
-    if there != names:
+    if joint_names != names:
         raise BadInput(
-            f"plan: model: joints: {', '.join(there)} is not allowed: a turn needs all joints of "
+            f"plan: model: joints: {', '.join(joint_names)} is not allowed: a turn needs all "
+            "joints of "
             f"the bench in their order, {', '.join(names)}"
         )
 
@@ -250,7 +253,7 @@ def _left_out(modes: int, of: int, joint: str) -> str:
     return f"turns about {joint} alone, the other axes rigid, on {modes} of {of} modes"
 
 
-def _own(feedback: Feedback, k: int) -> Feedback:
+def _joint_gains(feedback: Feedback, k: int) -> Feedback:
     """Return the gains of one joint."""
     kp, kd = ((g[k],) if len(g) > 1 else g for g in (feedback.kp, feedback.kd))
     return Feedback(kp=kp, kd=kd)

@@ -9,8 +9,12 @@ from pydantic import Field
 from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry
-from flexslew_control.planners.excitation.experiments import Experiments, divided, signal
-from flexslew_control.planners.excitation.limits import PredictedShaking, Room, within_limits
+from flexslew_control.planners.excitation.experiments import Experiments, divide, signal
+from flexslew_control.planners.excitation.limits import (
+    PredictedPeaks,
+    SignalLimits,
+    scale_to_limits,
+)
 from flexslew_control.planners.excitation.signals import Phases
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, slew_of
@@ -85,18 +89,18 @@ def plan_excitation(
     whole = settings.model if settings.model is not None else plain(plant.testbed)
     slew = slew_of(replace(settings, model=whole), plant, feedback)
     model = slew.model
-    shaken = _shaken(settings, model)
+    joints = _joint_indices(settings, model)
     band = _band(settings, slew)
-    parts = divided(settings, len(shaken), band, slew.period)
+    parts = divide(settings, len(joints), band, slew.period)
     size = slew.effort_limit.size
     unit = np.zeros((parts.taper * 2 + parts.count * parts.repeated * parts.period, size))
-    unit[:, shaken] = signal(settings, parts, band, slew.period)
+    unit[:, joints] = signal(settings, parts, band, slew.period)
     unit = np.vstack((unit, np.zeros((parts.after, size))))
     if settings.amplitude is not None:
-        names = tuple(model.joint_names[k] for k in shaken)
+        names = tuple(model.joint_names[k] for k in joints)
         given = np.zeros(size)
-        given[shaken] = per_joint("plan: amplitude", settings.amplitude, names)
-        effort, flown = given * unit, None
+        given[joints] = per_joint("plan: amplitude", settings.amplitude, names)
+        effort, predicted = given * unit, None
         over = given > slew.effort_limit
         if over.any():
             name = model.joint_names[int(np.argmax(over))]
@@ -105,11 +109,13 @@ def plan_excitation(
                 f"{slew.effort_limit[over][0]:g}"
             )
     else:
-        effort, flown = within_limits(slew, unit * slew.effort_limit, room_of(settings, slew))
-    return _plan(settings, slew, effort, band, parts, flown)
+        effort, predicted = scale_to_limits(
+            slew, unit * slew.effort_limit, limits_of(settings, slew)
+        )
+    return _plan(settings, slew, effort, band, parts, predicted)
 
 
-def _shaken(settings: Excitation, model: Model) -> list[int]:
+def _joint_indices(settings: Excitation, model: Model) -> list[int]:
     names = settings.joints or model.joint_names
     unknown = [name for name in names if name not in model.joint_names]
     if unknown or len(set(names)) < len(names):
@@ -138,11 +144,11 @@ def _band(settings: Excitation, slew: Slew) -> tuple[float, float]:
     return _BELOW * float(frequencies[0]), min(_ABOVE * float(frequencies[-1]), highest)
 
 
-def room_of(settings: Excitation, slew: Slew) -> Room:
+def limits_of(settings: Excitation, slew: Slew) -> SignalLimits:
     """Return the limits that a shaking of no given amplitude keeps."""
     names = slew.model.joint_names
     excursion = per_joint("plan: largest_excursion", settings.largest_excursion, names)
-    return Room(settings.effort_share * slew.effort_limit, excursion, settings.largest_tip)
+    return SignalLimits(settings.effort_share * slew.effort_limit, excursion, settings.largest_tip)
 
 
 def _plan(
@@ -151,7 +157,7 @@ def _plan(
     effort: Matrix,
     band: tuple[float, float],
     parts: Experiments,
-    flown: PredictedShaking | None,
+    predicted: PredictedPeaks | None,
 ) -> Plan:
     ticks = len(effort)
     peaks = np.abs(effort).max(axis=0)
@@ -167,11 +173,11 @@ def _plan(
         "crest_factor": crest,
         "believes": slew.beliefs,
     }
-    if flown is not None:
+    if predicted is not None:
         summary |= {
-            "predicted_peak_effort": slew.named(flown.effort),
-            "predicted_excursion": slew.named(flown.excursion),
-            "predicted_tip_deflection": flown.tip,
+            "predicted_peak_effort": slew.named(predicted.effort),
+            "predicted_excursion": slew.named(predicted.excursion),
+            "predicted_tip_deflection": predicted.tip,
         }
     rest = np.tile(slew.start, (ticks + 1, 1))
     return Plan(

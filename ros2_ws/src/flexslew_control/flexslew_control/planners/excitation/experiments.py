@@ -18,7 +18,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
 
-class Asked(Protocol):
+class SignalSettings(Protocol):
     """The keys of the `plan` section for the signal."""
 
     @property
@@ -69,7 +69,9 @@ class Experiments:
     after: int
 
 
-def divided(settings: Asked, joints: int, band: tuple[float, float], h: float) -> Experiments:
+def divide(
+    settings: SignalSettings, joints: int, band: tuple[float, float], h: float
+) -> Experiments:
     """Return how the ticks of an excitation are divided.
 
     Raises:
@@ -94,18 +96,20 @@ def divided(settings: Asked, joints: int, band: tuple[float, float], h: float) -
     )
 
 
-def signal(settings: Asked, parts: Experiments, band: tuple[float, float], h: float) -> Matrix:
+def signal(
+    settings: SignalSettings, parts: Experiments, band: tuple[float, float], h: float
+) -> Matrix:
     """Return what shakes each joint, with a peak of 1, over all experiments and both tapers."""
     rng = np.random.default_rng(settings.seed)
     one = _one_period(settings, parts, band, h, rng)
-    turns = orthogonal(parts.count)
+    factors = orthogonal(parts.count)
     columns = []
     for joint in range(parts.count):
         periods = []
-        for factor in turns[:, joint]:
-            turned = np.fft.irfft(np.fft.rfft(one) * factor, parts.period)
+        for factor in factors[:, joint]:
+            shifted = np.fft.irfft(np.fft.rfft(one) * factor, parts.period)
             periods.append(
-                np.tile(turned if abs(factor.imag) > 1e-9 else one * factor.real, parts.repeated)
+                np.tile(shifted if abs(factor.imag) > 1e-9 else one * factor.real, parts.repeated)
             )
         whole = np.concatenate(periods)
         rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(parts.taper) + 0.5) / max(parts.taper, 1))
@@ -117,7 +121,7 @@ def signal(settings: Asked, parts: Experiments, band: tuple[float, float], h: fl
 
 
 def _one_period(
-    settings: Asked,
+    settings: SignalSettings,
     parts: Experiments,
     band: tuple[float, float],
     h: float,

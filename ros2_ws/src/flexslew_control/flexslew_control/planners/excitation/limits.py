@@ -10,10 +10,10 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
 _USED = 0.99  # of the room: small motions leave out what is not linear
-_GROWN = 1e12  # of a unit excitation: a loop that is not stable
+_UNSTABLE = 1e12  # of a unit excitation: a loop that is not stable
 
 
-class Room(NamedTuple):
+class SignalLimits(NamedTuple):
     """Limits."""
 
     effort: Vector  # with the feedback, (joints,) [N m or N]
@@ -21,7 +21,7 @@ class Room(NamedTuple):
     tip: float | None  # [m]; None: no limit
 
 
-class PredictedShaking(NamedTuple):
+class PredictedPeaks(NamedTuple):
     """The largest values that an excitation reaches in the small motions of the model."""
 
     effort: Vector  # with the feedback, (joints,) [N m or N]
@@ -29,52 +29,54 @@ class PredictedShaking(NamedTuple):
     tip: float  # [m]
 
 
-def within_limits(slew: Slew, effort: Matrix, room: Room) -> tuple[Matrix, PredictedShaking]:
+def scale_to_limits(
+    slew: Slew, effort: Matrix, limits: SignalLimits
+) -> tuple[Matrix, PredictedPeaks]:
     """Return efforts scaled to the largest that keep the limits, and what they reach.
 
     Args:
         slew: the rest, the model that is believed and the feedback that flies it.
         effort: of the feedforward in any size, shape (ticks, joints) [N m or N].
-        room: limits.
+        limits: limits.
 
     Raises:
         BadInput: under this feedback the small motions grow without bound.
     """
     found = _predicted(slew, effort)
     used = max(
-        float((found.effort / room.effort).max()),
-        float((found.excursion / room.excursion).max()),
-        found.tip / room.tip if room.tip else 0.0,
+        float((found.effort / limits.effort).max()),
+        float((found.excursion / limits.excursion).max()),
+        found.tip / limits.tip if limits.tip else 0.0,
     )
-    if not used < _GROWN:
+    if not used < _UNSTABLE:
         raise BadInput(
             f"plan: feedback: kp {slew.kp.tolist()} and kd {slew.kd.tolist()} do not hold the "
             "testbed, so no amplitude keeps within limits; give plan.feedback the gains of a "
             "controller that flies it, or an amplitude"
         )
     scale = _USED / used
-    return scale * effort, PredictedShaking(
+    return scale * effort, PredictedPeaks(
         scale * found.effort, scale * found.excursion, scale * found.tip
     )
 
 
-def _predicted(slew: Slew, effort: Matrix) -> PredictedShaking:
+def _predicted(slew: Slew, effort: Matrix) -> PredictedPeaks:
     """Return the largest values of z+ = F z + G u under u = effort - kp position - kd rate."""
     rest = slew.model.rest(slew.named(slew.start))
     plant = LinearPlant(slew.model, rest)
     closed = collocated_loop(plant, slew.kp, slew.kd, slew.period)
-    pushed = effort @ plant.step(slew.period)[1].T
+    inputs = effort @ plant.step(slew.period)[1].T
     states = np.empty((len(effort) + 1, len(closed)))
     states[0] = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
-        for k, push in enumerate(pushed):
+        for k, push in enumerate(inputs):
             np.dot(closed, states[k], out=states[k + 1])
             states[k + 1] += push
         position, rate = states @ plant.position.T, states @ plant.velocity.T
         total = effort - slew.kp * position[:-1] - slew.kd * rate[:-1]
         n = slew.model.coordinates
         tips = states[:, :n] @ plant.tip[:, :n].T  # deflections alone: no rates
-    return PredictedShaking(
+    return PredictedPeaks(
         np.abs(total).max(axis=0),
         np.abs(position).max(axis=0),
         float(np.abs(tips).max(initial=0.0)),

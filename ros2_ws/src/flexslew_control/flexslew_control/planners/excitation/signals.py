@@ -13,7 +13,7 @@ from flexslew_plant.arrays import Vector
 
 Phases: TypeAlias = Literal["schroeder", "optimised", "random"]
 
-_CLIPS = 200  # of the search for a low crest factor
+_CLIP_ITERATIONS = 200  # of the search for a low crest factor
 _CLIP = 0.85  # where the signal is cut in each, as a part of its peak
 
 
@@ -57,10 +57,10 @@ def multisine(
     best = np.fft.irfft(spectrum, ticks)
     if phases == "optimised":
         now = best
-        for _ in range(_CLIPS):
+        for _ in range(_CLIP_ITERATIONS):
             peak = np.abs(now).max()
-            moved = np.fft.rfft(np.clip(now, -_CLIP * peak, _CLIP * peak))[place]
-            spectrum[place] = size * np.exp(1j * np.angle(moved))
+            clipped = np.fft.rfft(np.clip(now, -_CLIP * peak, _CLIP * peak))[place]
+            spectrum[place] = size * np.exp(1j * np.angle(clipped))
             now = np.fft.irfft(spectrum, ticks)
             if np.abs(now).max() < np.abs(best).max():
                 best = now
@@ -81,11 +81,11 @@ def random_binary(
 
     Its mean is taken out by its last values, so that a free joint does not drift away.
     """
-    hold = max(round(0.5 * np.pi / band[1] / h), 1)
-    count = -(-ticks // hold)
+    length = max(round(0.5 * np.pi / band[1] / h), 1)
+    count = -(-ticks // length)
     signs = np.ones(count)
     signs[: count // 2] = -1.0
-    return np.asarray(np.repeat(rng.permutation(signs), hold)[:ticks])
+    return np.asarray(np.repeat(rng.permutation(signs), length)[:ticks])
 
 
 def impulse(band: tuple[float, float], ticks: int, h: float) -> Vector:

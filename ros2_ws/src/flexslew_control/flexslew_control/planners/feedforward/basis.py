@@ -45,13 +45,13 @@ class Basis:
         Args:
             times: shape (k,) [s].
         """
-        inside = (times >= 0.0) & (times <= self.duration)
+        active = (times >= 0.0) & (times <= self.duration)
         clipped = np.clip(times, 0.0, self.duration)
         if self.name == "trigonometric":
             table = np.sin(np.multiply.outer(clipped, self._frequencies))
         else:
-            table = np.asarray(self._splines(clipped))
-        return np.where(inside[:, None], table, 0.0)
+            table = np.asarray(self._spline(clipped))
+        return np.where(active[:, None], table, 0.0)
 
     def means(self, edges: Vector) -> Matrix:
         """Return the mean of each B_j between neighbouring edges, exact, shape (edges - 1, n).
@@ -67,7 +67,7 @@ class Basis:
             w = self._frequencies
             half = np.sin(np.multiply.outer(clipped, 0.5 * w))
             return np.asarray(2.0 * half**2 / w, dtype=np.float64)  # (1 - cos) / w
-        integral: Callable[[Vector], Matrix] = self._splines.antiderivative()
+        integral: Callable[[Vector], Matrix] = self._spline.antiderivative()
         return np.asarray(integral(clipped))
 
     @property
@@ -76,7 +76,7 @@ class Basis:
         return order * (np.pi / self.duration)
 
     @property
-    def _splines(self) -> BSpline:
+    def _spline(self) -> BSpline:
         n, d = self.functions, _DEGREES[self.name]
         spacing = self.duration / (n + d)
         knots = np.arange(-d, n + 2 * d + 1) * spacing  # d extra at each side, unused

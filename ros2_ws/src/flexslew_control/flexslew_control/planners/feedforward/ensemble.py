@@ -8,12 +8,12 @@ import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, stage_times, substeps_for
-from flexslew_control.planners.prediction import watched
+from flexslew_control.planners.prediction import monitor_time
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.linearisation import Linearisation
 
 _DOUBLINGS = 14  # of the first interval of the Gramian
-_WATCHED = 75.0  # after the end, for the residual of the summary, at least [s]
+_RESIDUAL_TIME = 75.0  # after the end, for the residual of the summary, at least [s]
 
 
 class FeedforwardFlight(NamedTuple):
@@ -55,7 +55,7 @@ class FeedforwardMember:
         return np.unique(np.sign(first) * tip + 0.0, axis=0)
 
     @property
-    def _about_goal(self) -> Linearisation:
+    def _goal_model(self) -> Linearisation:
         """The small motions about the goal under the feedback."""
         m = self.manoeuvre
         rest = np.concatenate((m.goal, np.zeros(m.model.coordinates - m.model.joints)))
@@ -66,7 +66,7 @@ class FeedforwardMember:
         """W^(1/2), shape (2 n, 2 n): |W^(1/2) Y| is the later vibration [m]."""
         m = self.manoeuvre
         n, joints = m.model.coordinates, m.model.joints
-        a = self._about_goal.state_matrix
+        a = self._goal_model.state_matrix
         seen = np.zeros((joints + len(self.tips), 2 * n))
         seen[:joints, :joints] = self.lever * np.eye(joints)
         seen[joints:, joints:n] = self.tips
@@ -81,7 +81,7 @@ class FeedforwardMember:
         values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
-    def flown(self, basis: Basis, weights: Matrix) -> FeedforwardFlight:
+    def simulate(self, basis: Basis, weights: Matrix) -> FeedforwardFlight:
         """Return what the member does under the feedforward and its feedback.
 
         Args:
@@ -92,7 +92,7 @@ class FeedforwardMember:
         n, joints = m.model.coordinates, m.model.joints
         pieces = (len(basis.nodes) - 1) * substeps_for(m, basis)
         step = m.duration / pieces
-        after = max(_WATCHED, watched(self._about_goal.eigenvalues, step))
+        after = max(_RESIDUAL_TIME, monitor_time(self._goal_model.eigenvalues, step))
         edges = step * np.arange(pieces + int(np.ceil(after / step)) + 1, dtype=np.float64)
         path = m.fly(edges, basis.values(stage_times(edges)) @ weights)
         effort = m.efforts(edges, basis.values(edges) @ weights, path)

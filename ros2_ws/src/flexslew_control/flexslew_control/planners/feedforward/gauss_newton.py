@@ -16,10 +16,10 @@ Sensitivities: TypeAlias = Literal["exact", "finite_difference"]
 
 # G is computed again while the last relative change of U was above this. An old G still leads to
 # Y = 0, but moves the fixed point of (25) as printed.
-_FRESH: dict[Reading, float] = {"levenberg": 0.1, "regularised": 1e-3}
+_REFRESH: dict[Reading, float] = {"levenberg": 0.1, "regularised": 1e-3}
 _DAMPING_DROP, _DAMPING_FLOOR = 1e-2, 1e-6  # of rho per update, and in all
 # relative change at which the coarse grid has done its part
-_COARSE_ENOUGH: dict[Reading, float] = {"levenberg": 0.1, "regularised": 1e-3}
+_COARSE_TOLERANCE: dict[Reading, float] = {"levenberg": 0.1, "regularised": 1e-3}
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class FeedforwardOptimum:
     simulations: int  # without
 
 
-def optimise(
+def optimize(
     maps: tuple[TerminalMap, TerminalMap], options: Options, progress: Progress
 ) -> FeedforwardOptimum:
     """Return the feedforward that minimises (22), from U = 0.
@@ -82,36 +82,36 @@ def optimise(
     evaluations, simulations = 0, 1
     while True:
         k = len(history)
-        fresh = k % 3 == 0 if options.paper else change > _FRESH[options.reading]
-        if fresh:
+        recompute = k % 3 == 0 if options.paper else change > _REFRESH[options.reading]
+        if recompute:
             exact = options.sensitivities == "exact"
             g = at.sensitivity() if exact else at.secant(u, y)
             evaluations += 1
         new = _updated(u, y, g, damping, options.reading)
         change = float(np.linalg.norm(new - u) / max(float(np.linalg.norm(new)), 1e-300))
         u = new
-        if not options.paper and change < _COARSE_ENOUGH[options.reading]:
+        if not options.paper and change < _COARSE_TOLERANCE[options.reading]:
             at = fine
         y = at.terminal_error(u)
         simulations += 1
         yy, uu = float(y @ y), float(u @ u)
         if not np.isfinite(yy + uu):
-            raise PlanFailed(_diverged(fine, f"update {k + 1} is not finite"))
-        history.append(Update(k + 1, yy + rho * uu, yy**0.5, uu**0.5, change, fresh))
+            raise PlanFailed(_divergence_message(fine, f"update {k + 1} is not finite"))
+        history.append(Update(k + 1, yy + rho * uu, yy**0.5, uu**0.5, change, recompute))
         progress(history[-1])
-        settled = change <= options.tolerance or uu == 0.0
+        converged = change <= options.tolerance or uu == 0.0
         if options.paper and k == 5:
             break
-        if not options.paper and settled and at is fine:
+        if not options.paper and converged and at is fine:
             break
         if k + 1 >= options.max_iterations:
             reached = f"relative change {change:.1e}, allowed {options.tolerance:.1e}"
             raise PlanFailed(
-                _diverged(fine, f"after {k + 1} updates: {reached}, |Y| {yy**0.5:.1e}")
+                _divergence_message(fine, f"after {k + 1} updates: {reached}, |Y| {yy**0.5:.1e}")
             )
         if options.reading == "levenberg" and not options.paper:
             damping = max(damping * _DAMPING_DROP, rho * _DAMPING_FLOOR)
-    return FeedforwardOptimum(u, y, tuple(history), settled, evaluations, simulations)
+    return FeedforwardOptimum(u, y, tuple(history), converged, evaluations, simulations)
 
 
 def _updated(u: Vector, y: Vector, g: Matrix, rho: float, reading: Reading) -> Vector:
@@ -126,7 +126,7 @@ def _updated(u: Vector, y: Vector, g: Matrix, rho: float, reading: Reading) -> V
     return np.asarray(u - step if reading == "levenberg" else -step)
 
 
-def _diverged(at: TerminalMap, what: str) -> str:
+def _divergence_message(at: TerminalMap, what: str) -> str:
     m = at.manoeuvre
     return (
         f"the feedforward did not converge, {what}; use a longer duration than {m.duration:g} s, "

@@ -25,7 +25,7 @@ _EDGES = 4  # of the integration in each piece of the basis, so that no peak is 
 _HALVINGS = 12  # of a step that makes things worse
 _BISECTIONS = 50  # of a step of the convex problem
 _INNER = 50  # Newton steps on one linearisation
-_SETTLED = 1e-9  # relative gain at which a linearisation counts as solved
+_CONVERGED = 1e-9  # relative gain at which a linearisation counts as solved
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Problem:
             efforts = np.concatenate((efforts, _STIFFNESS * positions), axis=1)
         return g, efforts.reshape(-1, g.shape[1])
 
-    def beyond(self, bounded: Vector) -> Vector:
+    def limit_excess(self, bounded: Vector) -> Vector:
         """Return how far what has bounds is beyond them [N m]."""
         low, high = -self.effort_limit, self.effort_limit
         if self.joint_range is not None:
@@ -83,7 +83,7 @@ class Problem:
 
     def cost(self, weights: Vector, y: Vector, bounded: Vector) -> float:
         """Return the objective of weights that lead to the vibrations y and to `bounded`."""
-        excess = self.beyond(bounded)
+        excess = self.limit_excess(bounded)
         value = y @ y + self.rho * (weights @ weights) + self.price**2 * (excess @ excess)
         return float(value) if np.isfinite(value) else np.inf
 
@@ -103,34 +103,34 @@ def limited_gauss_newton(
         PlanFailed: it does not settle.
     """
     members, basis, maps = problem.members, problem.basis, problem.maps
-    scales = [member.weight / np.sqrt(len(members)) for member in members]
+    factors = [member.weight / np.sqrt(len(members)) for member in members]
 
-    def flown(weights: Vector) -> tuple[Vector, Vector]:
+    def simulate(weights: Vector) -> tuple[Vector, Vector]:
         y, bounded = [], []
-        for scale, at in zip(scales, maps, strict=True):
+        for scale, at in zip(factors, maps, strict=True):
             y.append(scale @ at.terminal_error(weights))
             bounded.append(problem.bounded(at, weights))
         return np.concatenate(y), np.concatenate(bounded)
 
     def slopes() -> tuple[Matrix, Matrix]:
         found = [problem.slopes(at) for at in maps]
-        g = np.vstack([scale @ rows for scale, (rows, _) in zip(scales, found, strict=True)])
+        g = np.vstack([scale @ rows for scale, (rows, _) in zip(factors, found, strict=True)])
         return g, np.vstack([rows for _, rows in found])
 
     u = np.zeros(basis.functions * members[0].manoeuvre.model.joints)
-    at_u = flown(u)
+    at_u = simulate(u)
     cost = problem.cost(u, *at_u)
     history: list[tuple[Vector, Update]] = []
     for k in range(max_iterations):
-        step, promised = _best_step(problem, u, at_u, slopes())
+        step, expected_gain = _best_step(problem, u, at_u, slopes())
         for _ in range(_HALVINGS):
-            new = flown(u + step)
+            new = simulate(u + step)
             value = problem.cost(u + step, *new)
             if value <= cost:
                 break
             step = 0.5 * step
         else:
-            if promised > tolerance * cost:
+            if expected_gain > tolerance * cost:
                 break
             # the best step gains less than rounding hides: u is optimal
             if not history:
@@ -151,16 +151,16 @@ def limited_gauss_newton(
     )
 
 
-def _least_part(rises: Callable[[float], bool]) -> float:
+def _least_part(slope_positive: Callable[[float], bool]) -> float:
     """Return the part of a step at which a convex function of it is least, by bisection.
 
     Args:
-        rises: whether the function rises at a part of the step; at 1 it does.
+        slope_positive: whether the function rises at a part of the step; at 1 it does.
     """
     low, high = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if rises(middle) else (middle, high)
+        low, high = (low, middle) if slope_positive(middle) else (middle, high)
     return low
 
 
@@ -183,24 +183,24 @@ def _best_step(
     quadratic.flat[:: weights.size + 1] += problem.rho
     linear = g.T @ y + problem.rho * weights
     step = np.zeros(weights.size)
-    begun = cost = problem.cost(weights, y, bounded)
+    initial = cost = problem.cost(weights, y, bounded)
     for _ in range(_INNER):
-        excess = problem.beyond(bounded + t @ step)
+        excess = problem.limit_excess(bounded + t @ step)
         active = t[excess != 0.0]
         slope = linear + quadratic @ step + problem.price**2 * (active.T @ excess[excess != 0.0])
-        towards = -np.linalg.solve(quadratic + problem.price**2 * (active.T @ active), slope)
+        direction = -np.linalg.solve(quadratic + problem.price**2 * (active.T @ active), slope)
 
-        def rises(part: float, towards: Vector = towards, step: Vector = step) -> bool:
-            new = step + part * towards
-            excess = problem.beyond(bounded + t @ new)
-            there = linear + quadratic @ new + problem.price**2 * (t.T @ excess)
-            return bool(there @ towards > 0.0)
+        def slope_positive(part: float, direction: Vector = direction, step: Vector = step) -> bool:
+            new = step + part * direction
+            excess = problem.limit_excess(bounded + t @ new)
+            gradient = linear + quadratic @ new + problem.price**2 * (t.T @ excess)
+            return bool(gradient @ direction > 0.0)
 
-        new = step + (_least_part(rises) if rises(1.0) else 1.0) * towards
+        new = step + (_least_part(slope_positive) if slope_positive(1.0) else 1.0) * direction
         value = problem.cost(weights + new, y + g @ new, bounded + t @ new)
         if value > cost:
             break
         step, gain, cost = new, cost - value, value
-        if gain <= _SETTLED * cost:
+        if gain <= _CONVERGED * cost:
             break
-    return step, begun - cost
+    return step, initial - cost

@@ -48,11 +48,11 @@ class Manoeuvre:
         return np.concatenate((self.goal, np.zeros(2 * self.model.coordinates - len(self.goal))))
 
     @property
-    def fastest_rate(self) -> float:
+    def largest_pole(self) -> float:
         """Largest |pole| of the linearised loop at the start, midway and at the goal [1/s]."""
         middle = 0.5 * (self.start + self.goal)
         return max(
-            _fastest_rate(self.model, self.kp, self.kd, joints)
+            _largest_pole(self.model, self.kp, self.kd, joints)
             for joints in (self.start, middle, self.goal)
         )
 
@@ -65,20 +65,20 @@ class Manoeuvre:
             rows: out, the state at every stage, if requested.
         """
         r = rest_to_rest(self.reference, self.start, self.goal, self.duration, stage_times(edges))
-        drive = feedforward + self.kp * r.position + self.kd * r.velocity
+        command = feedforward + self.kp * r.position + self.kd * r.velocity
         n = self.model.coordinates
-        states = np.empty((len(drive), 2 * n)) if rows is None else rows
+        states = np.empty((len(command), 2 * n)) if rows is None else rows
         return roll_out(
             self.model.kernels,
             self.model.packed,
             self.initial_state,
             edges,
-            drive,
+            command,
             self.kp,
             self.kd,
             ((0,) * n, (0,) * self.model.joints),
             states,
-            np.empty((len(drive), n)),
+            np.empty((len(command), n)),
         )
 
     def efforts(self, edges: Vector, feedforward: Matrix, path: Matrix) -> Matrix:
@@ -107,7 +107,7 @@ def manoeuvre_of(slew: Slew, duration: float, reference: Profile) -> Manoeuvre:
     return Manoeuvre(slew.model, slew.kp, slew.kd, slew.start, slew.goal, duration, reference)
 
 
-def _fastest_rate(model: Model, kp: Vector, kd: Vector, joints: Vector) -> float:
+def _largest_pole(model: Model, kp: Vector, kd: Vector, joints: Vector) -> float:
     """Return the largest |pole| about the rest at joints, from M x'' + (D + Kd) x' + (K + Kp) x."""
     n, m = model.coordinates, model.joints
     open_loop = model.linearise(np.concatenate((joints, np.zeros(n - m))))
@@ -126,8 +126,8 @@ def stage_times(edges: Vector) -> Vector:
 
     Strictly, so that a jump of a basis at an edge is seen from the right side.
     """
-    inside = np.clip(STAGE_TIMES, 1e-12, 1.0 - 1e-12)
-    return np.asarray((edges[:-1, None] + np.diff(edges)[:, None] * inside).ravel())
+    clipped = np.clip(STAGE_TIMES, 1e-12, 1.0 - 1e-12)
+    return np.asarray((edges[:-1, None] + np.diff(edges)[:, None] * clipped).ravel())
 
 
 @lru_cache(maxsize=16)
@@ -150,7 +150,7 @@ def _at_edges(basis: Basis, substeps: int) -> Matrix:
 def substeps_for(manoeuvre: Manoeuvre, basis: Basis) -> int:
     """Return into how many steps each piece of the basis is cut for an error in Y below 1e-8."""
     piece = basis.duration / (len(basis.nodes) - 1)
-    step = min(_STEP_ANGLE / manoeuvre.fastest_rate, basis.duration / _STEPS_A_SLEW)
+    step = min(_STEP_ANGLE / manoeuvre.largest_pole, basis.duration / _STEPS_A_SLEW)
     return int(np.ceil(piece / step))
 
 
@@ -193,14 +193,14 @@ class TerminalMap:
         """
         m = self.manoeuvre
         edges, table, _, _ = _tables(self.basis, m.reference, self.substeps)
-        drive = table @ weights.reshape(m.model.joints, -1).T
-        drive += self._work["drive"]
+        command = table @ weights.reshape(m.model.joints, -1).T
+        command += self._work["drive"]
         path = self._work["path"] = roll_out(
             m.model.kernels,
             m.model.packed,
             m.initial_state,
             edges,
-            drive,
+            command,
             m.kp,
             m.kd,
             self._sizes,
@@ -250,10 +250,10 @@ class TerminalMap:
         transitions = flat.reshape(steps, 2 * n, 2 * n).swapaxes(1, 2)
         by_stage = self._work["adjoint"].reshape(steps, STAGES, joints * 2 * n).swapaxes(1, 2)
         by_joint = (by_stage @ table).reshape(steps, joints, 2 * n, -1)
-        gained = np.concatenate(by_joint.swapaxes(0, 1), axis=2)
-        path = np.zeros((steps + 1, *gained.shape[1:]))
+        stage_terms = np.concatenate(by_joint.swapaxes(0, 1), axis=2)
+        path = np.zeros((steps + 1, *stage_terms.shape[1:]))
         for k in range(steps):
-            path[k + 1] = transitions[k] @ path[k] + gained[k]
+            path[k + 1] = transitions[k] @ path[k] + stage_terms[k]
         efforts = -m.kp[:, None] * path[:, :joints] - m.kd[:, None] * path[:, n : n + joints]
         rows = _at_edges(self.basis, self.substeps)
         for j in range(joints):

@@ -18,7 +18,7 @@ from flexslew_control.planners.feedforward.gauss_newton import (
     Options,
     Reading,
     Sensitivities,
-    optimise,
+    optimize,
 )
 from flexslew_control.planners.feedforward.manoeuvre import (
     Manoeuvre,
@@ -29,14 +29,14 @@ from flexslew_control.planners.feedforward.manoeuvre import (
 )
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import (
+    ExcessTorque,
     FeedbackKey,
     Slew,
-    TooMuchTorque,
     tick_times,
 )
-from flexslew_control.planners.slewing import Slewing
+from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.planners.trajectories import Profile, rest_to_rest
-from flexslew_control.shared_keys import BelievedModel, Initial, Start
+from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.model import Model
@@ -47,7 +47,7 @@ class OptimizedFeedforward:
     """The `plan` section for method optimized_feedforward."""
 
     method: Literal["optimized_feedforward"] = "optimized_feedforward"
-    model: BelievedModel = None
+    model: DesignModel = None
     initial: Initial = None
     goal: GoalKey = None
     start: Start = 0.0
@@ -87,7 +87,7 @@ def find_feedforward(
         max_iterations=settings.max_iterations,
         tolerance=settings.tolerance,
     )
-    return basis, optimise((maps[0], maps[1]), options, progress)
+    return basis, optimize((maps[0], maps[1]), options, progress)
 
 
 def plan_optimized_feedforward(
@@ -99,7 +99,7 @@ def plan_optimized_feedforward(
     weights = optimum.weights.reshape(manoeuvre.model.joints, -1).T
     plan = on_ticks(settings, slew, manoeuvre, basis, weights)
     if settings.track == "planned":
-        plan = about_its_own_trajectory(plan, slew, manoeuvre, basis, weights)
+        plan = with_nominal_reference(plan, slew, manoeuvre, basis, weights)
     last = optimum.history[-1]
     found: dict[str, Any] = {
         "objective": last.objective,
@@ -134,7 +134,7 @@ def on_ticks(
         weights: shape (n_u, joints) [N m].
 
     Raises:
-        TooMuchTorque: feedforward and feedback together need more than the limit.
+        ExcessTorque: feedforward and feedback together need more than the limit.
     """
     ticks = tick_times(settings.start, manoeuvre.duration, slew.period)
     edges = np.union1d(ticks, basis.nodes)
@@ -146,7 +146,7 @@ def on_ticks(
     )
     effort = manoeuvre.efforts(edges, basis.values(edges) @ weights, path)
     peak = np.abs(effort).max(axis=0)
-    _refuse_saturation(manoeuvre.model, peak, slew.effort_limit)
+    _check_saturation(manoeuvre.model, peak, slew.effort_limit)
     at = np.searchsorted(edges, ticks - 1e-9 * manoeuvre.duration)
     return Plan(
         method=settings.method,
@@ -162,7 +162,7 @@ def on_ticks(
     )
 
 
-def about_its_own_trajectory(
+def with_nominal_reference(
     plan: Plan, slew: Slew, manoeuvre: Manoeuvre, basis: Basis, weights: Matrix
 ) -> Plan:
     """Return the plan with the planned trajectory as its reference and the same total efforts.
@@ -177,35 +177,37 @@ def about_its_own_trajectory(
     """
     m, n = slew.model.joints, slew.model.coordinates
     ticks = slew.period * np.arange(plan.ticks + 1, dtype=np.float64)
-    middles = 0.5 * (ticks[1:] + ticks[:-1])
-    edges = np.union1d(np.union1d(ticks, middles), basis.nodes)
+    middle_times = 0.5 * (ticks[1:] + ticks[:-1])
+    edges = np.union1d(np.union1d(ticks, middle_times), basis.nodes)
     kept = np.append(True, np.diff(edges) > 1e-9 * manoeuvre.duration)
     edges = edges[kept]
     path = manoeuvre.fly(edges, basis.values(stage_times(edges)) @ weights)
     feedback = manoeuvre.efforts(edges, np.zeros((edges.size, m)), path)
     slack = 1e-9 * manoeuvre.duration
-    at, between = np.searchsorted(edges, ticks - slack), np.searchsorted(edges, middles - slack)
-    mean = (feedback[at[:-1]] + 4.0 * feedback[between] + feedback[at[1:]]) / 6.0  # Simpson
+    at, middle = np.searchsorted(edges, ticks - slack), np.searchsorted(edges, middle_times - slack)
+    mean = (feedback[at[:-1]] + 4.0 * feedback[middle] + feedback[at[1:]]) / 6.0  # Simpson
     effort = plan.effort + mean
     state = np.empty((ticks.size, 2 * n))
     state[0] = path[0]
-    for k, held in enumerate(effort):
-        state[k + 1] = slew.model.advance(state[k], held, slew.period, slew.steps, float(ticks[k]))
+    for k, tick_effort in enumerate(effort):
+        state[k + 1] = slew.model.advance(
+            state[k], tick_effort, slew.period, slew.steps, float(ticks[k])
+        )
     position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
     position[-1], velocity[-1] = slew.goal, 0.0
     return replace(plan, position=position, velocity=velocity, effort=effort, state=state)
 
 
-def _refuse_saturation(model: Model, peak: Vector, limit: Vector) -> None:
+def _check_saturation(model: Model, peak: Vector, limit: Vector) -> None:
     for name, needed, allowed in zip(model.joint_names, peak, limit, strict=True):
         if not needed <= allowed:
-            raise TooMuchTorque(
+            raise ExcessTorque(
                 f"the manoeuvre needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m"
             )
 
 
 OPTIMIZED = PlannerEntry(
     OptimizedFeedforward,
-    Slewing(plan_optimized_feedforward, exact=lambda s: s.track == "planned"),
+    SlewPlanner(plan_optimized_feedforward, exact=lambda s: s.track == "planned"),
     takes_duration=True,
 )

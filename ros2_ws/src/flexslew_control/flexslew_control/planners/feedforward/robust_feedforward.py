@@ -40,26 +40,28 @@ from flexslew_control.planners.feedforward.manoeuvre import (
     substeps_for,
 )
 from flexslew_control.planners.feedforward.optimized_feedforward import (
-    about_its_own_trajectory,
     on_ticks,
+    with_nominal_reference,
 )
 from flexslew_control.planners.held_efforts import joints_at_rest
 from flexslew_control.planners.progress import Progress, Update, ignore
 from flexslew_control.planners.rest_at_goal import require_rest
-from flexslew_control.planners.slew import FeedbackKey, Slew, TooMuchTorque
-from flexslew_control.planners.slewing import RINGING, Slewing
+from flexslew_control.planners.slew import ExcessTorque, FeedbackKey, Slew
+from flexslew_control.planners.slewing import RESIDUAL_SHARE, SlewPlanner
 from flexslew_control.planners.trajectories import Profile
-from flexslew_control.shared_keys import BelievedModel, Initial, Start
+from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive, section
 
-_DEAR = 10.0  # of effort beyond its limit by all of it [m]: high against any vibration
-_LITTLE_OVER, _TIGHTER = 0.2, 1.2  # share beyond the bound that is taken off it, and times this
-_FALLS = 0.5  # share of its excess before that a dearer effort has where the bound can be kept
-_BENDINGS = 4  # searches with a bound reduced by what bending the reference takes
-_MISSED = 0.02  # of the way: what a dearer effort may leave of it at the end [-]
+_HIGH_PRICE = 10.0  # of effort beyond its limit by all of it [m]: high against any vibration
+_SMALL_EXCESS, _REDUCTION = 0.2, 1.2  # share beyond the bound that is taken off it, and times this
+_EXCESS_RATIO = (
+    0.5  # share of its excess before that a dearer effort has where the bound can be kept
+)
+_MAX_SEARCH = 4  # searches with a bound reduced by what bending the reference takes
+_GOAL_ERROR = 0.02  # of the way: what a dearer effort may leave of it at the end [-]
 
 _Error = Annotated[float, Field(gt=-0.9, le=5.0)]
 _Errors = Annotated[tuple[_Error, ...], Field(min_length=1, max_length=25)]
@@ -70,7 +72,7 @@ class RobustFeedforward:
     """The `plan` section for method robust_feedforward."""
 
     method: Literal["robust_feedforward"] = "robust_feedforward"
-    model: BelievedModel = None
+    model: DesignModel = None
     initial: Initial = None
     goal: GoalKey = None
     start: Start = 0.0
@@ -99,11 +101,11 @@ def ensemble(settings: RobustFeedforward, slew: Slew) -> tuple[FeedforwardMember
     members = []
     for payload in settings.payload_errors:
         loaded = replace(slew, testbed=slew.testbed.scaled(payload=1.0 + payload))
-        flown = manoeuvre_of(loaded, settings.duration, settings.reference)
+        responses = manoeuvre_of(loaded, settings.duration, settings.reference)
         for error in settings.stiffness_errors:
-            model = flown.model.with_stiffness(1.0 + error)
+            model = responses.model.with_stiffness(1.0 + error)
             members.append(
-                FeedforwardMember(error, payload, replace(flown, model=model), settings.lever)
+                FeedforwardMember(error, payload, replace(responses, model=model), settings.lever)
             )
     return tuple(members)
 
@@ -148,20 +150,20 @@ def _best_weights(problem: Problem, settings: RobustFeedforward, progress: Progr
     history = limited_gauss_newton(problem, settings.max_iterations, settings.tolerance, progress)
     joints = problem.members[0].manoeuvre.model.joints
     weights = history[-1][0].reshape(joints, -1).T
-    flown = [member.flown(problem.basis, weights) for member in problem.members]
-    swings = np.array([member.swing for member in flown])
+    responses = [member.simulate(problem.basis, weights) for member in problem.members]
+    ranges = np.array([member.swing for member in responses])
     return _Found(
         weights,
         history[-1][1],
         len(history),
-        [member.residual for member in flown],
-        max(member.deflection for member in flown),
-        np.array([member.peak for member in flown]),
-        np.array((swings[:, 0].min(axis=0), swings[:, 1].max(axis=0))),
+        [member.residual for member in responses],
+        max(member.deflection for member in responses),
+        np.array([member.peak for member in responses]),
+        np.array((ranges[:, 0].min(axis=0), ranges[:, 1].max(axis=0))),
     )
 
 
-def _within(found: _Found, effort_limit: Vector, requested: Matrix | None) -> bool:
+def _check_limits(found: _Found, effort_limit: Vector, requested: Matrix | None) -> bool:
     """Return whether all members keep to the limits."""
     kept = bool((found.peaks <= effort_limit).all())
     if requested is None:
@@ -170,24 +172,24 @@ def _within(found: _Found, effort_limit: Vector, requested: Matrix | None) -> bo
     return kept and bool((found.swing[0] >= low).all() and (found.swing[1] <= high).all())
 
 
-def _arrives(nominal: Manoeuvre, basis: Basis, weights: Matrix) -> bool:
+def _ends_at_goal(nominal: Manoeuvre, basis: Basis, weights: Matrix) -> bool:
     """Return whether the nominal joints end near the goal."""
     at = TerminalMap(nominal, basis, substeps_for(nominal, basis))
-    missed = at.terminal_error(weights.T.ravel())[: nominal.model.joints]
+    error = at.terminal_error(weights.T.ravel())[: nominal.model.joints]
     way = np.abs(nominal.goal - nominal.start).max()
-    return bool(np.abs(missed).max() <= _MISSED * way)
+    return bool(np.abs(error).max() <= _GOAL_ERROR * way)
 
 
-def _prices(allowed: Vector) -> Vector:
+def _price_steps(allowed: Vector) -> Vector:
     """Return prices of effort beyond its limit, to be tried in turn where it is not kept [m/(N m)].
 
     PRICE suits drives of some 100 N m; where a limit is small, it is low against the vibration.
     """
-    tens = np.ceil(np.log10(_DEAR / (PRICE * allowed.min())))
-    return np.asarray(PRICE * 10.0 ** np.arange(1.0, np.clip(tens, 3.0, 20.0) + 1.0))
+    exponent = np.ceil(np.log10(_HIGH_PRICE / (PRICE * allowed.min())))
+    return np.asarray(PRICE * 10.0 ** np.arange(1.0, np.clip(exponent, 3.0, 20.0) + 1.0))
 
 
-def _within_limits(
+def _limited_weights(
     problem: Problem,
     settings: RobustFeedforward,
     nominal: Manoeuvre,
@@ -208,32 +210,32 @@ def _within_limits(
     """
     first = _best_weights(problem, settings, progress)
     allowed = problem.effort_limit
-    if _within(first, allowed, requested):
+    if _check_limits(first, allowed, requested):
         return first
     before = np.inf
-    for price in (problem.price, *_prices(allowed)):
+    for price in (problem.price, *_price_steps(allowed)):
         try:
             found = first
             if price != problem.price:
                 found = _best_weights(replace(problem, price=price), settings, ignore)
             over = float((found.peaks / allowed).max()) - 1.0
-            if 0.0 < over < min(_LITTLE_OVER, _FALLS * before):
-                bound = (1.0 - _TIGHTER * over) * allowed
-                tighter = replace(problem, price=price, effort_limit=bound)
-                found = _best_weights(tighter, settings, ignore)
+            if 0.0 < over < min(_SMALL_EXCESS, _EXCESS_RATIO * before):
+                bound = (1.0 - _REDUCTION * over) * allowed
+                reduced = replace(problem, price=price, effort_limit=bound)
+                found = _best_weights(reduced, settings, ignore)
             before = over
         except PlanFailed:
             break
-        if _within(found, allowed, requested):
-            return found if _arrives(nominal, problem.basis, found.weights) else first
+        if _check_limits(found, allowed, requested):
+            return found if _ends_at_goal(nominal, problem.basis, found.weights) else first
     return first
 
 
-def _ringing(found: _Found, members: tuple[FeedforwardMember, ...]) -> dict[str, str]:
+def _residual_warning(found: _Found, members: tuple[FeedforwardMember, ...]) -> dict[str, str]:
     """Return a warning of a member with tips that vibrate after the end; empty: there is none."""
     k = int(np.argmax(found.residuals))
     left = found.residuals[k]
-    if left <= RINGING * found.deflection:
+    if left <= RESIDUAL_SHARE * found.deflection:
         return {}
     off = f"stiffness {100.0 * members[k].stiffness_error:+g} %"
     if members[k].payload_error:
@@ -244,23 +246,24 @@ def _ringing(found: _Found, members: tuple[FeedforwardMember, ...]) -> dict[str,
     }
 
 
-def _require_range(requested: Matrix, swing: Matrix, names: tuple[str, ...]) -> None:
+def _require_range(requested: Matrix, position_range: Matrix, names: tuple[str, ...]) -> None:
     """Raise PlanFailed where a member swings beyond the range."""
     for j, name in enumerate(names):
-        if swing[0, j] < requested[0, j] or swing[1, j] > requested[1, j]:
+        if position_range[0, j] < requested[0, j] or position_range[1, j] > requested[1, j]:
             raise PlanFailed(
-                f"{name} swings from {swing[0, j]:.4g} to {swing[1, j]:.4g}, joint_range allows "
+                f"{name} swings from {position_range[0, j]:.4g} to {position_range[1, j]:.4g}, "
+                "joint_range allows "
                 f"{requested[0, j]:g} to {requested[1, j]:g}: ask for a longer duration, a larger "
                 "rho or a wider range"
             )
 
 
-def _led(
+def _reference_plan(
     settings: RobustFeedforward, slew: Slew, nominal: Manoeuvre, basis: Basis, found: _Found
 ) -> Plan:
     """Return the plan with the weights found and a reference that ends at rest at the goal."""
     plan = on_ticks(settings, slew, nominal, basis, found.weights)
-    plan = about_its_own_trajectory(plan, slew, nominal, basis, found.weights)
+    plan = with_nominal_reference(plan, slew, nominal, basis, found.weights)
     return joints_at_rest(plan, slew, (1.0 - settings.reserve) * slew.effort_limit)
 
 
@@ -270,15 +273,15 @@ def _require_torque(
     """Check that no member needs more than the limit less the reserve.
 
     Raises:
-        TooMuchTorque: one does.
+        ExcessTorque: one does.
     """
     allowed = (1.0 - settings.reserve) * slew.effort_limit
     for j, name in enumerate(slew.model.joint_names):
-        worst = int(np.argmax(peaks[:, j]))
-        if not peaks[worst, j] <= allowed[j]:
-            raise TooMuchTorque(
-                f"the ensemble needs {peaks[worst, j]:.4g} N m on {name} (EI "
-                f"{100.0 * members[worst].stiffness_error:+g} %), the limit is "
+        largest = int(np.argmax(peaks[:, j]))
+        if not peaks[largest, j] <= allowed[j]:
+            raise ExcessTorque(
+                f"the ensemble needs {peaks[largest, j]:.4g} N m on {name} (EI "
+                f"{100.0 * members[largest].stiffness_error:+g} %), the limit is "
                 f"{slew.effort_limit[j]:g} N m, of which {allowed[j]:.4g} may be used"
             )
 
@@ -298,26 +301,26 @@ def _best_plan(
 
     Raises:
         PlanFailed: the iteration does not settle, or a member leaves its range.
-        TooMuchTorque: a member or the plan needs more.
+        ExcessTorque: a member or the plan needs more.
     """
     allowed = problem.effort_limit
     members = tuple(problem.members)
-    for k in range(_BENDINGS):
-        found = _within_limits(problem, settings, nominal, requested, ignore if k else progress)
+    for k in range(_MAX_SEARCH):
+        found = _limited_weights(problem, settings, nominal, requested, ignore if k else progress)
         if requested is not None:
             _require_range(requested, found.swing, slew.model.joint_names)
         _require_torque(settings, slew, members, found.peaks)
-        plan = _led(settings, slew, nominal, problem.basis, found)
+        plan = _reference_plan(settings, slew, nominal, problem.basis, found)
         peak = abs(plan.effort).max(axis=0)
         over = float((peak / allowed).max()) - 1.0
         if over <= 0.0:
             return found, plan
-        if over > _LITTLE_OVER:
+        if over > _SMALL_EXCESS:
             break
-        bound = (1.0 - _TIGHTER * over) * problem.effort_limit
+        bound = (1.0 - _REDUCTION * over) * problem.effort_limit
         problem = replace(problem, effort_limit=bound)
     j = int((peak / allowed).argmax())
-    raise TooMuchTorque(
+    raise ExcessTorque(
         f"to end at the goal on the nominal model, too, {slew.model.joint_names[j]} needs "
         f"{peak[j]:.4g} N m, {allowed[j]:.4g} may be used"
     )
@@ -328,7 +331,7 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
 
     Raises:
         PlanFailed: if the iteration does not settle.
-        TooMuchTorque: if a member needs more than the drives have.
+        ExcessTorque: if a member needs more than the drives have.
         BadInput: if a range names no joint, start or goal are not inside it, or the testbed does
             not rest at the goal without an effort.
     """
@@ -344,8 +347,8 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
         inner = np.where(np.isfinite(requested), ends + free * (requested - ends), requested)
     problem = Problem(members, basis, settings.rho, free * slew.effort_limit, inner)
     found, plan = _best_plan(settings, slew, nominal, problem, requested, progress)
-    swing = found.swing
-    told: dict[str, Any] = {
+    position_range = found.swing
+    summary: dict[str, Any] = {
         "objective": found.last.objective,
         "norm_input": found.last.norm_input,
         "iterations": found.iterations,
@@ -360,22 +363,24 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
             for member, residual, peak in zip(members, found.residuals, found.peaks, strict=True)
         ],
         "worst_peak_effort": found.peaks.max(axis=0).tolist(),
-        "swing": {n: swing[:, j].tolist() for j, n in enumerate(nominal.model.joint_names)},
+        "swing": {
+            n: position_range[:, j].tolist() for j, n in enumerate(nominal.model.joint_names)
+        },
         "weights": found.weights.T.tolist(),
-        **_ringing(found, members),
+        **_residual_warning(found, members),
     }
-    return replace(plan, summary=told | plan.summary)
+    return replace(plan, summary=summary | plan.summary)
 
 
 ROBUST = PlannerEntry(
     RobustFeedforward,
-    Slewing(plan_robust_feedforward, usable=lambda s: 1.0 - s.reserve),
+    SlewPlanner(plan_robust_feedforward, effort_share=lambda s: 1.0 - s.reserve),
     takes_duration=True,
     variants=(
         Variant(
             "payload",
             {"stiffness_errors": (-0.2, 0.0, 0.2), "payload_errors": (-0.2, 0.0, 0.2)},
         ),
-        Variant("1.2 x time", {}, longer=1.2),
+        Variant("1.2 x time", {}, duration_factor=1.2),
     ),
 )

@@ -25,7 +25,7 @@ def roll_out(
     p: Vector,
     start: Vector,
     edges: Vector,
-    drive: Matrix,
+    inputs: Matrix,
     kp: Vector,
     kd: Vector,
     sizes: tuple[tuple[int, ...], tuple[int, ...]],
@@ -38,7 +38,7 @@ def roll_out(
         kernels, p: the testbed's equations and its packed parameters.
         start: state [q, v] at edges[0], shape (2 n,).
         edges: rising times, shape (steps + 1,) [s].
-        drive: d at the stages, shape (STAGES steps, joints) [N m or N].
+        inputs: d at the stages, shape (STAGES steps, joints) [N m or N].
         kp, kd: joint gains, shape (joints,) [N m/rad, N m s/rad].
         sizes: two tuples of n and of `joints` zeros. Their lengths are constants to the compiler,
             which unrolls the short loops: three times faster than with sizes read from arrays.
@@ -64,7 +64,7 @@ def roll_out(
                     for k in range(2 * n):
                         at[k] += weight * slopes[j, k]
             for j in range(m):
-                effort[j] = drive[row, j] - kp[j] * at[j] - kd[j] * at[n + j]
+                effort[j] = inputs[row, j] - kp[j] * at[j] - kd[j] * at[n + j]
             now_at = edges[step] + STAGE_TIMES[i] * h
             dynamics.acceleration(kernels, p, now_at, at, effort, block, coupling, modal, a)
             for k in range(n):
@@ -119,7 +119,7 @@ def final_sensitivity(
     x, a, column = np.empty(rows), np.empty(n), np.empty(n)
     dq, dv, scale = np.empty((n, n)), np.empty((n, n)), np.empty(n - s)
     # flat: entry k rows + r is component k of the adjoint of x_r(T)
-    g, cotangent, mu = np.empty((STAGES, 2 * half)), np.empty(2 * half), np.empty(half)
+    g, adjoint, mu = np.empty((STAGES, 2 * half)), np.empty(2 * half), np.empty(half)
     end = np.eye(rows).ravel()
     for step in range(steps - 1, -1, -1):
         h = edges[step + 1] - edges[step]
@@ -127,12 +127,12 @@ def final_sensitivity(
             row = step * STAGES + i
             weight = h * STEP_WEIGHTS[i]
             for k in range(2 * half):
-                cotangent[k] = weight * end[k]
+                adjoint[k] = weight * end[k]
             for later in range(i + 1, STAGES):
                 weight = h * STAGE_WEIGHTS[later, i]
                 if weight != 0.0:
                     for k in range(2 * half):
-                        cotangent[k] += weight * g[later, k]
+                        adjoint[k] += weight * g[later, k]
             for k in range(n):
                 x[k], x[n + k], a[k] = states[row, k], states[row, n + k], accelerations[row, k]
             now = edges[step] + STAGE_TIMES[i] * h
@@ -143,10 +143,10 @@ def final_sensitivity(
                 dv[j, j] += kd[j]
             for k in range(half):
                 g[i, k] = 0.0
-                g[i, half + k] = cotangent[k]
+                g[i, half + k] = adjoint[k]
             # mu = M^-1 k_v
             for k in range(half):
-                mu[k] = cotangent[half + k]
+                mu[k] = adjoint[half + k]
             mass.solve_rows(block, coupling, modal, scale, mu, rows)
             for k in range(m * rows):
                 out[row, k] = mu[k]

@@ -16,13 +16,13 @@ from flexslew_control.planners.input_shaping.shaped_motion import (
 )
 from flexslew_control.planners.input_shaping.shapers import (
     ShaperName,
-    convolved,
+    convolve,
     make_shaper,
 )
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Slew, TooMuchTorque, tick_times
-from flexslew_control.planners.slewing import Slewing
-from flexslew_control.shared_keys import BelievedModel, Initial, Start
+from flexslew_control.planners.slew import ExcessTorque, Slew, tick_times
+from flexslew_control.planners.slewing import SlewPlanner
+from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
@@ -35,7 +35,7 @@ class InputShaping:
     """The `plan` section for method input_shaping."""
 
     method: Literal["input_shaping"] = "input_shaping"
-    model: BelievedModel = None
+    model: DesignModel = None
     initial: Initial = None
     goal: GoalKey = None
     start: Start = 0.0
@@ -59,13 +59,13 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
 
     Raises:
         BadInput: a shaper that cannot be, or nothing to turn.
-        TooMuchTorque: the slew needs more effort than the drives have.
+        ExcessTorque: the slew needs more effort than the drives have.
     """
-    if slew.still:
+    if slew.static:
         raise BadInput("plan: goal: the joints are there already; give another goal")
     model = slew.model
     frequencies = settings.frequencies or clamped_frequencies(model)
-    shaper = convolved(
+    shaper = convolve(
         [
             make_shaper(settings.shaper, w, settings.damping, settings.tolerance, settings.negative)
             for w in frequencies
@@ -88,7 +88,7 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
     peak = np.abs(effort).max(axis=0)
     for name, needed, allowed in zip(model.joint_names, peak, slew.effort_limit, strict=True):
         if needed > allowed:
-            raise TooMuchTorque(
+            raise ExcessTorque(
                 f"the shaped slew needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m"
             )
     m = model.joints
@@ -130,7 +130,7 @@ def command_profile(name: Command, s: Vector) -> tuple[Vector, Vector, Vector]:
     is the rigid body's time-optimal command.
     """
     x = np.clip(s, 0.0, 1.0)
-    inside = (s > 0.0) & (s < 1.0)
+    active = (s > 0.0) & (s < 1.0)
     if name == "cubic":
         p, rate, slope = x * x * (3 - 2 * x), 6 * x * (1 - x), 6 - 12 * x
     elif name == "quintic":
@@ -145,21 +145,21 @@ def command_profile(name: Command, s: Vector) -> tuple[Vector, Vector, Vector]:
         a, b = (_pulse(first), _pulse(second))
         p = 0.5 * (a[0] - b[0]) + 1.5 * np.clip(x - 1 / 3, 0.0, None)
         rate, slope = 1.5 * (a[1] - b[1]), 4.5 * (a[2] - b[2])
-    return p, np.where(inside, rate, 0.0), np.where(inside, slope, 0.0)
+    return p, np.where(active, rate, 0.0), np.where(active, slope, 0.0)
 
 
 def _pulse(y: Vector) -> tuple[Vector, Vector, Vector]:
     """Return the integral of the gained rate, that rate (0 to 1) and 2 sin^2(pi y)."""
-    gained = y - np.sin(2 * np.pi * y) / (2 * np.pi)
+    rate = y - np.sin(2 * np.pi * y) / (2 * np.pi)
     return (
         y**2 / 2 - (1 - np.cos(2 * np.pi * y)) / (4 * np.pi**2),
-        gained,
+        rate,
         2 * np.sin(np.pi * y) ** 2,
     )
 
 
 SHAPING = PlannerEntry(
     InputShaping,
-    Slewing(plan_input_shaping, exact=lambda s: s.shaper != "none"),
+    SlewPlanner(plan_input_shaping, exact=lambda s: s.shaper != "none"),
     variants=(Variant("zvd", {"shaper": "zvd"}),),
 )

@@ -41,12 +41,12 @@ def nominal_motion(
     q[:, :m], v[:, :m] = motion.position, motion.velocity
     linear = model.linearise(np.zeros(model.coordinates))
     for j in range(m, model.coordinates):
-        mass, own = linear.mass[j, j], m if equal else j
-        spring = linear.stiffness[own, own] / linear.mass[own, own]
-        damper = linear.damping[own, own] / linear.mass[own, own]
+        mass, mode = linear.mass[j, j], m if equal else j
+        spring = linear.stiffness[mode, mode] / linear.mass[mode, mode]
+        damper = linear.damping[mode, mode] / linear.mass[mode, mode]
         force = -(motion.drive @ linear.mass[:m, j]) / mass
-        swing = _driven(spring, damper, force, h)
-        q[:, j], v[:, j] = swing[:, 0], swing[:, 1]
+        response = _forced_response(spring, damper, force, h)
+        q[:, j], v[:, j] = response[:, 0], response[:, 1]
     return q, v
 
 
@@ -63,16 +63,20 @@ def mean_efforts(model: Model, q: Matrix, v: Matrix, h: float) -> Matrix:
 
 
 @compiled
-def _driven(spring: float, damper: float, force: Vector, h: float) -> Matrix:
+def _forced_response(spring: float, damper: float, force: Vector, h: float) -> Matrix:
     """Return [x, x'] of x'' + damper x' + spring x = force from rest, shape (intervals + 1, 2).
 
     Exact for a force that is constant over each interval of h [s]; underdamped.
     """
     decay = 0.5 * damper
     frequency = np.sqrt(spring - decay**2)
-    shrink, c, s = np.exp(-decay * h), np.cos(frequency * h), np.sin(frequency * h) / frequency
-    a, b = shrink * (c + decay * s), shrink * s
-    e, d = -spring * b, shrink * (c - decay * s)
+    decay_factor, c, s = (
+        np.exp(-decay * h),
+        np.cos(frequency * h),
+        np.sin(frequency * h) / frequency,
+    )
+    a, b = decay_factor * (c + decay * s), decay_factor * s
+    e, d = -spring * b, decay_factor * (c - decay * s)
     out = np.zeros((force.size + 1, 2))
     for k in range(force.size):
         rest = force[k] / spring

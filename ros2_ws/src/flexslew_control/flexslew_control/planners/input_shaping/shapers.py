@@ -28,7 +28,7 @@ class Shaper:
         """How much longer a shaped command takes [s]."""
         return float(self.times[-1])
 
-    def convolved(self, other: "Shaper") -> "Shaper":
+    def convolve(self, other: "Shaper") -> "Shaper":
         """Return the shaper for the modes of both."""
         times = np.add.outer(self.times, other.times).ravel()
         amplitudes = np.multiply.outer(self.amplitudes, other.amplitudes).ravel()
@@ -116,7 +116,7 @@ def make_shaper(
     if name in ("zv", "zvd", "zvdd"):
         out = zv
         for _ in range({"zv": 0, "zvd": 1, "zvdd": 2}[name]):
-            out = out.convolved(zv)
+            out = out.convolve(zv)
         return _merged(out)
     # undamped EI amplitudes, each decayed like the mode, which is exact for zeta = 0
     v = tolerance
@@ -126,23 +126,23 @@ def make_shaper(
         x = np.cbrt(v**2 * (np.sqrt(1.0 - v**2) + 1.0))
         first = (3.0 * x**2 + 2.0 * x + 3.0 * v**2) / (16.0 * x)
         undamped = np.array([first, 0.5 - first, 0.5 - first, first])
-    decayed = undamped * k ** np.arange(undamped.size)
-    return Shaper(half * np.arange(float(undamped.size)), decayed / decayed.sum())
+    weights = undamped * k ** np.arange(undamped.size)
+    return Shaper(half * np.arange(float(undamped.size)), weights / weights.sum())
 
 
-def convolved(shapers: list[Shaper]) -> Shaper:
+def convolve(shapers: list[Shaper]) -> Shaper:
     """Return one shaper for all modes."""
     out = Shaper(np.zeros(1), np.ones(1))
     for shaper in shapers:
-        out = out.convolved(shaper)
+        out = out.convolve(shaper)
     return out
 
 
 def _merged(shaper: Shaper) -> Shaper:
     """Add up impulses at the same time."""
-    fresh = np.append(True, np.diff(shaper.times) > 1e-12 * max(shaper.duration, 1.0))
-    groups = np.cumsum(fresh) - 1
-    return Shaper(shaper.times[fresh], np.bincount(groups, shaper.amplitudes).astype(np.float64))
+    is_new = np.append(True, np.diff(shaper.times) > 1e-12 * max(shaper.duration, 1.0))
+    groups = np.cumsum(is_new) - 1
+    return Shaper(shaper.times[is_new], np.bincount(groups, shaper.amplitudes).astype(np.float64))
 
 
 def _unity_magnitude(frequency: float, damping: float) -> Shaper:

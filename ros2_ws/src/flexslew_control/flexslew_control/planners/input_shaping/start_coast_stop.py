@@ -19,9 +19,9 @@ from flexslew_control.planners.input_shaping.shaped_motion import (
 )
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, tick_times
-from flexslew_control.planners.slewing import RINGING, Slewing
+from flexslew_control.planners.slewing import RESIDUAL_SHARE, SlewPlanner
 from flexslew_control.planners.trajectories import rounded_up
-from flexslew_control.shared_keys import BelievedModel, Initial, Start
+from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -35,7 +35,7 @@ class StartCoastStop:
     """The `plan` section for method start_coast_stop."""
 
     method: Literal["start_coast_stop"] = "start_coast_stop"
-    model: BelievedModel = None
+    model: DesignModel = None
     initial: Initial = None
     goal: GoalKey = None
     start: Start = 0.0
@@ -59,7 +59,7 @@ class StartCoastStop:
 
 
 @dataclass(frozen=True)
-class Pulses:
+class PulsePair:
     """Unit-inertia motion under T sin^2(Omega t) for pi/Omega, and the same against it at t_s.
 
     Args:
@@ -88,13 +88,13 @@ class Pulses:
 
     def rate(self, t: Vector) -> Vector:
         """Return the rate [rad/s]; it coasts at T t_0 / (2 I) (48)."""
-        return self._gained(t) - self._gained(t - self.stop)
+        return self._pulse_rate(t) - self._pulse_rate(t - self.stop)
 
     def _pulse(self, t: Vector) -> Vector:
-        inside = (t > 0.0) & (t < self.length)
-        return np.where(inside, self.amplitude * np.sin(self.frequency * t) ** 2, 0.0)
+        active = (t > 0.0) & (t < self.length)
+        return np.where(active, self.amplitude * np.sin(self.frequency * t) ** 2, 0.0)
 
-    def _gained(self, t: Vector) -> Vector:
+    def _pulse_rate(self, t: Vector) -> Vector:
         s = np.clip(t, 0.0, self.length)
         omega = self.frequency
         return self.amplitude * (0.5 * s - np.sin(2.0 * omega * s) / (4.0 * omega))
@@ -103,7 +103,7 @@ class Pulses:
 _AMPLITUDE = 100.0  # unless it or the duration is given [N m]
 
 
-def pulses(angle: float, amplitude: float, frequency: float, inertia: float) -> Pulses:
+def pulse_pair(angle: float, amplitude: float, frequency: float, inertia: float) -> PulsePair:
     """Return the pulses that turn a rigid inertia by `angle`, weaker where they would overlap.
 
     theta_c' = T t_0 / (2 I) (48), t_s = angle / theta_c' (49).
@@ -115,14 +115,14 @@ def pulses(angle: float, amplitude: float, frequency: float, inertia: float) -> 
         inertia: I [kg m^2].
     """
     length = np.pi / frequency
-    strength = amplitude / inertia
-    if abs(angle) < 0.5 * strength * length**2:
-        strength = 2.0 * abs(angle) / length**2
-    stop = 2.0 * abs(angle) / (strength * length) if strength > 0.0 else length
-    return Pulses(float(np.copysign(strength, angle)), frequency, float(stop))
+    acceleration = amplitude / inertia
+    if abs(angle) < 0.5 * acceleration * length**2:
+        acceleration = 2.0 * abs(angle) / length**2
+    stop = 2.0 * abs(angle) / (acceleration * length) if acceleration > 0.0 else length
+    return PulsePair(float(np.copysign(acceleration, angle)), frequency, float(stop))
 
 
-def pulses_in(angle: float, duration: float, frequency: float) -> Pulses:
+def pulse_pair_in(angle: float, duration: float, frequency: float) -> PulsePair:
     """Return the pulses that turn by `angle` in the time given: T/I = 2 angle/(t_0 t_s).
 
     Args:
@@ -135,19 +135,20 @@ def pulses_in(angle: float, duration: float, frequency: float) -> Pulses:
     """
     length = np.pi / frequency
     if duration < 2.0 * length:
-        faster = ""
+        alternative = ""
         if duration > 0.0:
-            enough = rounded_up(2.0 * np.pi / duration)
-            faster = f" or a pulse_frequency of {enough:g} rad/s (now {frequency:g})"
+            needed = rounded_up(2.0 * np.pi / duration)
+            alternative = f" or a pulse_frequency of {needed:g} rad/s (now {frequency:g})"
         raise PlanFailed(
             f"two pulses of {length:.4g} s do not fit into {duration:.4g} s (the duration less the "
-            f"shaper's); use a duration longer by {rounded_up(2.0 * length - duration):g} s{faster}"
+            f"shaper's); use a duration longer by {rounded_up(2.0 * length - duration):g} "
+            f"s{alternative}"
         )
     stop = duration - length
-    return Pulses(2.0 * angle / (length * stop), frequency, stop)
+    return PulsePair(2.0 * angle / (length * stop), frequency, stop)
 
 
-def two_impulses(frequency: float, damping: float) -> tuple[float, float, float]:
+def two_impulse_gains(frequency: float, damping: float) -> tuple[float, float, float]:
     """Return A_1, A_2 and Delta T of the shaper that cancels one mode (50).
 
     K = exp(-zeta pi / sqrt(1 - zeta^2)), A_1 = 1/(1 + K), A_2 = K/(1 + K),
@@ -173,18 +174,18 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
         BadInput: there is nothing to turn.
         PlanFailed: the feedforward is above the limit.
     """
-    if slew.still:
+    if slew.static:
         raise BadInput("plan: goal: the joints are there already; give another goal")
     model, joints = slew.model, slew.model.joints
     leader = int(np.flatnonzero(slew.goal - slew.start)[0])  # the pulses are its torque
     rest = model.rest(slew.named(slew.start))
-    shape, delay = _shaped(model, rest, settings)
+    shape, delay = _shape_operator(model, rest, settings)
     way, frequency = float((slew.goal - slew.start)[leader]), settings.pulse_frequency
     inertia = float(model.mass_matrix(rest)[leader, leader])
     if settings.duration is None:
-        motion = pulses(way, settings.amplitude or _AMPLITUDE, frequency, inertia)
+        motion = pulse_pair(way, settings.amplitude or _AMPLITUDE, frequency, inertia)
     elif settings.amplitude is None:
-        motion = pulses_in(way, settings.duration - delay, frequency)
+        motion = pulse_pair_in(way, settings.duration - delay, frequency)
     else:
         raise BadInput("plan: amplitude and duration: only one of them may be given; leave one out")
     duration = motion.duration + delay
@@ -201,9 +202,9 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
         raise BadInput(f"plan: goal: {error}") from None
     over = FINE * (len(tick_times(settings.start, duration, slew.period)) - 1)
     q[over:, :joints], v[over:, :joints] = slew.goal, 0.0
-    stiff = np.arange(model.coordinates) < joints
-    moved = (q, v) if settings.feedforward == "elastic" else (q * stiff, v * stiff)
-    effort = mean_efforts(model, *moved, h)
+    joint_mask = np.arange(model.coordinates) < joints
+    coordinates = (q, v) if settings.feedforward == "elastic" else (q * joint_mask, v * joint_mask)
+    effort = mean_efforts(model, *coordinates, h)
     if settings.feedforward == "zero_order":
         at = t[:-1:FINE]
         effort[:, leader] = inertia * shape(motion.acceleration)(at) / path_scale * abs(way)
@@ -230,12 +231,12 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
             "coast_end": motion.stop,
             "shaper_delay": delay,
             "peak_effort": [float(x) for x in peak],
-            **_ringing(settings, slew, q[: over + 1], v[: over + 1]),
+            **_residual_summary(settings, slew, q[: over + 1], v[: over + 1]),
         },
     )
 
 
-def _ringing(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict[str, Any]:
+def _residual_summary(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict[str, Any]:
     """Return for the summary how far the tips swing on after the end, and a warning if they do.
 
     Args:
@@ -250,7 +251,7 @@ def _ringing(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict
     squares = np.diag(linear.stiffness)[m:] / np.diag(linear.mass)[m:]  # with the joints held
     tip = abs(model.appendages.tip)
     left = float((tip @ np.sqrt(q[-1, m:] ** 2 + v[-1, m:] ** 2 / squares)).max())
-    if left <= RINGING * float((tip @ abs(q[:, m:].T)).max()):
+    if left <= RESIDUAL_SHARE * float((tip @ abs(q[:, m:].T)).max()):
         return {"tip_left_swinging": left}
     why = "nothing is shaped"
     if settings.shaper == "system":
@@ -263,7 +264,7 @@ def _ringing(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict
     }
 
 
-def _shaped(
+def _shape_operator(
     model: Model, rest: Vector, settings: StartCoastStop
 ) -> tuple[Callable[[_Function], _Function], float]:
     """Return the operator that shapes a function of time, and how much longer it makes it [s]."""
@@ -274,18 +275,20 @@ def _shaped(
         frequency = min(clamped_frequencies(model))
     else:
         frequency = float(linear.frequencies[0])
-    a1, a2, delay = two_impulses(frequency, settings.shaper_damping)
+    a1, a2, delay = two_impulse_gains(frequency, settings.shaper_damping)
     return (lambda function: lambda t: a1 * function(t) + a2 * function(t - delay)), delay
 
 
-def _unmet(settings: StartCoastStop) -> str:
+def _residual_reason(settings: StartCoastStop) -> str:
     """Return why the modes may be left to swing by a feedforward that does not move them."""
     if settings.feedforward == "elastic":
         return ""
     return f"feedforward: {settings.feedforward} has no part that moves the modes"
 
 
-COASTING = PlannerEntry(
+START_COAST_STOP = PlannerEntry(
     StartCoastStop,
-    Slewing(plan_start_coast_stop, exact=lambda s: s.feedforward == "elastic", rings=_unmet),
+    SlewPlanner(
+        plan_start_coast_stop, exact=lambda s: s.feedforward == "elastic", rings=_residual_reason
+    ),
 )

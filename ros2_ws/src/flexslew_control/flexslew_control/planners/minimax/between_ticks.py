@@ -27,16 +27,16 @@ def passed(ensemble: EnsembleProblem, weights: Vector) -> float:
     limits, motion, period = ensemble.limits, ensemble.motion, ensemble.grid.period / _PARTS
     if not limits.of_path:
         return 0.0
-    flown = ensemble.flown(weights)
-    worst = -np.inf
+    trajectories = ensemble.simulate(weights)
+    excess = -np.inf
     for member, flight, response in zip(
-        ensemble.members, flown, ensemble.fixed(weights, flown), strict=True
+        ensemble.members, trajectories, ensemble.fixed(weights, trajectories), strict=True
     ):
         model, first = member.model, response.tips + 2 * response.goal.size
-        low, high, size = (part[first:] for part in replace(limits, spare=0.0).of(response.tips))
-        inside = model.path(flight.states[0], np.repeat(flight.applied, _PARTS, axis=0), period)
-        rates = inside @ motion.readings(model)[first - response.goal.size :].T
-        read = np.hstack((rates, motion.along(inside)))
+        low, high, size = (part[first:] for part in replace(limits, margin=0.0).of(response.tips))
+        states = model.path(flight.states[0], np.repeat(flight.applied, _PARTS, axis=0), period)
+        rates = states @ motion.outputs(model)[first - response.goal.size :].T
+        read = np.hstack((rates, motion.along(states)))
         read = np.vstack((read, response.later(response.path.end[1])[:, first:]))
-        worst = max(worst, float((np.maximum(low - read, read - high) / size).max()))
-    return worst
+        excess = max(excess, float((np.maximum(low - read, read - high) / size).max()))
+    return excess

@@ -14,7 +14,7 @@ from numba import types
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.motion import MemberFlight
-from flexslew_control.planners.motors import Matrices, give, matrices
+from flexslew_control.planners.motors import Matrices, matrices, motor_step
 from flexslew_plant.arrays import Indices, Matrix, Vector, compiled, compiled_once, put
 from flexslew_plant.machine_code.read_only import read_only
 from flexslew_plant.testbeds import Model
@@ -35,8 +35,8 @@ feedback = compiled_once("effort")  # makes a function one that closed_loop take
 def closed_loop(
     model: Model,
     start: Vector,
-    drive: Matrix,
-    fed_back: MemberFeedback,
+    inputs: Matrix,
+    feedback_law: MemberFeedback,
     reference: Matrix,
     gains: Matrix,
     places: Indices,
@@ -47,22 +47,22 @@ def closed_loop(
     Args:
         model: equations of motion.
         start: state [q, v].
-        drive: efforts that no state changes, shape (ticks, joints) [N m or N].
-        fed_back: the feedback.
+        inputs: efforts that no state changes, shape (ticks, joints) [N m or N].
+        feedback_law: the feedback.
         reference: what it compares a state with, a row for each tick.
         gains: of the feedback.
         places: where a state holds what is fed back.
         motors: from commands to efforts, tick by tick.
     """
-    arrays = map(np.ascontiguousarray, (drive, reference, gains))
-    given = model.integrate, fed_back, model.packed, start, *arrays, places
+    arrays = map(np.ascontiguousarray, (inputs, reference, gains))
+    given = model.integrate, feedback_law, model.packed, start, *arrays, places
     return MemberFlight(*_kernel()(*given, matrices(motors), motors.period, model.before_modes))
 
 
 @lru_cache
 def _kernel() -> Callable[..., tuple[Matrix, Matrix, Matrix, Vector]]:
     """Return _flown as machine code, the same for all testbeds."""
-    kernel: Any = compiled(_flown)
+    kernel: Any = compiled(_simulate)
     found = types.Tuple((_MATRIX, _MATRIX, _MATRIX, _VECTOR))
     given = _VECTOR, _VECTOR, _MATRIX, _MATRIX, _MATRIX, _PLACES
     motors = types.UniTuple(_MATRIX, 4)
@@ -71,12 +71,12 @@ def _kernel() -> Callable[..., tuple[Matrix, Matrix, Matrix, Vector]]:
     return cast(Callable[..., tuple[Matrix, Matrix, Matrix, Vector]], kernel)
 
 
-def _flown(
-    advance: Callable[..., None],
-    fed_back: Callable[..., None],
+def _simulate(
+    integrate: Callable[..., None],
+    feedback_law: Callable[..., None],
     p: Vector,
     start: Vector,
-    drive: Matrix,
+    inputs: Matrix,
     reference: Matrix,
     gains: Matrix,
     places: Indices,
@@ -85,17 +85,17 @@ def _flown(
     before_modes: int,
 ) -> tuple[Matrix, Matrix, Matrix, Vector]:
     """Return states, commands, efforts and the motors' states."""
-    ticks, m = drive.shape
+    ticks, m = inputs.shape
     path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
-    commanded, applied = np.empty((ticks, m)), np.empty((ticks, m))
+    commands, applied = np.empty((ticks, m)), np.empty((ticks, m))
     z = np.zeros(len(motors[0]))
     put(x, path[0])
     for k in range(ticks):
-        put(drive[k], u)
-        fed_back(x, reference[k], gains, places, u)
-        put(u, commanded[k])
-        give(motors, z, u)
+        put(inputs[k], u)
+        feedback_law(x, reference[k], gains, places, u)
+        put(u, commands[k])
+        motor_step(motors, z, u)
         put(u, applied[k])
-        advance(p, k * period, u, period, 1, before_modes, x)
+        integrate(p, k * period, u, period, 1, before_modes, x)
         put(x, path[k + 1])
-    return path, commanded, applied, z
+    return path, commands, applied, z

@@ -16,10 +16,10 @@ from flexslew_control.planners.minimax.response import Indices
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
-_INSIDE = 1e-4  # of the limit of a drive, by which its rows keep below it [-]
-_TRIED = 1e-6  # what a step may miss its rows by, in the units of the program [-]
+_LIMIT_MARGIN = 1e-4  # of the limit of a drive, by which its rows keep below it [-]
+_STEP_TOLERANCE = 1e-6  # what a step may miss its rows by, in the units of the program [-]
 _REFINED = 1e-8  # residual of the linear equations of such a step, in the same units [-]
-_HOLDING = 1e-7  # of the largest dual variable, above which a row holds a solution up
+_ACTIVE_DUAL = 1e-7  # of the largest dual variable, above which a row holds a solution up
 
 
 @dataclass
@@ -34,9 +34,9 @@ class ConeRows:
     def add(self, slopes: Matrix, bounds: Vector, keys: Sequence[ProgramKey] = ()) -> None:
         """Add rows, shape (k, size) and (k,); fewer columns are the first ones."""
         self.keys += keys or [None] * len(slopes)
-        wide = np.zeros((len(slopes), self.size))
-        wide[:, : slopes.shape[1]] = slopes
-        self.slopes.append(wide)
+        padded = np.zeros((len(slopes), self.size))
+        padded[:, : slopes.shape[1]] = slopes
+        self.slopes.append(padded)
         self.bounds.append(bounds)
 
     @property
@@ -56,8 +56,8 @@ class Cones:
         self.unit = np.tile(program.limits.demand, grid.pieces)  # of the weights
         self.g = grid.size  # column of the residual
         modes = [len(r.rest.modes) // 2 for r in program.responses]
-        self.cones = program.ringing and not feasible_only
-        self.ticks_count = not program.ringing and not feasible_only  # for the residual
+        self.cones = program.no_damping and not feasible_only
+        self.ticks_count = not program.no_damping and not feasible_only  # for the residual
         self.first_mode = self.g + 1 + np.cumsum([0, *modes])
         self.size = int(self.first_mode[-1]) if self.cones else self.g + 1
         self.slack = self.size  # column of what is missed
@@ -74,8 +74,8 @@ class Cones:
     def _equations(self) -> None:
         nominal = self.program.responses[0]
         slope, offset = nominal.path.end
-        rows = self.program.end_missed(slope) * self.unit
-        values = -self.program.end_missed(offset)
+        rows = self.program.end_error(slope) * self.unit
+        values = -self.program.end_error(offset)
         if self.program.trust is None:
             self.equations = rows, values
             return
@@ -85,17 +85,17 @@ class Cones:
 
     def _add_soft(self, rows: Matrix, bounds: Vector, keys: Sequence[ProgramKey] = ()) -> None:
         """Add rows with bounds that may be passed where there is a Trust."""
-        wide = np.zeros((len(rows), self.size))
-        wide[:, : self.g] = rows
-        wide[:, self.slack :] = -1.0
-        self.rows.add(wide, bounds, keys)
+        padded = np.zeros((len(rows), self.size))
+        padded[:, : self.g] = rows
+        padded[:, self.slack :] = -1.0
+        self.rows.add(padded, bounds, keys)
 
     def _fixed_rows(self) -> None:
         grid = self.program.grid
         one = np.eye(grid.size)
         trust = self.program.trust
         for side in (1.0, -1.0):
-            most = np.full(grid.size, 1.0 - _INSIDE)
+            most = np.full(grid.size, 1.0 - _LIMIT_MARGIN)
             if trust is not None:
                 most = np.minimum(most, side * trust.about / self.unit + trust.radius)
             self.rows.add(side * one, most)
@@ -108,7 +108,7 @@ class Cones:
         limit, size = (low if side < 0.0 else high)[channel], sizes[channel]
         bounds = (side * limit - side * offsets) / size
         if response.tips <= channel < response.tips + self.program.grid.joints:
-            bounds -= _INSIDE
+            bounds -= _LIMIT_MARGIN
         keys = [ProgramKey(member, channel, int(tick), side) for tick in ticks]
         self._add_soft(side * slopes * self.unit / size, bounds, keys)
 
@@ -119,10 +119,10 @@ class Cones:
         slopes, offsets = self.program.responses[member].rows(ticks, channel)
         keys = [ProgramKey(member, channel, int(tick), 0.0) for tick in ticks]
         for side in sides:
-            wide = np.zeros((len(slopes), self.size))
-            wide[:, : self.g] = side * slopes * self.unit
-            wide[:, self.g] = -1.0
-            self.residual_rows.add(wide, -side * offsets, keys)
+            padded = np.zeros((len(slopes), self.size))
+            padded[:, : self.g] = side * slopes * self.unit
+            padded[:, self.g] = -1.0
+            self.residual_rows.add(padded, -side * offsets, keys)
 
     def solve(self) -> tuple[Vector, float, float]:
         """Return the weights, a lower bound of the objective [m], and the share that is missed.
@@ -163,7 +163,7 @@ class Cones:
         settings.direct_solve_method = "qdldl"  # up to twice as fast here
         settings.tol_gap_abs = settings.tol_gap_rel = self.accuracy
         if self.program.trust is not None:  # its solution is flown and judged anyway
-            settings.tol_feas = _TRIED
+            settings.tol_feas = _STEP_TOLERANCE
             settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = _REFINED
         found = clarabel.DefaultSolver(
             sparse.diags(p, format="csc"),
@@ -182,12 +182,12 @@ class Cones:
         weights = np.array(found.x[: self.g]) * self.unit
         if not np.isfinite(weights).all():
             raise PlanFailed(f"the convex program was not solved: {status}")
-        missed = float(sum(found.x[self.slack :]))
-        duals = np.array(found.z)[len(self.equations[0]) :]
+        violation = float(sum(found.x[self.slack :]))
+        multipliers = np.array(found.z)[len(self.equations[0]) :]
         keys = self.rows.keys + self.residual_rows.keys
-        holding = duals[: len(keys)] > _HOLDING * (1.0 + duals.max())
-        self.held = tuple({k for k, h in zip(keys, holding, strict=True) if k and h})
-        return weights, max(float(found.obj_val_dual), 0.0) * self.scale, max(missed, 0.0)
+        active = multipliers[: len(keys)] > _ACTIVE_DUAL * (1.0 + multipliers.max())
+        self.held = tuple({k for k, h in zip(keys, active, strict=True) if k and h})
+        return weights, max(float(found.obj_val_dual), 0.0) * self.scale, max(violation, 0.0)
 
     def cost(self, found: Optimum) -> float:
         """Return the objective [m]."""
@@ -206,13 +206,13 @@ class Cones:
             modes = len(response.rest.modes) // 2
             columns = self.first_mode[i] + np.arange(modes)
             amplitude = response.rest.modes @ slope * self.unit / self.scale
-            still = response.rest.modes @ offset / self.scale
+            constant = response.rest.modes @ offset / self.scale
             size = np.abs(response.rest.tip_of_modes).max(axis=0, initial=1e-300)
             for r, column in enumerate(columns):
                 rows = np.zeros((3, self.size))
                 rows[0, column] = -1.0
                 rows[1:, : self.g] = -size[r] * amplitude[[r, modes + r]]
-                at = np.concatenate(([0.0], size[r] * still[[r, modes + r]]))
+                at = np.concatenate(([0.0], size[r] * constant[[r, modes + r]]))
                 put(rows, at, clarabel.SecondOrderConeT(3))
             sums = np.zeros((response.tips, self.size))
             sums[:, columns] = response.rest.tip_of_modes / size

@@ -8,7 +8,7 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.feedforward.shooting import final_sensitivity, roll_out
 from flexslew_control.planners.minimax.closed_loop import closed_loop, feedback
 from flexslew_control.planners.minimax.motion import MemberFlight
-from flexslew_control.planners.minimax.response import RestMotion, joint_readings
+from flexslew_control.planners.minimax.response import RestMotion, joint_outputs
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.compiled.dynamics import STAGES
@@ -32,7 +32,7 @@ class JointMotion:
         tip = np.zeros((len(model.appendages.names), 2 * n))
         tip[:, m:n] = model.appendages.tip
         none = np.zeros((0, 2 * n))
-        seen = joint_readings(n, m, 2 * n)
+        seen = joint_outputs(n, m, 2 * n)
         return RestMotion(model.linearise(place), seen, tip, m, none, none[:, 0])
 
     def flight(
@@ -44,22 +44,31 @@ class JointMotion:
         start[:m] = self.start
         if path is None:
             gains, path = np.zeros_like(gains), np.zeros((len(efforts) + 1, start.size))
-        drive = efforts + np.hstack((path[:-1, :m], path[:-1, n : n + m])) @ gains.T
-        places, none = np.concatenate((np.arange(m), n + np.arange(m))), np.zeros((len(drive), 0))
-        return closed_loop(model, start, drive, _by_joint, none, gains, places, motors)
+        inputs = efforts + np.hstack((path[:-1, :m], path[:-1, n : n + m])) @ gains.T
+        places, none = np.concatenate((np.arange(m), n + np.arange(m))), np.zeros((len(inputs), 0))
+        return closed_loop(model, start, inputs, _by_joint, none, gains, places, motors)
 
     def step_derivatives(
-        self, model: Model, flown: MemberFlight, period: float
+        self, model: Model, trajectory: MemberFlight, period: float
     ) -> tuple[Tensor, Tensor]:
         """Return the exact ones of the integrator's step, see feedforward.shooting."""
-        n, m, ticks = model.coordinates, model.joints, len(flown.applied)
+        n, m, ticks = model.coordinates, model.joints, len(trajectory.applied)
         sizes, none = ((0,) * n, (0,) * m), np.zeros(m)
         edges = period * np.arange(ticks + 1, dtype=np.float64)
         states, accelerations = np.empty((ticks * STAGES, 2 * n)), np.empty((ticks * STAGES, n))
-        drive = np.repeat(flown.applied, STAGES, axis=0)
+        inputs = np.repeat(trajectory.applied, STAGES, axis=0)
         kernels, p = model.kernels, model.packed
         roll_out(
-            kernels, p, flown.states[0], edges, drive, none, none, sizes, states, accelerations
+            kernels,
+            p,
+            trajectory.states[0],
+            edges,
+            inputs,
+            none,
+            none,
+            sizes,
+            states,
+            accelerations,
         )
         by_stage, flat = np.empty((ticks * STAGES, m * 2 * n)), np.empty((ticks, 4 * n * n))
         final_sensitivity(
@@ -72,11 +81,11 @@ class JointMotion:
         self, gains: Matrix, states: Matrix, path: Matrix
     ) -> tuple[Tensor, Tensor]:
         """Return those of Kp (r - y) + Kd (r' - y'), the same at every tick."""
-        seen = joint_readings(states.shape[1] // 2, len(gains), states.shape[1])
+        seen = joint_outputs(states.shape[1] // 2, len(gains), states.shape[1])
         by_path = np.tile(gains @ seen, (len(states), 1, 1))
         return -by_path, by_path
 
-    def readings(self, model: Model) -> Matrix:
+    def outputs(self, model: Model) -> Matrix:
         """Return what reads tips, positions and rates off a state, (tips + 2 joints, size)."""
         rest = self.at_rest(model)
         return np.vstack((rest.tip, rest.seen))
@@ -91,9 +100,9 @@ class JointMotion:
 
     def deviation(self, model: Model, x: Vector) -> Vector:
         """Return how far a state is from the rest at the goal, shape (2 n,)."""
-        away = x.copy()
-        away[: self.goal.size] -= self.goal
-        return away
+        deviation = x.copy()
+        deviation[: self.goal.size] -= self.goal
+        return deviation
 
     def deviation_slopes(self, model: Model, x: Vector) -> Matrix:
         """Return the unit matrix."""

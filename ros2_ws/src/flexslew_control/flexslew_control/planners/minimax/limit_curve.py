@@ -19,7 +19,7 @@ from flexslew_plant.errors import PlanFailed
 _PIECES = 60  # of each effort
 _LEVELS = 7  # of the stiffness: fewer members make a lower bound
 _POINTS = 6  # of the curve
-_GOAL = Goal(close=0.03, rounds=8)  # any round's bound is one
+_GOAL = Goal(close=0.03, iterations=8)  # any round's bound is one
 
 
 class LimitCurve(NamedTuple):
@@ -30,15 +30,15 @@ class LimitCurve(NamedTuple):
     least_time: float | None  # to rest, modes included, on the nominal plant [s]; None: unknown
 
 
-def limit_curve(slew: Slew, spread: tuple[float, float], longest: float) -> LimitCurve | None:
+def limit_curve(slew: Slew, spread: tuple[float, float], max_duration: float) -> LimitCurve | None:
     """Return the convex optimum over the duration; None: the plant is not linear.
 
     Args:
         slew: the requested slew, with the feedback that flies it.
         spread: lowest and highest relative error of the stiffness [-].
-        longest: duration at which the curve ends [s].
+        max_duration: duration at which the curve ends [s].
     """
-    if slew.still or not slew.model.modes or not is_linear(slew.model):
+    if slew.static or not slew.model.modes or not is_linear(slew.model):
         return None
     free = np.full(slew.goal.size, np.inf)
     limits = Limits(slew.effort_limit, np.array([-free, free]), free, np.inf)
@@ -46,11 +46,11 @@ def limit_curve(slew: Slew, spread: tuple[float, float], longest: float) -> Limi
     ensemble = Ensemble(
         vary={"stiffness": (min(spread[0], 0.0), max(spread[1], 0.0))}, count=_LEVELS
     )
-    asked = Question(slew, ensemble, rigid, _PIECES, limits, False, 0.0, 1)
-    alone = replace(asked, ensemble=Ensemble(vary={}), exact=True)
-    least = least_duration(alone)
-    duration = np.linspace(rigid, max(longest, rigid), _POINTS + 1)[1:]
-    found = [_bound(replace(asked, duration=float(t))) for t in duration]
+    question = Question(slew, ensemble, rigid, _PIECES, limits, False, 0.0, 1)
+    nominal = replace(question, ensemble=Ensemble(vary={}), exact=True)
+    least = least_duration(nominal)
+    duration = np.linspace(rigid, max(max_duration, rigid), _POINTS + 1)[1:]
+    found = [_bound(replace(question, duration=float(t))) for t in duration]
     known = np.isfinite(found) & (np.array(found) > 0.0)
     return LimitCurve(duration[known], np.array(found)[known], least)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.controllers.sampled_loop import LinearPlant
-from flexslew_control.planners.minimax.response import Grid, Indices, joint_readings, with_motors
+from flexslew_control.planners.minimax.response import Grid, Indices, joint_outputs, with_motors
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds import Model
 
@@ -20,12 +20,12 @@ def is_linear(model: Model) -> bool:
     """
     if model.time_varying or model.kernels.extra_positions:
         return False
-    still = np.zeros(2 * model.coordinates)
+    rest = np.zeros(2 * model.coordinates)
     effort = np.zeros(model.efforts)
-    first = np.hstack(model.jacobian(still, effort))
+    first = np.hstack(model.jacobian(rest, effort))
     rng = np.random.default_rng(0)
     for _ in range(3):
-        x, u = rng.standard_normal(still.size), rng.standard_normal(effort.size)
+        x, u = rng.standard_normal(rest.size), rng.standard_normal(effort.size)
         other = np.hstack(model.jacobian(x, u))
         if np.abs(other - first).max() > _SAME * np.abs(first).max():
             return False
@@ -53,14 +53,14 @@ class LinearPath:
     away: Vector
     tips: int
 
-    def flown(self, weights: Vector) -> Matrix:
+    def simulate(self, weights: Vector) -> Matrix:
         """Return the channels at every tick but the last, (ticks, channels)."""
         edges, m = self.grid.edges, self.grid.joints
         u = weights.reshape(-1, m)
         found = np.tile(self.level, (self.grid.ticks, 1))
         for begin, step in zip(edges[:-1], np.diff(u, axis=0, prepend=0.0), strict=True):
             found[begin:] += self.steps[: self.grid.ticks - begin] @ step
-        found[:, self.tips : self.tips + m] += self.grid.held(weights)
+        found[:, self.tips : self.tips + m] += self.grid.tick_efforts(weights)
         return found
 
     def rows(self, ticks: Indices, channel: int) -> tuple[Matrix, Vector]:
@@ -121,20 +121,20 @@ def linear_path(
         with_motors(*LinearPlant(one, place).step(grid.period), motors) for one in (model, nominal)
     )
     size = len(f)
-    seen = joint_readings(n, m, size)
-    turn = g @ gains @ seen
-    both = np.block([[f - turn, turn], [np.zeros((size, size)), f0]])
-    states = _after_a_step(both, np.vstack((g, g0)), grid.ticks + 1)
+    seen = joint_outputs(n, m, size)
+    feedback = g @ gains @ seen
+    augmented = np.block([[f - feedback, feedback], [np.zeros((size, size)), f0]])
+    states = _after_a_step(augmented, np.vstack((g, g0)), grid.ticks + 1)
     tip = np.zeros((len(model.appendages.names), 2 * size))
     tip[:, m:n] = model.appendages.tip
-    follow = np.hstack((-gains @ seen, gains @ seen))
-    own = np.hstack((seen, np.zeros((2 * m, size))))
+    command_rows = np.hstack((-gains @ seen, gains @ seen))
+    member_rows = np.hstack((seen, np.zeros((2 * m, size))))
     start, goal = ends
-    away = np.zeros(size)
-    away[:m] = start - goal
+    deviation = np.zeros(size)
+    deviation[:m] = start - goal
     level = np.concatenate((np.zeros(len(tip) + m), start, np.zeros(m)))
-    steps = np.vstack((tip, follow, own)) @ states
-    return LinearPath(grid, steps, states[:, :size], level, away, len(tip))
+    steps = np.vstack((tip, command_rows, member_rows)) @ states
+    return LinearPath(grid, steps, states[:, :size], level, deviation, len(tip))
 
 
 def _after_a_step(f: Matrix, g: Matrix, count: int) -> Tensor:

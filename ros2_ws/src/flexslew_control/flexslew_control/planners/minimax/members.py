@@ -13,11 +13,11 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import flat, plain, section
-from flexslew_plant.testbeds import Model, Testbed, varied
+from flexslew_plant.testbeds import Model, Testbed, with_changes
 
 Spread = tuple[float, float]
 MOST = 400  # members
-_SCALES = ("stiffness", "payload")  # by name, see Testbed.scaled
+_SCALE_KEYS = ("stiffness", "payload")  # by name, see Testbed.scaled
 _PREFIX = "testbed."  # as a study writes its keys
 
 
@@ -45,46 +45,46 @@ class Member(NamedTuple):
     model: Model
 
 
-def members_of(asked: Ensemble, slew: Slew) -> tuple[Member, ...]:
+def members_of(settings: Ensemble, slew: Slew) -> tuple[Member, ...]:
     """Return the members of an ensemble, the planner's own model first.
 
     Args:
-        asked: the `ensemble` section.
+        settings: the `ensemble` section.
         slew: the slew on the planner's own model.
 
     Raises:
         BadInput: if the testbed lacks a key or it is no number, a range contains no zero, or there
             are too many members.
     """
-    keys = tuple(asked.vary)
-    for key, (low, high) in asked.vary.items():
+    keys = tuple(settings.vary)
+    for key, (low, high) in settings.vary.items():
         if not -1.0 < low <= 0.0 <= high:
             why = "lowest and highest relative error, above -1 and about 0"
             raise BadInput(why, "plan", f"ensemble.vary.{key}", [low, high])
-    points = _points(asked)
+    points = _points(settings)
     if len(points) > MOST:
-        raise BadInput(f"{len(points)} members, at most {MOST}", "plan", "ensemble", asked.count)
+        raise BadInput(f"{len(points)} members, at most {MOST}", "plan", "ensemble", settings.count)
     nominal = Member(dict.fromkeys(keys, 0.0), slew.model)
     return nominal, *_at(points, keys, slew)
 
 
-def members_between(asked: Ensemble, slew: Slew, parts: int) -> tuple[Member, ...]:
+def intermediate_members(settings: Ensemble, slew: Slew, parts: int) -> tuple[Member, ...]:
     """Return the models between the levels of a grid; none where they are too many.
 
     What a plan leaves between its members is seen on them.
 
     Args:
-        asked: the `ensemble` section.
+        settings: the `ensemble` section.
         slew: the slew on the planner's own model.
         parts: number of parts from one level to the next.
     """
-    levels = parts * (asked.count - 1) + 1
-    if asked.draw != "grid" or asked.count < 2 or levels ** len(asked.vary) > MOST:
+    levels = parts * (settings.count - 1) + 1
+    if settings.draw != "grid" or settings.count < 2 or levels ** len(settings.vary) > MOST:
         return ()
-    known = {tuple(point) for point in _points(asked).round(12).tolist()}
-    finer = _points(replace(asked, count=levels))
-    new = [point for point in finer if tuple(point.round(12).tolist()) not in known]
-    return tuple(_at(new, tuple(asked.vary), slew))
+    known = {tuple(point) for point in _points(settings).round(12).tolist()}
+    refined = _points(replace(settings, count=levels))
+    new = [point for point in refined if tuple(point.round(12).tolist()) not in known]
+    return tuple(_at(new, tuple(settings.vary), slew))
 
 
 def _at(points: Iterable[Vector], keys: tuple[str, ...], slew: Slew) -> Iterator[Member]:
@@ -92,22 +92,22 @@ def _at(points: Iterable[Vector], keys: tuple[str, ...], slew: Slew) -> Iterator
     for point in points:
         if point.any():
             errors = dict(zip(keys, point.tolist(), strict=True))
-            yield Member(errors, _changed(slew.testbed, errors).model().begun_at(slew.begin))
+            yield Member(errors, _changed(slew.testbed, errors).model().with_time_zero(slew.begin))
 
 
-def _points(asked: Ensemble) -> Matrix:
+def _points(settings: Ensemble) -> Matrix:
     """Return the relative errors of the members, shape (members, keys)."""
-    ranges = np.array(list(asked.vary.values()), dtype=np.float64).reshape(-1, 2)
+    ranges = np.array(list(settings.vary.values()), dtype=np.float64).reshape(-1, 2)
     if not len(ranges):
         return np.zeros((1, 0))
-    if asked.draw == "sampled":
+    if settings.draw == "sampled":
         from scipy.stats import qmc  # takes longer to load than all planners
 
-        cube = qmc.Sobol(len(ranges), rng=np.random.default_rng(asked.seed))
+        sequence = qmc.Sobol(len(ranges), rng=np.random.default_rng(settings.seed))
         with np.errstate(all="ignore"):
-            unit = cube.random_base2(int(np.ceil(np.log2(asked.count))))[: asked.count]
+            unit = sequence.random_base2(int(np.ceil(np.log2(settings.count))))[: settings.count]
         return np.asarray(ranges[:, 0] + unit * np.diff(ranges, axis=1)[:, 0])
-    levels = 2 if asked.draw == "corners" else asked.count
+    levels = 2 if settings.draw == "corners" else settings.count
     axes = [
         np.unique(np.linspace(ends[0], ends[1], levels)) if levels > 1 else [0.0] for ends in ranges
     ]
@@ -120,17 +120,18 @@ def _changed(testbed: Testbed, errors: dict[str, float]) -> Testbed:
     Raises:
         BadInput: it has no such number.
     """
-    scales = {key: 1.0 + error for key, error in errors.items() if key in _SCALES}
+    factors = {key: 1.0 + error for key, error in errors.items() if key in _SCALE_KEYS}
     known = flat(plain(testbed))
     for key, error in errors.items():
-        if key in _SCALES:
+        if key in _SCALE_KEYS:
             continue
         name = key.removeprefix(_PREFIX)
         value = known.get(name)
         if not isinstance(value, int | float) or isinstance(value, bool):
             numbers = [k for k, v in known.items() if isinstance(v, float)]
             raise BadInput(
-                f"{name} is no number of the testbed; allowed: {', '.join((*_SCALES, *numbers))}",
+                f"{name} is no number of the testbed; allowed: "
+                f"{', '.join((*_SCALE_KEYS, *numbers))}",
                 "plan",
                 "ensemble.vary",
             )
@@ -138,5 +139,5 @@ def _changed(testbed: Testbed, errors: dict[str, float]) -> Testbed:
         for part in reversed(name.split(".")):
             changes = {part: changes}
         trust = Trust(frozenset({testbed.kind}))
-        testbed = varied(testbed, changes, f"plan: ensemble: {name}", trust)
-    return testbed.scaled(**scales) if scales else testbed
+        testbed = with_changes(testbed, changes, f"plan: ensemble: {name}", trust)
+    return testbed.scaled(**factors) if factors else testbed

@@ -21,22 +21,22 @@ from flexslew_control.planners.minimax.members import Ensemble
 from flexslew_control.planners.minimax.optimum import Found, found_optimum
 from flexslew_control.planners.minimax.program import Limits
 from flexslew_control.planners.minimax.question import Question
-from flexslew_control.planners.minimax.search import SPARE
-from flexslew_control.planners.minimax.shortest import enough_time, shortest
-from flexslew_control.planners.minimax.turn import turn_of
-from flexslew_control.planners.minimax.turning_motion import TurningMotion
-from flexslew_control.planners.motors import give, matrices
+from flexslew_control.planners.minimax.search import PATH_MARGIN
+from flexslew_control.planners.minimax.shortest import minimum_time, suggest_duration
+from flexslew_control.planners.minimax.turn import three_axis_slew
+from flexslew_control.planners.minimax.turning_motion import RotationMotion
+from flexslew_control.planners.motors import matrices, motor_step
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import FeedbackKey, Slew, tick_times
-from flexslew_control.planners.slewing import Slewing
-from flexslew_control.shared_keys import BelievedModel, Initial, Start
+from flexslew_control.planners.slewing import SlewPlanner
+from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.known_joints import ByJoint
 from flexslew_plant.settings import NonNegative, Positive, section
 
-_OF_ROOM = 0.5  # share of what start and goal have to the edge of a cone that may be spared
+_MARGIN_SHARE = 0.5  # share of what start and goal have to the edge of a cone that may be spared
 
 
 @section
@@ -44,7 +44,7 @@ class MinimaxFeedforward:
     """The `plan` section for method minimax_feedforward."""
 
     method: Literal["minimax_feedforward"] = "minimax_feedforward"
-    model: BelievedModel = None
+    model: DesignModel = None
     initial: Initial = None
     goal: GoalKey = None
     start: Start = 0.0
@@ -107,11 +107,11 @@ def plan_minimax_feedforward(settings: MinimaxFeedforward, slew: Slew, progress:
 def _optimum_of(settings: MinimaxFeedforward, question: Question, progress: Progress) -> Found:
     """Return the optimum of the duration, or the shortest one that leaves no more than a bound."""
     if settings.residual_bound is not None:
-        return shortest(question, settings.residual_bound, progress)
+        return minimum_time(question, settings.residual_bound, progress)
     try:
         return found_optimum(question, progress)
     except PlanFailed as refused:
-        raise PlanFailed(f"{refused}; {enough_time(question)}") from None
+        raise PlanFailed(f"{refused}; {suggest_duration(question)}") from None
 
 
 def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
@@ -127,7 +127,7 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
     names, demand = slew.model.joint_names, (1.0 - settings.reserve) * slew.effort_limit
     rates = settings.rate_limit if isinstance(settings.rate_limit, dict) else {}
     length = None if isinstance(settings.rate_limit, dict) else settings.rate_limit
-    turn = turn_of(slew, demand, length)
+    turn = three_axis_slew(slew, demand, length)
     if turn is None and length is not None:
         words = "null, or rates by joint; turns in three axes with drives: all keep to one number"
         raise BadInput(words, "plan", "rate_limit", length)
@@ -153,7 +153,10 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
     limits = Limits(demand, joint, rate, tip)
     if turn is not None:
         limits = replace(limits, along=turn.motion.limits.bounds)
-        limits = replace(limits, spare=min(SPARE, _OF_ROOM * turn.room) if limits.of_path else 0.0)
+        limits = replace(
+            limits,
+            margin=min(PATH_MARGIN, _MARGIN_SHARE * turn.cone_margin) if limits.of_path else 0.0,
+        )
     return Question(
         slew,
         settings.ensemble,
@@ -213,23 +216,23 @@ def _plan(settings: MinimaxFeedforward, question: Question, found: Found) -> Pla
 
 def _by_joint(slew: Slew, found: Found, ticks: Vector) -> tuple[Matrix, Matrix, Matrix]:
     """Return positions, rates and states at the ticks of the nominal member."""
-    m, n, driven = slew.model.joints, slew.model.coordinates, found.grid.ticks
+    m, n, effort_ticks = slew.model.joints, slew.model.coordinates, found.grid.ticks
     state = np.empty((ticks.size, 2 * n))
     state[0] = 0.0
     state[0, :m] = slew.start
     motors = matrices(slew.motors(slew.period))
     late = np.zeros(len(motors[0]))
-    for k, held in enumerate(found.efforts):
-        give(motors, late, held)
-        state[k + 1] = slew.model.advance(state[k], held, slew.period, t=float(ticks[k]))
-    state[driven + 1 :] = np.concatenate((slew.goal, np.zeros(2 * n - m)))
+    for k, effort in enumerate(found.efforts):
+        motor_step(motors, late, effort)
+        state[k + 1] = slew.model.advance(state[k], effort, slew.period, t=float(ticks[k]))
+    state[effort_ticks + 1 :] = np.concatenate((slew.goal, np.zeros(2 * n - m)))
     position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
-    position[driven:], velocity[driven:] = slew.goal, 0.0
+    position[effort_ticks:], velocity[effort_ticks:] = slew.goal, 0.0
     return position, velocity, state
 
 
 def _three_axis_motion(
-    slew: Slew, motion: TurningMotion, found: Found, rest: int
+    slew: Slew, motion: RotationMotion, found: Found, rest: int
 ) -> tuple[Matrix, Matrix, Matrix]:
     """Return the same of a craft that turns in three axes, which rests for some ticks; no states.
 
@@ -244,12 +247,12 @@ def _three_axis_motion(
 
 MINIMAX = PlannerEntry(
     MinimaxFeedforward,
-    Slewing(
+    SlewPlanner(
         plan_minimax_feedforward,
         whole=lambda s: s.drives == "all",
         late_motors=True,
         with_feedback=True,
-        usable=lambda s: 1.0 - s.reserve,
+        effort_share=lambda s: 1.0 - s.reserve,
     ),
     takes_duration=True,
     compared={"pieces": 30, "ensemble": {"count": 5}},

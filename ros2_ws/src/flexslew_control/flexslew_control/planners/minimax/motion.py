@@ -12,7 +12,7 @@ class MemberFlight(NamedTuple):
     """One member under the efforts of a plan and the feedback about the nominal path."""
 
     states: Matrix  # at the ticks, (ticks + 1, size)
-    commanded: Matrix  # feedforward and feedback, (ticks, joints) [N m or N]
+    commands: Matrix  # feedforward and feedback, (ticks, joints) [N m or N]
     applied: Matrix  # what the motors give, (ticks, joints) [N m or N]
     motors: Vector  # their states at the last tick, (s,)
 
@@ -40,7 +40,7 @@ class MemberMotion(Protocol):
         """
 
     def step_derivatives(
-        self, model: Model, flown: MemberFlight, period: float
+        self, model: Model, trajectory: MemberFlight, period: float
     ) -> tuple[Tensor, Tensor]:
         """Return those of every tick, by its state, (ticks, size, size), and by its effort."""
 
@@ -58,7 +58,7 @@ class MemberMotion(Protocol):
             by the member's own state, and by the nominal member's.
         """
 
-    def readings(self, model: Model) -> Matrix:
+    def outputs(self, model: Model) -> Matrix:
         """Return what reads tips, positions and rates off a state, (tips + 2 joints, size)."""
 
     def along(self, states: Matrix) -> Matrix:

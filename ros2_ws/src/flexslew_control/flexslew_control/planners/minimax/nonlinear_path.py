@@ -17,28 +17,28 @@ import numpy as np
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.motion import MemberFlight, MemberMotion
 from flexslew_control.planners.minimax.response import Grid, Indices
-from flexslew_control.planners.motors import Matrices, give, matrices
+from flexslew_control.planners.motors import Matrices, matrices, motor_step
 from flexslew_plant.arrays import Matrix, Tensor, Vector, called, compiled
 from flexslew_plant.testbeds import Model
 
 
 @called
-def _feed_back(
-    by_own: Vector, own: Matrix, by_nominal: Vector, nominal: Matrix, effort: Vector
+def _feedback_derivatives(
+    by_member: Vector, member: Matrix, by_nominal: Vector, nominal: Matrix, effort: Vector
 ) -> None:
     """Write the derivatives of one joint's feedback by the first weights, shape (known,)."""
     effort[:] = 0.0
-    for i in range(len(by_own)):
-        if by_own[i] != 0.0 or by_nominal[i] != 0.0:
+    for i in range(len(by_member)):
+        if by_member[i] != 0.0 or by_nominal[i] != 0.0:
             for w in range(len(effort)):
-                effort[w] += by_own[i] * own[i, w] + by_nominal[i] * nominal[i, w]
+                effort[w] += by_member[i] * member[i, w] + by_nominal[i] * nominal[i, w]
 
 
 @compiled
 def path_derivatives(
     f: Tensor,
     g: Tensor,
-    by_own: Tensor,
+    by_member: Tensor,
     by_nominal: Tensor,
     motors: Matrices,
     reference: Tensor,
@@ -50,7 +50,7 @@ def path_derivatives(
     Args:
         f: of every tick, shape (ticks, size, size).
         g: of every tick, shape (ticks, size, joints).
-        by_own: of the feedback by the own state, shape (ticks, joints, size).
+        by_member: of the feedback by the own state, shape (ticks, joints, size).
         by_nominal: of the feedback by the nominal member's state, of the same shape.
         motors: A, B, C and D from commands to efforts.
         reference: derivatives of the nominal path, (ticks + 1, size, weights).
@@ -71,10 +71,12 @@ def path_derivatives(
             piece += 1
         known = (piece + 1) * m  # later weights have moved nothing yet
         for j in range(m):
-            _feed_back(by_own[k, j], out[k], by_nominal[k, j], reference[k], effort[j, :known])
+            _feedback_derivatives(
+                by_member[k, j], out[k], by_nominal[k, j], reference[k], effort[j, :known]
+            )
             effort[j, piece * m + j] += 1.0
         for w in range(known):
-            give(motors, late[w], effort[:, w])
+            motor_step(motors, late[w], effort[:, w])
         for r in range(size):
             for w in range(weights):
                 out[k + 1, r, w] = 0.0
@@ -91,7 +93,7 @@ def path_derivatives(
 
 
 @dataclass(frozen=True)
-class TabledPath:
+class AffinePath:
     """The answer of a member about one flight; see response.ResponsePath.
 
     Args:
@@ -108,7 +110,7 @@ class TabledPath:
     slopes: Mapping[int, Matrix]
     end: tuple[Matrix, Vector]
 
-    def flown(self, weights: Vector) -> Matrix:
+    def simulate(self, weights: Vector) -> Matrix:
         """Return the channels at every tick but the last, (ticks, channels)."""
         found, change = self.values.copy(), weights - self.about
         for channel, slopes in self.slopes.items():
@@ -121,43 +123,43 @@ class TabledPath:
         return slopes, self.values[ticks, channel] - slopes @ self.about
 
 
-def channels(motion: MemberMotion, model: Model, flown: MemberFlight) -> Matrix:
+def channels(motion: MemberMotion, model: Model, trajectory: MemberFlight) -> Matrix:
     """Return the channels at every tick but the last, (ticks, channels)."""
-    read = flown.states[:-1] @ motion.readings(model).T
-    tips, along = len(model.appendages.names), motion.along(flown.states[:-1])
-    return np.hstack((read[:, :tips], flown.commanded, read[:, tips:], along))
+    read = trajectory.states[:-1] @ motion.outputs(model).T
+    tips, along = len(model.appendages.names), motion.along(trajectory.states[:-1])
+    return np.hstack((read[:, :tips], trajectory.commands, read[:, tips:], along))
 
 
-def deviation(motion: MemberMotion, model: Model, flown: MemberFlight) -> Vector:
+def deviation(motion: MemberMotion, model: Model, trajectory: MemberFlight) -> Vector:
     """Return how far a flight ends from the rest at the goal, shape (2 k + s,)."""
-    return np.concatenate((motion.deviation(model, flown.states[-1]), flown.motors))
+    return np.concatenate((motion.deviation(model, trajectory.states[-1]), trajectory.motors))
 
 
-class Derived(NamedTuple):
+class PathDerivatives(NamedTuple):
     """A member's path and the derivatives of its states."""
 
-    path: TabledPath
+    path: AffinePath
     states: Tensor  # (ticks + 1, size, weights)
     flown: MemberFlight
 
 
-def tabled(
+def affine_path(
     motion: MemberMotion,
     model: Model,
-    flown: MemberFlight,
-    nominal: Derived | None,
+    trajectory: MemberFlight,
+    nominal: PathDerivatives | None,
     gains: Matrix,
     motors: Lti,
     grid: Grid,
     weights: Vector,
     requested: Sequence[int],
-) -> Derived:
+) -> PathDerivatives:
     """Return the answer of a member about a flight.
 
     Args:
         motion: how the members move.
         model: of the member.
-        flown: its flight.
+        trajectory: its flight.
         nominal: the answer of the nominal member; None: this is the nominal member.
         gains: [Kp Kd], shape (joints, 2 joints).
         motors: from commands to efforts, tick by tick.
@@ -165,39 +167,41 @@ def tabled(
         weights: of the flight.
         requested: channels that have limits.
     """
-    f, g = map(np.ascontiguousarray, motion.step_derivatives(model, flown, grid.period))
-    states = np.empty((grid.ticks + 1, flown.states.shape[1], grid.size))
+    f, g = map(np.ascontiguousarray, motion.step_derivatives(model, trajectory, grid.period))
+    states = np.empty((grid.ticks + 1, trajectory.states.shape[1], grid.size))
     if nominal is None:
-        by_own = by_nominal = np.zeros(g.swapaxes(1, 2).shape)
-        about = states
+        by_member = by_nominal = np.zeros(g.swapaxes(1, 2).shape)
+        reference = states
     else:
         path = nominal.flown.states[:-1]
-        by_own, by_nominal = motion.feedback_derivatives(gains, flown.states[:-1], path)
-        about = nominal.states
+        by_member, by_nominal = motion.feedback_derivatives(gains, trajectory.states[:-1], path)
+        reference = nominal.states
     edges = np.array(grid.edges, dtype=np.float64)
-    late = path_derivatives(f, g, by_own, by_nominal, matrices(motors), about, edges, states)
-    readings = motion.readings(model)
+    late = path_derivatives(f, g, by_member, by_nominal, matrices(motors), reference, edges, states)
+    outputs = motion.outputs(model)
     tips, m = len(model.appendages.names), grid.joints
     slopes, others = dict[int, Matrix](), tips + 3 * m
     if any(channel >= others for channel in requested):
-        along = motion.along_slopes(flown.states[:-1])
+        along = motion.along_slopes(trajectory.states[:-1])
     for channel in requested:
         j = channel - tips
         if 0 <= j < m:
-            slopes[channel] = _demand(j, states, about, by_own, by_nominal, grid)
+            slopes[channel] = _command_derivatives(
+                j, states, reference, by_member, by_nominal, grid
+            )
         elif channel >= others:
             slopes[channel] = np.zeros((grid.ticks, grid.size))
             _add(along[:, channel - others], states, slopes[channel])
         else:
-            slopes[channel] = readings[channel - m * (j >= m)] @ states[:-1]
-    last = np.vstack((motion.deviation_slopes(model, flown.states[-1]) @ states[-1], late))
-    offset = deviation(motion, model, flown) - last @ weights
-    found = TabledPath(grid, weights, channels(motion, model, flown), slopes, (last, offset))
-    return Derived(found, states, flown)
+            slopes[channel] = outputs[channel - m * (j >= m)] @ states[:-1]
+    last = np.vstack((motion.deviation_slopes(model, trajectory.states[-1]) @ states[-1], late))
+    offset = deviation(motion, model, trajectory) - last @ weights
+    found = AffinePath(grid, weights, channels(motion, model, trajectory), slopes, (last, offset))
+    return PathDerivatives(found, states, trajectory)
 
 
-def _demand(
-    j: int, states: Tensor, nominal: Tensor, by_own: Tensor, by_nominal: Tensor, grid: Grid
+def _command_derivatives(
+    j: int, states: Tensor, nominal: Tensor, by_member: Tensor, by_nominal: Tensor, grid: Grid
 ) -> Matrix:
     """Return the derivatives of the demand on a joint at every tick, (ticks, weights).
 
@@ -205,12 +209,12 @@ def _demand(
         j: index of the joint.
         states: derivatives of the member's states.
         nominal: derivatives of the nominal member's states.
-        by_own: derivatives of the feedback by the own state, shape (ticks, joints, size).
+        by_member: derivatives of the feedback by the own state, shape (ticks, joints, size).
         by_nominal: those by the nominal member's state, of the same shape.
         grid: the ticks and pieces.
     """
     found = np.zeros((grid.ticks, grid.size))
-    for slopes, by in ((states, by_own[:, j]), (nominal, by_nominal[:, j])):
+    for slopes, by in ((states, by_member[:, j]), (nominal, by_nominal[:, j])):
         _add(by, slopes, found)
     piece = np.repeat(np.arange(grid.pieces), np.diff(grid.edges))
     found[np.arange(grid.ticks), piece * grid.joints + j] += 1.0

@@ -25,7 +25,8 @@ class Limits:
         rate: largest rates of the joints, shape (joints,) [rad/s or m/s].
         tip: largest |tip| of the whole flight [m].
         along: lowest and highest other readings of the motion, shape (2, readings).
-        spare: share of rates and of `along` that is kept free, for the motion between the ticks and
+        margin: share of rates and of `along` that is kept free, for the motion between the ticks
+            and
             for the tolerance of a search [-].
     """
 
@@ -34,7 +35,7 @@ class Limits:
     rate: Vector
     tip: float
     along: Matrix = field(default_factory=lambda: np.zeros((2, 0)))
-    spare: float = 0.0
+    margin: float = 0.0
 
     @property
     def of_path(self) -> bool:
@@ -48,7 +49,7 @@ class Limits:
             tips: how many tips are read.
         """
         tip = np.full(tips, self.tip)
-        less, more = 1.0 - self.spare, 1.0 + self.spare
+        less, more = 1.0 - self.margin, 1.0 + self.margin
         rate = less * self.rate
         high = np.concatenate((tip, self.demand, self.joint[1], rate, less * self.along[1]))
         low = np.concatenate((-tip, -self.demand, self.joint[0], -rate, more * self.along[0]))
@@ -77,7 +78,7 @@ class ConeProgram:
         limits: limits of every member.
         exact: whether the nominal member ends at rest, modes included; one with springs at its
             joints always does.
-        ringing: whether nothing damps the members, so that amplitudes count.
+        no_damping: whether nothing damps the members, so that amplitudes count.
         span: farthest way of a joint [rad or m].
         rho: price of effort [m/N^2 or m/(N m)^2].
         trust: where the responses are good enough; None: everywhere.
@@ -87,7 +88,7 @@ class ConeProgram:
     grid: Grid
     limits: Limits
     exact: bool
-    ringing: bool
+    no_damping: bool
     span: float
     rho: float = 0.0
     trust: TrustRegion | None = None
@@ -98,17 +99,19 @@ class ConeProgram:
         rest = self.responses[0].rest
         return rest.settled if self.exact or rest.bound else rest.rigid  # what is bound is led
 
-    def end_missed(self, end: Vector) -> Vector:
+    def end_error(self, end: Vector) -> Vector:
         """Return what is not zero of a deviation at the end, as shares of the whole way.
 
         Args:
             end: of the nominal member, shape (2 n + s,) or (2 n + s, k).
         """
         rows, n = self.end_rows, len(self.responses[0].rest.settled) // 2
-        lasts = self.grid.ticks * self.grid.period
-        bent, rate = (np.linalg.norm(part, axis=1) for part in (rows[:, :n], rows[:, n : 2 * n]))
-        missed: Vector = ((rows @ end).T / (self.span * (bent + rate / lasts))).T
-        return missed
+        duration = self.grid.ticks * self.grid.period
+        position, rate = (
+            np.linalg.norm(part, axis=1) for part in (rows[:, :n], rows[:, n : 2 * n])
+        )
+        error: Vector = ((rows @ end).T / (self.span * (position + rate / duration))).T
+        return error
 
 
 class ProgramKey(NamedTuple):
@@ -135,16 +138,16 @@ class Optimum(NamedTuple):
         return float(self.residuals.max())
 
 
-def residual(response: Response, end: Vector, ringing: bool, flown: Matrix) -> float:
+def residual(response: Response, end: Vector, no_damping: bool, signals: Matrix) -> float:
     """Return the largest |tip| of a member after the end [m].
 
     Args:
         response: of the member.
         end: its deviation from the rest at the goal at the last tick, shape (2 n + s,).
-        ringing: whether nothing damps it, so that the sum of the amplitudes counts.
-        flown: its channels at all ticks.
+        no_damping: whether nothing damps it, so that the sum of the amplitudes counts.
+        signals: its channels at all ticks.
     """
-    if ringing:
+    if no_damping:
         amplitude = np.hypot(*(response.rest.modes @ end).reshape(2, -1))
         return float((response.rest.tip_of_modes @ amplitude).max(initial=0.0))
-    return float(np.abs(flown[response.grid.over :, : response.tips]).max(initial=0.0))
+    return float(np.abs(signals[response.grid.over :, : response.tips]).max(initial=0.0))

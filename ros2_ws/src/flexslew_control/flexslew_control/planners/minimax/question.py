@@ -13,16 +13,16 @@ from flexslew_control.planners.minimax.motion import MemberMotion
 from flexslew_control.planners.minimax.program import ConeProgram, Limits
 from flexslew_control.planners.minimax.response import AtRest, Grid, Response, at_rest, grid_of
 from flexslew_control.planners.minimax.turn import AllDrivesTurn
-from flexslew_control.planners.prediction import watched
+from flexslew_control.planners.prediction import monitor_time
 from flexslew_control.planners.slew import Slew
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.testbeds import Model
 
-_PIECES, _FEWER = 60, 40  # of a linear plant, of another one
+_PIECES, _NONLINEAR_PIECES = 60, 40  # of a linear plant, of another one
 _PIECE = 0.75  # of the period of the fastest mode, longest of a plant that is not linear [-]
 _FINE = 0.125  # of that period, at which shorter pieces gain nothing [-]
-_FASTER = 0.95  # of the fastest turn that was found of a rigid craft, that none takes [-]
+_BOUND_FRACTION = 0.95  # of the fastest turn that was found of a rigid craft, that none takes [-]
 _RIGID = 2.0  # times that a rigid body needs, for which efforts are applied at least
 
 
@@ -86,7 +86,7 @@ class Question:
     @cached_property
     def count(self) -> int:
         """How many pieces, at most."""
-        return self.pieces or (_PIECES if self.linear else _FEWER)
+        return self.pieces or (_PIECES if self.linear else _NONLINEAR_PIECES)
 
     @cached_property
     def fastest(self) -> float:
@@ -108,10 +108,10 @@ class Question:
     @property
     def too_short(self) -> float:
         """A duration in which no slew is [s]."""
-        return self.rigid * (1.0 if self.turn is None else _FASTER)
+        return self.rigid * (1.0 if self.turn is None else _BOUND_FRACTION)
 
     @cached_property
-    def driven(self) -> float:
+    def actuation(self) -> float:
         """How long efforts are applied; after it a plant that is not linear only settles [s].
 
         Pieces that are long compared with the period of a mode cannot hold it still.
@@ -126,35 +126,35 @@ class Question:
         return self.duration <= self.count * _FINE * self.fastest
 
     @cached_property
-    def watched(self) -> float:
+    def monitored(self) -> float:
         """How long after the end a residual is looked for [s]."""
         rest = self.motion.at_rest(self.slew.model)
         a = rest.linear.state_matrix - rest.linear.state_input_matrix @ self.gains @ rest.seen
-        return watched(np.linalg.eigvals(a).astype(np.complex128), self.slew.period)
+        return monitor_time(np.linalg.eigvals(a).astype(np.complex128), self.slew.period)
 
     def grid(self, stride: int = 1) -> Grid:
         """Return pieces of all ticks, or of coarse ticks, so many ticks each, as far as they go."""
         period = stride * self.slew.period
         ticks = max(self.ticks // stride, 1)
-        return grid_of(ticks * period, self.count, self.slew.goal.size, period, self.watched)
+        return grid_of(ticks * period, self.count, self.slew.goal.size, period, self.monitored)
 
 
 def convex_program(question: Question, members: Sequence[Member]) -> ConeProgram:
     """Return the program of an ensemble with linear members only."""
     slew, grid = question.slew, question.grid()
     gains, ends = question.gains, (slew.start, slew.goal)
-    rests = rests_of(question, members, grid)
+    rest_models = rest_models_of(question, members, grid)
     motors = slew.motors(grid.period)
     paths = (linear_path(m.model, slew.model, ends, gains, motors, grid) for m in members)
-    responses = [Response(p, r, grid, slew.goal) for p, r in zip(paths, rests, strict=True)]
+    responses = [Response(p, r, grid, slew.goal) for p, r in zip(paths, rest_models, strict=True)]
     return program_of(question, members, grid, responses)
 
 
-def rests_of(question: Question, members: Sequence[Member], grid: Grid) -> list[AtRest]:
+def rest_models_of(question: Question, members: Sequence[Member], grid: Grid) -> list[AtRest]:
     """Return the motion of every member about its rest at the goal."""
     motors = question.slew.motors(grid.period)
-    motions = (question.motion.at_rest(member.model) for member in members)
-    return [at_rest(motion, question.gains, motors, grid.watched) for motion in motions]
+    linearized = (question.motion.at_rest(member.model) for member in members)
+    return [at_rest(motion, question.gains, motors, grid.monitored) for motion in linearized]
 
 
 def program_of(
@@ -162,10 +162,10 @@ def program_of(
 ) -> ConeProgram:
     """Return the program of the responses of an ensemble."""
     slew = question.slew
-    ringing = not question.gains.any() and not any(_damped(m.model, slew) for m in members)
+    no_damping = not question.gains.any() and not any(_has_damping(m.model, slew) for m in members)
     limits, exact = question.limits, question.exact
-    return ConeProgram(responses, grid, limits, exact, ringing, question.span, question.rho)
+    return ConeProgram(responses, grid, limits, exact, no_damping, question.span, question.rho)
 
 
-def _damped(model: Model, slew: Slew) -> bool:
+def _has_damping(model: Model, slew: Slew) -> bool:
     return bool(model.linearise(model.rest(slew.named(slew.goal))).damping.any())

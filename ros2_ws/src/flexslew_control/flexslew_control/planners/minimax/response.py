@@ -32,7 +32,7 @@ class Grid(NamedTuple):
     edges: tuple[int, ...]  # ticks at which pieces begin, and the end, rising
     joints: int
     period: float  # [s]
-    watched: int  # ticks after the end of the pieces
+    monitored: int  # ticks after the end of the pieces
     rest: int = 0  # ticks after the end of the pieces from which on a residual counts
 
     @property
@@ -55,17 +55,17 @@ class Grid(NamedTuple):
         """How many weights: those of the first piece's joints, then the next one's."""
         return self.pieces * self.joints
 
-    def held(self, weights: Vector) -> Matrix:
+    def tick_efforts(self, weights: Vector) -> Matrix:
         """Return the efforts of every tick, shape (ticks, joints)."""
         return np.repeat(weights.reshape(self.pieces, self.joints), np.diff(self.edges), axis=0)
 
-    def held_until(self, ticks: int) -> "Grid":
+    def extend_until(self, ticks: int) -> "Grid":
         """Return the same pieces in a slew of so many ticks, at rest after the pieces."""
         rest = ticks - self.ticks
-        return self._replace(rest=rest, watched=self.watched - self.rest + rest)
+        return self._replace(rest=rest, monitored=self.monitored - self.rest + rest)
 
 
-def grid_of(duration: float, pieces: int, joints: int, period: float, watched: float) -> Grid:
+def grid_of(duration: float, pieces: int, joints: int, period: float, monitored: float) -> Grid:
     """Return the ticks of a duration, cut into at most so many pieces of nearly equal length.
 
     Args:
@@ -73,11 +73,11 @@ def grid_of(duration: float, pieces: int, joints: int, period: float, watched: f
         pieces: at most; no piece is shorter than a tick.
         joints: how many.
         period: one tick [s].
-        watched: after the end [s].
+        monitored: after the end [s].
     """
     ticks = max(int(np.ceil(duration / period - 1e-9)), 1)
     edges = np.unique(np.round(np.linspace(0.0, ticks, min(pieces, ticks) + 1)).astype(int))
-    return Grid(tuple(edges.tolist()), joints, period, int(np.ceil(watched / period)))
+    return Grid(tuple(edges.tolist()), joints, period, int(np.ceil(monitored / period)))
 
 
 class AtRest(NamedTuple):
@@ -109,7 +109,7 @@ class RestMotion(NamedTuple):
     level: Vector  # what it reads at the goal, (readings,)
 
 
-def at_rest(motion: RestMotion, gains: Matrix, motors: Lti, watched: int) -> AtRest:
+def at_rest(motion: RestMotion, gains: Matrix, motors: Lti, monitored: int) -> AtRest:
     """Return the motion after the last tick.
 
     With K phi = w^2 M phi, phi^T M phi = 1 the amplitude of a free mode is |(eta, eta'/w)|,
@@ -119,11 +119,11 @@ def at_rest(motion: RestMotion, gains: Matrix, motors: Lti, watched: int) -> AtR
         motion: about the goal.
         gains: [Kp Kd] on positions and rates of the joints, shape (joints, 2 joints).
         motors: from commands to efforts, tick by tick.
-        watched: ticks after the last one.
+        monitored: ticks after the last one.
     """
     linear = motion.linear
     f, g = zero_order_hold(linear.state_matrix, linear.state_input_matrix, motors.period)
-    settled = _settled(f, g, motors)
+    reduction = _motor_reduction(f, g, motors)
     f, g = with_motors(f, g, motors)
     parts = (motion.tip, motion.seen, motion.along)
     tip, seen, along = (np.pad(part, ((0, 0), (0, len(motors.a)))) for part in parts)
@@ -133,15 +133,15 @@ def at_rest(motion: RestMotion, gains: Matrix, motors: Lti, watched: int) -> AtR
     shapes = np.linalg.solve(factor.T, vectors)
     rest = square <= 1e-9 * max(float(square[-1]), 1e-300)
     left = shapes.T @ linear.mass
-    nothing = np.zeros_like(left)
-    bent, rate = np.hstack((left, nothing)), np.hstack((nothing, left))
+    zeros = np.zeros_like(left)
+    position, rate = np.hstack((left, zeros)), np.hstack((zeros, left))
     w = np.sqrt(square[~rest])
     return AtRest(
-        _reads(np.vstack((tip, -gains @ seen, seen, along)), f - g @ gains @ seen, watched + 1),
-        np.vstack((bent[~rest], rate[~rest] / w[:, None])) @ settled,
+        _reads(np.vstack((tip, -gains @ seen, seen, along)), f - g @ gains @ seen, monitored + 1),
+        np.vstack((position[~rest], rate[~rest] / w[:, None])) @ reduction,
         np.abs(tip[:, : len(shapes)] @ shapes[:, ~rest]),
-        np.vstack((bent[rest], rate[rest])) @ settled,
-        settled,
+        np.vstack((position[rest], rate[rest])) @ reduction,
+        reduction,
         int(rest.sum()) < motion.free,
         motion.level,
     )
@@ -159,7 +159,7 @@ def with_motors(f: Matrix, g: Matrix, motors: Lti) -> tuple[Matrix, Matrix]:
     )
 
 
-def _settled(f: Matrix, g: Matrix, motors: Lti) -> Matrix:
+def _motor_reduction(f: Matrix, g: Matrix, motors: Lti) -> Matrix:
     """Return [1 S] so that y = x + S z obeys y+ = F y when nothing more is commanded.
 
     F S - S A = G C; as z vanishes, y becomes x.
@@ -180,7 +180,7 @@ def _reads(read: Matrix, closed: Matrix, count: int) -> Tensor:
     return found
 
 
-def joint_readings(n: int, m: int, states: int) -> Matrix:
+def joint_outputs(n: int, m: int, states: int) -> Matrix:
     """Return what reads positions and rates of the joints off all states, (2 m, states)."""
     seen = np.zeros((2 * m, states))
     seen[:m, :m] = seen[m:, n : n + m] = np.eye(m)
@@ -190,7 +190,7 @@ def joint_readings(n: int, m: int, states: int) -> Matrix:
 class ResponsePath(Protocol):
     """The answer of one member up to the last tick, affine in the weights."""
 
-    def flown(self, weights: Vector) -> Matrix:
+    def simulate(self, weights: Vector) -> Matrix:
         """Return the channels at every tick but the last, (ticks, channels)."""
 
     def rows(self, ticks: Indices, channel: int) -> tuple[Matrix, Vector]:
@@ -226,13 +226,13 @@ class Response:
     def level(self) -> Vector:
         """What the channels read at rest at the goal, shape (channels,)."""
         m = self.goal.size
-        still = np.zeros(self.tips + m)
-        return np.concatenate((still, self.goal, np.zeros(m), self.rest.along))
+        zeros = np.zeros(self.tips + m)
+        return np.concatenate((zeros, self.goal, np.zeros(m), self.rest.along))
 
-    def flown(self, weights: Vector) -> Matrix:
+    def simulate(self, weights: Vector) -> Matrix:
         """Return the channels at all ticks, shape (ticks + watched + 1, channels)."""
         slope, offset = self.path.end
-        return np.vstack((self.path.flown(weights), self.later(slope @ weights + offset)))
+        return np.vstack((self.path.simulate(weights), self.later(slope @ weights + offset)))
 
     def later(self, end: Vector) -> Matrix:
         """Return the channels from the last tick on, shape (watched + 1, channels).

@@ -33,9 +33,9 @@ _ROUNDING = 1e-6  # of a limit [-]
 _ACCURACY = 1e-4  # of each round's solution, relative to that of the last [-]
 _HIGH = 0.7  # of the worst residual, at which a peak may come to hold a step up [-]
 _NEAR = 0.4  # of a limit, off which a peak may come to reach it [-]
-NOTHING_SEEN = 1e-8  # of the way, by which residual and bound may always differ [m/rad]
-_LITTLE, _LATE = 1e-6, 10  # what they may differ by from this round on: what rounding leaves
-_ROUNDS = 40
+RESIDUAL_FLOOR = 1e-8  # of the way, by which residual and bound may always differ [m/rad]
+_ROUNDING_GAP, _LATE = 1e-6, 10  # what they may differ by from this round on: what rounding leaves
+_ITERATIONS = 40
 _A_ROUND = 12  # rows that a member's channel gains in each round
 _A_STEP = 4  # the same of a step, which is flown and judged anyway: few rows are quick
 _FIRST_ROWS = 5  # of each member's tips, after the end
@@ -49,8 +49,8 @@ class Goal(NamedTuple):
     """When a program counts as solved."""
 
     close: float = _CLOSE  # relative distance of cost and bound
-    enough: float | None = None  # a residual that is good enough, or out of reach [m]
-    rounds: int | None = None  # after which the last solution does, even beyond the limits
+    target: float | None = None  # a residual that is good enough, or out of reach [m]
+    iterations: int | None = None  # after which the last solution does, even beyond the limits
     feasible: bool = False  # whether any efforts do that keep to the limits
 
 
@@ -86,7 +86,7 @@ def solved(
     if program.trust is not None:
         _near_rows(cones, program.trust)
     best: Optimum | None = None
-    for k in range(goal.rounds or _ROUNDS):
+    for k in range(goal.iterations or _ITERATIONS):
         kept, found = _round(cones)
         listener(k, found.weights, found.worst, found.bound)
         if kept and goal.feasible:
@@ -95,18 +95,18 @@ def solved(
             best = found
         if best is not None:
             best = best._replace(bound=max(best.bound, found.bound))
-        if _done(cones, goal, best, found, _LITTLE if k >= _LATE else NOTHING_SEEN):
+        if _done(cones, goal, best, found, _ROUNDING_GAP if k >= _LATE else RESIDUAL_FLOOR):
             return best or found
         cones.scale = max(found.worst, cones.least) if np.isfinite(found.worst) else cones.scale
-    if best is None and goal.rounds is None:
-        raise PlanFailed(f"the limits were not kept after {_ROUNDS} rounds")
+    if best is None and goal.iterations is None:
+        raise PlanFailed(f"the limits were not kept after {_ITERATIONS} rounds")
     return best or found
 
 
 def _first_rows(cones: Cones, count: int) -> None:
     """Add some ticks after the end of every tip, denser at first."""
     grid = cones.program.grid
-    last = grid.watched - grid.rest
+    last = grid.monitored - grid.rest
     spread = np.unique(np.geomspace(1, last, count).astype(int)) - 1
     for i, response in enumerate(cones.program.responses):
         for tip in range(response.tips):
@@ -116,42 +116,42 @@ def _first_rows(cones: Cones, count: int) -> None:
 def _near_rows(cones: Cones, trust: TrustRegion) -> None:
     """Add the peaks that are high, or near a limit, in the flights that a step starts from."""
     program = cones.program
-    flights = [response.flown(trust.about) for response in program.responses]
+    all_signals = [response.simulate(trust.about) for response in program.responses]
     ticks, tips = program.grid.over, program.responses[0].tips
-    worst = max(np.abs(flown[ticks:, :tips]).max(initial=0.0) for flown in flights)
+    largest = max(np.abs(signals[ticks:, :tips]).max(initial=0.0) for signals in all_signals)
     low, high, size = program.limits.of(tips)
-    for i, flown in enumerate(flights):
+    for i, signals in enumerate(all_signals):
         for side, limit in ((-1.0, low), (1.0, high)):
             for channel in np.flatnonzero(np.isfinite(limit)):
-                beyond = side * (flown[:, channel] - limit[channel]) + _NEAR * size[channel]
-                cones.add(i, int(channel), _peaks(beyond, _A_STEP), side)
+                excess = side * (signals[:, channel] - limit[channel]) + _NEAR * size[channel]
+                cones.add(i, int(channel), _peaks(excess, _A_STEP), side)
         if cones.ticks_count:
             for tip in range(tips):
                 for side in (1.0, -1.0):
-                    beyond = side * flown[ticks:, tip] - _HIGH * worst
-                    cones.add_residual(i, tip, ticks + _peaks(beyond, _A_STEP), (side,))
+                    excess = side * signals[ticks:, tip] - _HIGH * largest
+                    cones.add_residual(i, tip, ticks + _peaks(excess, _A_STEP), (side,))
 
 
 def _round(cones: Cones) -> tuple[bool, Optimum]:
     """Return whether all limits were kept, and the solution; add the rows that it violates."""
     program, ticks = cones.program, cones.program.grid.over
-    weights, bound, missed = cones.solve()
+    weights, bound, violation = cones.solve()
     most = _A_ROUND if program.trust is None else _A_STEP
     kept, residuals = True, np.empty(len(program.responses))
     for i, response in enumerate(program.responses):
-        flown = response.flown(weights)
+        signals = response.simulate(weights)
         slope, offset = response.path.end
-        residuals[i] = residual(response, slope @ weights + offset, program.ringing, flown)
-        kept &= _keep(cones, i, flown, missed, most)
+        residuals[i] = residual(response, slope @ weights + offset, program.no_damping, signals)
+        kept &= _keep(cones, i, signals, violation, most)
         if cones.ticks_count:
-            level = (1.0 + 0.5 * _CLOSE) * max(bound - cones.price * missed, 0.0)
+            level = (1.0 + 0.5 * _CLOSE) * max(bound - cones.price * violation, 0.0)
             for tip in range(response.tips):
-                if (new := _peaks(np.abs(flown[ticks:, tip]) - level, most)).size:
+                if (new := _peaks(np.abs(signals[ticks:, tip]) - level, most)).size:
                     cones.add_residual(i, tip, ticks + new)
-    return kept, Optimum(weights, residuals, bound, missed, cones.held)
+    return kept, Optimum(weights, residuals, bound, violation, cones.held)
 
 
-def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum, nothing: float) -> bool:
+def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum, floor: float) -> bool:
     """Return whether the best solution that keeps to the limits is good enough, or none can be.
 
     Args:
@@ -159,28 +159,28 @@ def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum, nothin
         goal: when it counts as solved.
         best: that keeps to the limits; None: none yet.
         found: of this round.
-        nothing: what residual and bound may differ by, of the way [m/rad or -].
+        floor: what residual and bound may differ by, of the way [m/rad or -].
     """
-    if goal.enough is not None and found.bound > goal.enough:
+    if goal.target is not None and found.bound > goal.target:
         return True
     if best is None:
         return False
-    if goal.enough is not None and best.worst <= goal.enough:
+    if goal.target is not None and best.worst <= goal.target:
         return True
-    return cones.cost(best) <= (1.0 + goal.close) * found.bound + nothing * cones.program.span
+    return cones.cost(best) <= (1.0 + goal.close) * found.bound + floor * cones.program.span
 
 
-def _peaks(beyond: Vector, most: int) -> Vector:
+def _peaks(excess: Vector, most: int) -> Vector:
     """Return the ticks of the largest local peaks of what is above zero, so many at most."""
-    padded = np.concatenate(([-np.inf], beyond, [-np.inf]))
-    peaks = np.flatnonzero((beyond > padded[:-2]) & (beyond > padded[2:]))
+    padded = np.concatenate(([-np.inf], excess, [-np.inf]))
+    peaks = np.flatnonzero((excess > padded[:-2]) & (excess > padded[2:]))
     if not peaks.size:  # flat
-        peaks = np.array([int(np.argmax(beyond))])
-    peaks = peaks[beyond[peaks] > 0.0]
-    return np.asarray(peaks[np.argsort(-beyond[peaks])][:most])
+        peaks = np.array([int(np.argmax(excess))])
+    peaks = peaks[excess[peaks] > 0.0]
+    return np.asarray(peaks[np.argsort(-excess[peaks])][:most])
 
 
-def _keep(cones: Cones, member: int, flown: Matrix, missed: float, most: int) -> bool:
+def _keep(cones: Cones, member: int, signals: Matrix, violation: float, most: int) -> bool:
     """Return whether a member keeps to the limits, but for a share that is missed.
 
     Else the rows of the worst ticks are added, so many of a channel at most.
@@ -189,9 +189,9 @@ def _keep(cones: Cones, member: int, flown: Matrix, missed: float, most: int) ->
     low, high, size = cones.program.limits.of(cones.program.responses[member].tips)
     for side, limit in ((-1.0, low), (1.0, high)):
         for channel in np.flatnonzero(np.isfinite(limit)):
-            beyond = side * (flown[:, channel] - limit[channel])
-            beyond -= (missed + _ROUNDING) * size[channel]
-            if beyond.max() > 0.0:
+            excess = side * (signals[:, channel] - limit[channel])
+            excess -= (violation + _ROUNDING) * size[channel]
+            if excess.max() > 0.0:
                 kept = False
-                cones.add(member, int(channel), _peaks(beyond, most), side)
+                cones.add(member, int(channel), _peaks(excess, most), side)
     return kept

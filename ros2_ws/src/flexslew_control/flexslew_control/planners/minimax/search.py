@@ -13,7 +13,7 @@ import numpy as np
 from flexslew_control.planners.minimax.between_ticks import passed
 from flexslew_control.planners.minimax.members import Member, members_of
 from flexslew_control.planners.minimax.program import ConeProgram
-from flexslew_control.planners.minimax.question import Question, program_of, rests_of
+from flexslew_control.planners.minimax.question import Question, program_of, rest_models_of
 from flexslew_control.planners.minimax.response import AtRest, Grid, Response
 from flexslew_control.planners.minimax.successive import (
     FIRST_RADIUS,
@@ -24,25 +24,27 @@ from flexslew_control.planners.minimax.successive import (
 )
 from flexslew_control.planners.minimax.successive import EnsembleProblem as Flown
 from flexslew_control.planners.progress import Progress, Update, ignore
-from flexslew_control.planners.whole_bench import NOTHING
+from flexslew_control.planners.whole_bench import TIP_FLOOR
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import PlanFailed
 
 _A_PIECE = 5  # coarse ticks, at least
 _ANGLE = 0.4  # of the fastest pole in a coarse tick [rad]
 _PRICE = 10.0  # of missing the end or the limits by all of them, per way [m/rad or -]
-MET = 5e-4  # share of the end and the limits at which no member joins
-_MISSED = 2e-3  # share of the end and the limits that may be missed
-_WORSE = 0.02  # than the members that were counted with, for another one to join them [-]
+FEASIBLE = 5e-4  # share of the end and the limits at which no member joins
+_MAX_VIOLATION = 2e-3  # share of the end and the limits that may be missed
+_ADD_MARGIN = 0.02  # than the members that were counted with, for another one to join them [-]
 _A_START = 5  # steps, after which a start that is behind the best plan is given up
-_BEHIND = 1.3  # times its cost
-_WIDER = 4.0  # than the region of the last step is that of the first with more members [-]
-_NARROW = 0.02  # of the limits, the smallest first region with more members [-]
+_COST_RATIO = 1.3  # times its cost
+_RADIUS_RATIO = 4.0  # than the region of the last step is that of the first with more members [-]
+_MIN_RADIUS = 0.02  # of the limits, the smallest first region with more members [-]
 _MORE = 6  # rounds in which members join, or an unsettled search goes on
-_ROUNDS, _CLOSE = 5, 1e-9  # of Newton's method, and share of the end that is missed then [-]
+_NEWTON_STEPS, _CLOSE = 5, 1e-9  # of Newton's method, and share of the end that is missed then [-]
 _AT_ONCE = 6  # members that join in a round
-SPARE = 2e-3  # share of the limits of a turn's path that is kept free, four times what is missed
-_TIGHTER, _TIGHTENINGS = 1.5, 4  # times what was passed between the ticks, and how often
+PATH_MARGIN = (
+    2e-3  # share of the limits of a turn's path that is kept free, four times what is missed
+)
+_MARGIN_RATIO, _MAX_MARGIN_STEPS = 1.5, 4  # times what was passed between the ticks, and how often
 
 
 @dataclass
@@ -52,12 +54,12 @@ class Report:
     progress: Progress
     count: int = 0
 
-    def __call__(self, number: int, weights: Vector, worst: float, bound: float) -> None:
+    def __call__(self, number: int, weights: Vector, residual: float, bound: float) -> None:
         """Report one more program, its worst residual and the bound [m]."""
         self.count += 1
-        gap = (worst - bound) / max(worst, 1e-300)
+        gap = (residual - bound) / max(residual, 1e-300)
         size = float(np.linalg.norm(weights))
-        self.progress(Update(self.count, worst, worst, size, gap, True))
+        self.progress(Update(self.count, residual, residual, size, gap, True))
 
 
 @dataclass(frozen=True)
@@ -68,16 +70,16 @@ class Search:
     members: tuple[Member, ...]
     grid: Grid
     report: Report
-    known_rests: tuple[AtRest, ...] = ()  # of the members; empty: to be computed
+    known_rest_models: tuple[AtRest, ...] = ()  # of the members; empty: to be computed
 
     @cached_property
     def ensemble(self) -> Flown:
         """The members as they are flown."""
         q = self.question
-        rests = self.known_rests or rests_of(q, self.members, self.grid)
+        rest_models = self.known_rest_models or rest_models_of(q, self.members, self.grid)
         motors = q.slew.motors(self.grid.period)
         return Flown(
-            self.members, rests, q.motion, q.slew.goal, q.gains, motors, self.grid, q.limits
+            self.members, rest_models, q.motion, q.slew.goal, q.gains, motors, self.grid, q.limits
         )
 
     @cached_property
@@ -102,10 +104,12 @@ class Search:
 
     def of(self, used: Sequence[int]) -> "Search":
         """Return the search on some of the members."""
-        rests = tuple(self.ensemble.rests[i] for i in used)
-        return replace(self, members=tuple(self.members[i] for i in used), known_rests=rests)
+        rest_models = tuple(self.ensemble.rests[i] for i in used)
+        return replace(
+            self, members=tuple(self.members[i] for i in used), known_rest_models=rest_models
+        )
 
-    def joined(self, start: Vector, used: list[int]) -> tuple[Local, list[int]]:
+    def extend(self, start: Vector, used: list[int]) -> tuple[Local, list[int]]:
         """Return the optimum for all members near some weights, and those that decide it.
 
         It is sought on some members; the worst of the others join them until none is worse and the
@@ -115,15 +119,15 @@ class Search:
         for _ in range(_MORE):
             local = self.of(used).run(start, self.question.steps, radius)
             start = local.weights
-            radius = float(np.clip(_WIDER * local.radius, _NARROW, FIRST_RADIUS))
+            radius = float(np.clip(_RADIUS_RATIO * local.radius, _MIN_RADIUS, FIRST_RADIUS))
             merit = self.merit(start)
-            worse = merit.residuals > (1.0 + _WORSE) * local.merit.residuals.max()
-            worse &= (merit.residuals > NOTHING) & (not self.question.feasible)
-            worse |= merit.misses > MET
-            new = [int(i) for i in np.flatnonzero(worse) if i not in used]
+            selected = merit.residuals > (1.0 + _ADD_MARGIN) * local.merit.residuals.max()
+            selected &= (merit.residuals > TIP_FLOOR) & (not self.question.feasible)
+            selected |= merit.violations > FEASIBLE
+            new = [int(i) for i in np.flatnonzero(selected) if i not in used]
             if not new and local.settled:
                 break
-            price = merit.residuals + self.price * merit.misses
+            price = merit.residuals + self.price * merit.violations
             used = [*used, *sorted(new, key=lambda i: -float(price[i]))[:_AT_ONCE]]
         return local, used
 
@@ -132,18 +136,18 @@ class Search:
 
         The smallest change is weighed by the room below the limits, see held_efforts.
         """
-        alone = self.of([0])
+        nominal = self.of([0])
         limit = np.tile(self.question.limits.demand, self.grid.pieces)
-        for _ in range(_ROUNDS):
-            response = alone.ensemble.responses(weights, alone.ensemble.flown(weights))
-            program, (slope, offset) = alone.program(response), response[0].path.end
-            missed = program.end_missed(slope @ weights + offset)
-            if np.abs(missed).max(initial=0.0) < _CLOSE:
+        for _ in range(_NEWTON_STEPS):
+            response = nominal.ensemble.responses(weights, nominal.ensemble.simulate(weights))
+            program, (slope, offset) = nominal.program(response), response[0].path.end
+            error = program.end_error(slope @ weights + offset)
+            if np.abs(error).max(initial=0.0) < _CLOSE:
                 break
-            room = np.maximum(limit - abs(weights), 0.0) ** 2
-            slopes = program.end_missed(slope)
-            weighed = slopes * room
-            change = weighed.T @ np.linalg.lstsq(weighed @ slopes.T, missed, rcond=1e-12)[0]
+            slack = np.maximum(limit - abs(weights), 0.0) ** 2
+            slopes = program.end_error(slope)
+            weighted = slopes * slack
+            change = weighted.T @ np.linalg.lstsq(weighted @ slopes.T, error, rcond=1e-12)[0]
             weights = np.clip(weights - change, -limit, limit)
         return weights
 
@@ -151,29 +155,29 @@ class Search:
         """Return weights and what they come to; of a turn those with which its end is met."""
         merit = self.merit(weights)
         if self.question.turn is not None and not self.question.feasible:
-            ended = self.ended(weights)
-            exact = self.merit(ended)
-            if exact.missed <= max(merit.missed, MET):
-                return ended, exact
+            exact_weights = self.ended(weights)
+            exact = self.merit(exact_weights)
+            if exact.max_violation <= max(merit.max_violation, FEASIBLE):
+                return exact_weights, exact
         return weights, merit
 
-    def tighter(self, past: float) -> "Search":
+    def with_margin(self, past: float) -> "Search":
         """Return the search with more to spare, after so large a share was passed."""
         limits = self.question.limits
-        limits = replace(limits, spare=limits.spare + _TIGHTER * past)
+        limits = replace(limits, margin=limits.margin + _MARGIN_RATIO * past)
         question = replace(self.question, limits=limits)
-        return replace(self, question=question, known_rests=tuple(self.ensemble.rests))
+        return replace(self, question=question, known_rest_models=tuple(self.ensemble.rests))
 
     def ordered(self, starts: list[Vector]) -> list[Vector]:
         """Return starts as they are; where the path has limits, the one that misses least first."""
         if not self.question.limits.along.size:
             return starts
-        return sorted(starts, key=lambda weights: self.merit(weights).missed)
+        return sorted(starts, key=lambda weights: self.merit(weights).max_violation)
 
     def merit(self, weights: Vector) -> Merit:
         """Return what all members come to."""
         return merit_of(
-            self.program, self.ensemble, weights, self.ensemble.flown(weights), self.price
+            self.program, self.ensemble, weights, self.ensemble.simulate(weights), self.price
         )
 
 
@@ -191,52 +195,52 @@ def local_optimum(
     Raises:
         PlanFailed: none was found that leads to the goal.
     """
-    stride, used = _stride(question), _outermost(members)
+    stride, used = _stride(question), _extreme_members(members)
     grid = question.grid(stride)
     search = Search(question, members, grid, report)
     first, *others = search.ordered(_starts(question, grid))
-    best, used = search.joined(first, used)
-    enough = best.merit.residuals.max() <= NOTHING
-    enough |= question.feasible and best.merit.missed <= MET
-    for start in () if enough else others:
-        local = search.of(_outermost(members)).run(start, _A_START)
-        if local.merit.cost < _BEHIND * best.merit.cost:
-            other, more = search.joined(local.weights, used)
+    best, used = search.extend(first, used)
+    done = best.merit.residuals.max() <= TIP_FLOOR
+    done |= question.feasible and best.merit.max_violation <= FEASIBLE
+    for start in () if done else others:
+        local = search.of(_extreme_members(members)).run(start, _A_START)
+        if local.merit.cost < _COST_RATIO * best.merit.cost:
+            other, more = search.extend(local.weights, used)
             if other.merit.cost < best.merit.cost:
                 best, used = other, more
     fine = grid._replace(
         edges=tuple(stride * edge for edge in grid.edges),
         period=question.slew.period,
-        watched=stride * grid.watched,
+        monitored=stride * grid.monitored,
     )
-    fine = fine.held_until(question.ticks)
+    fine = fine.extend_until(question.ticks)
     search = Search(question, members, fine, report)
     weights, merit = best.weights, search.merit(best.weights)
-    most = np.inf if question.feasible else (1.0 + _WORSE) * best.merit.residuals.max()
-    if merit.residuals.max() > max(most, NOTHING) or merit.missed > MET:
-        weights = search.joined(weights, used)[0].weights
+    most = np.inf if question.feasible else (1.0 + _ADD_MARGIN) * best.merit.residuals.max()
+    if merit.residuals.max() > max(most, TIP_FLOOR) or merit.max_violation > FEASIBLE:
+        weights = search.extend(weights, used)[0].weights
     weights, merit = search.closed(weights)
     past = passed(search.ensemble, weights) if question.turn is not None else 0.0
-    for _ in range(_TIGHTENINGS):
-        if past <= 0.0 or merit.missed > _MISSED:
+    for _ in range(_MAX_MARGIN_STEPS):
+        if past <= 0.0 or merit.max_violation > _MAX_VIOLATION:
             break
-        search = search.tighter(past)
-        weights, merit = search.closed(search.joined(weights, used)[0].weights)
+        search = search.with_margin(past)
+        weights, merit = search.closed(search.extend(weights, used)[0].weights)
         past = passed(search.ensemble, weights)
-    if merit.missed <= _MISSED and past > 0.0:
+    if merit.max_violation <= _MAX_VIOLATION and past > 0.0:
         raise PlanFailed(
             f"no efforts were found that keep out of the cones of keep_out and below rate_limit in "
             f"{question.duration:g} s: the best ones pass a limit by {100.0 * past:.3g} % of it"
         )
-    if merit.missed > _MISSED:
+    if merit.max_violation > _MAX_VIOLATION:
         raise PlanFailed(
             f"no efforts were found that lead to the goal in {question.duration:g} s within the "
-            f"limits: the best ones miss by {100.0 * merit.missed:.3g} % of them"
+            f"limits: the best ones miss by {100.0 * merit.max_violation:.3g} % of them"
         )
     return fine, weights, merit
 
 
-def _outermost(members: Sequence[Member]) -> list[int]:
+def _extreme_members(members: Sequence[Member]) -> list[int]:
     """Return the indices of the nominal member and of those with all errors at their ends."""
     errors = np.array([list(member.errors.values()) for member in members])
     if not errors.size:
@@ -262,7 +266,7 @@ def _starts(question: Question, grid: Grid) -> list[Vector]:
     In three axes the fastest ones of a rigid craft, slowed down, come instead of none.
     """
     limit = np.tile(question.limits.demand, grid.pieces)
-    other = np.zeros(grid.size) if question.turn is None else question.turn.slowed(grid)
+    other = np.zeros(grid.size) if question.turn is None else question.turn.scaled_weights(grid)
     return [np.clip(start, -limit, limit) for start in (smooth(question, grid), other)]
 
 
@@ -276,7 +280,7 @@ def smooth(question: Question, grid: Grid) -> Vector:
     acceleration = np.linalg.solve(ends @ shape.T, [0.0, 1.0]) @ shape
     if question.turn is not None:
         rate = np.cumsum(acceleration * long) - 0.5 * acceleration * long
-        return question.turn.about_eigenaxis(acceleration, rate).ravel()
+        return question.turn.eigenaxis_efforts(acceleration, rate).ravel()
     rest = slew.model.rest(slew.named(0.5 * (slew.start + slew.goal)))
     m = slew.goal.size
     inertia = slew.model.mass_matrix(rest)[:m, :m]

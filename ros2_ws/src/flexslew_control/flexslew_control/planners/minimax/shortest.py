@@ -14,14 +14,14 @@ from flexslew_control.planners.trajectories import rounded_up
 from flexslew_plant.errors import PlanFailed
 
 _CLOSE = 5e-4  # of the duration, to which the shortest is found [-]
-_ROUGH = 0.03  # the same of the least that is feasible on a plant that is not linear [-]
+_COARSE = 0.03  # the same of the least that is feasible on a plant that is not linear [-]
 _TIMES = 3  # that a duration is lengthened by half before the bound counts as out of reach
 _STEPS = 12  # at least, of a search for what the limits allow
-_TRIED, _A_LITTLE = 6, 1.05  # durations from the least on, and from one to the next
-_LONGER = 12  # times that a duration is doubled before none counts as enough
+_ATTEMPTS, _ATTEMPT_RATIO = 6, 1.05  # durations from the least on, and from one to the next
+_MAX_ITERATIONS = 12  # times that a duration is doubled before none counts as enough
 
 
-def shortest(question: Question, bound: float, progress: Progress) -> Found:
+def minimum_time(question: Question, bound: float, progress: Progress) -> Found:
     """Return the shortest slew with a worst residual within a bound.
 
     Args:
@@ -34,11 +34,11 @@ def shortest(question: Question, bound: float, progress: Progress) -> Found:
     """
     period = question.slew.period
     high = int(np.ceil(question.duration / period - 1e-9))
-    best = _within(question, high, bound, progress)
+    best = _bounded_optimum(question, high, bound, progress)
     if best is None:
         raise PlanFailed(_no_duration(question, bound, progress))
     low = min(int(question.too_short / period), high - 1)
-    return _shortest(question, low, best, bound, progress)
+    return _bisect(question, low, best, bound, progress)
 
 
 def least_duration(question: Question) -> float | None:
@@ -49,12 +49,12 @@ def least_duration(question: Question) -> float | None:
     """
     members = members_of(question.ensemble, question.slew)
     linear = all(is_linear(member.model) for member in members)
-    period, close = question.slew.period, _CLOSE if linear else _ROUGH
+    period, close = question.slew.period, _CLOSE if linear else _COARSE
     low = int(question.duration / period)
     if not linear:  # a search for what cannot be is long
         low = max(low, int(question.too_short / period))
     high = max(2 * low, int(np.ceil(question.rigid / period)), 2)
-    for _ in range(_LONGER):
+    for _ in range(_MAX_ITERATIONS):
         if _feasible(question, members, high, linear):
             break
         low, high = high, 2 * high
@@ -62,22 +62,23 @@ def least_duration(question: Question) -> float | None:
         return None
     while high - low > max(1, int(close * high)):
         middle = (low + high) // 2
-        enough = _feasible(question, members, middle, linear)
-        low, high = (low, middle) if enough else (middle, high)
+        feasible = _feasible(question, members, middle, linear)
+        low, high = (low, middle) if feasible else (middle, high)
     return high * period
 
 
-def enough_time(question: Question) -> str:
+def suggest_duration(question: Question) -> str:
     """Return in words a duration that leads to a plan, as tried."""
     least = least_duration(question)
     if least is None:
-        return f"no duration up to {2**_LONGER * question.duration:.4g} s is enough; widen a limit"
+        longest = 2**_MAX_ITERATIONS * question.duration
+        return f"no duration up to {longest:.4g} s is enough; widen a limit"
     duration = rounded_up(least)
-    for _ in range(_TRIED):
+    for _ in range(_ATTEMPTS):
         try:
             found_optimum(replace(question, duration=duration), ignore)
         except PlanFailed:  # of a search that ends after max_steps
-            duration = rounded_up(_A_LITTLE * duration)
+            duration = rounded_up(_ATTEMPT_RATIO * duration)
             continue
         return (
             f"a duration of {duration:g} s (now {question.duration:g} s) is enough; a rigid "
@@ -89,12 +90,12 @@ def enough_time(question: Question) -> str:
     )
 
 
-def _shortest(question: Question, low: int, best: Found, bound: float, progress: Progress) -> Found:
+def _bisect(question: Question, low: int, best: Found, bound: float, progress: Progress) -> Found:
     """Return the shortest optimum within a bound, between too few ticks and one that is within."""
     high = int(np.ceil(best.duration / question.slew.period - 1e-9))
     while high - low > max(1, int(_CLOSE * high)):
         middle = (low + high) // 2
-        found = _within(question, middle, bound, progress)
+        found = _bounded_optimum(question, middle, bound, progress)
         if found is None:
             low = middle
         else:
@@ -102,11 +103,13 @@ def _shortest(question: Question, low: int, best: Found, bound: float, progress:
     return best
 
 
-def _within(question: Question, ticks: int, bound: float, progress: Progress) -> Found | None:
+def _bounded_optimum(
+    question: Question, ticks: int, bound: float, progress: Progress
+) -> Found | None:
     """Return the optimum in so many ticks; None: it leaves more than the bound."""
-    shorter = replace(question, duration=ticks * question.slew.period)
+    problem = replace(question, duration=ticks * question.slew.period)
     try:
-        found = found_optimum(shorter, progress, bound)
+        found = found_optimum(problem, progress, bound)
     except PlanFailed:
         return None
     return found if found.optimum.worst <= bound else None
@@ -118,27 +121,27 @@ def _no_duration(question: Question, bound: float, progress: Progress) -> str:
     words = f"no slew of {question.duration:g} s leaves {bound:g} m or less on every member"
     for _ in range(_TIMES):
         low, ticks = ticks, ticks * 3 // 2
-        found = _within(question, ticks, bound, progress)
+        found = _bounded_optimum(question, ticks, bound, progress)
         if found is not None:
-            found = _shortest(question, low, found, bound, progress)
+            found = _bisect(question, low, found, bound, progress)
             return f"{words}; the shortest that does takes {found.duration:g} s"
-    longest = ticks * question.slew.period
+    max_duration = ticks * question.slew.period
     try:
-        left = found_optimum(replace(question, duration=longest), progress).optimum.worst
+        left = found_optimum(replace(question, duration=max_duration), progress).optimum.worst
     except PlanFailed as refused:
-        return f"{words}, nor one of {longest:g} s: {refused}"
-    return f"{words}, nor one of {longest:g} s, which leaves {rounded_up(left):g} m at least"
+        return f"{words}, nor one of {max_duration:g} s: {refused}"
+    return f"{words}, nor one of {max_duration:g} s, which leaves {rounded_up(left):g} m at least"
 
 
 def _feasible(question: Question, members: tuple[Member, ...], ticks: int, linear: bool) -> bool:
     """Return whether some efforts keep to the limits in so many ticks; linear: all members are."""
-    asked = replace(question, duration=ticks * question.slew.period)
+    problem = replace(question, duration=ticks * question.slew.period)
     try:
         if linear:
-            solved(convex_program(asked, members), goal=Goal(feasible=True))
+            solved(convex_program(problem, members), goal=Goal(feasible=True))
         else:
-            steps = max(asked.steps, _STEPS)
-            found_optimum(replace(asked, feasible=True, steps=steps), ignore)
+            steps = max(problem.steps, _STEPS)
+            found_optimum(replace(problem, feasible=True, steps=steps), ignore)
     except PlanFailed:
         return False
     return True

@@ -17,10 +17,10 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.members import Member
 from flexslew_control.planners.minimax.motion import MemberFlight, MemberMotion
 from flexslew_control.planners.minimax.nonlinear_path import (
-    TabledPath,
+    AffinePath,
+    affine_path,
     channels,
     deviation,
-    tabled,
 )
 from flexslew_control.planners.minimax.program import (
     ConeProgram,
@@ -32,19 +32,22 @@ from flexslew_control.planners.minimax.program import (
 )
 from flexslew_control.planners.minimax.response import AtRest, Grid, Indices, Response
 from flexslew_control.planners.minimax.rounds import Goal, solved
-from flexslew_control.planners.whole_bench import NOTHING
+from flexslew_control.planners.whole_bench import TIP_FLOOR
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Model
 
-_GOAL = Goal(close=0.02, rounds=3)  # of every program
+_GOAL = Goal(close=0.02, iterations=3)  # of every program
 FIRST_RADIUS = 0.3  # of the limits
 _SMALLEST_RADIUS = 1e-4
-_GOOD, _POOR = 0.7, 0.2  # shares of the predicted gain, above and below which the region changes
-_AIMED = 0.4  # share of the predicted gain that a smaller region may lose
+_GOOD, _LOW_RATIO = (
+    0.7,
+    0.2,
+)  # shares of the predicted gain, above and below which the region changes
+_TARGET_LOSS = 0.4  # share of the predicted gain that a smaller region may lose
 _FORGOTTEN = 1.4  # times, by which a region that was too large counts as larger with every step
-_SETTLED = 5e-3  # relative gain at which it ends
-_DEARER = 5.0  # times, of the price of missing
-_MET = 1e-4  # share of end and limits that may be missed
+_CONVERGED = 5e-3  # relative gain at which it ends
+_PRICE_FACTOR = 5.0  # times, of the price of missing
+_FEASIBLE = 1e-4  # share of end and limits that may be missed
 
 
 @dataclass(frozen=True)
@@ -78,62 +81,68 @@ class EnsembleProblem:
         low, high, _ = self.limits.of(tips)
         return [int(c) for c in np.flatnonzero(np.isfinite(low) | np.isfinite(high))]
 
-    def flown(self, weights: Vector) -> list[MemberFlight]:
+    def simulate(self, weights: Vector) -> list[MemberFlight]:
         """Return the flights of all members."""
-        efforts, flights = self.grid.held(weights), list[MemberFlight]()
+        efforts, trajectories = self.grid.tick_efforts(weights), list[MemberFlight]()
         for i, member in enumerate(self.members):
-            path = flights[0].states if i else None
-            flights.append(self.motion.flight(member.model, efforts, self.gains, path, self.motors))
-        return flights
+            path = trajectories[0].states if i else None
+            trajectories.append(
+                self.motion.flight(member.model, efforts, self.gains, path, self.motors)
+            )
+        return trajectories
 
-    def responses(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
+    def responses(self, weights: Vector, trajectories: Sequence[MemberFlight]) -> list[Response]:
         """Return the answers of all members about their flights."""
         fixed = self.gains, self.motors, self.grid, weights, self.limited
-        nominal = tabled(self.motion, self.members[0].model, flights[0], None, *fixed)
+        nominal = affine_path(self.motion, self.members[0].model, trajectories[0], None, *fixed)
         paths = [nominal.path]  # the other members' derivatives of all states are not kept
-        for member, flown in zip(self.members[1:], flights[1:], strict=True):
-            paths.append(tabled(self.motion, member.model, flown, nominal, *fixed).path)
+        for member, trajectory in zip(self.members[1:], trajectories[1:], strict=True):
+            paths.append(affine_path(self.motion, member.model, trajectory, nominal, *fixed).path)
         return [
             Response(path, rest, self.grid, self.goal)
             for path, rest in zip(paths, self.rests, strict=True)
         ]
 
-    def fixed(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
+    def fixed(self, weights: Vector, trajectories: Sequence[MemberFlight]) -> list[Response]:
         """Return what was flown as responses that know no other weights."""
         found = []
-        for member, rest, flown in zip(self.members, self.rests, flights, strict=True):
-            values, end = self._read(member.model, flown)
-            found.append(Response(FlownPath(values, weights.size, end), rest, self.grid, self.goal))
+        for member, rest, trajectory in zip(self.members, self.rests, trajectories, strict=True):
+            values, end = self._read(member.model, trajectory)
+            found.append(
+                Response(SimulatedPath(values, weights.size, end), rest, self.grid, self.goal)
+            )
         return found
 
-    def moved(
-        self, program: ConeProgram, weights: Vector, flights: Sequence[MemberFlight]
+    def update_values(
+        self, program: ConeProgram, weights: Vector, trajectories: Sequence[MemberFlight]
     ) -> list[Response]:
         """Return responses with the derivatives of a program and the values of other flights."""
         found = []
-        for old, member, flown in zip(program.responses, self.members, flights, strict=True):
-            assert isinstance(old.path, TabledPath)
+        for old, member, trajectory in zip(
+            program.responses, self.members, trajectories, strict=True
+        ):
+            assert isinstance(old.path, AffinePath)
             slope = old.path.end[0]
-            values, end = self._read(member.model, flown)
+            values, end = self._read(member.model, trajectory)
             path = replace(
                 old.path, about=weights, values=values, end=(slope, end - slope @ weights)
             )
             found.append(replace(old, path=path))
         return found
 
-    def _read(self, model: Model, flown: MemberFlight) -> tuple[Matrix, Vector]:
+    def _read(self, model: Model, trajectory: MemberFlight) -> tuple[Matrix, Vector]:
         """Return a flight's channels and its deviation at the last tick."""
-        return channels(self.motion, model, flown), deviation(self.motion, model, flown)
+        return channels(self.motion, model, trajectory), deviation(self.motion, model, trajectory)
 
 
-class FlownPath(NamedTuple):
+class SimulatedPath(NamedTuple):
     """What a member did with one choice of weights; see response.ResponsePath."""
 
     values: Matrix  # (ticks, channels)
     size: int  # of the weights
     deviation: Vector  # from the rest at the goal, (2 n + s,)
 
-    def flown(self, weights: Vector) -> Matrix:
+    def simulate(self, weights: Vector) -> Matrix:
         """Return the channels at every tick but the last, (ticks, channels)."""
         return self.values
 
@@ -152,13 +161,13 @@ class Merit(NamedTuple):
     """What a flight of all members comes to."""
 
     residuals: Vector  # of the members, (members,) [m]
-    misses: Vector  # largest share of the end or a limit that each misses, (members,) [-]
+    violations: Vector  # largest share of the end or a limit that each misses, (members,) [-]
     cost: float  # with rho and the price [m]
 
     @property
-    def missed(self) -> float:
+    def max_violation(self) -> float:
         """The largest share that is missed [-]."""
-        return float(self.misses.max())
+        return float(self.violations.max())
 
 
 class Local(NamedTuple):
@@ -175,7 +184,7 @@ def merit_of(
     program: Callable[[Sequence[Response]], ConeProgram],
     ensemble: EnsembleProblem,
     weights: Vector,
-    flights: Sequence[MemberFlight],
+    trajectories: Sequence[MemberFlight],
     price: float,
 ) -> Merit:
     """Return the merit of the flights of all members.
@@ -184,22 +193,24 @@ def merit_of(
         program: returns the program of the members' responses.
         ensemble: the members.
         weights: weights that were flown.
-        flights: flights of the members.
+        trajectories: flights of the members.
         price: price of missing the end or the limits [m].
     """
-    residuals, misses = np.empty(len(flights)), np.zeros(len(flights))
-    responses = ensemble.fixed(weights, flights)
-    asked = program(responses)
+    residuals, violations = np.empty(len(trajectories)), np.zeros(len(trajectories))
+    responses = ensemble.fixed(weights, trajectories)
+    problem = program(responses)
     for i, response in enumerate(responses):
-        signals, end = response.flown(weights), response.path.end[1]
-        residuals[i] = residual(response, end, asked.ringing, signals)
-        low, high, size = asked.limits.of(response.tips)
-        for beyond in (low - signals.min(axis=0), signals.max(axis=0) - high):
-            misses[i] = max(misses[i], float((beyond / size).max(initial=0.0)))
+        signals, end = response.simulate(weights), response.path.end[1]
+        residuals[i] = residual(response, end, problem.no_damping, signals)
+        low, high, size = problem.limits.of(response.tips)
+        for excess in (low - signals.min(axis=0), signals.max(axis=0) - high):
+            violations[i] = max(violations[i], float((excess / size).max(initial=0.0)))
         if i == 0:
-            misses[i] = max(misses[i], float(np.abs(asked.end_missed(end)).max(initial=0.0)))
-    cost = residuals.max() + asked.rho * float(weights @ weights) + price * misses.max()
-    return Merit(residuals, misses, float(cost) if np.isfinite(cost) else np.inf)
+            violations[i] = max(
+                violations[i], float(np.abs(problem.end_error(end)).max(initial=0.0))
+            )
+    cost = residuals.max() + problem.rho * float(weights @ weights) + price * violations.max()
+    return Merit(residuals, violations, float(cost) if np.isfinite(cost) else np.inf)
 
 
 def improved(
@@ -226,56 +237,58 @@ def improved(
     """
     weights, known, failed = start, tuple[ProgramKey, ...](), np.inf
     unit = np.tile(ensemble.limits.demand, ensemble.grid.pieces)
-    flights = ensemble.flown(weights)
-    asked = program(ensemble.responses(weights, flights))
-    merit = merit_of(program, ensemble, weights, flights, price)
+    trajectories = ensemble.simulate(weights)
+    problem = program(ensemble.responses(weights, trajectories))
+    merit = merit_of(program, ensemble, weights, trajectories, price)
     for k in range(steps):
         trust = TrustRegion(weights, radius, price)
         try:
-            found = solved(replace(asked, trust=trust), goal=_GOAL, known=known)
+            found = solved(replace(problem, trust=trust), goal=_GOAL, known=known)
         except Infeasible:  # the changes of the start are too large
             return Local(weights, merit, k, False, radius)
         known = found.rows
         predicted_cost = found.worst + price * found.missed
-        predicted_cost += asked.rho * float(found.weights @ found.weights)
-        flights = ensemble.flown(found.weights)
-        new = merit_of(program, ensemble, found.weights, flights, price)
+        predicted_cost += problem.rho * float(found.weights @ found.weights)
+        trajectories = ensemble.simulate(found.weights)
+        new = merit_of(program, ensemble, found.weights, trajectories, price)
         predicted_decrease = merit.cost - predicted_cost
         step = found.weights
         if predicted_decrease > 0.0 and merit.cost - new.cost < _GOOD * predicted_decrease:
             # the same derivatives about what was flown: a correction of second order
-            moved = ensemble.moved(asked, found.weights, flights)
-            corrected = replace(asked, responses=moved, trust=trust)
-            again = solved(corrected, goal=_GOAL, known=known)
-            del moved, corrected
-            others = ensemble.flown(again.weights)
-            other = merit_of(program, ensemble, again.weights, others, price)
+            updated = ensemble.update_values(problem, found.weights, trajectories)
+            correction = replace(problem, responses=updated, trust=trust)
+            second = solved(correction, goal=_GOAL, known=known)
+            del updated, correction
+            others = ensemble.simulate(second.weights)
+            other = merit_of(program, ensemble, second.weights, others, price)
             if other.cost < new.cost:
-                step, flights, new = again.weights, others, other
+                step, trajectories, new = second.weights, others, other
         gain = merit.cost - new.cost
         share = gain / predicted_decrease if predicted_decrease > 0.0 else 0.0
         size = float(np.abs((step - weights) / unit).max())
-        little = (
+        small_gain = (
             min(predicted_decrease, gain if gain > 0.0 else predicted_decrease)
-            <= _SETTLED * merit.cost
+            <= _CONVERGED * merit.cost
         )
         if gain > 0.0:
             weights, merit = step, new
-        none = feasible or merit.residuals.max() < NOTHING
-        settled = (little or none) and merit.missed <= _MET
-        if little and not settled:  # missing is too cheap
-            price *= _DEARER
-            merit = merit._replace(cost=merit.cost + (1.0 - 1.0 / _DEARER) * price * merit.missed)
+        none = feasible or merit.residuals.max() < TIP_FLOOR
+        converged = (small_gain or none) and merit.max_violation <= _FEASIBLE
+        if small_gain and not converged:  # missing is too cheap
+            price *= _PRICE_FACTOR
+            merit = merit._replace(
+                cost=merit.cost + (1.0 - 1.0 / _PRICE_FACTOR) * price * merit.max_violation
+            )
         if gain > 0.0:
             listener(k + 1, weights, merit, found.bound)
-            if not settled:
-                del asked  # never the derivatives of two flights at once
-                asked = program(ensemble.responses(weights, flights))
-        if settled:
+            if not converged:
+                del problem  # never the derivatives of two flights at once
+                problem = program(ensemble.responses(weights, trajectories))
+        if converged:
             return Local(weights, merit, k + 1, True, radius)
-        if share < _POOR:  # the error of the program grows with the square of the step
+        if share < _LOW_RATIO:  # the error of the program grows with the square of the step
             failed = min(radius, size)
-            radius = failed * float(np.clip(np.sqrt(_AIMED / (1.0 - share)), 0.2, 0.5))
+            radius = failed * float(np.clip(np.sqrt(_TARGET_LOSS / (1.0 - share)), 0.2, 0.5))
         elif share > _GOOD and size > 0.9 * radius:
             radius = max(radius, min(2.0 * radius, 0.7 * failed, 2.0))
             failed *= _FORGOTTEN

@@ -6,14 +6,14 @@ from functools import cached_property
 import numpy as np
 
 from flexslew_control.planners.minimax.response import Grid
-from flexslew_control.planners.minimax.turning_motion import TurningMotion, platform_of
+from flexslew_control.planners.minimax.turning_motion import RotationMotion, platform_of
 from flexslew_control.planners.progress import ignore
 from flexslew_control.planners.slew import Slew
-from flexslew_control.planners.time_optimal.three_axes.fastest_turns import Fastest, means
+from flexslew_control.planners.time_optimal.three_axes.fastest_turns import MinimumTimeSlew, means
 from flexslew_control.planners.time_optimal.three_axes.path_limits import PathLimits
 from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
 from flexslew_control.planners.time_optimal.three_axes.round_cones import (
-    fastest_rigid_within,
+    minimum_time_rigid_limited,
     require_free_ends,
 )
 from flexslew_plant.arrays import Matrix, Vector
@@ -31,7 +31,7 @@ class AllDrivesTurn:
     """
 
     testbed: ThreeAxes
-    motion: TurningMotion
+    motion: RotationMotion
 
     @cached_property
     def angle(self) -> float:
@@ -39,15 +39,15 @@ class AllDrivesTurn:
         return float(np.linalg.norm(self.motion.nominal.turn))
 
     @cached_property
-    def fastest(self) -> Fastest:
+    def fastest(self) -> MinimumTimeSlew:
         """The fastest turn of the craft without modes, by all drives, within the path's limits.
 
         Raises:
             PlanFailed: none was found.
         """
         rigid = self.testbed.rigid().model()
-        stiff = replace(self.motion.nominal, model=rigid)
-        return fastest_rigid_within(self.motion.limits, stiff, ignore)
+        rigid_slew = replace(self.motion.nominal, model=rigid)
+        return minimum_time_rigid_limited(self.motion.limits, rigid_slew, ignore)
 
     @cached_property
     def rigid(self) -> float:
@@ -55,14 +55,14 @@ class AllDrivesTurn:
         return float(self.fastest.durations.sum())
 
     @property
-    def room(self) -> float:
+    def cone_margin(self) -> float:
         """The least share of a half angle by which start and goal are outside its cone [-]."""
         n, limits = self.motion.nominal, self.motion.limits
         low = limits.bounds[0]
         margin = self.motion.along(np.array([n.start, n.rest])) / low - 1.0
         return float(margin[:, np.isfinite(low)].min(initial=np.inf))
 
-    def about_eigenaxis(self, acceleration: Vector, rate: Vector) -> Matrix:
+    def eigenaxis_efforts(self, acceleration: Vector, rate: Vector) -> Matrix:
         """Return the efforts of a turn about the eigenaxis, shape (pieces, joints) [N m or N].
 
         Args:
@@ -74,18 +74,18 @@ class AllDrivesTurn:
         efforts = np.outer(angle * acceleration, rigid.tangential)
         return np.asarray(efforts + np.outer((angle * rate) ** 2, rigid.centrifugal))
 
-    def slowed(self, grid: Grid) -> Vector:
+    def scaled_weights(self, grid: Grid) -> Vector:
         """Return the weights of the fastest turn, along the same path in the time of a grid.
 
         With s times the duration, s^-2 times the efforts do: so do gyroscopic torques change.
         """
         knots = np.concatenate(([0.0], np.cumsum(self.fastest.durations)))
         edges = np.array(grid.edges) * grid.period
-        longer = edges[-1] / knots[-1]
-        return means(self.fastest.efforts / longer**2, longer * knots, edges).ravel()
+        time_scale = edges[-1] / knots[-1]
+        return means(self.fastest.efforts / time_scale**2, time_scale * knots, edges).ravel()
 
 
-def turn_of(slew: Slew, demand: Vector, rate_limit: float | None) -> AllDrivesTurn | None:
+def three_axis_slew(slew: Slew, demand: Vector, rate_limit: float | None) -> AllDrivesTurn | None:
     """Return the turn of a slew in three axes; None: its joints move one by one.
 
     Args:
@@ -100,7 +100,7 @@ def turn_of(slew: Slew, demand: Vector, rate_limit: float | None) -> AllDrivesTu
     attitude, testbed = slew.model.attitude, slew.testbed
     if attitude is None:
         return None
-    if slew.still:
+    if slew.static:
         raise BadInput("plan: goal: the craft is there already; give another goal")
     for name, axis in zip(slew.model.joint_names, attitude.axes, strict=True):
         if not axis.any():
@@ -114,4 +114,4 @@ def turn_of(slew: Slew, demand: Vector, rate_limit: float | None) -> AllDrivesTu
     limits = PathLimits(() if sky is None else sky.cones, rate_limit)
     if limits.names:
         require_free_ends(limits, nominal)
-    return AllDrivesTurn(testbed, TurningMotion(nominal, platform_of(slew.testbed), limits))
+    return AllDrivesTurn(testbed, RotationMotion(nominal, platform_of(slew.testbed), limits))

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_control.free_platform import rate_readings
+from flexslew_control.free_platform import rate_outputs
 from flexslew_control.planners.minimax.closed_loop import closed_loop, feedback
 from flexslew_control.planners.minimax.motion import MemberFlight
 from flexslew_control.planners.minimax.response import RestMotion
@@ -26,9 +26,9 @@ from flexslew_plant.testbeds import Model, Testbed
 from flexslew_plant.testbeds.attitude import conjugate, product
 from flexslew_plant.testbeds.floating import CanFloat
 from flexslew_plant.testbeds.linearisation import Linearisation
-from flexslew_plant.testbeds.quaternions import multiplied, turn_of
+from flexslew_plant.testbeds.quaternions import multiply, rotation_vector_of
 
-_LITTLE = 1e-4  # half angle below which a rotation has the slopes of its series [rad]
+_SMALL_ANGLE = 1e-4  # half angle below which a rotation has the slopes of its series [rad]
 _SPRING = 1e-9  # of the largest stiffness: none, but for rounding
 
 
@@ -55,7 +55,7 @@ def platform_of(testbed: Testbed) -> PlatformEntries:
 
 
 @dataclass(frozen=True)
-class TurningMotion:
+class RotationMotion:
     """See motion.MemberMotion.
 
     Args:
@@ -90,27 +90,27 @@ class TurningMotion:
         place = self._of(model).rest[: model.positions]
         linear = model.linearise(place)
         n, modes, joints = model.coordinates, model.modes, len(self._axes)
-        turn = self.nominal.attitude.turn_of(rate_readings(model, place).T).T
-        read = np.vstack((turn, np.eye(n)[n - modes :]))
-        other, own = null_space(read), np.linalg.pinv(read)
+        rotation = self.nominal.attitude.rotation_vector_of(rate_outputs(model, place).T).T
+        read = np.vstack((rotation, np.eye(n)[n - modes :]))
+        other, local = null_space(read), np.linalg.pinv(read)
         if abs(other.T @ linear.stiffness).max(initial=0.0) > _SPRING * abs(linear.stiffness).max():
             words = "a hinge on a spring moves besides; take moving, about the eigenaxis"
             raise BadInput(words, "plan", "drives", "all")
         mass = linear.mass
-        own = own - other @ np.linalg.solve(other.T @ mass @ other, other.T @ mass @ own)
-        inner = [own.T @ part @ own for part in (mass, linear.damping, linear.stiffness)]
+        local = local - other @ np.linalg.solve(other.T @ mass @ other, other.T @ mass @ local)
+        inner = [local.T @ part @ local for part in (mass, linear.damping, linear.stiffness)]
         mass, damping, stiffness = (0.5 * (part + part.T) for part in inner)
         k = len(read)
         seen = np.zeros((2 * joints, 2 * k))
         seen[:joints, :3] = seen[joints:, k : k + 3] = self._axes
         tip = np.zeros((len(model.appendages.names), 2 * k))
         tip[:, 3:k] = model.appendages.tip
-        still = self._of(model).rest[None]
+        rest_state = self._of(model).rest[None]
         along = np.zeros((len(self.limits.names), 2 * k))
-        [by] = self.limits.reading_slopes(still[:, self.platform.attitude], np.zeros((1, 3)))
+        [by] = self.limits.reading_slopes(rest_state[:, self.platform.attitude], np.zeros((1, 3)))
         along[:, :3], along[:, k : k + 3] = by[:, :3], by[:, 3:]
-        rest = Linearisation(mass, damping, stiffness, own.T @ linear.input_matrix)
-        return RestMotion(rest, seen, tip, 3, along, self.along(still)[0])
+        rest = Linearisation(mass, damping, stiffness, local.T @ linear.input_matrix)
+        return RestMotion(rest, seen, tip, 3, along, self.along(rest_state)[0])
 
     def flight(
         self, model: Model, efforts: Matrix, gains: Matrix, path: Matrix | None, motors: Lti
@@ -119,9 +119,9 @@ class TurningMotion:
         start, joints = self._of(model).start, len(self._axes)
         if path is None:
             gains, path = np.zeros_like(gains), np.zeros((len(efforts) + 1, start.size))
-        about_axes = np.hstack((gains[:, :joints] @ self._axes, gains[:, joints:] @ self._axes))
+        axis_gains = np.hstack((gains[:, :joints] @ self._axes, gains[:, joints:] @ self._axes))
         return closed_loop(
-            model, start, efforts, _by_rotation, path, about_axes, self._places, motors
+            model, start, efforts, _by_rotation, path, axis_gains, self._places, motors
         )
 
     @property
@@ -130,13 +130,15 @@ class TurningMotion:
         return np.concatenate(self.platform)
 
     def step_derivatives(
-        self, model: Model, flown: MemberFlight, period: float
+        self, model: Model, trajectory: MemberFlight, period: float
     ) -> tuple[Tensor, Tensor]:
         """Return the exact ones of the integrator's step."""
-        ticks = len(flown.applied)
-        held, one = np.full(ticks, period), np.ones(ticks, dtype=np.int64)
+        ticks = len(trajectory.applied)
+        durations, one = np.full(ticks, period), np.ones(ticks, dtype=np.int64)
         columns = self.nominal.columns
-        return model.slopes_of_pieces(flown.states[:-1], flown.applied, held, one, columns)
+        return model.slopes_of_pieces(
+            trajectory.states[:-1], trajectory.applied, durations, one, columns
+        )
 
     def feedback_derivatives(
         self, gains: Matrix, states: Matrix, path: Matrix
@@ -146,13 +148,13 @@ class TurningMotion:
         kp = gains[:, :joints] @ self._axes
         kd = gains[:, joints:] @ self._axes
         at, rate = self.platform
-        own, nominal = np.zeros((2, ticks, joints, size))
-        by_own, by_nominal = _slopes(states[:, at], path[:, at])
-        own[:, :, at], nominal[:, :, at] = kp @ by_own, kp @ by_nominal
-        own[:, :, rate], nominal[:, :, rate] = -kd, kd
-        return own, nominal
+        local, nominal = np.zeros((2, ticks, joints, size))
+        by_member, by_nominal = _slopes(states[:, at], path[:, at])
+        local[:, :, at], nominal[:, :, at] = kp @ by_member, kp @ by_nominal
+        local[:, :, rate], nominal[:, :, rate] = -kd, kd
+        return local, nominal
 
-    def readings(self, model: Model) -> Matrix:
+    def outputs(self, model: Model) -> Matrix:
         """Return what reads tips and rates off a state; positions, of no limit, read as zero."""
         joints, tips = len(self._axes), len(model.appendages.names)
         n, q = model.coordinates, model.positions
@@ -164,7 +166,7 @@ class TurningMotion:
     def along(self, states: Matrix) -> Matrix:
         """Return what the limits of the path read, (k, limits) [rad, rad/s]."""
         at, rate = self.platform
-        return self.limits.readings(states[:, at], states[:, rate])
+        return self.limits.outputs(states[:, at], states[:, rate])
 
     def along_slopes(self, states: Matrix) -> Tensor:
         """Return its derivatives by the states, (k, limits, size)."""
@@ -177,8 +179,8 @@ class TurningMotion:
 
     def deviation(self, model: Model, x: Vector) -> Vector:
         """Return turn and modes from the rest at the goal, and their rates, shape (2 k,)."""
-        missed: Vector = self._of(model).missed(x[None])[0, self._order(model)]
-        return missed
+        error: Vector = self._of(model).rest_error(x[None])[0, self._order(model)]
+        return error
 
     def deviation_slopes(self, model: Model, x: Vector) -> Matrix:
         """Return the derivatives of the deviation by the state, shape (2 k, size)."""
@@ -204,11 +206,11 @@ def _by_rotation(
 ) -> None:
     """Add A (Kp theta + Kd (w_0 - w)); places are the indices of attitude and rates in a state."""
     r, (a, b, c, d) = reference, places[:4]
-    turn = turn_of(multiplied((-x[a], -x[b], -x[c], x[d]), (r[a], r[b], r[c], r[d])))
+    rotation = rotation_vector_of(multiply((-x[a], -x[b], -x[c], x[d]), (r[a], r[b], r[c], r[d])))
     for j in range(effort.size):
         for i in range(3):
             w = places[4 + i]
-            effort[j] += gains[j, i] * turn[i] + gains[j, 3 + i] * (r[w] - x[w])
+            effort[j] += gains[j, i] * rotation[i] + gains[j, 3 + i] * (r[w] - x[w])
 
 
 def _slopes(measured: Matrix, goal: Matrix) -> tuple[Tensor, Tensor]:
@@ -218,18 +220,18 @@ def _slopes(measured: Matrix, goal: Matrix) -> tuple[Tensor, Tensor]:
         d theta = f dv + v (f_s (v . dv) / s + f_w dw),
         f_s / s = (2 w / (s^2 + w^2) - f) / s^2,  f_w = -2 / (s^2 + w^2).
     """
-    between = product(conjugate(measured), goal)
-    sign = np.where(between[:, 3:] < 0.0, -1.0, 1.0)  # the shorter way round
-    v, w = sign * between[:, :3], abs(between[:, 3])
-    s, size = np.linalg.norm(v, axis=1), np.sum(between**2, axis=1)
-    some, little = np.where(s > 0.0, s, 1.0), s < _LITTLE
+    difference = product(conjugate(measured), goal)
+    sign = np.where(difference[:, 3:] < 0.0, -1.0, 1.0)  # the shorter way round
+    v, w = sign * difference[:, :3], abs(difference[:, 3])
+    s, size = np.linalg.norm(v, axis=1), np.sum(difference**2, axis=1)
+    some, is_small = np.where(s > 0.0, s, 1.0), s < _SMALL_ANGLE
     f = np.where(s > 0.0, 2.0 * np.arctan2(s, w) / some, 2.0 / np.sqrt(size))
-    by_size = np.where(little, -4.0 / (3.0 * size**1.5), (2.0 * w / size - f) / some**2)
+    by_size = np.where(is_small, -4.0 / (3.0 * size**1.5), (2.0 * w / size - f) / some**2)
     by = np.empty((len(v), 3, 4))
     by[:, :, :3] = f[:, None, None] * np.eye(3)
     by[:, :, :3] += by_size[:, None, None] * (v[:, :, None] * v[:, None])
     by[:, :, 3] = -2.0 / size[:, None] * v
     by *= sign[:, :, None]
-    own = [product(conjugate(one), goal) for one in np.eye(4)]
+    local = [product(conjugate(one), goal) for one in np.eye(4)]
     other = [product(conjugate(measured), one) for one in np.eye(4)]
-    return by @ np.stack(own, axis=2), by @ np.stack(other, axis=2)
+    return by @ np.stack(local, axis=2), by @ np.stack(other, axis=2)

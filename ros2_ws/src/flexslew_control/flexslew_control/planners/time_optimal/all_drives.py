@@ -3,7 +3,7 @@
 The CSA testbed pitches to turn faster: folding the beams towards the yaw axis lowers its inertia.
 Such slews have no closed form. From several random guesses, CasADi and IPOPT solve
     min T,    x_k+1 = RK4(x_k, u_k, T/N),    |u_k| <= amplitude,
-and the signs of the best one are the structure; shortest_durations makes its arcs exact.
+and the signs of the best one are the structure; minimum_durations makes its arcs exact.
 CasADi is an optional dependency.
 """
 
@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.planners.progress import Progress, Update
-from flexslew_control.planners.time_optimal.arcs import Copies, final_sensitivity
+from flexslew_control.planners.time_optimal.arcs import ModelEnsemble, final_sensitivity
 from flexslew_control.planners.time_optimal.interruptible import Interrupt, interruptible
 from flexslew_control.planners.time_optimal.optimal_switching import (
+    minimum_durations,
     nearest_durations,
-    shortest_durations,
 )
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.extras import how_to_install
+from flexslew_plant.extras import install_command
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.contract import Symbolic
 from flexslew_plant.testbeds.model import Model
@@ -53,7 +53,7 @@ class AllDrives:
     signs: Matrix
 
     @property
-    def transcribed(self) -> bool:
+    def has_partial_efforts(self) -> bool:
         """Whether some efforts are not at their amplitude: the arcs are a programme's intervals."""
         return bool((np.abs(self.signs) != 1.0).any())
 
@@ -69,10 +69,10 @@ class AllDrives:
         return np.eye(self.start.size)
 
     @property
-    def ensemble(self) -> Copies:
+    def ensemble(self) -> ModelEnsemble:
         """What `arcs` simulates: the model alone."""
-        nothing = np.zeros(self.model.joints)
-        return Copies(self.model.rates, self.model.packed[None], nothing, nothing)
+        zeros = np.zeros(self.model.joints)
+        return ModelEnsemble(self.model.rates, self.model.packed[None], zeros, zeros)
 
     @property
     def rigid_duration(self) -> float:
@@ -84,14 +84,14 @@ class AllDrives:
         """Return the effort of each arc, shape (arcs, joints)."""
         return self.signs * self.amplitude
 
-    def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
+    def residual_jacobian(self, durations: Vector) -> tuple[Vector, Matrix]:
         """Return what misses the goal (2 n,) and its derivatives by the durations (2 n, arcs)."""
         efforts = self.efforts(durations.size)
         x, slopes = final_sensitivity(self.ensemble, self.start, efforts, durations, self.step)
         return x - self.goal, slopes
 
 
-def fastest_slew(
+def time_optimal_slew(
     testbed: Testbed, start: Vector, goal: Vector, amplitude: Vector, progress: Progress
 ) -> tuple[AllDrives, Vector]:
     """Return the fastest slew found and the durations of its arcs.
@@ -120,7 +120,7 @@ def fastest_slew(
     for duration, shares in found:
         signs, guess = structure_of(duration, shares)
         slew = AllDrives(model, start, goal, amplitude, signs)
-        durations = shortest_durations(slew, guess)
+        durations = minimum_durations(slew, guess)
         if durations is not None:
             return slew, durations
     for duration, shares in found:  # some effort does not matter: keep what the programme gave it
@@ -165,7 +165,7 @@ def _transcription(
         import casadi as ca
     except ImportError:
         raise BadInput(
-            f"plan: goal: slews by all drives need the package casadi: {how_to_install('casadi')}"
+            f"plan: goal: slews by all drives need the package casadi: {install_command('casadi')}"
         ) from None
     if not isinstance(testbed, Symbolic):
         raise BadInput(
@@ -186,9 +186,9 @@ def _transcription(
     problem = ca.Opti()
     states = problem.variable(2 * n, _INTERVALS + 1)
     shares, duration = problem.variable(m, _INTERVALS), problem.variable()
-    held = ca.repmat(duration / _INTERVALS, 1, _INTERVALS)
+    durations = ca.repmat(duration / _INTERVALS, 1, _INTERVALS)
     efforts = ca.diag(amplitude) @ shares
-    problem.subject_to(states[:, 1:] == step.map(_INTERVALS)(states[:, :-1], efforts, held))
+    problem.subject_to(states[:, 1:] == step.map(_INTERVALS)(states[:, :-1], efforts, durations))
     problem.subject_to(problem.bounded(-1.0, shares, 1.0))
     problem.subject_to(states[:, 0] == start)
     problem.subject_to(states[:, -1] == goal)

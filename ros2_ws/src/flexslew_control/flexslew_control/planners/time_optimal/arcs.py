@@ -29,7 +29,7 @@ _RateOf = Callable[[Vector, float, Vector, Vector, Vector], None]
 _JacobianOf = Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
 
 
-class Copies(NamedTuple):
+class ModelEnsemble(NamedTuple):
     """A nominal model and its perturbed copies."""
 
     equations: Rates  # of all
@@ -39,23 +39,23 @@ class Copies(NamedTuple):
 
 
 def final_states(
-    copies: Copies, start: Vector, efforts: Matrix, durations: Vector, step: float
+    models: ModelEnsemble, start: Vector, efforts: Matrix, durations: Vector, step: float
 ) -> Matrix:
     """Return the states after all arcs, shape (copies, 2 n), the nominal one's first.
 
     Args:
-        copies: of the model.
+        models: of the model.
         start: state of all at the beginning of the first arc, shape (2 n,).
         efforts: one row per arc, shape (arcs, joints) [N m or N].
         durations: shape (arcs,) [s].
         step: longest step of the integration [s].
     """
-    found: Matrix = _run(_final_states, _MATRIX, copies, start, efforts, durations, step)
+    found: Matrix = _run(_final_states, _MATRIX, models, start, efforts, durations, step)
     return found
 
 
 def final_sensitivity(
-    copies: Copies, start: Vector, efforts: Matrix, durations: Vector, step: float
+    models: ModelEnsemble, start: Vector, efforts: Matrix, durations: Vector, step: float
 ) -> tuple[Vector, Matrix]:
     """Return the states after all arcs, flat, and their derivatives by the durations.
 
@@ -67,15 +67,20 @@ def final_sensitivity(
     Returns:
         the states, shape (copies 2 n,), and dz_f/dd, shape (copies 2 n, arcs).
     """
-    both = types.Tuple((_VECTOR, _MATRIX))
+    pair = types.Tuple((_VECTOR, _MATRIX))
     found: tuple[Vector, Matrix] = _run(
-        _final_sensitivity, both, copies, start, efforts, durations, step
+        _final_sensitivity, pair, models, start, efforts, durations, step
     )
     return found
 
 
 def costate_backwards(
-    copies: Copies, final: Vector, costate: Vector, efforts: Matrix, durations: Vector, step: float
+    models: ModelEnsemble,
+    final: Vector,
+    costate: Vector,
+    efforts: Matrix,
+    durations: Vector,
+    step: float,
 ) -> tuple[Vector, Matrix]:
     """Return the times and lambda^T df/du along the arcs, from the end to the beginning.
 
@@ -89,27 +94,27 @@ def costate_backwards(
     Returns:
         falling times, shape (samples,) [s]; lambda^T df/du, shape (samples, joints).
     """
-    both = types.Tuple((_VECTOR, _MATRIX))
+    pair = types.Tuple((_VECTOR, _MATRIX))
     found: tuple[Vector, Matrix] = _run(
-        _costate_backwards, both, copies, final, costate, efforts, durations, step
+        _costate_backwards, pair, models, final, costate, efforts, durations, step
     )
     return found
 
 
-def rates(copies: Copies, z: Vector, effort: Vector) -> Vector:
+def rates(models: ModelEnsemble, z: Vector, effort: Vector) -> Vector:
     """Return dz/dt of all copies, shape of z.
 
     Args:
-        copies: of the model.
+        models: of the model.
         z: their states, flat, shape (copies 2 n,).
         effort: of the arc, shape (joints,) [N m or N].
     """
     out = np.empty(z.size)
-    _run(_rates, types.void, copies, z, effort, out)
+    _run(_rates, types.void, models, z, effort, out)
     return out
 
 
-def _run(function: Callable[..., Any], result: Any, copies: Copies, *given: Any) -> Any:
+def _run(function: Callable[..., Any], result: Any, models: ModelEnsemble, *given: Any) -> Any:
     """Return what a loop over these copies finds, for arrays of any access and layout."""
     kinds = tuple(
         types.float64 if np.ndim(one) == 0 else (_VECTOR, _MATRIX)[one.ndim - 1] for one in given
@@ -117,9 +122,9 @@ def _run(function: Callable[..., Any], result: Any, copies: Copies, *given: Any)
     # copied where they are not of the one kind that the loop is compiled for
     arrays = [
         one if np.ndim(one) == 0 else np.require(one, np.float64, ["C", "W"])
-        for one in (*copies[1:], *given)
+        for one in (*models[1:], *given)
     ]
-    return _kernel(function, result, kinds)(*copies.equations, *arrays)
+    return _kernel(function, result, kinds)(*models.equations, *arrays)
 
 
 @cache
@@ -151,10 +156,10 @@ def _all_rates(
     rate_of: _RateOf, packed: Matrix, kp: Vector, kd: Vector, z: Vector, effort: Vector, out: Vector
 ) -> None:
     """Write dz/dt of all copies; see rates."""
-    copies, m = packed.shape[0], effort.size
-    rows = z.size // copies
+    models, m = packed.shape[0], effort.size
+    rows = z.size // models
     n, applied = rows // 2, np.empty(m)
-    for c in range(copies):
+    for c in range(models):
         x = z[c * rows : (c + 1) * rows]
         for j in range(m):
             applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
@@ -173,10 +178,10 @@ def _jacobians(
     du: Tensor,
 ) -> None:
     """Write df/dx, shape (copies, 2 n, 2 n), and df/du, shape (copies, 2 n, joints), of all."""
-    copies, m = packed.shape[0], effort.size
-    rows = z.size // copies
+    models, m = packed.shape[0], effort.size
+    rows = z.size // models
     n, applied = rows // 2, np.empty(m)
-    for c in range(copies):
+    for c in range(models):
         x = z[c * rows : (c + 1) * rows]
         for j in range(m):
             applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
@@ -188,9 +193,9 @@ def _tangent(
     dx: Tensor, du: Tensor, kp: Vector, kd: Vector, s: Matrix, columns: int, out: Matrix
 ) -> None:
     """Write (df/dz) s of rates, for the first columns of s alone."""
-    copies, rows, m = du.shape
+    models, rows, m = du.shape
     n = rows // 2
-    for c in range(copies):
+    for c in range(models):
         first = c * rows
         for i in range(rows):
             for k in range(columns):
@@ -213,33 +218,33 @@ def _cotangent(
     dx: Tensor, du: Tensor, kp: Vector, kd: Vector, costate: Vector, out: Vector, by_effort: Vector
 ) -> None:
     """Write (df/dz)^T lambda of rates and, summed over the copies, (df/du)^T lambda."""
-    copies, rows, m = du.shape
+    models, rows, m = du.shape
     n = rows // 2
     out[:] = 0.0
     by_effort[:] = 0.0
-    for c in range(copies):
+    for c in range(models):
         first = c * rows
         for i in range(rows):
             weight = costate[first + i]
             for j in range(rows):
                 out[first + j] += dx[c, i, j] * weight
         for j in range(m):
-            pushed = 0.0
+            product = 0.0
             for i in range(rows):
-                pushed += du[c, i, j] * costate[first + i]
-            by_effort[j] += pushed
+                product += du[c, i, j] * costate[first + i]
+            by_effort[j] += product
             if c > 0:
-                out[j] += kp[j] * pushed
-                out[n + j] += kd[j] * pushed
-                out[first + j] -= kp[j] * pushed
-                out[first + n + j] -= kd[j] * pushed
+                out[j] += kp[j] * product
+                out[n + j] += kd[j] * product
+                out[first + j] -= kp[j] * product
+                out[first + n + j] -= kd[j] * product
 
 
 @compiled
-def _together(start: Vector, copies: int) -> Vector:
+def _repeat_state(start: Vector, models: int) -> Vector:
     """Return the states of all copies at the start, flat."""
-    z = np.empty(copies * start.size)
-    for c in range(copies):
+    z = np.empty(models * start.size)
+    for c in range(models):
         for k in range(start.size):
             z[c * start.size + k] = start[k]
     return z
@@ -257,8 +262,8 @@ def _final_states(
     step: float,
 ) -> Matrix:
     """See final_states."""
-    copies, rows = packed.shape[0], start.size
-    z = _together(start, copies)
+    models, rows = packed.shape[0], start.size
+    z = _repeat_state(start, models)
     slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
     for arc in range(durations.size):
         steps = max(1, int(np.ceil(abs(durations[arc]) / step)))
@@ -268,7 +273,7 @@ def _final_states(
                 dynamics.stage_state(z, slopes, stage, h, at)
                 _all_rates(rate_of, packed, kp, kd, at, efforts[arc], slopes[stage])
             dynamics.complete_step(z, slopes, h)
-    return z.reshape((copies, rows))
+    return z.reshape((models, rows))
 
 
 def _final_sensitivity(
@@ -284,9 +289,9 @@ def _final_sensitivity(
 ) -> tuple[Vector, Matrix]:
     """See final_sensitivity."""
     arcs = durations.size
-    z = _together(start, packed.shape[0])
-    copies, rows = packed.shape[0], start.size
-    dx, du = np.empty((copies, rows, rows)), np.empty((copies, rows, efforts.shape[1]))
+    z = _repeat_state(start, packed.shape[0])
+    models, rows = packed.shape[0], start.size
+    dx, du = np.empty((models, rows, rows)), np.empty((models, rows, efforts.shape[1]))
     slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
     s, s_at = np.zeros((z.size, arcs)), np.zeros((z.size, arcs))
     s_slopes = np.zeros((STAGES, z.size, arcs))
@@ -340,32 +345,32 @@ def _costate_backwards(
     for i in range(durations.size):
         counts[i] = max(1, int(np.ceil(abs(durations[i]) / step)))
     times, values = np.empty(counts.sum() + 1), np.empty((counts.sum() + 1, m))
-    copies = packed.shape[0]
-    each = rows // copies
-    dx, du = np.empty((copies, each, each)), np.empty((copies, each, m))
-    y, at, pushed = np.concatenate((final, costate)), np.empty(2 * rows), np.empty(m)
+    models = packed.shape[0]
+    each = rows // models
+    dx, du = np.empty((models, each, each)), np.empty((models, each, m))
+    y, at, product = np.concatenate((final, costate)), np.empty(2 * rows), np.empty(m)
     slopes = np.empty((STAGES, 2 * rows))
     row, t = 0, durations.sum()
-    for back in range(durations.size):
-        arc = durations.size - 1 - back
+    for index in range(durations.size):
+        arc = durations.size - 1 - index
         h = -durations[arc] / counts[arc]
         for _ in range(counts[arc]):
             for stage in range(STAGES):
                 dynamics.stage_state(y, slopes, stage, h, at)
                 _all_rates(rate_of, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
                 _jacobians(jacobian_of, packed, kp, kd, at[:rows], efforts[arc], dx, du)
-                _cotangent(dx, du, kp, kd, at[rows:], slopes[stage, rows:], pushed)
+                _cotangent(dx, du, kp, kd, at[rows:], slopes[stage, rows:], product)
                 slopes[stage, rows:] *= -1.0
                 if stage == 0:
                     times[row] = t
                     for j in range(m):
-                        values[row, j] = pushed[j]
+                        values[row, j] = product[j]
             dynamics.complete_step(y, slopes, h)
             row += 1
             t += h
     _jacobians(jacobian_of, packed, kp, kd, y[:rows], efforts[0], dx, du)
-    _cotangent(dx, du, kp, kd, y[rows:], at[rows:], pushed)
+    _cotangent(dx, du, kp, kd, y[rows:], at[rows:], product)
     times[row] = t
     for j in range(m):
-        values[row, j] = pushed[j]
+        values[row, j] = product[j]
     return times, values

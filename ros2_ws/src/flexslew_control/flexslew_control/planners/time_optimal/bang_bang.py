@@ -14,7 +14,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy.linalg import block_diag
 
-from flexslew_control.planners.time_optimal.arcs import Copies, final_sensitivity, final_states
+from flexslew_control.planners.time_optimal.arcs import (
+    ModelEnsemble,
+    final_sensitivity,
+    final_states,
+)
 from flexslew_control.planners.time_optimal.reachable import reachable_combinations
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.linearisation import Linearisation
@@ -31,8 +35,8 @@ STENCIL = tuple(
 _STEP = 0.25  # longest integration step, as an angle of the fastest mode [rad]
 _RIGID_STEP = 0.05  # longest one of a rigid body, of its slew [-]
 # a rough slew, to find the arcs that an exact one settles
-_ROUGH_STENCIL = ((1.0 + _CHANGE, 0.5 / _CHANGE), (1.0 - _CHANGE, -0.5 / _CHANGE))
-_ROUGH_STEP = 1.2  # as _STEP
+_COARSE_STENCIL = ((1.0 + _CHANGE, 0.5 / _CHANGE), (1.0 - _CHANGE, -0.5 / _CHANGE))
+_COARSE_STEP = 1.2  # as _STEP
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,7 @@ class BangBang:
         robust: whether the end must not be sensitive to the stiffness.
         kp, kd: gains of the joint's feedback that flies the slew; none: open loop.
         insensitive: what must not be: the modes (5 switches for one) or the whole state.
-        rough: whether longer steps and a coarser difference by the stiffness do, for a search.
+        coarse: whether longer steps and a coarser difference by the stiffness do, for a search.
     """
 
     model: Model
@@ -60,7 +64,7 @@ class BangBang:
     kp: float = 0.0
     kd: float = 0.0
     insensitive: Insensitive = "modes"
-    rough: bool = False
+    coarse: bool = False
 
     @cached_property
     def mode(self) -> tuple[float, float]:
@@ -80,7 +84,7 @@ class BangBang:
     @property
     def stencil(self) -> tuple[tuple[float, float], ...]:
         """Factors of the stiffness and weights of their states in the derivative by it."""
-        return _ROUGH_STENCIL if self.rough else STENCIL
+        return _COARSE_STENCIL if self.coarse else STENCIL
 
     @property
     def open_loop(self) -> bool:
@@ -93,7 +97,7 @@ class BangBang:
         if not self.model.modes:
             return _RIGID_STEP * self.rigid_duration
         linear = self.model.linearise(self.start[: self.model.coordinates])
-        return float((_ROUGH_STEP if self.rough else _STEP) / linear.frequencies[-1])
+        return float((_COARSE_STEP if self.coarse else _STEP) / linear.frequencies[-1])
 
     @cached_property
     def inertia(self) -> float:
@@ -117,7 +121,7 @@ class BangBang:
         return reachable_combinations(self.model, q, self.joint, self.amplitude, horizon)
 
     @cached_property
-    def swinging(self) -> Matrix:
+    def modal_rows(self) -> Matrix:
         """The combinations and their rates as rows of a state, shape (2 k, 2 n)."""
         n, m, k = self.model.coordinates, self.model.joints, len(self.combinations)
         rows = np.zeros((2 * k, 2 * n))
@@ -125,26 +129,26 @@ class BangBang:
         return rows
 
     @cached_property
-    def resting(self) -> Matrix:
+    def rest_rows(self) -> Matrix:
         """What of a state the end conditions hold: joint, combinations, rates, (rows, 2 n)."""
         half, n = len(self.combinations), self.model.coordinates
         joint = np.eye(2 * n)[[self.joint, n + self.joint]]
-        swinging = self.swinging
-        return np.vstack((joint[:1], swinging[:half], joint[1:], swinging[half:]))
+        modal_rows = self.modal_rows
+        return np.vstack((joint[:1], modal_rows[:half], joint[1:], modal_rows[half:]))
 
     @property
-    def insensitive_to(self) -> Matrix:
+    def sensitivity_rows(self) -> Matrix:
         """What of a state may not be sensitive to the stiffness, shape (rows, 2 n)."""
-        return self.swinging if self.insensitive == "modes" else self.resting
+        return self.modal_rows if self.insensitive == "modes" else self.rest_rows
 
     @cached_property
     def conditions(self) -> Matrix:
         """C of the end conditions r = C z - goal, z the final states of all copies."""
         size = self.start.size
-        nominal = self.resting
+        nominal = self.rest_rows
         if not self.robust:
             return nominal
-        derivative = self.insensitive_to
+        derivative = self.sensitivity_rows
         whole = np.zeros((len(nominal) + len(derivative), size * (1 + len(self.stencil))))
         whole[: len(nominal), :size] = nominal
         for k, (_, weight) in enumerate(self.stencil, start=1):
@@ -152,18 +156,18 @@ class BangBang:
         return whole
 
     @cached_property
-    def ensemble(self) -> Copies:
+    def ensemble(self) -> ModelEnsemble:
         """What `arcs` simulates."""
-        return self.copies(
+        return self.model_ensemble(
             (1.0, *(factor for factor, _ in self.stencil)) if self.robust else (1.0,)
         )
 
-    def copies(self, factors: tuple[float, ...]) -> Copies:
+    def model_ensemble(self, factors: tuple[float, ...]) -> ModelEnsemble:
         """Return an ensemble with the stiffness times these factors, the nominal one first."""
         packed = np.array([self.model.with_stiffness(factor).packed for factor in factors])
         kp, kd = np.zeros(self.model.joints), np.zeros(self.model.joints)
         kp[self.joint], kd[self.joint] = self.kp, self.kd
-        return Copies(self.model.rates, packed, kp, kd)
+        return ModelEnsemble(self.model.rates, packed, kp, kd)
 
     def efforts(self, arcs: int, scale: float = 1.0) -> Matrix:
         """Return the effort of each arc, shape (arcs, joints)."""
@@ -183,7 +187,9 @@ class BangBang:
         factors = (1.0, factor) if feedback else (factor,)
         efforts = self.efforts(durations.size)
         return np.asarray(
-            final_states(self.copies(factors), self.start, efforts, durations, self.step)[-1]
+            final_states(self.model_ensemble(factors), self.start, efforts, durations, self.step)[
+                -1
+            ]
         )
 
     def residual(self, durations: Vector, scale: float = 1.0) -> Vector:
@@ -192,7 +198,7 @@ class BangBang:
         z = final_states(self.ensemble, self.start, efforts, durations, self.step)
         return self._end_error(z.ravel(), scale)
 
-    def linearised(self, durations: Vector, scale: float = 1.0) -> tuple[Vector, Matrix]:
+    def residual_jacobian(self, durations: Vector, scale: float = 1.0) -> tuple[Vector, Matrix]:
         """Return the residual (rows,) and its derivatives by the durations (rows, arcs)."""
         efforts = self.efforts(durations.size, scale)
         z, slopes = final_sensitivity(self.ensemble, self.start, efforts, durations, self.step)
@@ -202,5 +208,5 @@ class BangBang:
         goal = self.start.copy()
         goal[self.joint] += scale * self.distance
         r = self.conditions @ z
-        r[: len(self.resting)] -= self.resting @ goal
+        r[: len(self.rest_rows)] -= self.rest_rows @ goal
         return np.asarray(r / scale)

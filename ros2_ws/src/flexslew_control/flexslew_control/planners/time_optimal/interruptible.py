@@ -17,15 +17,15 @@ class Interrupt:
 
     def __init__(self) -> None:
         """Start without one."""
-        self.arrived = False
+        self.received = False
 
     def note(self, number: int, frame: FrameType | None) -> None:
         """Note that it arrived; what signal.signal calls."""
-        self.arrived = True
+        self.received = True
 
     def check(self, iteration: int = 0) -> None:
         """Raise KeyboardInterrupt if it arrived; what a solver calls at every iteration."""
-        if self.arrived:
+        if self.received:
             raise KeyboardInterrupt
 
 
@@ -49,7 +49,7 @@ def interruptible(interrupt: Interrupt) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-        if interrupt.arrived:
+        if interrupt.received:
             if callable(before) and before is not signal.default_int_handler:
                 signal.raise_signal(signal.SIGINT)  # for the handler before
             interrupt.check()

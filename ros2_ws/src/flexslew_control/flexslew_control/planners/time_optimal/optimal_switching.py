@@ -24,7 +24,7 @@ from flexslew_plant.errors import PlanFailed
 _CHANGE = 1e-6  # of an arc, for the second derivatives [s]
 _ITERATIONS = 25
 _FIXED_ITERATIONS = 60  # with second derivatives that stay as they are
-_LONGEST = 3.0  # of the iterates, times the guess
+_MAX_RATIO = 3.0  # of the iterates, times the guess
 _END, _SLOPE = 1e-11, 1e-8  # at which the two conditions hold, relative
 _ROUNDING = 1e-12  # of dr/dd, relative: what multipliers of nearly equal conditions make large
 _CLOSE = 1e-6, 1e-3  # the same, near the end
@@ -33,7 +33,7 @@ _CLOSE = 1e-6, 1e-3  # the same, near the end
 class Slopes(Protocol):
     """What Newton's method needs of a slew by arcs."""
 
-    def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
+    def residual_jacobian(self, durations: Vector) -> tuple[Vector, Matrix]:
         """Return r and dr/dd."""
 
 
@@ -45,32 +45,32 @@ def extremal_durations(slew: BangBang) -> Vector | None:
     """
     best = None
     for structure in linear_optimum(slew).structures:
-        start = _rough(slew, structure)
+        start = _coarse_durations(slew, structure)
         if start is None:  # by exact second derivatives, or there is none near it
-            start = shortest_durations(replace(slew, rough=True), structure.durations)
+            start = minimum_durations(replace(slew, coarse=True), structure.durations)
             if start is None:
                 continue
-        found = shortest_durations(slew, start, structure.curvature)
+        found = minimum_durations(slew, start, structure.curvature)
         if found is None:
-            found = shortest_durations(slew, start)
+            found = minimum_durations(slew, start)
         if found is not None:
             if switching_function(slew, found).holds:
                 return found
             best = found if best is None or found.sum() < best.sum() else best
     if best is None and slew.robust and slew.insensitive == "state":
         start = extremal_durations(replace(slew, insensitive="modes"))
-        return None if start is None else shortest_durations(slew, start)
+        return None if start is None else minimum_durations(slew, start)
     return best
 
 
-class Faster(NamedTuple):
+class KnownOptimum(NamedTuple):
     """What more switches are known to gain."""
 
     duration: float  # [s]
     switches: int | None  # of the slew; None: of a linear model, where no slew takes less
 
 
-def faster_slew(slew: BangBang, duration: float) -> Faster | None:
+def known_optimum(slew: BangBang, duration: float) -> KnownOptimum | None:
     """Return how fast the optimum is, where that is known without solving for its exact arcs.
 
     A rough slew d has r(d) = 0 and (dr/dd)^T mu = 1, so t_f of the exact one near it is
@@ -85,22 +85,22 @@ def faster_slew(slew: BangBang, duration: float) -> Faster | None:
     except PlanFailed:
         return None
     for structure in optimum.structures:
-        d = _rough(slew, structure)
+        d = _coarse_durations(slew, structure)
         if d is not None:
-            slopes = replace(slew, rough=True).linearised(d)[1]
+            slopes = replace(slew, coarse=True).residual_jacobian(d)[1]
             mu = np.linalg.lstsq(slopes.T, np.ones(d.size), rcond=None)[0]
-            faster = float(d.sum() - mu @ slew.residual(d))
-            return Faster(faster, d.size - 1) if faster < duration else None
+            estimate = float(d.sum() - mu @ slew.residual(d))
+            return KnownOptimum(estimate, d.size - 1) if estimate < duration else None
     if linear(slew) and optimum.duration < duration:
-        return Faster(optimum.duration, None)
+        return KnownOptimum(optimum.duration, None)
     return None
 
 
-def _rough(slew: BangBang, structure: Structure) -> Vector | None:
-    return shortest_durations(replace(slew, rough=True), structure.durations, structure.curvature)
+def _coarse_durations(slew: BangBang, structure: Structure) -> Vector | None:
+    return minimum_durations(replace(slew, coarse=True), structure.durations, structure.curvature)
 
 
-def shortest_durations(
+def minimum_durations(
     slew: Slopes, guess: Vector, curvature: Matrix | None = None
 ) -> Vector | None:
     """Return the arcs of the shortest slew with as many arcs near these; None if it fails.
@@ -111,35 +111,35 @@ def shortest_durations(
         curvature: second derivatives of mu^T r to use everywhere, but once the exact ones near the
             end where it comes there slowly; None: the exact ones.
     """
-    d, j = guess, slew.linearised(guess)[1]
+    d, j = guess, slew.residual_jacobian(guess)[1]
     if d.size < len(j):
         return None
     scale = 1.0 / np.linalg.norm(j * d, axis=1)  # of the end conditions
     mu = np.linalg.lstsq((scale[:, None] * j).T, np.ones(d.size), rcond=None)[0]
     known, before = curvature, 0.0
     for _ in range(_ITERATIONS if curvature is None else _FIXED_ITERATIONS):
-        r, j = slew.linearised(d)
+        r, j = slew.residual_jacobian(d)
         r, j = scale * r, scale[:, None] * j
         slope = j.T @ mu - 1.0
         if not (np.isfinite(r).all() and np.isfinite(j).all()):
             return None
-        missed, wrong = float(np.abs(r).max()), float(np.abs(slope).max())
-        settled = _SLOPE + _ROUNDING * float(np.abs(mu).max())
-        if missed < _END and wrong < settled:
+        end_error, wrong = float(np.abs(r).max()), float(np.abs(slope).max())
+        tolerance = _SLOPE + _ROUNDING * float(np.abs(mu).max())
+        if end_error < _END and wrong < tolerance:
             return np.asarray(d)
-        close = missed < _CLOSE[0] and wrong < _CLOSE[1] and before > _SLOPE
+        close = end_error < _CLOSE[0] and wrong < _CLOSE[1] and before > _SLOPE
         # they cost an iteration for each arc: are as many not enough without them?
         if known is curvature and close and wrong * min(1.0, wrong / before) ** d.size > _SLOPE:
             known = None if curvature is None else _curvature(slew, d, j, scale, mu)
-        bent = _curvature(slew, d, j, scale, mu) if known is None else known
+        hessian = _curvature(slew, d, j, scale, mu) if known is None else known
         before = wrong
-        matrix = np.block([[bent, j.T], [j, np.zeros((len(r), len(r)))]])
+        matrix = np.block([[hessian, j.T], [j, np.zeros((len(r), len(r)))]])
         step = -np.linalg.lstsq(matrix, np.concatenate((slope, r)), rcond=1e-14)[0]
-        shrinking = step[: d.size] < 0.0
-        room = np.min(-d[shrinking] / step[: d.size][shrinking], initial=np.inf)
-        step = min(1.0, 0.5 * float(room)) * step
+        negative = step[: d.size] < 0.0
+        ratio = np.min(-d[negative] / step[: d.size][negative], initial=np.inf)
+        step = min(1.0, 0.5 * float(ratio)) * step
         d, mu = d + step[: d.size], mu + step[d.size :]
-        if d.sum() > _LONGEST * guess.sum():
+        if d.sum() > _MAX_RATIO * guess.sum():
             return None
     return None
 
@@ -148,7 +148,7 @@ def nearest_durations(slew: Slopes, guess: Vector) -> Vector | None:
     """Return the arcs next to these that meet the end conditions; None if Newton's method fails."""
     d = guess
     for _ in range(_ITERATIONS):
-        r, j = slew.linearised(d)
+        r, j = slew.residual_jacobian(d)
         if not np.isfinite(r).all() or d.min() <= 0.0:
             return None
         if np.abs(r).max() < _END:
@@ -163,6 +163,6 @@ def _curvature(
     """Return the second derivatives of multipliers^T r by the durations, from its slopes."""
     rows = []
     for change in _CHANGE * np.eye(durations.size):
-        ahead = scale[:, None] * slew.linearised(durations + change)[1]
-        rows.append((ahead - slopes).T @ multipliers / _CHANGE)
+        forward = scale[:, None] * slew.residual_jacobian(durations + change)[1]
+        rows.append((forward - slopes).T @ multipliers / _CHANGE)
     return np.array(rows)

@@ -2,11 +2,11 @@
 
 from flexslew_control.planners.time_optimal.all_drives import AllDrives
 from flexslew_control.planners.time_optimal.bang_bang import STENCIL, BangBang
-from flexslew_control.planners.time_optimal.optimal_switching import Faster
+from flexslew_control.planners.time_optimal.optimal_switching import KnownOptimum
 from flexslew_control.planners.time_optimal.pontryagin import Extremality
 from flexslew_control.planners.time_optimal.structures import Structure, closed_form
 from flexslew_plant.arrays import Vector
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 
 
 def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
@@ -19,34 +19,34 @@ def statement(
     durations: Vector,
     check: Extremality,
     structure: Structure = "fewest",
-    faster: Faster | None = None,
+    optimum: KnownOptimum | None = None,
 ) -> str:
     """Return in one sentence what is known of the slew's optimality."""
     switches, duration = durations.size - 1, float(durations.sum())
     if check.holds:
-        edges = counted(switches, "switch", "switches")
+        edges = count_text(switches, "switch", "switches")
         return f"extremal with {edges}: Pontryagin's condition holds"
-    if isinstance(slew, AllDrives) and slew.transcribed:
+    if isinstance(slew, AllDrives) and slew.has_partial_efforts:
         return (
             f"the optimum of a transcription on {switches + 1} intervals; its arcs do not settle, "
             "as some effort hardly matters"
         )
-    verdict = (
+    text = (
         f"best of the {switches}-switch family, not time-optimal: the switching function has the "
         f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value)"
     )
-    if not more_may_help(slew, check, structure):
-        return f"{verdict}; no extremal was found"
-    if faster is None:
-        return f"{verdict}; structure: optimal searches for more switches"
-    less = duration - faster.duration
-    if faster.switches is None:
-        return f"{verdict}; no slew is more than {less:.3g} s faster"
-    edges = counted(faster.switches, "switch", "switches")
-    return f"{verdict}; structure: optimal takes {less:.3g} s less with {edges}"
+    if not can_reduce_time(slew, check, structure):
+        return f"{text}; no extremal was found"
+    if optimum is None:
+        return f"{text}; structure: optimal searches for more switches"
+    less = duration - optimum.duration
+    if optimum.switches is None:
+        return f"{text}; no slew is more than {less:.3g} s faster"
+    edges = count_text(optimum.switches, "switch", "switches")
+    return f"{text}; structure: optimal takes {less:.3g} s less with {edges}"
 
 
-def more_may_help(slew: BangBang | AllDrives, check: Extremality, structure: Structure) -> bool:
+def can_reduce_time(slew: BangBang | AllDrives, check: Extremality, structure: Structure) -> bool:
     """Return whether structure: optimal may find a faster slew."""
-    few = isinstance(slew, BangBang) and closed_form(slew)
-    return few and not check.holds and structure != "optimal"
+    has_closed_form = isinstance(slew, BangBang) and closed_form(slew)
+    return has_closed_form and not check.holds and structure != "optimal"

@@ -4,7 +4,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from flexslew_control.planners.time_optimal.arcs import Copies, costate_backwards, final_states
+from flexslew_control.planners.time_optimal.arcs import (
+    ModelEnsemble,
+    costate_backwards,
+    final_states,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.model import Model
 
@@ -31,7 +35,7 @@ class ExtremalArcs(Protocol):
         """Duration of the rigid body's time-optimal slew [s]."""
 
     @property
-    def ensemble(self) -> Copies:
+    def ensemble(self) -> ModelEnsemble:
         """What `arcs` simulates."""
 
     @property
@@ -41,7 +45,7 @@ class ExtremalArcs(Protocol):
     def efforts(self, arcs: int) -> Matrix:
         """Return the effort of each arc, shape (arcs, joints)."""
 
-    def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
+    def residual_jacobian(self, durations: Vector) -> tuple[Vector, Matrix]:
         """Return r and dr/dd."""
 
 
@@ -61,17 +65,17 @@ def switching_function(slew: ExtremalArcs, durations: Vector) -> Extremality:
     lambda(t_f) = C^T mu with (dr/dd)^T mu = 1: then H = 1 on every arc, which makes sigma zero at
     the switches. A robust slew has costates of its perturbed copies too.
     """
-    jacobian = slew.linearised(durations)[1]
+    jacobian = slew.residual_jacobian(durations)[1]
     multipliers = np.linalg.lstsq(jacobian.T, np.ones(durations.size), rcond=None)[0]
     efforts = slew.efforts(durations.size)
     final = final_states(slew.ensemble, slew.start, efforts, durations, slew.step).ravel()
     costate = slew.conditions.T @ multipliers
     times, values = costate_backwards(slew.ensemble, final, costate, efforts, durations, slew.step)
-    driven = efforts.any(axis=0)
-    times, sigma = times[::-1], values[::-1, driven]
+    active = efforts.any(axis=0)
+    times, sigma = times[::-1], values[::-1, active]
     arc = np.searchsorted(np.cumsum(durations)[:-1], times, side="right")
     # at a switch the sample belongs to either arc
-    signed = (sigma * np.sign(efforts[:, driven])[arc] / np.abs(sigma).max(axis=0)).min(axis=1)
-    worst = int(np.argmin(signed))
-    violation = float(max(0.0, -signed[worst]))
-    return Extremality(times, sigma, violation <= _ALLOWED, violation, float(times[worst]))
+    signed = (sigma * np.sign(efforts[:, active])[arc] / np.abs(sigma).max(axis=0)).min(axis=1)
+    index = int(np.argmin(signed))
+    violation = float(max(0.0, -signed[index]))
+    return Extremality(times, sigma, violation <= _ALLOWED, violation, float(times[index]))

@@ -13,10 +13,10 @@ from scipy.linalg import expm
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Model
 
-NOTHING = 1e-6  # reach that counts as none: a tenth of what a plan may leave [m]
+REACH_FLOOR = 1e-6  # reach that counts as none: a tenth of what a plan may leave [m]
 _NEVER = 1e-15  # that of a single mode that the effort does not move [m]
 _STEP = 0.25  # of the samples, as an angle of the fastest mode [rad]
-_ALIKE = 1e-2  # smallest over largest deflection of directions that Newton's method separates
+_CONDITION = 1e-2  # smallest over largest deflection of directions that Newton's method separates
 
 
 def reachable_combinations(
@@ -38,17 +38,17 @@ def reachable_combinations(
         return np.zeros((0, 0))
     linear = model.linearise(q)
     step = _STEP / float(linear.frequencies[-1])
-    ahead = expm(linear.state_matrix * step)
+    transition = expm(linear.state_matrix * step)
     states = linear.state_input_matrix[:, joint][None]
     while len(states) * step < horizon:
-        states = np.concatenate((states, states @ ahead.T))
-        ahead = ahead @ ahead
+        states = np.concatenate((states, states @ transition.T))
+        transition = transition @ transition
     size = tip_sizes(model)
     deflection = states[: int(horizon / step) + 1, n - modes : n] * size
     root, directions = np.linalg.svd(deflection, full_matrices=False)[1:]
     reach = amplitude * step * np.abs(deflection @ directions.T).sum(axis=0)
-    kept = reach > (NOTHING if modes > 1 else _NEVER)
-    if kept.all() and root[-1] > _ALIKE * root[0]:
+    kept = reach > (REACH_FLOOR if modes > 1 else _NEVER)
+    if kept.all() and root[-1] > _CONDITION * root[0]:
         return np.eye(modes)
     weight = np.where(root > 0.0, root[0] / np.maximum(root, 1e-300), 1.0)
     found: Matrix = weight[kept, None] * directions[kept] * size

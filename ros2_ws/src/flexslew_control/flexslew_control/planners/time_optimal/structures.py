@@ -7,16 +7,25 @@ import numpy as np
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.optimal_switching import extremal_durations
-from flexslew_control.planners.time_optimal.switching import continued_durations, fewest_durations
+from flexslew_control.planners.time_optimal.switching import (
+    continued_durations,
+    minimum_switch_durations,
+)
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import PlanFailed
 
 Structure: TypeAlias = Literal["fewest", "asymmetric", "optimal"]
-_SHARES = (0.9, 0.75, 0.6, 0.45, 0.3)  # of the amplitude, tried where the whole leads to no slew
+_AMPLITUDE_RATIOS = (
+    0.9,
+    0.75,
+    0.6,
+    0.45,
+    0.3,
+)  # of the amplitude, tried where the whole leads to no slew
 _MODES_LEAD = "insensitive: modes leads to one"
 
 
-def durations_or_remedy(slew: BangBang, structure: Structure) -> Vector:
+def require_durations(slew: BangBang, structure: Structure) -> Vector:
     """Return the arcs of the slew; see found_durations.
 
     Raises:
@@ -25,9 +34,9 @@ def durations_or_remedy(slew: BangBang, structure: Structure) -> Vector:
     try:
         return found_durations(slew, structure)
     except PlanFailed as error:
-        raise PlanFailed(f"{error}; {_remedy(slew, structure)}") from None
+        raise PlanFailed(f"{error}; {_suggest_change(slew, structure)}") from None
     except FloatingPointError:
-        if not _modes_alone_lead(slew, structure):
+        if not _feasible_for_modes(slew, structure):
             raise
         raise PlanFailed(f"no robust slew was found; {_MODES_LEAD}") from None
 
@@ -48,14 +57,14 @@ def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
     if not len(slew.combinations):  # a rigid body
         return np.full(2, 0.5 * slew.rigid_duration)
     if not closed_form(slew):
-        finders = [extremal_durations]
+        methods = [extremal_durations]
     elif structure == "optimal":
-        finders = [extremal_durations, fewest_durations, _asymmetric]
+        methods = [extremal_durations, minimum_switch_durations, _asymmetric]
     elif structure == "asymmetric":
-        finders = [_asymmetric, fewest_durations, extremal_durations]
+        methods = [_asymmetric, minimum_switch_durations, extremal_durations]
     else:
-        finders = [fewest_durations, _asymmetric, extremal_durations]
-    for finder in finders:
+        methods = [minimum_switch_durations, _asymmetric, extremal_durations]
+    for finder in methods:
         try:
             durations = finder(slew)
         except PlanFailed:  # of this kind; another may be found
@@ -70,41 +79,41 @@ def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
 
 def closed_form(slew: BangBang) -> bool:
     """Return whether slews with few switches are known of the linear model."""
-    under_feedback = slew.robust and not slew.open_loop
-    return len(slew.combinations) == 1 and slew.insensitive == "modes" and not under_feedback
+    with_feedback = slew.robust and not slew.open_loop
+    return len(slew.combinations) == 1 and slew.insensitive == "modes" and not with_feedback
 
 
 def _asymmetric(slew: BangBang) -> Vector | None:
     return continued_durations(slew, antisymmetric=False)
 
 
-def _modes_alone_lead(slew: BangBang, structure: Structure) -> bool:
+def _feasible_for_modes(slew: BangBang, structure: Structure) -> bool:
     """Return whether there is a slew that leaves the joint free to be sensitive.
 
     Without feedback the joint of a linear plant is as sensitive as the modes are, so conditions on
     both are dependent.
     """
     also_joint = slew.robust and slew.insensitive == "state"
-    return also_joint and _leads(replace(slew, insensitive="modes"), structure)
+    return also_joint and _is_feasible(replace(slew, insensitive="modes"), structure)
 
 
-def _remedy(slew: BangBang, structure: Structure) -> str:
+def _suggest_change(slew: BangBang, structure: Structure) -> str:
     """Return a change that leads to a slew, after a try of it."""
-    if _modes_alone_lead(slew, structure):
+    if _feasible_for_modes(slew, structure):
         return _MODES_LEAD
     if slew.robust:
-        if _leads(replace(slew, robust=False), structure):
+        if _is_feasible(replace(slew, robust=False), structure):
             return "robust: false leads to one"
         return "robust: false leads to none either"
-    for share in _SHARES:
+    for share in _AMPLITUDE_RATIOS:
         amplitude = float(f"{share * slew.amplitude:.3g}")
-        if _leads(replace(slew, amplitude=amplitude), structure):
+        if _is_feasible(replace(slew, amplitude=amplitude), structure):
             return f"amplitude: {amplitude:g} leads to one"
-    least = _SHARES[-1] * slew.amplitude
+    least = _AMPLITUDE_RATIOS[-1] * slew.amplitude
     return f"no amplitude tried down to {least:.3g} leads to one"
 
 
-def _leads(slew: BangBang, structure: Structure) -> bool:
+def _is_feasible(slew: BangBang, structure: Structure) -> bool:
     """Return whether there is such a slew."""
     try:
         found_durations(slew, structure)

@@ -22,22 +22,22 @@ from flexslew_control.planners.time_optimal.linear.linear_switching import (
 from flexslew_plant.arrays import Matrix, Vector
 
 _LINEAR = 1e-8  # residual of a linear slew at which the model counts as linear
-_LONGEST = 3.0  # of Newton's iterates, times the guess
-_FOLLOWED = 24  # candidates at most
+_MAX_RATIO = 3.0  # of Newton's iterates, times the guess
+_MAX_CANDIDATES = 24  # candidates at most
 _FAST = 0.2  # residual after a step, over that before, from which the slopes are still good
 _MARGIN = 3.0  # see continued_durations
 # Newton's last change, times half of the rigid slew: of what is kept, of what is only compared
 _EXACT, _NEAR = 1e-12, 1e-3
 
 
-def linear_candidates(slew: BangBang, antisymmetric: bool, longer: float = 0.0) -> list[Vector]:
+def linear_candidates(slew: BangBang, antisymmetric: bool, excess: float = 0.0) -> list[Vector]:
     """Return the arcs of linear one-mode slews, shortest first, each shape (4,) or, robust, (6,).
 
     Args:
         slew: the slew; its model is linearised at the start.
         antisymmetric: whether only slews with an effort antisymmetric about the middle count, as
             in Liu and Singh 1997; a damped mode has none, so there it changes nothing.
-        longer: by how much they may be longer than the shortest [s].
+        excess: by how much they may be longer than the shortest [s].
 
     Raises:
         PlanFailed: if there are no such arcs within the range searched.
@@ -45,14 +45,14 @@ def linear_candidates(slew: BangBang, antisymmetric: bool, longer: float = 0.0) 
     frequency, damping = slew.mode
     a = slew.inertia * abs(slew.distance) / slew.amplitude * frequency**2  # in phase angles
     if damping > 0.0 or not antisymmetric:
-        found = linear_slews(a, damping, 5 if slew.robust else 3, longer * frequency)
+        found = linear_slews(a, damping, 5 if slew.robust else 3, excess * frequency)
         return list(found / frequency)
     if slew.robust:
         halves = [np.array([t - t2, t2 - t1, t1]) for t, t1, t2 in five_switches(a)]
     else:
         t, t1 = three_switches(a)
         halves = [np.array([t - t1, t1])]
-    last = halves[0].sum() + 0.5 * longer * frequency
+    last = halves[0].sum() + 0.5 * excess * frequency
     return [np.concatenate((half, half[::-1])) / frequency for half in halves if half.sum() <= last]
 
 
@@ -86,19 +86,19 @@ def solve_durations(
     last: _Step | None = None
     for _ in range(10):
         if slopes is None:
-            r, j = _linearised(slew, d, scale, last)
+            r, j = _residual_jacobian(slew, d, scale, last)
         else:
             r, j = slew.residual(d, scale), slopes
         if not (np.isfinite(r).all() and np.isfinite(j).all()) or np.linalg.cond(j) > 1e13:
             return None
         change = -np.linalg.solve(j, r)
-        shrinking = change < 0.0
-        room = float(np.min(-d[shrinking] / change[shrinking])) if shrinking.any() else np.inf
-        last = _Step(r, j, np.asarray(min(1.0, 0.8 * room) * change, dtype=float))
+        negative = change < 0.0
+        ratio = float(np.min(-d[negative] / change[negative])) if negative.any() else np.inf
+        last = _Step(r, j, np.asarray(min(1.0, 0.8 * ratio) * change, dtype=float))
         d = d + last.change
-        if d.sum() > _LONGEST * guess.sum():
+        if d.sum() > _MAX_RATIO * guess.sum():
             return None
-        if room > 1.0 and np.abs(change).max() < 1e-9:
+        if ratio > 1.0 and np.abs(change).max() < 1e-9:
             return d
     return None
 
@@ -111,17 +111,17 @@ class _Step(NamedTuple):
     change: Vector
 
 
-def _linearised(
+def _residual_jacobian(
     slew: BangBang, d: Vector, scale: float, last: _Step | None
 ) -> tuple[Vector, Matrix]:
     """Return the residual and dr/dd: by Broyden's rule after a step that was good, else exact."""
     if last is not None:
         r = slew.residual(d, scale)
         if np.abs(r).max() < _FAST * np.abs(last.residual).max():
-            missed = r - last.residual - last.slopes @ last.change
-            rank_one = np.outer(missed, last.change) / (last.change @ last.change)
+            mismatch = r - last.residual - last.slopes @ last.change
+            rank_one = np.outer(mismatch, last.change) / (last.change @ last.change)
             return r, np.asarray(last.slopes + rank_one)
-    return slew.linearised(d, scale)
+    return slew.residual_jacobian(d, scale)
 
 
 def continued_durations(slew: BangBang, antisymmetric: bool = True) -> Vector | None:
@@ -141,13 +141,13 @@ def continued_durations(slew: BangBang, antisymmetric: bool = True) -> Vector | 
     if _ends_at_goal(slew, guess):
         return solve_durations(slew, guess)
     candidates = linear_candidates(slew, antisymmetric, 2.0 * np.pi / slew.mode[0])
-    rough = replace(slew, rough=True)
-    best = _shortest(rough, candidates[:_FOLLOWED], solve_durations)
+    coarse = replace(slew, coarse=True)
+    best = _minimum_duration(coarse, candidates[:_MAX_CANDIDATES], solve_durations)
     if best is None:
-        best = _shortest(rough, candidates[:1], _scaled_up)
+        best = _minimum_duration(coarse, candidates[:1], _scaled_up)
     if best is None:
         return None
-    return solve_durations(slew, best, slopes=rough.linearised(best)[1])
+    return solve_durations(slew, best, slopes=coarse.residual_jacobian(best)[1])
 
 
 def linear(slew: BangBang) -> bool:
@@ -159,17 +159,17 @@ def _ends_at_goal(slew: BangBang, durations: Vector) -> bool:
     return bool(np.abs(slew.residual(durations)).max() < _LINEAR)
 
 
-def _shortest(
+def _minimum_duration(
     slew: BangBang,
     candidates: list[Vector],
-    follow: Callable[[BangBang, Vector], Vector | None],
+    solve: Callable[[BangBang, Vector], Vector | None],
 ) -> Vector | None:
-    """Return the shortest slew that `follow` finds from candidates in rising order."""
+    """Return the shortest slew that `solve` finds from candidates in rising order."""
     best, shift = None, 0.0
     for guess in candidates:
         if best is not None and guess.sum() - _MARGIN * shift > best.sum():
             break
-        found = follow(slew, guess)
+        found = solve(slew, guess)
         if found is not None:
             shift = max(shift, abs(float(found.sum() - guess.sum())))
             best = found if best is None or found.sum() < best.sum() else best
@@ -178,15 +178,15 @@ def _shortest(
 
 def _scaled_up(slew: BangBang, guess: Vector) -> Vector | None:
     """Return the durations reached while goal and effort grow from nearly zero, if any."""
-    scale, ahead = 0.0, 0.125
+    scale, step = 0.0, 0.125
     while scale < 1.0:
-        found = solve_durations(slew, guess, min(1.0, scale + ahead))
+        found = solve_durations(slew, guess, min(1.0, scale + step))
         if found is None:
-            ahead /= 2.0
-            if ahead < 1.0 / 32.0:
+            step /= 2.0
+            if step < 1.0 / 32.0:
                 return None
         else:
-            scale, guess = min(1.0, scale + ahead), found
+            scale, guess = min(1.0, scale + step), found
     return guess
 
 
@@ -198,12 +198,12 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
     the first pulse and T(p) by Newton's method; the smallest T(p) is taken.
     """
     half = slew.rigid_duration / 2.0
-    rows = slew.resting[:2]
+    rows = slew.rest_rows[:2]
     middle = rows @ slew.start + np.array([0.5 * slew.distance, 0.0])
-    ensemble, efforts = slew.copies((1.0,)), slew.efforts(3)
-    rough = replace(slew, rough=True).step
+    ensemble, efforts = slew.model_ensemble((1.0,)), slew.efforts(3)
+    coarse = replace(slew, coarse=True).step
 
-    def arcs(p: float, close: float = _EXACT, step: float = slew.step) -> Vector | None:
+    def arc_durations(p: float, close: float = _EXACT, step: float = slew.step) -> Vector | None:
         d = np.array([p, 0.0, half - p])
         for _ in range(8):
             x, by_duration = final_sensitivity(ensemble, slew.start, efforts, d, step)
@@ -216,7 +216,7 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
         return None
 
     def length(p: float, close: float = _EXACT) -> float:
-        d = arcs(p, close, rough)
+        d = arc_durations(p, close, coarse)
         return float("inf") if d is None else float(d.sum())
 
     grid: Vector = half * np.linspace(0.01, 0.99, 49)
@@ -226,14 +226,18 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
         return None
     bounds = (float(grid[max(best - 1, 0)]), float(grid[min(best + 1, 48)]))
     found = minimize_scalar(length, bounds=bounds, method="bounded", options={"xatol": 1e-9})
-    d = arcs(float(found.x)) if found.fun <= lengths[best] else arcs(float(grid[best]))
+    d = (
+        arc_durations(float(found.x))
+        if found.fun <= lengths[best]
+        else arc_durations(float(grid[best]))
+    )
     if d is None:
         return None
     whole = np.concatenate((d, d[::-1]))
     return whole if np.abs(slew.residual(whole)).max() < 1e-7 else None
 
 
-def fewest_durations(slew: BangBang) -> Vector | None:
+def minimum_switch_durations(slew: BangBang) -> Vector | None:
     """Return the arcs of the shortest slew with the fewest switches that end at rest; None: none.
 
     Without robustness five switches are taken where no three lead to the goal: near a goal with a

@@ -11,20 +11,20 @@ from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
-from flexslew_control.planners.slewing import Slewing
-from flexslew_control.planners.time_optimal.all_drives import AllDrives, fastest_slew
+from flexslew_control.planners.slewing import SlewPlanner
+from flexslew_control.planners.time_optimal.all_drives import AllDrives, time_optimal_slew
 from flexslew_control.planners.time_optimal.bang_bang import BangBang, Insensitive
-from flexslew_control.planners.time_optimal.optimal_switching import faster_slew
+from flexslew_control.planners.time_optimal.optimal_switching import known_optimum
 from flexslew_control.planners.time_optimal.optimality import (
+    can_reduce_time,
     joint_sensitivity,
-    more_may_help,
     statement,
 )
 from flexslew_control.planners.time_optimal.pontryagin import ExtremalArcs, switching_function
-from flexslew_control.planners.time_optimal.structures import Structure, durations_or_remedy
+from flexslew_control.planners.time_optimal.structures import Structure, require_durations
 from flexslew_control.planners.time_optimal.three_axes.three_axes import plan_three_axes
 from flexslew_control.planners.trajectories import rigid_duration
-from flexslew_control.shared_keys import BelievedModel, Initial, Start
+from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import Positive, section
@@ -40,7 +40,7 @@ class TimeOptimal:
     """The `plan` section for method time_optimal."""
 
     method: Literal["time_optimal"] = "time_optimal"
-    model: BelievedModel = None
+    model: DesignModel = None
     initial: Initial = None
     # joint positions at the end, at rest, by name; a joint left out does not move [rad or m]
     goal: Goal
@@ -66,7 +66,7 @@ class TimeOptimal:
     longest: Positive | None = None  # longest duration that is accepted [s]
 
 
-def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) -> Plan:
+def plan_time_optimal(settings: TimeOptimal, requested: Slew, progress: Progress) -> Plan:
     """Return the bang-bang slew to the goal; see make_plan.
 
     The reference is the optimal trajectory itself, so feedback adds nothing nominally.
@@ -76,14 +76,14 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
             testbed does not rest at it without an effort.
         PlanFailed: if there is no such slew, or it takes longer than allowed.
     """
-    if asked.model.attitude is not None:
-        return _in_three_axes(settings, asked, progress)
+    if requested.model.attitude is not None:
+        return _in_three_axes(settings, requested, progress)
     if settings.rate_limit is not None:
         words = "null; slews in three axes with drives: all keep to one"
         raise BadInput(words, "plan", "rate_limit", settings.rate_limit)
-    rigid = rigid_duration(asked.model, asked.start, asked.goal, asked.effort_limit)
-    require_rest(asked, rigid)
-    slew, durations = found_slew(settings, asked, progress)
+    rigid = rigid_duration(requested.model, requested.start, requested.goal, requested.effort_limit)
+    require_rest(requested, rigid)
+    slew, durations = found_slew(settings, requested, progress)
     duration = float(durations.sum())
     efforts = slew.efforts(durations.size)
     amplitude = np.abs(efforts).max(axis=0)
@@ -93,10 +93,10 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
             f"the slew takes {duration:.4f} s with {amplitude.max():g} N m, {settings.longest:g} s "
             f"allowed; rigid bound {slew.rigid_duration:.4f} s; about {needed:.4g} N m are needed"
         )
-    check, faster = switching_function(slew, durations), None
-    if isinstance(slew, BangBang) and more_may_help(slew, check, settings.structure):
-        faster = faster_slew(slew, duration)
-    ticks = tick_times(settings.start, duration, asked.period)
+    check, optimum = switching_function(slew, durations), None
+    if isinstance(slew, BangBang) and can_reduce_time(slew, check, settings.structure):
+        optimum = known_optimum(slew, duration)
+    ticks = tick_times(settings.start, duration, requested.period)
     state, effort = on_ticks(slew, durations, ticks)
     m, n = slew.model.joints, slew.model.coordinates
     switches = np.cumsum(durations)[:-1]
@@ -107,12 +107,12 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
         "amplitude": float(amplitude.max()),
         "arc_efforts": efforts.tolist(),
         "peak_effort": np.abs(effort).max(axis=0).tolist(),
-        "terminal_error": slew.linearised(durations)[0].tolist(),
+        "terminal_error": slew.residual_jacobian(durations)[0].tolist(),
         "rigid_duration": slew.rigid_duration,
         "optimal": check.holds,
         "switching_function_violation": check.violation,
-        "optimality": statement(slew, durations, check, settings.structure, faster),
-        "optimal_duration": duration if check.holds else faster and faster.duration,
+        "optimality": statement(slew, durations, check, settings.structure, optimum),
+        "optimal_duration": duration if check.holds else optimum and optimum.duration,
     }
     if isinstance(slew, BangBang):
         summary["joint_sensitivity"] = joint_sensitivity(slew, durations)
@@ -120,7 +120,7 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
         method=settings.method,
         joint_names=slew.model.joint_names,
         start=settings.start,
-        period=asked.period,
+        period=requested.period,
         position=state[:, :m].copy(),
         velocity=state[:, n : n + m].copy(),
         effort=effort,
@@ -130,7 +130,7 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
     )
 
 
-def _in_three_axes(settings: TimeOptimal, asked: Slew, progress: Progress) -> Plan:
+def _in_three_axes(settings: TimeOptimal, requested: Slew, progress: Progress) -> Plan:
     """Return the fastest slew of a craft that turns in three axes.
 
     Raises:
@@ -139,32 +139,32 @@ def _in_three_axes(settings: TimeOptimal, asked: Slew, progress: Progress) -> Pl
     """
     if settings.robust:
         raise BadInput("a slew by all drives is not made robust", "plan", "robust", True)
-    if not isinstance(asked.testbed, ThreeAxes):
+    if not isinstance(requested.testbed, ThreeAxes):
         raise BadInput("this testbed turns about one axis at a time", "plan", "drives", "all")
-    amplitude = _amplitude(settings, asked.effort_limit)
-    return plan_three_axes(settings, asked, amplitude, asked.testbed.rigid(), progress)
+    amplitude = _amplitude(settings, requested.effort_limit)
+    return plan_three_axes(settings, requested, amplitude, requested.testbed.rigid(), progress)
 
 
 def found_slew(
-    settings: TimeOptimal, asked: Slew, progress: Progress
+    settings: TimeOptimal, requested: Slew, progress: Progress
 ) -> tuple[BangBang | AllDrives, Vector]:
     """Return the slew of a `plan` section, and the durations of its arcs.
 
     Raises:
         BadInput, PlanFailed: see plan_time_optimal.
     """
-    if asked.still:
+    if requested.static:
         raise BadInput("plan: goal: the joints are there already; give another goal")
-    model, first, last = asked.model, asked.start, asked.goal
-    moving = np.flatnonzero(last != first)
-    amplitude = _amplitude(settings, asked.effort_limit)
+    model, first, last = requested.model, requested.start, requested.goal
+    changed = np.flatnonzero(last != first)
+    amplitude = _amplitude(settings, requested.effort_limit)
     rest = np.zeros(model.modes + model.coordinates)
     start = np.concatenate((first, rest))
     if (
         settings.drives == "all"
-        or moving.size > 1
-        or moving[0] != 0
-        or not _moves_alone(model, start)
+        or changed.size > 1
+        or changed[0] != 0
+        or not _is_separable(model, start)
     ):
         if model.joints == 1:
             raise BadInput("there is one; use moving", "plan", "drives", "all")
@@ -176,8 +176,8 @@ def found_slew(
                 f"a slew {needed} is not made robust; use robust: false", "plan", "robust", True
             )
         goal = np.concatenate((last, rest))
-        return fastest_slew(asked.testbed, start, goal, amplitude, progress)
-    held = settings.feedback is not None
+        return time_optimal_slew(requested.testbed, start, goal, amplitude, progress)
+    with_feedback = settings.feedback is not None
     slew = BangBang(
         model,
         0,
@@ -185,14 +185,14 @@ def found_slew(
         float(last[0] - first[0]),
         float(amplitude[0]),
         settings.robust,
-        float(asked.kp[0]) if held else 0.0,
-        float(asked.kd[0]) if held else 0.0,
+        float(requested.kp[0]) if with_feedback else 0.0,
+        float(requested.kd[0]) if with_feedback else 0.0,
         settings.insensitive,
     )
-    return slew, durations_or_remedy(slew, settings.structure)
+    return slew, require_durations(slew, settings.structure)
 
 
-def _moves_alone(model: Model, start: Vector) -> bool:
+def _is_separable(model: Model, start: Vector) -> bool:
     """Return whether the first drive leaves the other joints at rest under any effort."""
     rng, m, n = np.random.default_rng(1), model.joints, model.coordinates
     effort = np.eye(m)[0]
@@ -208,8 +208,8 @@ def _moves_alone(model: Model, start: Vector) -> bool:
 def _amplitude(settings: TimeOptimal, effort_limit: Vector) -> Vector:
     """Return the effort of every drive, shape (joints,) [N m or N]."""
     if settings.amplitude is None:
-        return np.asarray(_usable(settings) * effort_limit)
-    most = float(_usable(settings) * effort_limit.min())
+        return np.asarray(_effort_share(settings) * effort_limit)
+    most = float(_effort_share(settings) * effort_limit.min())
     if settings.amplitude > most:
         less = "" if settings.reserve is None else " less the reserve"
         raise BadInput(
@@ -218,7 +218,7 @@ def _amplitude(settings: TimeOptimal, effort_limit: Vector) -> Vector:
     return np.full(effort_limit.size, settings.amplitude)
 
 
-def _usable(settings: TimeOptimal) -> float:
+def _effort_share(settings: TimeOptimal) -> float:
     """Return the share of each drive's limit that a slew may use, 1 - reserve [-]."""
     if settings.reserve is not None:
         return 1.0 - settings.reserve
@@ -241,28 +241,28 @@ def on_ticks(slew: ExtremalArcs, durations: Vector, ticks: Vector) -> tuple[Matr
     knots = np.concatenate(([0.0], ends))
     efforts = slew.efforts(durations.size)
     impulse = np.vstack((np.zeros(slew.model.joints), np.cumsum(efforts * durations[:, None], 0)))
-    gained = np.column_stack([np.interp(ticks, knots, column) for column in impulse.T])
-    means = np.diff(gained, axis=0) / np.diff(ticks)[:, None]
+    integral = np.column_stack([np.interp(ticks, knots, column) for column in impulse.T])
+    means = np.diff(integral, axis=0) / np.diff(ticks)[:, None]
     edges = np.union1d(ticks, ends)
     arc = np.searchsorted(ends, 0.5 * (edges[1:] + edges[:-1]))
-    nothing, step = np.zeros(slew.model.joints), slew.step
+    zeros, step = np.zeros(slew.model.joints), slew.step
     states = np.empty((edges.size, slew.start.size))
     states[0] = slew.start
     for k, dt in enumerate(np.diff(edges)):
-        effort = efforts[arc[k]] if arc[k] < durations.size else nothing
+        effort = efforts[arc[k]] if arc[k] < durations.size else zeros
         steps = max(1, int(np.ceil(dt / step)))
         states[k + 1] = slew.model.advance(states[k], effort, float(dt), steps)
     return states[np.searchsorted(edges, ticks)], means
 
 
-FASTEST = PlannerEntry(
+TIME_OPTIMAL = PlannerEntry(
     TimeOptimal,
-    Slewing(
+    SlewPlanner(
         plan_time_optimal,
         exact=lambda s: True,
         open_loop=True,
         whole=lambda s: s.drives == "all",
-        usable=_usable,
+        effort_share=_effort_share,
     ),
     compared={"reserve": RESERVE},
     variants=(Variant("robust", {"robust": True}),),

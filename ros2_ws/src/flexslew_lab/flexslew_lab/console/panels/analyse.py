@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
-from flexslew_lab.console.desk import Desk, DeskReply, line
-from flexslew_lab.console.flown_trial import flown_trial
+from flexslew_lab.console.current_trial import current_trial
+from flexslew_lab.console.desk import PanelContext, ReplyLine, line
 from flexslew_lab.console.forms import FormKey, OpenedOn, moment, value_of
 from flexslew_lab.console.gate import FILES
 from flexslew_lab.console.link import RequestResult
-from flexslew_lab.console.panels.swap import NOBODY
+from flexslew_lab.console.panels.swap import NO_CONTROLLER
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import one_line
@@ -32,27 +32,29 @@ class AnalysePanel:
     """The analysis of one controller, made in a thread of its own.
 
     Args:
-        desk: desk of the page.
+        context: desk of the page.
         files: files that the gate serves, by name.
     """
 
-    def __init__(self, desk: Desk, files: dict[str, Path]) -> None:
-        gui = desk.gui
-        self._view, self._files, self._folder = desk.view, files, desk.link.folder
-        self._which = gui.choice("Analysed controller", (NOBODY,))
+    def __init__(self, context: PanelContext, files: dict[str, Path]) -> None:
+        gui = context.gui
+        self._view, self._files, self._folder = context.view, files, context.link.folder
+        self._which = gui.choice("Analysed controller", (NO_CONTROLLER,))
         self._opened = OpenedOn(self._which)
         self._at = gui.text(f"{_AT} [s]", hint="simulated time; empty: now")
-        desk.click(gui.button("Analyse", hint="its page opens from here"), self._analyse)
-        self._reply, self._rows = DeskReply(desk), gui.html()
+        context.click(gui.button("Analyse", hint="its page opens from here"), self._analyse)
+        self._reply, self._rows = ReplyLine(context), gui.html()
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="analyse")
-        self._making: Future[_Found] | None = None
+        self._analysis_job: Future[_Found] | None = None
 
     def refresh(self) -> None:
         """List the controllers, and show a finished analysis."""
-        self._opened.offer(tuple(sorted(self._view.controllers)), NOBODY, self._view.now.active)
-        if self._making is None or not self._making.done():
+        self._opened.offer(
+            tuple(sorted(self._view.controllers)), NO_CONTROLLER, self._view.now.active
+        )
+        if self._analysis_job is None or not self._analysis_job.done():
             return
-        done, self._making = self._making, None
+        done, self._analysis_job = self._analysis_job, None
         try:
             found = done.result()
             if _PAGE not in self._files:
@@ -66,19 +68,19 @@ class AnalysePanel:
         self._rows.content = _OPEN + "".join(line(row) for row in found.rows)
 
     def _analyse(self, who: str) -> None:
-        if self._making is not None:
+        if self._analysis_job is not None:
             return
         view, name = self._view, self._which.value
         try:
             at = value_of(FormKey(_AT, "[s]"), str(self._at.value))
             time = view.time if at is None else moment(_AT, at)
-            trial = flown_trial(view, name)
+            trial = current_trial(view, name)
             plan = plan_of(view.plan, "the bench") if view.plan is not None else None
         except BadInput as error:
             self._reply.tell(RequestResult(False, str(error)))
             return
         self._reply.tell(RequestResult(True, "analysing ..."))
-        self._making = self._worker.submit(partial(_analysis, trial, name, time, plan))
+        self._analysis_job = self._worker.submit(partial(_analysis, trial, name, time, plan))
 
 
 def _analysis(trial: Trial, name: str, time: float, plan: Plan | None) -> _Found:
@@ -87,9 +89,11 @@ def _analysis(trial: Trial, name: str, time: float, plan: Plan | None) -> _Found
     Raises:
         BadInput: it has no linear form there.
     """
-    from flexslew_lab.analysis.analysis import analysed  # a page without an analysis needs neither
+    from flexslew_lab.analysis.analysis import (
+        loop_analysis,  # a page without an analysis needs neither
+    )
     from flexslew_lab.analysis.page import analysis_page, summary_rows
 
-    analysis = analysed(trial, "the bench", name, time, plan=plan)
+    analysis = loop_analysis(trial, "the bench", name, time, plan=plan)
     rows = [f"{what}: {value}" for what, value in summary_rows(analysis)]
     return _Found(analysis_page(analysis, trial.testbed.kind), rows)

@@ -5,17 +5,22 @@ from pathlib import Path
 import numpy as np
 
 from flexslew_lab.console import quantities
-from flexslew_lab.console.charting import ChartData, news, options
-from flexslew_lab.console.desk import Desk, DeskReply
-from flexslew_lab.console.history import Curve, thinned
+from flexslew_lab.console.charting import ChartData, chart_update, options
+from flexslew_lab.console.desk import PanelContext, ReplyLine
+from flexslew_lab.console.history import Curve, reduce_samples
 from flexslew_lab.console.layouts import Layouts
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import AnswerMissed, BecameReady, BecameUnready, FellBehind
+from flexslew_plant.events import (
+    AnswerMissing,
+    ControllerNotReady,
+    ControllerReady,
+    ScheduleShifted,
+)
 
 _WINDOWS = {"10 s": 10.0, "30 s": 30.0, "100 s": 100.0, "300 s": 300.0, "whole run": 0.0}
-_QUIET = (AnswerMissed, FellBehind, BecameReady, BecameUnready)  # too many for lines
+_QUIET = (AnswerMissing, ScheduleShifted, ControllerReady, ControllerNotReady)  # too many for lines
 _NONE = "nothing"
 
 
@@ -23,14 +28,14 @@ class ChartsPanel:
     """The charts and their common controls.
 
     Args:
-        desk: of the page.
+        context: of the page.
         file: where layouts are kept.
     """
 
-    def __init__(self, desk: Desk, file: Path) -> None:
-        gui, self._view = desk.gui, desk.view
+    def __init__(self, context: PanelContext, file: Path) -> None:
+        gui, self._view = context.gui, context.view
         self._overlays: dict[str, list[Curve]] = {}  # of another run, by quantity
-        self._held: tuple[float, float] | None = None  # what a paused view shows [s]
+        self._pause_range: tuple[float, float] | None = None  # what a paused view shows [s]
         self._layouts = Layouts(file, (*quantities.NAMES, _NONE))
         with gui.middle:
             with gui.add("tools"):
@@ -40,18 +45,20 @@ class ChartsPanel:
                 self._pause = gui.check("Pause the view", False, hint="the bench goes on")
                 self._lines = gui.check("Events as lines", True)
                 hint = "the log keeps everything"
-                desk.click(gui.button("Clear the charts", hint=hint), self._clear)
+                context.click(gui.button("Clear the charts", hint=hint), self._clear)
             with gui.add("grid"):
-                self._charts = [_Chart(desk, shown) for shown in self._layouts.chosen()]
+                self._charts = [
+                    _Chart(context, selected_name) for selected_name in self._layouts.active_plots()
+                ]
         self._name = gui.text("Name of the layout", hint="what the four charts show")
-        desk.click(gui.button("Save the layout"), self._save)
-        self._reply = DeskReply(desk)
-        desk.change(self._pause, self._on_pause)
-        desk.change(self._layout, self._choose)
+        context.click(gui.button("Save the layout"), self._save)
+        self._reply = ReplyLine(context)
+        context.change(self._pause, self._on_pause)
+        context.change(self._layout, self._choose)
 
     def refresh(self) -> None:
         """Draw what is new."""
-        start, end = self._held or self._following()
+        start, end = self._pause_range or self._current_range()
         times = np.zeros(0)
         if self._lines.value:
             events = self._view.events
@@ -68,25 +75,25 @@ class ChartsPanel:
         for chart in self._charts:
             chart.draw(start, end, np.unique(times)[-100:], self._overlays)
 
-    def overlay(self, earlier: dict[str, list[Curve]]) -> None:
+    def overlay(self, previous: dict[str, list[Curve]]) -> None:
         """Draw the curves of another run, by quantity, over those of this run."""
-        self._overlays = earlier
+        self._overlays = previous
         for chart in self._charts:
-            chart.outdate()
+            chart.force_update()
 
     def jump(self, time: float) -> None:
         """Hold the view around a time [s]."""
         width = _WINDOWS.get(self._window.value, 30.0) or 30.0
-        self._held = time - width / 2, time + width / 2
+        self._pause_range = time - width / 2, time + width / 2
         self._pause.value = True
 
-    def _following(self) -> tuple[float, float]:
+    def _current_range(self) -> tuple[float, float]:
         width = _WINDOWS.get(self._window.value, 30.0)
         end = max(self._view.time, width, 0.1)
         return (end - width, end) if width else (0.0, end)
 
     def _on_pause(self, who: str) -> None:
-        self._held = self._following() if self._pause.value else None
+        self._pause_range = self._current_range() if self._pause.value else None
 
     def _clear(self, who: str) -> None:
         self._view.truth.clear()
@@ -94,8 +101,8 @@ class ChartsPanel:
 
     def _choose(self, who: str) -> None:
         self._layouts.choose(self._layout.value)
-        for chart, shown in zip(self._charts, self._layouts.chosen(), strict=True):
-            chart.what.value = shown
+        for chart, selected_name in zip(self._charts, self._layouts.active_plots(), strict=True):
+            chart.what.value = selected_name
 
     def _save(self, who: str) -> None:
         try:
@@ -111,15 +118,15 @@ class ChartsPanel:
 class _Chart:
     """One chart with the choice of its quantity."""
 
-    def __init__(self, desk: Desk, quantity: str) -> None:
-        self._view = desk.view
-        with desk.gui.folder():
-            self.what = desk.gui.choice("Chart", (*quantities.NAMES, _NONE), value=quantity)
+    def __init__(self, context: PanelContext, quantity: str) -> None:
+        self._view = context.view
+        with context.gui.folder():
+            self.what = context.gui.choice("Chart", (*quantities.NAMES, _NONE), value=quantity)
             self._labels: tuple[object, ...] = ()
-            self._drawn: tuple[object, ...] = ()
-            nothing = ChartData(options([]), news(np.zeros(0), [], np.zeros(0)))
-            self._plot = desk.gui.add("chart", "chart", data=nothing)
-        desk.change(self.what, lambda who: self.outdate())
+            self._last_state: tuple[object, ...] = ()
+            empty_data = ChartData(options([]), chart_update(np.zeros(0), [], np.zeros(0)))
+            self._plot = context.gui.add("chart", "chart", data=empty_data)
+        context.change(self.what, lambda who: self.force_update())
 
     def draw(
         self, start: float, end: float, events: Vector, overlays: dict[str, list[Curve]]
@@ -127,20 +134,20 @@ class _Chart:
         """Show a window of time."""
         quantity = self.what.value
         state = (quantity, start, end, len(events), self._view.truth.time.size)
-        if state == self._drawn:
+        if state == self._last_state:
             return
-        self._drawn = state
+        self._last_state = state
         self._plot.visible = quantity in quantities.NAMES
         if not self._plot.visible:
             return
         curves = [*quantities.curves_of(self._view, quantity), *overlays.get(quantity, [])]
-        axis, rows = thinned(curves, start, end)
+        axis, rows = reduce_samples(curves, start, end)
         labels = tuple((curve.label, curve.dashed) for curve in curves)
         axes = self._plot.data.options
         if labels != self._labels:
             self._labels, axes = labels, options(curves)
-        self._plot.data = ChartData(axes, news(axis, rows, events))
+        self._plot.data = ChartData(axes, chart_update(axis, rows, events))
 
-    def outdate(self) -> None:
+    def force_update(self) -> None:
         """Draw again next time, even if the window has not moved."""
-        self._drawn = ()
+        self._last_state = ()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from flexslew_lab.console import quantities
-from flexslew_lab.console.desk import Desk, DeskReply
+from flexslew_lab.console.desk import PanelContext, ReplyLine
 from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.charts import ChartsPanel
@@ -15,7 +15,7 @@ from flexslew_lab.trial.outputs import bag_folder
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import one_line
 
-_COMPARED = tuple(name for name in quantities.NAMES if name != quantities.INNOVATION)
+_QUANTITIES = tuple(name for name in quantities.NAMES if name != quantities.INNOVATION)
 Curves = dict[str, list[Curve]]  # by quantity
 
 
@@ -23,43 +23,43 @@ class ComparePanel:
     """The overlay.
 
     Args:
-        desk: of the page.
+        context: of the page.
         charts: that it is drawn in.
     """
 
-    def __init__(self, desk: Desk, charts: ChartsPanel) -> None:
-        gui = desk.gui
-        self._view, self._charts = desk.view, charts
-        folder = Path(desk.link.folder) if desk.link.folder else Path("runs/run")
-        self._run = gui.text("Earlier run", _newest_beside(folder), hint="its folder or bag")
-        desk.click(gui.button("Overlay it"), self._overlay)
-        desk.click(gui.button("Remove the overlay"), self._remove)
-        self._reply = DeskReply(desk)
+    def __init__(self, context: PanelContext, charts: ChartsPanel) -> None:
+        gui = context.gui
+        self._view, self._charts = context.view, charts
+        folder = Path(context.link.folder) if context.link.folder else Path("runs/run")
+        self._run = gui.text("Earlier run", _latest_other_run(folder), hint="its folder or bag")
+        context.click(gui.button("Overlay it"), self._overlay)
+        context.click(gui.button("Remove the overlay"), self._remove)
+        self._reply = ReplyLine(context)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="compare")
         self._reading: Future[Curves] | None = None
-        self._earlier: Curves = {}  # what is overlaid
-        self._compared = -1  # ticks
+        self._previous: Curves = {}  # what is overlaid
+        self._last_comparison = -1  # ticks
 
     def refresh(self) -> None:
         """Take a log that was read, and show the largest difference every 100 ticks."""
         if self._reading is not None and self._reading.done():
             done, self._reading = self._reading, None
             try:
-                self._earlier = done.result()
-                self._charts.overlay({k: [*map(as_overlay, c)] for k, c in self._earlier.items()})
-                self._compared = -1
+                self._previous = done.result()
+                self._charts.overlay({k: [*map(as_overlay, c)] for k, c in self._previous.items()})
+                self._last_comparison = -1
             except Exception as error:  # of a log, which may hold anything; the page goes on
                 words = str(error) if isinstance(error, BadInput | OSError) else one_line(error)
                 self._reply.tell(RequestResult(False, words))
         ticks = self._view.truth.time.size
-        if self._earlier and abs(ticks - self._compared) >= 100:
-            self._compared = ticks
+        if self._previous and abs(ticks - self._last_comparison) >= 100:
+            self._last_comparison = ticks
             self._reply.tell(
-                RequestResult(True, largest_difference(self._view_curves(), self._earlier))
+                RequestResult(True, largest_difference(self._view_curves(), self._previous))
             )
 
     def _view_curves(self) -> Curves:
-        return {name: quantities.curves_of(self._view, name) for name in _COMPARED}
+        return {name: quantities.curves_of(self._view, name) for name in _QUANTITIES}
 
     def _overlay(self, who: str) -> None:
         place = Path(self._run.value.strip())
@@ -67,7 +67,7 @@ class ComparePanel:
         self._reading = self._worker.submit(_read, place)
 
     def _remove(self, who: str) -> None:
-        self._earlier = {}
+        self._previous = {}
         self._charts.overlay({})
         self._reply.clear()
 
@@ -82,7 +82,9 @@ def _read(place: Path) -> Curves:
         raise BadInput(f"Earlier run: {place}: no such run")
     log = Replay(bag_folder(place))
     log.seek(log.last)
-    return {name: curves for name in _COMPARED if (curves := quantities.curves_of(log.view, name))}
+    return {
+        name: curves for name in _QUANTITIES if (curves := quantities.curves_of(log.view, name))
+    }
 
 
 def as_overlay(curve: Curve) -> Curve:
@@ -90,11 +92,11 @@ def as_overlay(curve: Curve) -> Curve:
     return curve._replace(label=f"earlier {curve.label}", dashed=True, color=None)
 
 
-def largest_difference(now: Curves, earlier: Curves) -> str:
+def largest_difference(now: Curves, previous: Curves) -> str:
     """Return the largest difference of each quantity on the ticks that both have."""
     words = []
-    for name in _COMPARED:
-        others = {c.label: c for c in earlier.get(name, ())}
+    for name in _QUANTITIES:
+        others = {c.label: c for c in previous.get(name, ())}
         found = [
             (float(np.nanmax(np.abs(c.value[a] - others[c.label].value[b]))), c.label)
             for c in now.get(name, ())
@@ -107,7 +109,7 @@ def largest_difference(now: Curves, earlier: Curves) -> str:
     return "largest difference: " + ("; ".join(words) if words else "no common tick")
 
 
-def _newest_beside(folder: Path) -> str:
+def _latest_other_run(folder: Path) -> str:
     """Return the newest other run in the same place."""
     try:
         runs = [p for p in folder.parent.iterdir() if (p / "bag").is_dir() and p != folder]

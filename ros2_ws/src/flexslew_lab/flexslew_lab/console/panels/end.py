@@ -3,7 +3,7 @@
 import html
 from pathlib import Path
 
-from flexslew_lab.console.desk import Desk
+from flexslew_lab.console.desk import PanelContext
 from flexslew_lab.console.gate import FILES
 
 _REPORT = "report.html"
@@ -14,26 +14,26 @@ class EndPanel:
     """What a run leaves.
 
     Args:
-        desk: of the page.
+        context: of the page.
         files: that the gate serves, by name.
     """
 
-    def __init__(self, desk: Desk, files: dict[str, Path]) -> None:
-        gui = desk.gui
-        folder = Path(desk.link.folder) if desk.link.folder else None
+    def __init__(self, context: PanelContext, files: dict[str, Path]) -> None:
+        gui = context.gui
+        folder = Path(context.link.folder) if context.link.folder else None
         self._report = folder / _REPORT if folder else None
         if self._report is not None:
             files[_REPORT] = self._report
         rows = [("folder of the run", str(folder) if folder else "not known to this page")]
-        if desk.link.command:
-            rows.append(("to repeat it", desk.link.command))
+        if context.link.command:
+            rows.append(("to repeat it", context.link.command))
         gui.html("".join(_row(*row) for row in rows))
         self._state = gui.html()
 
     def refresh(self) -> None:
         """Offer the report as soon as it is there."""
-        there = self._report is not None and self._report.exists()
-        self._state.content = _OPEN if there else _row("report", "written when the run is over")
+        available = self._report is not None and self._report.exists()
+        self._state.content = _OPEN if available else _row("report", "written when the run is over")
 
 
 def _row(name: str, value: str) -> str:

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from flexslew_lab.console.desk import Desk, DeskReply
-from flexslew_lab.console.forms import Form, FormKey, keys_of, moment, number_of, offer
+from flexslew_lab.console.desk import PanelContext, ReplyLine
+from flexslew_lab.console.forms import Form, FormKey, keys_of, moment, number_of, set_options
 from flexslew_lab.console.link import RequestResult
-from flexslew_plant.bench.schedule import injected_entry
+from flexslew_plant.bench.schedule import requested_entry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS
 from flexslew_plant.graph import topics
@@ -15,7 +15,7 @@ from flexslew_plant.hardware.disturbances import PulseShape, SineShape
 from flexslew_plant.keys.units import in_si
 from flexslew_plant.yaml_data import yaml_text
 
-_CONSTANT, _NOTHING = "constant", "(nothing)"
+_CONSTANT, _EMPTY_CHOICE = "constant", "(nothing)"
 _EFFORT = "constant effort"
 _SHAPES: dict[str, type[Any]] = {"sine": SineShape, "pulse": PulseShape}
 _WHEN = [
@@ -25,28 +25,30 @@ _WHEN = [
 Made = Callable[[dict[str, Any]], dict[str, Any]]  # from what the fields hold to a schedule entry
 
 
-class _Injection:
+class _RequestForm:
     """A form with keys that follow a choice, and the button that sends it."""
 
-    def __init__(self, desk: Desk, label: str, options: tuple[str, ...], button: str) -> None:
-        gui = desk.gui
-        self._desk, self._view = desk, desk.view
+    def __init__(
+        self, context: PanelContext, label: str, options: tuple[str, ...], button: str
+    ) -> None:
+        gui = context.gui
+        self._context, self._view = context, context.view
         self.choice = gui.choice(label, options)
         self._place = gui.folder(label)
         self._form: Form | None = None
-        self._shown: tuple[Any, ...] = ()
+        self._last_state: tuple[Any, ...] = ()
         self.button = gui.button(button)
-        self._reply = DeskReply(desk)
+        self._reply = ReplyLine(context)
 
     def show(self, keys: Callable[[str], list[FormKey]]) -> None:
         """Make the form again if the choice or the bench has changed."""
         state = (self.choice.value, self._view.joints, tuple(sorted(self._view.controllers)))
-        if state == self._shown or self._view.joints is None:
+        if state == self._last_state or self._view.joints is None:
             return
-        self._shown = state
+        self._last_state = state
         if self._form is not None:
             self._form.remove()
-        self._form = Form(self._desk, [*keys(self.choice.value), *_WHEN], self._place)
+        self._form = Form(self._context, [*keys(self.choice.value), *_WHEN], self._place)
 
     def send(self, who: str, made: Made) -> None:
         """Check the entry as the bench will; send it, or show its error next to the field."""
@@ -60,7 +62,7 @@ class _Injection:
                 raise BadInput(words, key="from")
             until = {"until": given.pop("until")} if "until" in given else {}
             text = yaml_text({**made(given), **until}, flow=True)
-            injected_entry(text, at)
+            requested_entry(text, at)
         except BadInput as error:
             why = error.refusal
             bare = replace(why, source="", key=why.key.rpartition(".")[2])  # that of the field
@@ -70,21 +72,23 @@ class _Injection:
         self._reply.ask(topics.INJECT_FAULT, {"fault": text, "at": at, "who": who})
 
 
-class DisturbPanel:
+class DisturbancePanel:
     """An effort on a joint: constant, sine or pulse.
 
     Args:
-        desk: of the page.
+        context: of the page.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self._view = desk.view
-        self._injection = _Injection(desk, "Disturbance", (_CONSTANT, *_SHAPES), "Disturb")
-        desk.click(self._injection.button, lambda who: self._injection.send(who, self._made))
+    def __init__(self, context: PanelContext) -> None:
+        self._view = context.view
+        self._request_form = _RequestForm(context, "Disturbance", (_CONSTANT, *_SHAPES), "Disturb")
+        context.click(
+            self._request_form.button, lambda who: self._request_form.send(who, self._made)
+        )
 
     def refresh(self) -> None:
         """Follow the choice."""
-        self._injection.show(self._keys)
+        self._request_form.show(self._keys)
 
     def _keys(self, shape: str) -> list[FormKey]:
         joints = self._view.joints.names if self._view.joints else ()
@@ -94,7 +98,7 @@ class DisturbPanel:
         return [first, FormKey(_EFFORT, "[N m or N]", "5.0")]
 
     def _made(self, given: dict[str, Any]) -> dict[str, Any]:
-        joint, shape = str(given.pop("on joint", "")), self._injection.choice.value
+        joint, shape = str(given.pop("on joint", "")), self._request_form.choice.value
         if shape in _SHAPES:
             return {"disturbance": {joint: {shape: given}}}
         number_of(_EFFORT, in_si(given.get(_EFFORT), ("N m", "N")))
@@ -105,17 +109,19 @@ class FaultPanel:
     """A fault of any kind.
 
     Args:
-        desk: of the page.
+        context: of the page.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self._view = desk.view
-        self._injection = _Injection(desk, "Fault", tuple(FAULTS), "Break")
-        desk.click(self._injection.button, lambda who: self._injection.send(who, self._made))
+    def __init__(self, context: PanelContext) -> None:
+        self._view = context.view
+        self._request_form = _RequestForm(context, "Fault", tuple(FAULTS), "Break")
+        context.click(
+            self._request_form.button, lambda who: self._request_form.send(who, self._made)
+        )
 
     def refresh(self) -> None:
         """Follow the choice."""
-        self._injection.show(self._keys)
+        self._request_form.show(self._keys)
 
     def _keys(self, kind: str) -> list[FormKey]:
         if kind not in FAULTS or self._view.joints is None:
@@ -129,7 +135,7 @@ class FaultPanel:
         return keys_of(FAULTS[kind].settings, ("kind",), known)
 
     def _made(self, given: dict[str, Any]) -> dict[str, Any]:
-        kind = self._injection.choice.value
+        kind = self._request_form.choice.value
         if kind not in FAULTS:
             raise BadInput(", ".join(FAULTS), key="Fault", value=kind)
         return {"fault": {"kind": kind, **given}}
@@ -139,20 +145,20 @@ class ActivePanel:
     """What disturbs or breaks now, or will; any of it can be ended.
 
     Args:
-        desk: of the page.
+        context: of the page.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        gui = desk.gui
-        self._view = desk.view
-        self._which = gui.choice("Active", (_NOTHING,))
-        desk.click(gui.button("End it"), self._end)
-        self._reply = DeskReply(desk)
+    def __init__(self, context: PanelContext) -> None:
+        gui = context.gui
+        self._view = context.view
+        self._which = gui.choice("Active", (_EMPTY_CHOICE,))
+        context.click(gui.button("End it"), self._end)
+        self._reply = ReplyLine(context)
 
     def refresh(self) -> None:
         """List it."""
         options = tuple(f"{number}: {words}" for number, words in self._view.now.faults)
-        offer(self._which, options, _NOTHING)
+        set_options(self._which, options, _EMPTY_CHOICE)
 
     def _end(self, who: str) -> None:
         number, sign, _ = str(self._which.value).partition(":")

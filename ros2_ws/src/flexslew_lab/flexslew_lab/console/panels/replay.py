@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from flexslew_lab.console.desk import Desk, DeskReply
+from flexslew_lab.console.desk import PanelContext, ReplyLine
 from flexslew_lab.console.forms import one_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant.errors import BadInput
@@ -32,22 +32,22 @@ class ReplayPanel:
     """The controls of a log.
 
     Args:
-        desk: of the page.
+        context: of the page.
         recording: that is shown.
     """
 
-    def __init__(self, desk: Desk, recording: RecordingPanel) -> None:
-        gui = desk.gui
+    def __init__(self, context: PanelContext, recording: RecordingPanel) -> None:
+        gui = context.gui
         self._recording = recording
         end = max(recording.last, recording.first + 0.01)
         self._time = gui.slider("Time [s]", recording.first, end, 0.01, recording.first)
         self._goal = gui.number("Go to [s]", recording.first)
         self._rate = gui.choice("Rate", tuple(_RATES), value="1")
-        desk.click(gui.button("Play"), self._play)
-        desk.click(gui.button("Pause"), lambda who: recording.play(0.0))
-        self._reply = DeskReply(desk)
-        desk.change(self._time, lambda who: self._seek(self._time.value))
-        desk.change(self._goal, lambda who: self._seek(self._goal.value))
+        context.click(gui.button("Play"), self._play)
+        context.click(gui.button("Pause"), lambda who: recording.play(0.0))
+        self._reply = ReplyLine(context)
+        context.change(self._time, lambda who: self._seek(self._time.value))
+        context.change(self._goal, lambda who: self._seek(self._goal.value))
 
     def refresh(self) -> None:
         """Let the slider follow."""

@@ -3,7 +3,7 @@
 import html
 from functools import partial
 
-from flexslew_lab.console.desk import Desk, DeskReply
+from flexslew_lab.console.desk import PanelContext, ReplyLine
 from flexslew_lab.console.forms import one_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant.errors import BadInput
@@ -17,23 +17,23 @@ class HeaderPanel:
     """One line on the bench, always in sight, and the emergency stop with the space bar.
 
     Args:
-        desk: of the page.
+        context: of the page.
         brake: there is something to stop.
     """
 
-    def __init__(self, desk: Desk, brake: bool) -> None:
-        self._view = desk.view
-        with desk.gui.header:
-            self._brake = desk.gui.add("brake", "Brake (space bar)", color="negative")
-            self._release = desk.gui.button("Release the brake", color="blue-grey-8")
-            self._line = desk.gui.html()
-            self._reply = DeskReply(desk)
+    def __init__(self, context: PanelContext, brake: bool) -> None:
+        self._view = context.view
+        with context.gui.header:
+            self._brake = context.gui.add("brake", "Brake (space bar)", color="negative")
+            self._release = context.gui.button("Release the brake", color="blue-grey-8")
+            self._line = context.gui.html()
+            self._reply = ReplyLine(context)
         self._brake.visible, self._release.visible = brake, False
         for element, action in (
             (self._brake, topics.BRAKE),
             (self._release, topics.RELEASE_BRAKE),
         ):
-            desk.click(element, partial(self._act, action))
+            context.click(element, partial(self._act, action))
 
     def refresh(self) -> None:
         """Show the run state; offer a release only if the brake is latched."""
@@ -52,21 +52,23 @@ class RunPanel:
     """The run.
 
     Args:
-        desk: of the page.
+        context: of the page.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        gui = desk.gui
-        self._view = desk.view
+    def __init__(self, context: PanelContext) -> None:
+        gui = context.gui
+        self._view = context.view
         for name, action in (("Start", topics.START), ("Pause", topics.PAUSE)):
-            desk.click(gui.button(name), partial(self._act, action))
+            context.click(gui.button(name), partial(self._act, action))
         self._ticks = gui.number("Ticks", 100.0, step=1.0, hint="how many a step flies")
-        desk.click(gui.button("Step"), self._step)
+        context.click(gui.button("Step"), self._step)
         self._rate = gui.choice("Rate", tuple(_RATES), value="1")
-        desk.click(gui.button("Set the rate"), self._set_rate)
-        self._reply = DeskReply(desk)
+        context.click(gui.button("Set the rate"), self._set_rate)
+        self._reply = ReplyLine(context)
         with gui.folder("Back to tick 0"):  # away from Pause: it ends what is flown
-            desk.click(gui.button("Reset", color="blue-grey-8"), partial(self._act, topics.RESET))
+            context.click(
+                gui.button("Reset", color="blue-grey-8"), partial(self._act, topics.RESET)
+            )
 
     def refresh(self) -> None:
         """Nothing changes by itself."""

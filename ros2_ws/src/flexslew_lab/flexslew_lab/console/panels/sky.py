@@ -4,9 +4,9 @@ from time import monotonic
 
 import numpy as np
 
-from flexslew_lab.console.desk import Desk
+from flexslew_lab.console.desk import PanelContext
 from flexslew_lab.console.view import COORDINATES
-from flexslew_lab.report.sky_map import drawn_sky
+from flexslew_lab.report.sky_map import testbed_sky_map
 from flexslew_plant.arrays import Matrix
 
 _PERIOD = 1.0  # between two drawings [wall s]
@@ -17,13 +17,13 @@ class SkyPanel:
     """Draws the sphere of boresights of a testbed that has some.
 
     Args:
-        desk: of the page.
+        context: of the page.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self._view = desk.view
-        with desk.gui.middle:
-            self._drawn = desk.gui.html(visible=False)
+    def __init__(self, context: PanelContext) -> None:
+        self._view = context.view
+        with context.gui.middle:
+            self._sky_element = context.gui.html(visible=False)
         self._next = 0.0
 
     def refresh(self) -> None:
@@ -34,9 +34,9 @@ class SkyPanel:
         self._next = now + _PERIOD
         position = self._view.truth.column(COORDINATES)
         reference = self._view.controller_state.column("reference_position")
-        drawn = drawn_sky(self._view.testbed, _some(position), _some(reference))
-        self._drawn.visible = bool(drawn)
-        self._drawn.content = drawn
+        content = testbed_sky_map(self._view.testbed, _some(position), _some(reference))
+        self._sky_element.visible = bool(content)
+        self._sky_element.content = content
 
 
 def _some(rows: Matrix) -> Matrix:

@@ -2,7 +2,7 @@
 
 import html
 
-from flexslew_lab.console.desk import Desk
+from flexslew_lab.console.desk import PanelContext
 from flexslew_lab.console.view import BenchView
 
 
@@ -10,12 +10,12 @@ class StatePanel:
     """Run state, time, rate, ticks, misses, active controller, readiness of each or the reason.
 
     Args:
-        desk: desk of the page.
+        context: desk of the page.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self._view = desk.view
-        self._html = desk.gui.html()
+    def __init__(self, context: PanelContext) -> None:
+        self._view = context.view
+        self._html = context.gui.html()
 
     def refresh(self) -> None:
         """Show it where it changed."""

@@ -1,36 +1,36 @@
 """Give the bench to another controller."""
 
-from flexslew_lab.console.desk import Desk, DeskReply
+from flexslew_lab.console.desk import PanelContext, ReplyLine
 from flexslew_lab.console.forms import OpenedOn, moment, not_negative
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 
-NOBODY = "(none found)"
+NO_CONTROLLER = "(none found)"
 
 
 class SwapPanel:
     """A list of controllers, and when and how to switch.
 
     Args:
-        desk: of the page.
+        context: of the page.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        gui = desk.gui
-        self._view = desk.view
-        self._who = gui.choice("Controller", (NOBODY,))
+    def __init__(self, context: PanelContext) -> None:
+        gui = context.gui
+        self._view = context.view
+        self._who = gui.choice("Controller", (NO_CONTROLLER,))
         self._opened = OpenedOn(self._who)
         self._at = gui.number("At [s]", 0.0, hint="simulated time; 0: the next tick")
         self._strict = gui.check("Strict", False, hint="refuse a larger step of the effort")
         self._step = gui.number("Largest step [N m or N]", 1.0, hint="of the effort")
-        desk.click(gui.button("Switch"), self._switch)
-        self._reply = DeskReply(desk)
+        context.click(gui.button("Switch"), self._switch)
+        self._reply = ReplyLine(context)
 
     def refresh(self) -> None:
         """List the controllers on the graph; the active one is chosen at first."""
         known = tuple(sorted(self._view.controllers))
-        self._opened.offer(known, NOBODY, self._view.now.active)
+        self._opened.offer(known, NO_CONTROLLER, self._view.now.active)
 
     def _switch(self, who: str) -> None:
         try:

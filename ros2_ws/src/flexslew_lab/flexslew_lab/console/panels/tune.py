@@ -1,14 +1,14 @@
 """Change the gains of a controller while it works."""
 
 from flexslew_control.controllers import CONTROLLERS, with_file
-from flexslew_lab.console.desk import Desk, DeskReply
-from flexslew_lab.console.flown_trial import settings_of
+from flexslew_lab.console.current_trial import settings_of
+from flexslew_lab.console.desk import PanelContext, ReplyLine
 from flexslew_lab.console.forms import Form, FormKey, OpenedOn, moment, not_negative, text_of
 from flexslew_lab.console.link import RequestResult
-from flexslew_lab.console.panels.swap import NOBODY
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.console.panels.swap import NO_CONTROLLER
+from flexslew_lab.trial.overrides import override_values
 from flexslew_plant.errors import BadInput
-from flexslew_plant.keys.settings_fields import meanings
+from flexslew_plant.keys.settings_fields import describe_fields
 from flexslew_plant.settings import flat, validated
 from flexslew_plant.yaml_data import yaml_text
 
@@ -20,36 +20,36 @@ class TunePanel:
     """The settings of one controller.
 
     Args:
-        desk: of the page.
+        context: of the page.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        gui = desk.gui
-        self._desk, self._view = desk, desk.view
-        self._which = gui.choice("Tuned controller", (NOBODY,))
+    def __init__(self, context: PanelContext) -> None:
+        gui = context.gui
+        self._context, self._view = context, context.view
+        self._which = gui.choice("Tuned controller", (NO_CONTROLLER,))
         self._opened = OpenedOn(self._which)
         self._place = gui.folder("Settings")
         self._at = Form(
-            desk, [FormKey(_FROM, "simulated time [s]; empty: the next tick")], self._place
+            context, [FormKey(_FROM, "simulated time [s]; empty: the next tick")], self._place
         )
-        desk.click(gui.button("Tune"), self._tune)
-        self._reply = DeskReply(desk)
+        context.click(gui.button("Tune"), self._tune)
+        self._reply = ReplyLine(context)
         self._form: Form | None = None
-        self._shown = ("", "")  # name and settings in the form
+        self._last_form = ("", "")  # name and settings in the form
 
     def refresh(self) -> None:
         """List the controllers, opened on the active one; make the form again for another one."""
-        listed = tuple(sorted(self._view.controllers))
-        self._opened.offer(listed, NOBODY, self._view.now.active)
+        names = tuple(sorted(self._view.controllers))
+        self._opened.offer(names, NO_CONTROLLER, self._view.now.active)
         known = self._view.controllers.get(self._which.value)
         state = (known.name, known.settings) if known else ("", "")
-        if state == self._shown:
+        if state == self._last_form:
             return
-        self._shown = state
+        self._last_form = state
         if self._form is not None:
             self._form.remove()
         self._form = (
-            Form(self._desk, _keys(*state, known.law), self._place, True) if known else None
+            Form(self._context, _keys(*state, known.law), self._place, True) if known else None
         )
 
     def _tune(self, who: str) -> None:
@@ -65,7 +65,7 @@ class TunePanel:
             if not changes:
                 raise BadInput("nothing has changed; write another value into a field")
             changes = with_file(known.law, changes, known.name)
-            nested = overridden({}, changes)
+            nested = override_values({}, changes)
             _check(known.law, known.settings, changes)
         except BadInput as error:
             why = error.refusal
@@ -80,12 +80,12 @@ class TunePanel:
 def _keys(name: str, text: str, law: str) -> list[FormKey]:
     """Return a field for each setting that is no section of its own."""
     settings = settings_of(text)
-    own = {key: value for key, value in settings.items() if key != _HANDOVER}
+    law_settings = {key: value for key, value in settings.items() if key != _HANDOVER}
     words = {_HANDOVER: "blends in from the last effort [s]; at least 0"}
     if law in CONTROLLERS:
-        section = validated(CONTROLLERS[law].settings, own, name)
-        words |= {key: meaning.told for key, meaning in meanings(section).items()}
-        unset = {key: None for key, value in own.items() if value is None}
+        section = validated(CONTROLLERS[law].settings, law_settings, name)
+        words |= {key: meaning.description for key, meaning in describe_fields(section).items()}
+        unset = {key: None for key, value in law_settings.items() if value is None}
         file = [FormKey(_FILE, _READ_HERE)] if CONTROLLERS[law].from_file else []
         return file + [
             FormKey(k, words.get(k, ""), text_of(v)) for k, v in {**flat(settings), **unset}.items()
@@ -101,6 +101,6 @@ def _check(law: str, text: str, changes: dict[str, object]) -> None:
     """
     if law not in CONTROLLERS:
         return
-    values = overridden(settings_of(text), changes)
+    values = override_values(settings_of(text), changes)
     not_negative(_HANDOVER, values.pop(_HANDOVER, 1.0))
     validated(CONTROLLERS[law].settings, values, "")

@@ -17,23 +17,23 @@ class _Channel:
     def __init__(self) -> None:
         self.starts: list[int] = []
         self.ends: list[int] = []  # first tick after each
-        self._acting: list[object] = []  # faults that blind it
+        self._active_faults: list[object] = []  # faults that blind it
 
     def take(self, tick: int, what: FaultChanged) -> None:
         """Take a fault that begins or ends."""
         fault = what.fault or {}
         if not what.on:
-            if fault in self._acting:
-                self._acting.remove(fault)
-                self.ends[-1] = _END if self._acting else tick
+            if fault in self._active_faults:
+                self._active_faults.remove(fault)
+                self.ends[-1] = _END if self._active_faults else tick
             return
-        blind = bool(self._acting) or (bool(self.ends) and self.ends[-1] == tick)
-        if fault.get("kind") == NAN.name or (fault.get("kind") == FREEZE.name and blind):
-            if not self._acting:
+        is_nan = bool(self._active_faults) or (bool(self.ends) and self.ends[-1] == tick)
+        if fault.get("kind") == NAN.name or (fault.get("kind") == FREEZE.name and is_nan):
+            if not self._active_faults:
                 self.starts.append(tick)
                 self.ends.append(_END)
-            if len(self._acting) < _MOST:
-                self._acting.append(fault)
+            if len(self._active_faults) < _MOST:
+                self._active_faults.append(fault)
 
 
 class BlindSensors:

@@ -10,9 +10,9 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.tick_check import Finding, check_ticks
 from flexslew_lab.log.files.mcap_scan import RecordStream
 from flexslew_lab.log.files.mcap_summary import STATISTICS, find_summary, summary_records
-from flexslew_lab.log.files.read_limits import TEXTS, most
+from flexslew_lab.log.files.read_limits import TEXT_KIND, most
 from flexslew_lab.log.messages.logged_text import logged_yaml
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import RecordingEnded
 from flexslew_plant.given_file import given_text
@@ -37,9 +37,9 @@ def check_log(path: Path) -> list[Finding]:
     except BadInput as error:
         return [Finding(False, "checksums, schemas and sequence", error.refusal.why)]
     counts = overview.counts
-    words = f"{counted(sum(counts.values()), 'message')} on {counted(len(counts), 'topic')}"
+    words = f"{count_text(sum(counts.values()), 'message')} on {count_text(len(counts), 'topic')}"
     findings.append(Finding(True, "checksums, schemas and sequence", words))
-    bare = overview.unprotected
+    bare = overview.without_checksum
     words = f"changes there go undetected: {'; '.join(bare)}" if bare else "all of it"
     findings.append(Finding(not bare, "protected by checksums", words))
     whole = overview.cut is None
@@ -52,12 +52,13 @@ def check_log(path: Path) -> list[Finding]:
     if whole:
         findings.append(_index(bag.path, sum(overview.counts.values())))
         findings.append(_folder(bag.path, overview.counts))
-    ended = overview.metadata.get(RUN_RECORD, {})
+    run_record = overview.metadata.get(RUN_RECORD, {})
     findings.append(
         Finding(
-            bool(ended) and "recovered" not in ended,
+            bool(run_record) and "recovered" not in run_record,
             "end of the run",
-            ended.get("recovered", "") or ("recorded" if ended else "not written by the recorder"),
+            run_record.get("recovered", "")
+            or ("recorded" if run_record else "not written by the recorder"),
         )
     )
     try:
@@ -87,19 +88,19 @@ def _index(path: Path, messages: int) -> Finding:
     if count != messages:
         words = f"it counts {count} messages, the file has {messages}"
         return Finding(False, "index", f"{words}; `log recover` makes it again")
-    sealed = "checksum right" if summary.crc else "no checksum"
-    return Finding(bool(summary.crc), "index", f"{sealed}, {messages} messages")
+    checksum_text = "checksum right" if summary.crc else "no checksum"
+    return Finding(bool(summary.crc), "index", f"{checksum_text}, {messages} messages")
 
 
 def _folder(path: Path, counts: dict[str, int]) -> Finding:
     """Check metadata.yaml against the file."""
-    described = path.parent / METADATA_FILE
-    if not described.exists():
+    metadata_path = path.parent / METADATA_FILE
+    if not metadata_path.exists():
         return Finding(False, METADATA_FILE, "missing; `log recover` makes it again")
     try:
-        text = given_text(described, most(TEXTS) + 1)
+        text = given_text(metadata_path, most(TEXT_KIND) + 1)
         information: Any = logged_yaml(text, METADATA_FILE)["rosbag2_bagfile_information"]
-        listed = {
+        metadata_counts = {
             t["topic_metadata"]["name"]: t["message_count"]
             for t in information["topics_with_message_count"]
             if t["message_count"]
@@ -108,5 +109,5 @@ def _folder(path: Path, counts: dict[str, int]) -> Finding:
             return Finding(False, METADATA_FILE, f"names another file than {path.name}")
     except (OSError, BadInput, LookupError, TypeError, AttributeError, ValueError) as error:
         return Finding(False, METADATA_FILE, f"not readable: {json.dumps(str(error))[:80]}")
-    ok = listed == counts
+    ok = metadata_counts == counts
     return Finding(ok, METADATA_FILE, "fits the file" if ok else "counts other messages")

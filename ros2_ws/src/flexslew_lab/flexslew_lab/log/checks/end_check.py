@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from flexslew_lab.log.checks.finding import Finding
-from flexslew_plant.counted import counted
-from flexslew_plant.events import Event, Interrupted, RunFinished, Started, StateLost, WasReset
+from flexslew_plant.counted import count_text
+from flexslew_plant.events import Event, RunFinished, RunStopped, Started, StateLost, WasReset
 
-_ENDS = (RunFinished, Interrupted, StateLost)
+_ENDS = (RunFinished, RunStopped, StateLost)
 
 
 def check_ends(
@@ -22,7 +22,7 @@ def check_ends(
     late = {epoch: tick for epoch, tick in first.items() if tick > 0}
     missing = sum(late.values())
     where = ", ".join(f"epoch {e} begins at tick {t}" for e, t in sorted(late.items()))
-    words = f"{counted(missing, 'tick')} missing: {where}" if late else "from tick 0 on"
+    words = f"{count_text(missing, 'tick')} missing: {where}" if late else "from tick 0 on"
     yield Finding(not late, "start of the ticks", words)
     ends = _ends(events)
     newest = max(last, default=0)
@@ -31,7 +31,7 @@ def check_ends(
     if short:
         missing = sum(short.values())
         where = ", ".join(f"epoch {e} was flown to tick {ends[e]}" for e in sorted(short))
-        wrong.append(f"{counted(missing, 'tick')} missing: {where}")
+        wrong.append(f"{count_text(missing, 'tick')} missing: {where}")
     if newest not in ends:
         wrong.append(
             f"the plant's final event is missing: it may have run on from tick {last[newest]}"
@@ -42,9 +42,9 @@ def check_ends(
 def _ends(events: Sequence[Event]) -> dict[int, int]:
     """Return the last tick of each started epoch with an end in the plant's events."""
     ends = {}
-    told = [event for event in events if event.source == "plant"]
-    started = {event.epoch for event in told if isinstance(event.what, Started)}
-    for event in told:
+    plant_events = [event for event in events if event.source == "plant"]
+    started = {event.epoch for event in plant_events if isinstance(event.what, Started)}
+    for event in plant_events:
         if isinstance(event.what, _ENDS):
             ends[event.epoch] = event.tick
         elif isinstance(event.what, WasReset) and event.what.from_tick is not None:

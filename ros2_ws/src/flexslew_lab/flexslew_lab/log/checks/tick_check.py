@@ -10,11 +10,11 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.blind_sensors import BlindSensors
 from flexslew_lab.log.checks.end_check import check_ends
 from flexslew_lab.log.checks.finding import Finding as Finding
-from flexslew_plant.counted import counted
-from flexslew_plant.events import Started, SwitchRefused
+from flexslew_plant.counted import count_text
+from flexslew_plant.events import Started, SwitchRejected
 
-TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
-_ANSWERS = ("/effort_command", "/controller_state")
+TICK_TOPICS = ("/truth", "/measurement", "/effort_command", "/controller_state")
+_ANSWER_TOPICS = ("/effort_command", "/controller_state")
 _TERMS = ("term_names", "terms")  # of which a law has one more while it takes over
 
 Key = tuple[int, int]  # epoch and tick
@@ -28,18 +28,18 @@ class _Sender:
     different message about the same tick is an error.
 
     Args:
-        refused: epochs and ticks at which a refused switch returned the question to another.
+        rejected_keys: epochs and ticks at which a refused switch returned the question to another.
     """
 
-    def __init__(self, refused: Container[Key]) -> None:
-        self._refused = refused
-        self.repeated, self.contradictions, self.backwards, self.resized = 0, 0, 0, 0
+    def __init__(self, rejected_keys: Container[Key]) -> None:
+        self._rejected_keys = rejected_keys
+        self.repeated, self.changed_repeats, self.backward_steps, self.size_changes = 0, 0, 0, 0
         self._last: Columns = {}  # its last message
 
     def add(self, columns: Columns) -> None:
         """Take the next messages."""
         before = self._last or {name: column[:1] for name, column in columns.items()}
-        self.resized += any(
+        self.size_changes += any(
             column.shape[1:] != before[name].shape[1:]
             for name, column in columns.items()
             if name not in _TERMS
@@ -49,19 +49,21 @@ class _Sender:
             for name in ("tick", "epoch", *_stamp_names(columns))
         )
         same = np.diff(epoch) == 0
-        self.backwards += int((same & (np.diff(sec * 10**9 + nanosec) < 0)).sum())
+        self.backward_steps += int((same & (np.diff(sec * 10**9 + nanosec) < 0)).sum())
         for k in np.flatnonzero(same & (np.diff(tick) == 0)).tolist():
             if k or self._last:
-                earlier = {n: c[k - 1 : k] for n, c in columns.items()} if k else before
-                self._check_repeat(earlier, {n: c[k : k + 1] for n, c in columns.items()})
+                previous = {n: c[k - 1 : k] for n, c in columns.items()} if k else before
+                self._check_repeat(previous, {n: c[k : k + 1] for n, c in columns.items()})
         self._last = {name: column[-1:].copy() for name, column in columns.items()}
 
-    def _check_repeat(self, earlier: Columns, later: Columns) -> None:
+    def _check_repeat(self, previous: Columns, later: Columns) -> None:
         """Take two messages about one tick."""
-        other = {name for name, value in later.items() if not _same(earlier[name], value)}
+        other = {name for name, value in later.items() if not _same(previous[name], value)}
         key = int(later["epoch"][0]), int(later["tick"][0])
         self.repeated += not other
-        self.contradictions += bool(other) and (other != {"controller"} or key not in self._refused)
+        self.changed_repeats += bool(other) and (
+            other != {"controller"} or key not in self._rejected_keys
+        )
 
 
 class _Topic:
@@ -69,15 +71,15 @@ class _Topic:
 
     Args:
         name: of the topic.
-        refused: see _Sender.
+        rejected_keys: see _Sender.
         blind: which readings may be NaN.
     """
 
-    def __init__(self, name: str, refused: Container[Key], blind: BlindSensors) -> None:
-        self._name, self._refused, self._blind = name, refused, blind
+    def __init__(self, name: str, rejected_keys: Container[Key], blind: BlindSensors) -> None:
+        self._name, self._rejected_keys, self._blind = name, rejected_keys, blind
         self._senders: dict[str, _Sender] = {}
         self.messages, self._gaps, self._missing = 0, 0, 0
-        self._not_finite, self._blinded = 0, 0
+        self._not_finite, self._fault_nan_count = 0, 0
         self._first_gap = ""
         self.newest: Key = (0, -1)  # -1: none
         self.first: dict[int, int] = {}  # tick of each epoch
@@ -90,10 +92,10 @@ class _Topic:
         for name, column in columns.items():
             if column.dtype.kind == "f" and not np.isfinite(column).all():
                 self._find(name, columns)
-        self._follow(columns["epoch"].astype(np.int64), columns["tick"].astype(np.int64))
+        self._count_missing(columns["epoch"].astype(np.int64), columns["tick"].astype(np.int64))
         # a block has one layout, and with it one text; late answers come among those of others
-        name = str(columns["controller"][0]) if self._name in _ANSWERS else ""
-        self._senders.setdefault(name, _Sender(self._refused)).add(columns)
+        name = str(columns["controller"][0]) if self._name in _ANSWER_TOPICS else ""
+        self._senders.setdefault(name, _Sender(self._rejected_keys)).add(columns)
 
     def _find(self, name: str, columns: Columns) -> None:
         """Count the numbers of a column that are not finite, with a reason and without."""
@@ -101,10 +103,10 @@ class _Topic:
         blind = np.zeros(len(wrong), dtype=bool)
         if self._name == "/measurement":
             blind = self._blind.at(name, columns["epoch"], columns["tick"])
-        self._blinded += int(wrong[blind].sum())
+        self._fault_nan_count += int(wrong[blind].sum())
         self._not_finite += int(wrong[~blind].sum())
 
-    def _follow(self, epoch: np.ndarray, tick: np.ndarray) -> None:
+    def _count_missing(self, epoch: np.ndarray, tick: np.ndarray) -> None:
         """Count the ticks that are missing from the sequence, whichever node sends."""
         for number in np.unique(epoch):
             ticks = tick[epoch == number]
@@ -128,25 +130,37 @@ class _Topic:
             return Finding(False, self._name, "not in the log")
         senders = self._senders.values()
         repeated = sum(sender.repeated for sender in senders)
-        contradictions = sum(sender.contradictions for sender in senders)
-        backwards = sum(sender.backwards for sender in senders)
-        resized = sum(sender.resized for sender in senders)
-        gaps = f"{counted(self._gaps, 'gap')}, {self._first_gap}"
-        missing = f"{counted(self._missing, 'tick')} missing in {gaps}"
-        answers, truth = self._name in _ANSWERS, self._name == "/truth"
+        changed_repeats = sum(sender.changed_repeats for sender in senders)
+        backward_steps = sum(sender.backward_steps for sender in senders)
+        size_changes = sum(sender.size_changes for sender in senders)
+        gaps = f"{count_text(self._gaps, 'gap')}, {self._first_gap}"
+        missing = f"{count_text(self._missing, 'tick')} missing in {gaps}"
+        is_answer, truth = self._name in _ANSWER_TOPICS, self._name == "/truth"
         facts = (  # present or not, error or not, text
-            (self._gaps, not answers, missing),  # an answer is optional
-            (repeated, truth, f"{counted(repeated, 'repetition')}, the same to the bit"),
-            (contradictions, True, f"{counted(contradictions, 'tick')} twice, and not the same"),
-            (backwards, True, f"the stamp steps back {counted(backwards, 'time')}"),
-            (resized, True, f"its arrays change their size {counted(resized, 'time')}"),
-            (self._not_finite, True, f"not finite: {counted(self._not_finite, 'number')}"),
-            (self._blinded, False, f"NaN under a fault: {counted(self._blinded, 'reading')}"),
+            (self._gaps, not is_answer, missing),  # an answer is optional
+            (repeated, truth, f"{count_text(repeated, 'repetition')}, the same to the bit"),
+            (
+                changed_repeats,
+                True,
+                f"{count_text(changed_repeats, 'tick')} twice, and not the same",
+            ),
+            (backward_steps, True, f"the stamp steps back {count_text(backward_steps, 'time')}"),
+            (
+                size_changes,
+                True,
+                f"its arrays change their size {count_text(size_changes, 'time')}",
+            ),
+            (self._not_finite, True, f"not finite: {count_text(self._not_finite, 'number')}"),
+            (
+                self._fault_nan_count,
+                False,
+                f"NaN under a fault: {count_text(self._fault_nan_count, 'reading')}",
+            ),
         )
-        words = [text for there, _, text in facts if there]
-        ok = not any(there and wrong for there, wrong, _ in facts)
+        words = [text for present, _, text in facts if present]
+        ok = not any(present and wrong for present, wrong, _ in facts)
         if ok and not self._gaps:
-            words.insert(0, f"{counted(self.messages - repeated, 'tick')} without a gap")
+            words.insert(0, f"{count_text(self.messages - repeated, 'tick')} without a gap")
         return Finding(ok, self._name, "; ".join(words))
 
 
@@ -164,40 +178,44 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
 
 def check_ticks(bag: BagReader) -> Iterator[Finding]:
     """Yield the findings on log times, on /clock, and on each topic of every tick."""
-    refused = {(e.epoch, e.tick) for e in bag.overview.events if isinstance(e.what, SwitchRefused)}
+    rejected_keys = {
+        (e.epoch, e.tick) for e in bag.overview.events if isinstance(e.what, SwitchRejected)
+    }
     blind = BlindSensors(bag.overview.events)
-    topics = {name: _Topic(name, refused, blind) for name in TICKED}
-    rising, last = True, -1
+    topics = {name: _Topic(name, rejected_keys, blind) for name in TICK_TOPICS}
+    increasing, last = True, -1
     clock = _Clock()
-    for block in bag.blocks([*TICKED, "/clock"], checked=False):
+    for block in bag.blocks([*TICK_TOPICS, "/clock"], checked=False):
         if block.topic == "/clock":
             clock.add(block)
         else:
             topics[block.topic].add(block)
     for message in bag.messages():
-        rising, last = rising and message.stamp > last, message.stamp
-    yield Finding(rising, "log times", "unique and rising" if rising else "not rising")
+        increasing, last = increasing and message.stamp > last, message.stamp
+    yield Finding(increasing, "log times", "unique and rising" if increasing else "not rising")
     if clock.messages:
         resets = topics["/truth"].newest[0]
-        detail = f"{clock.backwards} steps back" if clock.backwards else "never steps back"
-        yield Finding(clock.backwards <= resets, "/clock", detail)
+        detail = (
+            f"{clock.backward_steps} steps back" if clock.backward_steps else "never steps back"
+        )
+        yield Finding(clock.backward_steps <= resets, "/clock", detail)
     for name, topic in topics.items():
-        if topic.messages or name not in _ANSWERS:
+        if topic.messages or name not in _ANSWER_TOPICS:
             yield topic.finding()
-    ended = bag.overview.metadata.get(RUN_RECORD, {})
+    run_record = bag.overview.metadata.get(RUN_RECORD, {})
     truth, events = topics["/truth"], bag.overview.events
-    told = any(e.source == "plant" and isinstance(e.what, Started) for e in events)
-    if told and truth.messages and ended and "recovered" not in ended:
+    has_started = any(e.source == "plant" and isinstance(e.what, Started) for e in events)
+    if has_started and truth.messages and run_record and "recovered" not in run_record:
         yield from check_ends(truth.first, truth.last, events)
 
 
 class _Clock:
     def __init__(self) -> None:
-        self.messages, self.backwards, self.last = 0, 0, -1
+        self.messages, self.backward_steps, self.last = 0, 0, -1
 
     def add(self, block: ColumnBlock) -> None:
         sec, nanosec = block.columns["clock.sec"], block.columns["clock.nanosec"]
         time = np.append(self.last, sec.astype(np.int64) * 10**9 + nanosec)
-        self.backwards += int((np.diff(time) < 0).sum())
+        self.backward_steps += int((np.diff(time) < 0).sum())
         self.messages += len(sec)
         self.last = int(time[-1])

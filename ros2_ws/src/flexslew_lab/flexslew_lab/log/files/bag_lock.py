@@ -29,7 +29,7 @@ def lock_folder(folder: Path) -> int:
     return handle
 
 
-def unlock_folder(handle: int, folder: Path) -> None:
+def release_folder(handle: int, folder: Path) -> None:
     """Let another recorder have the folder."""
     (folder / LOCK_FILE).unlink(missing_ok=True)
     os.close(handle)

@@ -89,7 +89,7 @@ class McapFile:
         entry = struct.pack("<QQQQI", chunk.start, chunk.end, chunk_at, len(record), len(offsets))
         entry += offsets + struct.pack("<Q", len(index)) + _text("zstd")
         entry += struct.pack("<QQ", len(chunk.data), len(chunk.raw))
-        self.guarded(self._index.write, _record(Opcode.CHUNK_INDEX, entry))
+        self.call_system(self._index.write, _record(Opcode.CHUNK_INDEX, entry))
         self.chunks += 1
 
     def finish(
@@ -134,7 +134,7 @@ class McapFile:
         crc = zlib.crc32(footer[:-4], self._crc)
         self._write(footer[:-4] + struct.pack("<I", crc) + MAGIC)
 
-    def demand_place(self) -> None:
+    def check_path(self) -> None:
         """Check that the file that was written is the one that is found by its name.
 
         Raises:
@@ -150,7 +150,7 @@ class McapFile:
         with suppress(OSError):  # on a full disk, where the rest of the index has no room
             self._index.close()
 
-    def guarded(self, action: Callable[..., Any], *arguments: Any) -> None:
+    def call_system(self, action: Callable[..., Any], *arguments: Any) -> None:
         """Do something with the system; its failure ends the recording."""
         if self.failed:
             raise self.failed
@@ -161,7 +161,7 @@ class McapFile:
             raise self.failed from None
 
     def _write(self, data: bytes) -> None:
-        self.guarded(self._write_all, data)
+        self.call_system(self._write_all, data)
         self._at += len(data)
         self._crc = zlib.crc32(data, self._crc)
 

@@ -61,7 +61,7 @@ class RecordStream:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.cut: Cut | None = None
-        self.sealed = False  # a checksum over the whole data section was there, and right
+        self.checksum_valid = False  # a checksum over the whole data section was there, and right
         self.at = 0  # where the last whole record ends
         self._file: BinaryIO = open_given(path)
         self._size = path.stat().st_size
@@ -79,10 +79,10 @@ class RecordStream:
             while True:
                 head = file.read(_HEAD.size)
                 opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
-                room = self._size - at - _HEAD.size
-                if len(head) < _HEAD.size or opcode not in _DATA_RECORDS or length > room:
+                remaining = self._size - at - _HEAD.size
+                if len(head) < _HEAD.size or opcode not in _DATA_RECORDS or length > remaining:
                     known = len(head) < _HEAD.size or opcode in _DATA_RECORDS
-                    self._stop(at, finished, known, self._why(head, opcode, length, room))
+                    self._stop(at, finished, known, self._why(head, opcode, length, remaining))
                     return
                 what = "a metadata record" if opcode == METADATA else "a record"
                 check_size(what, length, f"{self.path}: byte {at}")
@@ -100,27 +100,27 @@ class RecordStream:
     def _stop(self, at: int, finished: bool, known: bool, why: str) -> None:
         """Note where the file is cut; damage, where it was finished or holds what no log has."""
         if finished or not known:
-            raise self._damaged(at, why)
+            raise self._file_error(at, why)
         self.cut = Cut(at, self._size - at, why)
 
     def _check_end(self, at: int, body: bytes, crc: int) -> None:
         if len(body) != 4:
-            raise self._damaged(at, "its data section has no proper end")
+            raise self._file_error(at, "its data section has no proper end")
         (expected,) = struct.unpack("<I", body)
         if expected and expected != crc:
-            raise self._damaged(at, "the checksum over all data does not match")
-        self.sealed = expected != 0
+            raise self._file_error(at, "the checksum over all data does not match")
+        self.checksum_valid = expected != 0
 
-    def _damaged(self, at: int, why: str) -> BadInput:
+    def _file_error(self, at: int, why: str) -> BadInput:
         return BadInput(f"damaged at byte {at}: {why}; take a copy or `log recover` it", self.path)
 
     @staticmethod
-    def _why(head: bytes, opcode: int, length: int, room: int) -> str:
+    def _why(head: bytes, opcode: int, length: int, remaining: int) -> str:
         if len(head) < _HEAD.size:
             return "the file ends between two records" if not head else "a record's head is cut"
         if opcode not in _DATA_RECORDS:
             return f"unknown kind of record {opcode}"
-        return f"a record of {length} bytes is cut after {room}"
+        return f"a record of {length} bytes is cut after {remaining}"
 
 
 def has_checksum(body: bytes) -> bool:
@@ -144,7 +144,7 @@ def chunk_content(body: bytes, where: str) -> bytes:
             raise ValueError("its lengths contradict each other")
         check_size("a chunk", size, where)
         if compression == "zstd":
-            data = _unpacked(packed, size)
+            data = _decompress(packed, size)
         elif compression == "lz4":
             data = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
         elif compression:
@@ -158,7 +158,7 @@ def chunk_content(body: bytes, where: str) -> bytes:
     return data
 
 
-def _unpacked(packed: memoryview, size: int) -> bytes:
+def _decompress(packed: memoryview, size: int) -> bytes:
     """Return the content of a zstd frame; its header must give the same length, `size`."""
     frame = zstandard.get_frame_parameters(packed)
     if frame.content_size not in (size, zstandard.CONTENTSIZE_UNKNOWN):

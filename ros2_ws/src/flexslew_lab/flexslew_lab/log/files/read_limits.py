@@ -4,11 +4,11 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.yaml_data import LONGEST
+from flexslew_plant.yaml_data import MAX_LENGTH
 
 MIB = 1 << 20
 LARGEST = 64 * MIB  # of a chunk or another record, and of all rare messages together [B]
-TEXTS = "a YAML or JSON text"
+TEXT_KIND = "a YAML or JSON text"
 # As parts of the largest chunk. What becomes many small objects takes about thirty times its bytes.
 _PARTS = {
     "a chunk": 1,
@@ -17,7 +17,7 @@ _PARTS = {
     "a message of every tick": 16,
     "a metadata record": 32,
     "a message definition": 64,
-    TEXTS: LARGEST // LONGEST,
+    TEXT_KIND: LARGEST // MAX_LENGTH,
 }
 CHANNELS = 256  # of one file
 # What a file unpacks to, as a multiple of its size; a bench that rests writes 3 times that
@@ -58,7 +58,7 @@ def most(what: str) -> int:
     return _largest.get() // _PARTS[what]
 
 
-class UnpackedSize:
+class SizeCheck:
     """What one pass over a file has unpacked: it bounds the time by the size of the file.
 
     Args:

@@ -17,7 +17,7 @@ def write_whole(path: Path, text: str) -> None:
     if path.is_dir() and not path.is_symlink():
         raise BadInput("is a folder, not a file; move it away", path)
     try:
-        handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     except OSError as error:  # which names the draft
         error.filename = str(path)
         raise
@@ -26,8 +26,8 @@ def write_whole(path: Path, text: str) -> None:
             file.write(text)
         umask = os.umask(0)
         os.umask(umask)
-        os.chmod(draft, 0o666 & ~umask)  # mkstemp allows no other user to read
-        os.replace(draft, path)
+        os.chmod(temporary, 0o666 & ~umask)  # mkstemp allows no other user to read
+        os.replace(temporary, path)
     except BaseException:
-        os.unlink(draft)
+        os.unlink(temporary)
         raise

@@ -79,7 +79,7 @@ def encode(type_name: str, message: Any) -> bytes:
     lengths: list[int] = []
     try:
         _collect(type_name, message, values, lengths)
-        return _packer(type_name, tuple(lengths)).pack(*values)
+        return _message_struct(type_name, tuple(lengths)).pack(*values)
     except (struct.error, TypeError, ValueError, AttributeError) as error:
         raise BadInput(f"this does not fit the message: {error}", type_name) from None
 
@@ -135,11 +135,11 @@ def stamp_offset(type_name: str) -> int:
         return 0
     first = next(iter(fields(type_name)), None)
     leading = first is not None and not first.array
-    stamped = first is not None and first.nested in (
+    has_stamp = first is not None and first.nested in (
         _TIME,
         "std_msgs/msg/Header",
     )
-    return 4 if leading and stamped else 0
+    return 4 if leading and has_stamp else 0
 
 
 def _collect(type_name: str, message: Any, values: list[Any], lengths: list[int]) -> None:
@@ -180,7 +180,7 @@ def _collect_one(code: str, nested: str, value: Any, values: list[Any], lengths:
 
 
 @lru_cache(4096)
-def _packer(type_name: str, lengths: tuple[int, ...]) -> struct.Struct:
+def _message_struct(type_name: str, lengths: tuple[int, ...]) -> struct.Struct:
     """Return the struct, with all alignment, of a message with sequences of these lengths."""
     rest = iter(lengths)
     parts = ["<4s"]

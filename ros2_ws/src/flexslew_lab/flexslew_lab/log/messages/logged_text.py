@@ -5,9 +5,9 @@ from typing import Any
 
 from pydantic_core import from_json
 
-from flexslew_lab.log.files.read_limits import TEXTS, check_size
+from flexslew_lab.log.files.read_limits import TEXT_KIND, check_size
 from flexslew_plant.errors import BadInput
-from flexslew_plant.yaml_data import DEEPEST, load_yaml, require_no_anchor
+from flexslew_plant.yaml_data import MAX_DEPTH, load_yaml, require_no_anchor
 
 
 def logged_yaml(text: str, source: str) -> dict[str, Any]:
@@ -17,7 +17,7 @@ def logged_yaml(text: str, source: str) -> dict[str, Any]:
         BadInput: it is not YAML, holds no keys, is too long or too deep, or has anchors, which
             this project never writes.
     """
-    check_size(TEXTS, len(text), source)
+    check_size(TEXT_KIND, len(text), source)
     require_no_anchor(text, source)
     found = load_yaml(text, source)
     if found is None:
@@ -33,23 +33,23 @@ def logged_json(text: str, source: str) -> dict[str, Any]:
     Raises:
         BadInput: it is not JSON, holds no keys, is too long or too deep, or a number is not finite.
     """
-    check_size(TEXTS, len(text), source)
+    check_size(TEXT_KIND, len(text), source)
     try:
         found = from_json(text, allow_inf_nan=False) if text else {}
     except ValueError as error:
         raise BadInput(f"is not JSON: {error}", source) from None
     if not isinstance(found, dict):
         raise BadInput(f"is a {type(found).__name__}, not an object", source)
-    _demand_finite(found, source)
+    _check_finite(found, source)
     return found
 
 
-def _demand_finite(value: Any, source: str, depth: int = 0) -> None:
-    if depth > DEEPEST:
-        raise BadInput(f"is nested more than {DEEPEST} deep", source)
+def _check_finite(value: Any, source: str, depth: int = 0) -> None:
+    if depth > MAX_DEPTH:
+        raise BadInput(f"is nested more than {MAX_DEPTH} deep", source)
     if isinstance(value, float) and not isfinite(value):
         raise BadInput(f"{value} is not a number", source)
     inner = value.values() if isinstance(value, dict) else value
     if isinstance(value, dict | list):
         for part in inner:
-            _demand_finite(part, source, depth + 1)
+            _check_finite(part, source, depth + 1)

@@ -40,8 +40,8 @@ def completed(kind: str, tick: int, data: dict[str, Any]) -> dict[str, Any]:
         reason = str(data.get("reason", ""))
         cause = next((c for words, c in _DROPPED.items() if words in reason), Cause.NOT_ALLOWED)
         data = {**data, "cause": cause}
-    dated = kind in EVENTS and any(item.name == "tick" for item in fields(EVENTS[kind]))
-    return {"tick": int(tick), **data} if dated else data
+    has_tick = kind in EVENTS and any(item.name == "tick" for item in fields(EVENTS[kind]))
+    return {"tick": int(tick), **data} if has_tick else data
 
 
 @lru_cache(maxsize=32)
@@ -55,14 +55,14 @@ def upgrade(type_name: str, text: str) -> Callable[[bytes], bytes] | None:
     Returns:
         None where it is no older one: a field is not known here, or is of another type.
     """
-    older = get_typestore(Stores.EMPTY)
-    older.register(get_types_from_msg(text, type_name))
-    if not _part_of(type_name, older, store()):
+    old_types = get_typestore(Stores.EMPTY)
+    old_types.register(get_types_from_msg(text, type_name))
+    if not _part_of(type_name, old_types, store()):
         return None
 
     def upgraded(data: bytes) -> bytes:
         try:
-            message = older.deserialize_cdr(data, type_name)
+            message = old_types.deserialize_cdr(data, type_name)
         except Exception as error:  # corrupt bytes meet generated code
             raise BadInput(f"{len(data)} bytes are not a {type_name}: {error}") from None
         return cdr.encode(type_name, message)
@@ -70,13 +70,14 @@ def upgrade(type_name: str, text: str) -> Callable[[bytes], bytes] | None:
     return upgraded
 
 
-def _part_of(type_name: str, older: Typestore, ours: Typestore) -> bool:
+def _part_of(type_name: str, old_types: Typestore, current_types: Typestore) -> bool:
     """Return whether all fields of an older definition, nested ones too, are fields here."""
-    known = dict(ours.fielddefs[type_name][1])
-    if any(known.get(name) != kind for name, kind in older.fielddefs[type_name][1]):
+    known = dict(current_types.fielddefs[type_name][1])
+    if any(known.get(name) != kind for name, kind in old_types.fielddefs[type_name][1]):
         return False
-    nested = set(older.fielddefs) - {type_name}
+    nested = set(old_types.fielddefs) - {type_name}
     return all(
-        name in ours.fielddefs and older.hash_rihs01(name) == ours.hash_rihs01(name)
+        name in current_types.fielddefs
+        and old_types.hash_rihs01(name) == current_types.hash_rihs01(name)
         for name in nested
     )

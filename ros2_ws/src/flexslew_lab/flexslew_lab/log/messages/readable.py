@@ -7,7 +7,7 @@ from flexslew_lab.log.messages.record_schema import RECORDS, check_record
 from flexslew_plant.errors import BadInput
 
 
-def readable(topic: str, data: bytes) -> bool:
+def can_read(topic: str, data: bytes) -> bool:
     """Return whether a reader takes an event or a message of a latched topic; True of all others.
 
     Args:

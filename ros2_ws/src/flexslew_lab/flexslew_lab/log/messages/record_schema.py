@@ -102,12 +102,12 @@ def check_record(topic: str, message: Any, source: str) -> None:
                 raise BadInput(f"{name}: a number is not finite", where)
 
 
-def texts_of(message: Any, before: Any = None) -> list[str]:
+def new_yaml(message: Any, before: Any = None) -> list[str]:
     """Return the YAML texts of a message of a latched topic that the one before had not."""
     names = ("settings",) if hasattr(message, "controller") else ("request", "summary", "versions")
-    texts = [getattr(message, name, "") for name in names]
+    values = [getattr(message, name, "") for name in names]
     return [
-        text for name, text in zip(names, texts, strict=True) if text != getattr(before, name, "")
+        text for name, text in zip(names, values, strict=True) if text != getattr(before, name, "")
     ]
 
 
@@ -162,14 +162,14 @@ def check_one_run(columns: dict[str, Any], source: str, before: tuple[int, int])
     """
     epochs, ticks = columns["epoch"].astype(np.int64), columns["tick"].astype(np.int64)
     epoch, tick = np.diff(epochs, prepend=before[0]), np.diff(ticks, prepend=before[1])
-    back = (epoch < 0) | ((epoch == 0) & (tick < 0))
-    if back.any():
-        k = int(np.argmax(back))
-        raise BadInput(several_runs(int(epochs[k]), int(ticks[k])), source)
+    is_backward = (epoch < 0) | ((epoch == 0) & (tick < 0))
+    if is_backward.any():
+        k = int(np.argmax(is_backward))
+        raise BadInput(multiple_runs_message(int(epochs[k]), int(ticks[k])), source)
     return int(epochs[-1]), int(ticks[-1])
 
 
-def several_runs(epoch: int, tick: int) -> str:
+def multiple_runs_message(epoch: int, tick: int) -> str:
     """Return what is wrong with a log that goes back to a tick of an epoch."""
     return (
         f"goes back to tick {tick} of epoch {epoch}: it holds more than one run; record each into "

@@ -91,9 +91,9 @@ def hash_of_schema(type_name: str, text: str) -> str:
 
     """
     try:
-        foreign = get_typestore(Stores.EMPTY)
-        foreign.register(get_types_from_msg(text, type_name))
-        return foreign.hash_rihs01(type_name)
+        recorded_types = get_typestore(Stores.EMPTY)
+        recorded_types.register(get_types_from_msg(text, type_name))
+        return recorded_types.hash_rihs01(type_name)
     except Exception as error:  # a parser fed with anything at all
         raise BadInput(f"the schema of {type_name} is not a message definition: {error}") from None
 
@@ -101,16 +101,16 @@ def hash_of_schema(type_name: str, text: str) -> str:
 @lru_cache
 def store() -> Typestore:
     """Return the store of all types that a bag of this project may hold."""
-    return _with_own(_standard())
+    return _with_project_types(_standard())
 
 
 @lru_cache
 def default_store() -> Typestore:
     """Return the store for bags without definitions, of Foxy to Humble."""
-    return _with_own(get_typestore(Stores.ROS2_HUMBLE))
+    return _with_project_types(get_typestore(Stores.ROS2_HUMBLE))
 
 
-def _with_own(known: Typestore) -> Typestore:
+def _with_project_types(known: Typestore) -> Typestore:
     """Return a store after adding the messages of this project."""
     directory = message_directory(MESSAGES)
     if directory is None:

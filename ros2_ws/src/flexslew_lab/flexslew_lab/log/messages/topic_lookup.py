@@ -28,7 +28,7 @@ class Lookup:
     schemas: dict[int, SchemaRecord] = field(default_factory=dict)
     channels: dict[int, ChannelRecord] = field(default_factory=dict)
     checked: dict[int, tuple[str, str]] = field(default_factory=dict)  # channel -> topic, type
-    older: dict[int, Callable[[bytes], bytes]] = field(default_factory=dict)  # by channel
+    previous: dict[int, Callable[[bytes], bytes]] = field(default_factory=dict)  # by channel
     sequence: dict[int, int] = field(default_factory=dict)  # channel -> last one seen
     counted: bool = True  # the recorder has numbered the messages of each topic
 
@@ -55,10 +55,10 @@ class Lookup:
 
     def current(self, message: RawMessage) -> bytes:
         """Return the bytes of a message of a known topic, as this version defines its type."""
-        turn = self.older.get(message.channel)
-        return message.data if turn is None else turn(message.data)
+        convert = self.previous.get(message.channel)
+        return message.data if convert is None else convert(message.data)
 
-    def follow(self, channel: int, first: int, last: int, count: int) -> None:
+    def track(self, channel: int, first: int, last: int, count: int) -> None:
         """Take messages of a channel; refuse a file in which some are missing in between."""
         before = self.sequence.get(channel, 0)
         if self.counted and (first != before + 1 or last != before + count):
@@ -85,15 +85,22 @@ class Lookup:
         if known and known.type != schema.name:
             raise BadInput(f"is a {schema.name}, not a {known.type}: a foreign bag", where)
         if schema.name.startswith(f"{MESSAGES}/"):
-            recorded, ours = hash_of_schema(schema.name, schema.text), type_hash(schema.name)
-            stated = channel.metadata.get("topic_type_hash", recorded)
-            turn = upgrade(schema.name, schema.text) if recorded == stated != ours else None
-            if turn is not None:
-                self.older[number] = turn
-            elif recorded != ours or stated != ours:
+            recorded, current_hash = (
+                hash_of_schema(schema.name, schema.text),
+                type_hash(schema.name),
+            )
+            declared_hash = channel.metadata.get("topic_type_hash", recorded)
+            convert = (
+                upgrade(schema.name, schema.text)
+                if recorded == declared_hash != current_hash
+                else None
+            )
+            if convert is not None:
+                self.previous[number] = convert
+            elif recorded != current_hash or declared_hash != current_hash:
                 raise BadInput(
                     f"recorded with another definition of {schema.name} ({recorded[:15]}, here "
-                    f"{ours[:15]}); read it with the version that wrote it",
+                    f"{current_hash[:15]}); read it with the version that wrote it",
                     where,
                 )
         return channel.topic, schema.name

@@ -38,7 +38,7 @@ class BagObserver:
         self._now = Stamp(0, 0)
         self.stopped: RecordingStopped | None = None  # why nothing is written any more
 
-    def announce(
+    def notify(
         self, trial: Trial, bench: Bench, plan: Plan | None, controllers: dict[str, Controller]
     ) -> None:
         """Write what is latched over ROS: testbed, plan, controllers."""
@@ -53,7 +53,7 @@ class BagObserver:
             digest = fields["hash"]
             self._put("/plan", stamp=self._now, **fields)
         for name, controller in controllers.items():
-            law, own = law_of(name, trial.controllers[name] or {})
+            law, law_settings = law_of(name, trial.controllers[name] or {})
             self._put(
                 "/controller_status",
                 stamp=self._now,
@@ -64,7 +64,7 @@ class BagObserver:
                 last_tick=0,
                 epoch=bench.epoch,
                 plan_hash=digest,
-                settings=settings_text(controller, law, own),
+                settings=settings_text(controller, law, law_settings),
                 plan_number=int(plan is not None),
                 plan_epoch=bench.epoch,
             )

@@ -15,9 +15,9 @@ from flexslew_lab.log.bag_layout import (
     RUN_RECORD,
     TRIAL_RECORD,
     qos_profile,
-    sealed,
+    with_checksum,
 )
-from flexslew_lab.log.files.bag_lock import lock_folder, unlock_folder
+from flexslew_lab.log.files.bag_lock import lock_folder, release_folder
 from flexslew_lab.log.files.mcap_file import Chunk, McapFile, RecordingStopped, record_bytes
 from flexslew_lab.log.files.rosbag2_folder import TopicCount, information, write_description
 from flexslew_lab.log.messages.schemas import schema_text, type_hash
@@ -83,12 +83,12 @@ class BagWriter:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._lock = lock_folder(self.folder)
             if self.path.exists() or (self.folder / METADATA_FILE).exists():
-                unlock_folder(self._lock, self.folder)
+                release_folder(self._lock, self.folder)
                 raise BadInput("holds a bag already; choose another folder", self.folder)
             self._file = McapFile(self.path)
         except OSError as error:
             raise RecordingStopped(f"{self.folder}: cannot be written: {error.strerror}") from None
-        self._file.add_metadata(TRIAL_RECORD, sealed(metadata))
+        self._file.add_metadata(TRIAL_RECORD, with_checksum(metadata))
 
     @property
     def messages(self) -> int:
@@ -165,7 +165,7 @@ class BagWriter:
                 self._finish(run)
             finally:
                 self._file.close()
-                unlock_folder(self._lock, self.folder)
+                release_folder(self._lock, self.folder)
 
     def __enter__(self) -> "BagWriter":
         return self
@@ -181,15 +181,15 @@ class BagWriter:
     def _finish(self, run: Mapping[str, str] | None) -> None:
         self.flush()
         if run is not None:
-            self._file.add_metadata(RUN_RECORD, sealed(run))
+            self._file.add_metadata(RUN_RECORD, with_checksum(run))
         start, end = max(self._first, 0), max(self.last, 0)
         topics = [TopicCount(t, track.type, track.count) for t, track in self._tracks.items()]
         content = information(self.path.name, start, end, topics, self._distribution)
         self._file.add_metadata(ROSBAG_RECORD, {"serialized_metadata": yaml_text(content, False)})
         counts = {track.channel: track.count for track in self._tracks.values() if track.count}
         self._file.finish(self._records, counts, start, end)
-        self._file.guarded(self._file.demand_place)
-        self._file.guarded(write_description, self.folder / METADATA_FILE, content)
+        self._file.call_system(self._file.check_path)
+        self._file.call_system(write_description, self.folder / METADATA_FILE, content)
 
     def _new_track(self, topic: str, type_name: str) -> _Track:
         """Announce a topic; a message follows, so no announcement waits for a chunk in vain."""
@@ -197,13 +197,13 @@ class BagWriter:
             self._schemas[type_name] = len(self._schemas) + 1
             text = schema_text(type_name).encode()
             number = self._schemas[type_name]
-            self._announce(Schema(id=number, name=type_name, encoding="ros2msg", data=text))
+            self._write_definition(Schema(id=number, name=type_name, encoding="ros2msg", data=text))
         track = _Track(len(self._tracks) + 1, type_name)
         qos = {
             "offered_qos_profiles": yaml_text([qos_profile(topic)], False),
             "topic_type_hash": type_hash(type_name),
         }
-        self._announce(
+        self._write_definition(
             Channel(
                 id=track.channel,
                 topic=topic,
@@ -215,6 +215,6 @@ class BagWriter:
         self._tracks[topic] = track
         return track
 
-    def _announce(self, record: McapRecord) -> None:
+    def _write_definition(self, record: McapRecord) -> None:
         self._records.append(record)
         self._buffer += record_bytes(record)

@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from flexslew_lab.log.messages import cdr
-from flexslew_plant.events import AnswerMissed, kind_of
+from flexslew_plant.events import AnswerMissing, kind_of
 
 PATIENCE = 1.0  # that an answer is waited for [wall s]
 _TICK_EPOCH_NAME = struct.Struct("<QII")  # the name's length last
 _PLACES = {"/measurement": 20, "/controller_state": 20, "/effort_command": 12}  # of these three
-FOLLOWED = frozenset({*_PLACES, "/events"})  # topics
-_ANSWERS = frozenset({"/effort_command", "/controller_state"})
+TRACKED_TOPICS = frozenset({*_PLACES, "/events"})  # topics
+_ANSWER_TOPICS = frozenset({"/effort_command", "/controller_state"})
 _KEPT = 512  # ticks with a remembered end
 
 Key = tuple[int, int]  # epoch and tick
@@ -22,7 +22,7 @@ class _Question:
     at: int  # simulated time [ns]
     controller: str  # controller that must answer
     since: float  # received at [wall s]
-    missing: set[str] = field(default_factory=lambda: set(_ANSWERS))
+    missing: set[str] = field(default_factory=lambda: set(_ANSWER_TOPICS))
 
 
 class OpenTicks:
@@ -34,11 +34,13 @@ class OpenTicks:
 
     def __init__(self) -> None:
         self._open: dict[Key, _Question] = {}
-        self._early: dict[tuple[Key, str], set[str]] = {}  # answers that came before their question
+        self._pending_topics: dict[
+            tuple[Key, str], set[str]
+        ] = {}  # answers that came before their question
         self._closed: dict[Key, str] = {}  # controller that has answered
         self._stateless: set[str] = set()
 
-    def hear(self, epoch: int, at: int, topic: str, data: bytes, now: float) -> None:
+    def receive(self, epoch: int, at: int, topic: str, data: bytes, now: float) -> None:
         """Take a message.
 
         Args:
@@ -54,12 +56,12 @@ class OpenTicks:
         """
         if topic == "/events":
             event = cdr.decode("flexslew_msgs/msg/Event", data)
-            if event.kind == kind_of(AnswerMissed):
+            if event.kind == kind_of(AnswerMissing):
                 self._close((int(event.epoch), int(event.tick)))
             return
         key, name = _key_and_name(topic, data)
         if topic == "/measurement":
-            self._ask(key, at, name, now)
+            self._add_question(key, at, name, now)
         else:
             self._answer(key, name, topic)
 
@@ -77,13 +79,13 @@ class OpenTicks:
             self._close(key)
         return None
 
-    def _ask(self, key: Key, at: int, name: str, now: float) -> None:
+    def _add_question(self, key: Key, at: int, name: str, now: float) -> None:
         if not name or self._closed.get(key) == name:  # the brake needs no answer
             return
         known = self._open.get(key)
         if known is None or known.controller != name:
             question = _Question(at, name, known.since if known else now)
-            question.missing -= self._early.pop((key, name), set())
+            question.missing -= self._pending_topics.pop((key, name), set())
             if name in self._stateless:
                 question.missing.discard("/controller_state")
             self._open[key] = question
@@ -96,8 +98,8 @@ class OpenTicks:
         question = self._open.get(key)
         if question is None or question.controller != name:
             if key not in self._closed:
-                self._early.setdefault((key, name), set()).add(topic)
-                _trim(self._early)
+                self._pending_topics.setdefault((key, name), set()).add(topic)
+                _trim(self._pending_topics)
             return
         question.missing.discard(topic)
         if not question.missing:

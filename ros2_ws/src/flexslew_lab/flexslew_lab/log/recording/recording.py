@@ -5,7 +5,7 @@ from collections.abc import Callable
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_writer import RecordingStopped
 from flexslew_lab.log.recording.recording_order import Ordered, tick_and_epoch
-from flexslew_lab.log.recording.unfinished import NOTHING, Begun
+from flexslew_lab.log.recording.unfinished import BEFORE_START, StartedBag
 
 # A kill loses what the OS does not have: at most this, plus messages in transit.
 _FLUSH_AFTER, _FLUSH_TICKS = 0.5, 25  # [wall s], ticks
@@ -19,16 +19,16 @@ class Recording:
     wait until a question confirms that it is the same run.
 
     Args:
-        begun: bag to write.
+        bag: bag to write.
         failed: called once, with one line, when the disk takes no more; the run goes on.
     """
 
-    def __init__(self, begun: Begun, failed: Callable[[str], None]) -> None:
-        self._writer, self._failed = begun.writer, failed
-        self._before, self._heard = begun.last, begun.heard
-        self._undecided: list[Ordered] | None = [] if begun.last > NOTHING else None
+    def __init__(self, bag: StartedBag, failed: Callable[[str], None]) -> None:
+        self._writer, self._failed = bag.writer, failed
+        self._before, self._known_messages = bag.last, bag.received
+        self._pending: list[Ordered] | None = [] if bag.last > BEFORE_START else None
         self.stopped = False  # the disk takes no more
-        self.safe = self._written = NOTHING  # (epoch, tick) flushed to the OS; put in a chunk
+        self.safe = self._written = BEFORE_START  # (epoch, tick) flushed to the OS; put in a chunk
         self._offset = 0, 0  # epoch that is written, and when it began in log time [ns]
         self._next_flush = 0.0  # [wall s]
 
@@ -39,10 +39,10 @@ class Recording:
 
     def write(self, message: Ordered) -> None:
         """Write a message; in log time, an epoch begins where the one before has ended."""
-        if self._undecided is None:
+        if self._pending is None:
             self._put(message)
             return
-        self._undecided.append(message)
+        self._pending.append(message)
         if message.topic == "/measurement":
             tick, epoch = tick_and_epoch(message.data)
             if (epoch, tick) < self._before:
@@ -50,12 +50,12 @@ class Recording:
             self._decide()
 
     def _decide(self) -> None:
-        waiting, self._undecided = self._undecided or [], None
+        waiting, self._pending = self._pending or [], None
         for message in waiting:
             self._put(message)
 
     def _put(self, message: Ordered) -> None:
-        if (message.topic, message.data) in self._heard:
+        if (message.topic, message.data) in self._known_messages:
             return
         if message.epoch > self._offset[0]:
             self._offset = message.epoch, self._writer.last - message.at

@@ -9,27 +9,27 @@ from typing import NamedTuple
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr import stamp_offset, time_at
-from flexslew_lab.log.messages.readable import readable
-from flexslew_lab.log.recording.consecutive import Consecutive
-from flexslew_lab.log.recording.open_ticks import FOLLOWED, PATIENCE, OpenTicks
+from flexslew_lab.log.messages.readable import can_read
+from flexslew_lab.log.recording.consecutive import TickSequence
+from flexslew_lab.log.recording.open_ticks import PATIENCE, TRACKED_TOPICS, OpenTicks
 from flexslew_plant.errors import BadInput
 from flexslew_plant.graph import topics
 from flexslew_plant.graph.topics import DISPLAYED
 
 _TICK_AND_EPOCH = struct.Struct("<QI")
-_BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
+_HEADER_OFFSET, _STAMP_OFFSET = 20, 12  # with an empty frame
 _LENGTH, _TRANSFORM = struct.Struct("<I"), struct.Struct("<7d")  # of a sequence or a string
 _HEAD, _STAMP_SIZE = 4, 8  # [B]; from behind the head CDR aligns
 _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
 # Patience for the other of the two, once received, and for a tick between two [wall s]: on a
 # starved machine it comes late. A plant may publish no truth at all; for that PATIENCE is
 # enough.
-_SURE = 15.0
+_SILENCE_TIMEOUT = 15.0
 _STATUS = "/controller_status"
 _FRAMES = frozenset({topics.TF, topics.TF_STATIC})  # of all benches of a domain
-_DISPLAYED = tuple("/" + name.lstrip("/") for name in DISPLAYED)  # they have none
+_DISPLAY_TOPICS = tuple("/" + name.lstrip("/") for name in DISPLAYED)  # they have none
 _RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
-_NOTHING = 0, -1  # epoch and time before all others
+_BEFORE_START = 0, -1  # epoch and time before all others
 _time, _by_time = itemgetter(0, 1), itemgetter(0, 1, 2)
 
 
@@ -43,7 +43,7 @@ class Ordered(NamedTuple):
     data: bytes  # CDR
 
 
-class _Early(NamedTuple):
+class _PendingMessages(NamedTuple):
     """Displayed messages from a tick 0 without a question yet, and after it."""
 
     since: float  # [wall s]
@@ -71,16 +71,16 @@ class RecordingOrder:
     def __init__(self, namespace: str = "/") -> None:
         self._namespace = namespace
         self.newest, self.tick = (0, 0), 0
-        self.garbled: set[str] = set()
-        self._displayed = dict.fromkeys(_DISPLAYED, (0, 0))  # epoch and time by topic
-        self._early: dict[str, _Early] = {}  # by topic
+        self.invalid_topics: set[str] = set()
+        self._display_times = dict.fromkeys(_DISPLAY_TOPICS, (0, 0))  # epoch and time by topic
+        self._pending: dict[str, _PendingMessages] = {}  # by topic
         self._stamp = {topic: stamp_offset(known.type) for topic, known in TOPICS.items()}
         self._waiting: list[Ordered] = []
         self._open = OpenTicks()
-        self._plant = {topic: Consecutive() for topic in _OF_PLANT}
-        self._slowest = _NOTHING  # epoch and time up to which they have come
-        self._moved_at = 0.0  # when it moved or was the newest [wall s]
-        self._waits_since = 0.0  # for the other of the two, which never came [wall s]
+        self._plant = {topic: TickSequence() for topic in _OF_PLANT}
+        self._complete_until = _BEFORE_START  # epoch and time up to which they have come
+        self._progress_time = 0.0  # when it moved or was the newest [wall s]
+        self._wait_start = 0.0  # for the other of the two, which never came [wall s]
 
     def take(
         self, messages: Iterable[tuple[str, bytes]], now: float, last: bool = False
@@ -93,99 +93,103 @@ class RecordingOrder:
             last: nothing will come any more.
         """
         horizon = self._horizon(now)
-        fresh, plant = [], self._plant
+        new_messages, plant = [], self._plant
         for topic, data in messages:
             at = time_at(self._stamp[topic], data, self.newest[1])
             if at < 0:  # no log has such a time
-                self.garbled.add(topic)
+                self.invalid_topics.add(topic)
                 continue
             if topic in plant:
                 try:
                     tick, epoch = tick_and_epoch(data)
                 except struct.error:
-                    self.garbled.add(topic)
+                    self.invalid_topics.add(topic)
                     continue
-                plant[topic].hear(epoch, tick, at)
+                plant[topic].receive(epoch, tick, at)
                 if (epoch, at) >= self.newest:
                     self.newest, self.tick = (epoch, at), tick
-            fresh.append((topic, at, data))
-        fresh = [*self._no_longer_early(now, last), *fresh]
-        wait, several = self._waiting.append, self.newest[0] > 0
-        for topic, at, data in fresh:
-            if topic in self._displayed and not last and self._is_early(topic, at, data, now):
+            new_messages.append((topic, at, data))
+        new_messages = [*self._release_pending(now, last), *new_messages]
+        wait, multiple_epochs = self._waiting.append, self.newest[0] > 0
+        for topic, at, data in new_messages:
+            if topic in self._display_times and not last and self._is_pending(topic, at, data, now):
                 continue
             try:
-                told = several or topic in self._displayed or topic == _STATUS
-                epoch = self._epoch(topic, at, data) if told else 0
+                has_epoch = multiple_epochs or topic in self._display_times or topic == _STATUS
+                epoch = self._epoch(topic, at, data) if has_epoch else 0
                 if topic in _FRAMES and not of_namespace(data, self._namespace):
                     continue
-                if not readable(topic, data):
-                    self.garbled.add(topic)
+                if not can_read(topic, data):
+                    self.invalid_topics.add(topic)
                     continue
-                if topic in FOLLOWED:
-                    self._open.hear(epoch, at, topic, data, now)
+                if topic in TRACKED_TOPICS:
+                    self._open.receive(epoch, at, topic, data, now)
             except (struct.error, BadInput):
-                self.garbled.add(topic)
+                self.invalid_topics.add(topic)
                 continue
             wait(Ordered(epoch, at, _RANK[topic], topic, data))
         self._waiting.sort(key=_by_time)
         ready = len(self._waiting) if last else bisect_right(self._waiting, horizon, key=_time)
-        unanswered = None if last else self._open.first(now)
-        if unanswered is not None:
-            ready = min(ready, bisect_left(self._waiting, unanswered, key=_time))
+        open_tick = None if last else self._open.first(now)
+        if open_tick is not None:
+            ready = min(ready, bisect_left(self._waiting, open_tick, key=_time))
         done, self._waiting = self._waiting[:ready], self._waiting[ready:]
         return done
 
     def _horizon(self, now: float) -> tuple[int, int]:
         """Return up to which time all messages of the plant have come, or are given up."""
-        heard = [topic for topic in self._plant.values() if topic.heard]
-        if len(heard) != 1:
-            self._waits_since = now
-        elif now - self._waits_since <= PATIENCE:
-            return _NOTHING
-        if now - self._moved_at > _SURE and any([topic.skip() for topic in heard]):
-            self._moved_at = now
-        slowest = min((topic.whole for topic in heard), default=self.newest)
-        if slowest == self.newest or slowest != self._slowest:
-            self._slowest, self._moved_at = slowest, now
-        return slowest if now - self._moved_at <= _SURE else self.newest
+        received = [topic for topic in self._plant.values() if topic.received]
+        if len(received) != 1:
+            self._wait_start = now
+        elif now - self._wait_start <= PATIENCE:
+            return _BEFORE_START
+        if now - self._progress_time > _SILENCE_TIMEOUT and any(
+            [topic.skip() for topic in received]
+        ):
+            self._progress_time = now
+        complete_until = min((topic.whole for topic in received), default=self.newest)
+        if complete_until == self.newest or complete_until != self._complete_until:
+            self._complete_until, self._progress_time = complete_until, now
+        return complete_until if now - self._progress_time <= _SILENCE_TIMEOUT else self.newest
 
-    def _is_early(self, topic: str, at: int, data: bytes, now: float) -> bool:
+    def _is_pending(self, topic: str, at: int, data: bytes, now: float) -> bool:
         """Keep displayed messages of a new epoch until its first question; return whether kept.
 
         A topic with a time back at tick 0, which is always shown, may come before the question:
         from a plant over DDS, or from a log that is played.
         """
-        epoch, before = self._displayed[topic]
-        if topic not in self._early:
+        epoch, before = self._display_times[topic]
+        if topic not in self._pending:
             if at != 0 or before <= 0 or epoch < self.newest[0]:
                 return False
-            self._early[topic] = _Early(now, [])
-        self._early[topic].messages.append((topic, at, data))
+            self._pending[topic] = _PendingMessages(now, [])
+        self._pending[topic].messages.append((topic, at, data))
         return True
 
-    def _no_longer_early(self, now: float, last: bool) -> list[tuple[str, int, bytes]]:
+    def _release_pending(self, now: float, last: bool) -> list[tuple[str, int, bytes]]:
         """Return what was kept and has its epoch now, or was kept for long enough."""
         done = [
             topic
-            for topic, early in self._early.items()
-            if last or self.newest[0] > self._displayed[topic][0] or now - early.since > PATIENCE
+            for topic, pending in self._pending.items()
+            if last
+            or self.newest[0] > self._display_times[topic][0]
+            or now - pending.since > PATIENCE
         ]
-        self._displayed.update(dict.fromkeys(done, (self.newest[0], -1)))
-        return [message for topic in done for message in self._early.pop(topic).messages]
+        self._display_times.update(dict.fromkeys(done, (self.newest[0], -1)))
+        return [message for topic in done for message in self._pending.pop(topic).messages]
 
     def _epoch(self, topic: str, at: int, data: bytes) -> int:
         """Return the epoch to which a message belongs; the plant's newest one is known."""
         newest = self.newest[0]
-        if topic in self._displayed:
-            epoch, before = self._displayed[topic]
+        if topic in self._display_times:
+            epoch, before = self._display_times[topic]
             epoch = newest if at < before or at == 0 else epoch
-            self._displayed[topic] = epoch, at
+            self._display_times[topic] = epoch, at
             return epoch
         if topic in _OF_PLANT or topic == "/controller_state":
             return min(newest, tick_and_epoch(data)[1])
         if topic in ("/effort_command", "/events"):
-            return min(newest, int(_TICK_AND_EPOCH.unpack_from(data, _BEHIND_STAMP)[1]))
+            return min(newest, int(_TICK_AND_EPOCH.unpack_from(data, _STAMP_OFFSET)[1]))
         if topic == _STATUS:  # may come before the question with which its epoch begins
             return min(newest + 1, int(cdr.decode(TOPICS[topic].type, data).epoch))
         return newest
@@ -193,7 +197,7 @@ class RecordingOrder:
 
 def tick_and_epoch(data: bytes) -> tuple[int, int]:
     """Return tick and epoch of a message that begins with a header and these two."""
-    tick, epoch = _TICK_AND_EPOCH.unpack_from(data, _BEHIND_HEADER)
+    tick, epoch = _TICK_AND_EPOCH.unpack_from(data, _HEADER_OFFSET)
     return int(tick), int(epoch)
 
 

@@ -6,24 +6,26 @@ from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import METADATA_FILE, TOPICS
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.files.bag_lock import lock_folder, unlock_folder
+from flexslew_lab.log.files.bag_lock import lock_folder, release_folder
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recording.recording_order import tick_and_epoch
 from flexslew_plant.errors import BadInput
 
-NOTHING = (0, -1)  # epoch and tick before all others
+BEFORE_START = (0, -1)  # epoch and tick before all others
 _LEFT = ".mcap.left"  # suffix of what was left, while it is copied
 
 
-class Begun(NamedTuple):
+class StartedBag(NamedTuple):
     """What a bag holds already."""
 
     writer: BagWriter
-    last: tuple[int, int] = NOTHING  # epoch and tick of the newest question in it
-    heard: frozenset[tuple[str, bytes]] = frozenset()  # sent again to late subscribers: topic, CDR
+    last: tuple[int, int] = BEFORE_START  # epoch and tick of the newest question in it
+    received: frozenset[tuple[str, bytes]] = (
+        frozenset()
+    )  # sent again to late subscribers: topic, CDR
 
 
-def begun_bag(folder: Path, metadata: Mapping[str, str]) -> Begun:
+def open_bag(folder: Path, metadata: Mapping[str, str]) -> StartedBag:
     """Return the writer of a new bag, or of one that a recorder of the same run left unfinished.
 
     What was left is copied, up to its last whole chunk; a bag that was finished stays as it is.
@@ -38,26 +40,26 @@ def begun_bag(folder: Path, metadata: Mapping[str, str]) -> Begun:
     """
     path = folder / f"{folder.resolve().name}_0.mcap"
     left = path.with_suffix(_LEFT)
-    copying = left.exists()  # killed again, while it was copied
-    if (folder / METADATA_FILE).exists() or not (copying or _is_of(path, metadata)):
-        return Begun(BagWriter(folder, metadata))
+    copy_exists = left.exists()  # killed again, while it was copied
+    if (folder / METADATA_FILE).exists() or not (copy_exists or _is_of(path, metadata)):
+        return StartedBag(BagWriter(folder, metadata))
     handle = lock_folder(folder)
     try:
-        if copying:
+        if copy_exists:
             path.unlink(missing_ok=True)
         else:
             path.rename(left)
     finally:
-        unlock_folder(handle, folder)
-    begun = _copied(left, BagWriter(folder, metadata))
+        release_folder(handle, folder)
+    bag = _copied(left, BagWriter(folder, metadata))
     left.unlink()
-    return begun
+    return bag
 
 
 def _is_of(path: Path, metadata: Mapping[str, str]) -> bool:
     """Return whether a file is of a run with this metadata, and was not finished."""
     try:
-        reader = BagReader(path, foreign=True)
+        reader = BagReader(path, external=True)
         for _ in reader.messages(()):
             pass
     except BadInput:
@@ -66,14 +68,14 @@ def _is_of(path: Path, metadata: Mapping[str, str]) -> bool:
     return reader.cut is not None and known == dict(metadata)
 
 
-def _copied(left: Path, writer: BagWriter) -> Begun:
-    last, heard = NOTHING, set[tuple[str, bytes]]()
-    for topic, kind, stamp, _, data in BagReader(left, foreign=True).messages():
+def _copied(left: Path, writer: BagWriter) -> StartedBag:
+    last, received = BEFORE_START, set[tuple[str, bytes]]()
+    for topic, kind, stamp, _, data in BagReader(left, external=True).messages():
         writer.write(topic, kind, data, stamp)
         if topic == "/measurement":
             tick, epoch = tick_and_epoch(data)
             last = max(last, (epoch, tick))
         elif TOPICS[topic].latched:
-            heard.add((topic, data))
+            received.add((topic, data))
     writer.flush()
-    return Begun(writer, last, frozenset(heard))
+    return StartedBag(writer, last, frozenset(received))

@@ -12,7 +12,7 @@ from flexslew_lab.report.figures.drawing import (
     span_of,
 )
 from flexslew_lab.report.panels import (
-    INK,
+    LINE,
     Entry,
     Group,
     Panel,
@@ -31,8 +31,8 @@ def estimation(run: RunData) -> Group | None:
     panels = []
     for unit in dict.fromkeys(run.joint_units):
         panel = Panel("joints", unit, x_title=TIME)
-        for k, (name, own) in enumerate(zip(run.joint_names, run.joint_units, strict=True)):
-            if own == unit:
+        for k, (name, joint_unit) in enumerate(zip(run.joint_names, run.joint_units, strict=True)):
+            if joint_unit == unit:
                 draw(panel, trace, k, name, style(k))
         panels.append(panel)
     count = max(trace.value.shape[1] - joints, 0)
@@ -52,13 +52,13 @@ def estimation(run: RunData) -> Group | None:
 
 def effort_terms(run: RunData) -> Group | None:
     """Return the terms of the effort, joint by joint; None where none were logged."""
-    drawn = {name: t for name, t in run.terms.items() if np.nanmax(np.abs(t.value), initial=0.0)}
-    if not drawn:
+    terms = {name: t for name, t in run.terms.items() if np.nanmax(np.abs(t.value), initial=0.0)}
+    if not terms:
         return None
     panels = []
     for k, (name, unit) in enumerate(efforts_of(run)):
         panel = Panel(f"effort on {name}", unit, x_title=TIME)
-        for number, (term, trace) in enumerate(drawn.items()):
+        for number, (term, trace) in enumerate(terms.items()):
             draw(panel, trace, k, term, style(number))
         draw(panel, run.traces.get("demand"), k, "their sum", REFERENCE)
         panels.append(panel)
@@ -66,7 +66,7 @@ def effort_terms(run: RunData) -> Group | None:
         "Terms of the effort",
         "The terms that the controller in charge added up, before the drive's limits.",
         [panel for panel in panels if panel.traces],
-        (*legend(list(drawn)), Entry("their sum", INK, "dot")),
+        (*legend(list(terms)), Entry("their sum", LINE, "dot")),
         marks([run]),
     )
     return over(group, span_of([run]))

@@ -12,15 +12,15 @@ from flexslew_lab.report.figures.drawing import (
     draw,
     effort_unit,
     efforts_of,
+    excluded_joints,
     joints_of,
     marks,
     over,
     span_of,
-    still_joints,
 )
 from flexslew_lab.report.panels import (
-    DISTURBED,
-    INK,
+    DISTURBANCE,
+    LINE,
     Entry,
     Group,
     Panel,
@@ -30,7 +30,7 @@ from flexslew_lab.report.panels import (
 from flexslew_lab.report.run_data import RunData
 from flexslew_plant.arrays import Vector
 
-_FORCED = {"color": DISTURBED, "width": 1.3}
+_FORCED = {"color": DISTURBANCE, "width": 1.3}
 
 
 def manoeuvre(runs: Sequence[RunData]) -> Group:
@@ -38,32 +38,32 @@ def manoeuvre(runs: Sequence[RunData]) -> Group:
     group = Group(
         "The manoeuvre",
         "Joint positions with their reference, tip deflections, and the efforts that the drives "
-        "applied, with the plan's feedforward and the drives' limits." + still_joints(runs),
+        "applied, with the plan's feedforward and the drives' limits." + excluded_joints(runs),
         [*_motion(runs), *_efforts(runs)],
         (
             *legend([run.label for run in runs]),
-            Entry("reference", INK, "dot"),
-            Entry("feedforward", INK, "dash"),
-            Entry("disturbance", DISTURBED),
+            Entry("reference", LINE, "dot"),
+            Entry("feedforward", LINE, "dash"),
+            Entry("disturbance", DISTURBANCE),
         ),
         marks(runs),
     )
     return over(group, span_of(runs))
 
 
-def compared(runs: Sequence[RunData]) -> Group:
+def feedforward_comparison(runs: Sequence[RunData]) -> Group:
     """Return joints and tips of a run with and without feedforward."""
     group = Group(
         "With and without feedforward",
         "The same trial flown by feedback alone: the difference is what the plan is worth.",
         _motion(runs),
-        (*legend([run.label for run in runs]), Entry("reference", INK, "dot")),
+        (*legend([run.label for run in runs]), Entry("reference", LINE, "dot")),
         marks(runs[:1]),
     )
     return over(group, span_of(runs))
 
 
-def planned(plan: Plan, units: Sequence[str], limits: Sequence[float]) -> Group:
+def plan_profile(plan: Plan, units: Sequence[str], limits: Sequence[float]) -> Group:
     """Return the reference and the feedforward of a plan, joint by joint.
 
     Args:
@@ -84,8 +84,8 @@ def planned(plan: Plan, units: Sequence[str], limits: Sequence[float]) -> Group:
         effort = plan.effort[:, k]
         peak = float(np.abs(effort).max(initial=0.0))
         panel = _with_limit(f"effort on {name}", effort_unit(unit), peak, limits[k])
-        held = {"color": style(1)["color"], "shape": "hv"}
-        panel.line(time, np.append(effort, effort[-1:]), "feedforward", held)
+        step_style = {"color": style(1)["color"], "shape": "hv"}
+        panel.line(time, np.append(effort, effort[-1:]), "feedforward", step_style)
         panels.append(panel)
     words = f"{plan.method}, {plan.duration:g} s from {plan.start:g} s on."
     group = Group("The plan", words, panels, legend(["reference", "feedforward"]))
@@ -97,11 +97,11 @@ def _motion(runs: Sequence[RunData]) -> list[Panel]:
     panels = []
     for name, unit in joints_of(runs):
         panel = Panel(name, unit, x_title=TIME)
-        having = [(k, run) for k, run in enumerate(runs) if name in run.joint_names]
-        for number, run in having:
+        available = [(k, run) for k, run in enumerate(runs) if name in run.joint_names]
+        for number, run in available:
             at = run.joint_names.index(name)
             draw(panel, run.traces.get("position"), at, run.label, style(number))
-        run = having[0][1]
+        run = available[0][1]
         at = run.joint_names.index(name)
         draw(panel, run.traces.get("reference"), at, "reference", REFERENCE)
         panels.append(panel)
@@ -118,26 +118,26 @@ def _motion(runs: Sequence[RunData]) -> list[Panel]:
 def _efforts(runs: Sequence[RunData]) -> list[Panel]:
     """Return one panel per drive, with feedforward, disturbance and limits."""
     panels = []
-    drives = dict.fromkeys(pair for run in runs for pair in efforts_of(run))
+    actuator_units = dict.fromkeys(pair for run in runs for pair in efforts_of(run))
     joints = {name for run in runs for name in run.joint_names}
     order = {name: k for k, (name, _) in enumerate(joints_of(runs))}
-    moved = [pair for pair in drives if pair[0] in order or pair[0] not in joints]
-    for name, unit in sorted(moved, key=lambda pair: order.get(pair[0], len(order))):
-        having = [(k, run) for k, run in enumerate(runs) if (name, unit) in efforts_of(run)]
-        first = having[0][1]
+    visible = [pair for pair in actuator_units if pair[0] in order or pair[0] not in joints]
+    for name, unit in sorted(visible, key=lambda pair: order.get(pair[0], len(order))):
+        available = [(k, run) for k, run in enumerate(runs) if (name, unit) in efforts_of(run)]
+        first = available[0][1]
         column = efforts_of(first).index((name, unit))
         testbed = first.overview.testbed
         known = testbed is not None and len(testbed.effort_limit) > column
         limit = float(testbed.effort_limit[column]) if known else np.inf
         efforts = [run.traces["effort"].value[:, efforts_of(run).index((name, unit))]
-                   for _, run in having]  # fmt: skip
+                   for _, run in available]  # fmt: skip
         peak = max(float(np.nanmax(np.abs(effort), initial=0.0)) for effort in efforts)
         panel = _with_limit(f"effort on {name}", unit, peak, limit)
-        for number, run in having:
-            own = efforts_of(run).index((name, unit))
-            draw(panel, run.traces["effort"], own, run.label, style(number))
-        dashed = {"color": INK, "width": 1.2, "dash": "dash"}
-        draw(panel, first.traces.get("feedforward"), column, "feedforward", dashed)
+        for number, run in available:
+            index = efforts_of(run).index((name, unit))
+            draw(panel, run.traces["effort"], index, run.label, style(number))
+        line_style = {"color": LINE, "width": 1.2, "dash": "dash"}
+        draw(panel, first.traces.get("feedforward"), column, "feedforward", line_style)
         forced = first.traces.get("disturbance")
         draw(panel, forced, column, "disturbance", _FORCED, nonzero=True)
         panels.append(panel)

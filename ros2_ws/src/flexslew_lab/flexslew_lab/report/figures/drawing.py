@@ -6,24 +6,24 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.report.panels import (
-    BROKEN,
-    DISTURBED,
-    INK,
+    DISTURBANCE,
+    FAULT,
+    LIGHT,
+    LINE,
     MANOEUVRE,
-    PALE,
     Group,
     Mark,
     Panel,
 )
 from flexslew_lab.report.run_data import RunData
 from flexslew_lab.report.thinning import Trace
-from flexslew_lab.report.verdict import told_to_move
+from flexslew_lab.report.verdict import joints_to_move
 from flexslew_plant.arrays import Vector
 from flexslew_plant.events import IN_CHARGE, FaultChanged, Level, kind_of
 
 MARKS = 20  # at most, of a report
 TIME = "time [s]"
-REFERENCE = {"color": INK, "width": 1.3, "dash": "dot"}
+REFERENCE = {"color": LINE, "width": 1.3, "dash": "dot"}
 
 
 def marks(runs: Sequence[RunData]) -> tuple[Mark, ...]:
@@ -31,37 +31,37 @@ def marks(runs: Sequence[RunData]) -> tuple[Mark, ...]:
     found: dict[Mark, list[str]] = {}  # with the runs that have it
     for run in runs:
         start, end = run.metrics["manoeuvre_start"], run.metrics["manoeuvre_end"]
-        own = [Mark("manoeuvre", start, end, MANOEUVRE)] if end > start else []
-        own += [
+        run_marks = [Mark("manoeuvre", start, end, MANOEUVRE)] if end > start else []
+        run_marks += [
             Mark(
                 span.words,
                 span.start,
                 span.end,
-                BROKEN if span.kind == kind_of(FaultChanged) else DISTURBED,
+                FAULT if span.kind == kind_of(FaultChanged) else DISTURBANCE,
             )
             for span in run.spans
         ]
-        own += [
+        run_marks += [
             Mark(
                 event.message,
                 event.time,
                 event.time,
-                BROKEN if event.level is Level.FAULT else PALE,
+                FAULT if event.level is Level.FAULT else LIGHT,
             )
             for event in run.overview.events
             if isinstance(event.what, IN_CHARGE)
         ]
-        for mark in own:
+        for mark in run_marks:
             found.setdefault(mark, []).append(run.label)
     shared = [
-        mark if len(whose) == len(runs) else mark._replace(label=f"{mark.label} in {whose[0]}")
-        for mark, whose in found.items()
+        mark if len(labels) == len(runs) else mark._replace(label=f"{mark.label} in {labels[0]}")
+        for mark, labels in found.items()
     ]
     return tuple(sorted(shared, key=lambda mark: mark.start)[:MARKS])
 
 
 def draw(
-    panel: Panel, trace: Trace | None, column: int, name: str, look: dict[str, Any],
+    panel: Panel, trace: Trace | None, column: int, name: str, line_style: dict[str, Any],
     nonzero: bool = False,
 ) -> None:  # fmt: skip
     """Add a column of a trace to a panel, where there is such a column with a number in it."""
@@ -69,16 +69,18 @@ def draw(
         return
     value = trace.value[:, column]
     if np.isfinite(value).any() and not (nonzero and not np.nanmax(np.abs(value))):
-        panel.line(trace.time[:, column], value, name, look)
+        panel.line(trace.time[:, column], value, name, line_style)
 
 
-def over(group: Group, shown: tuple[float, float]) -> Group:
+def over(group: Group, time_range: tuple[float, float]) -> Group:
     """Return the group with one range of time, with what is drawn or shaded outside left out."""
-    group.marks = tuple(m for m in group.marks if m.end >= shown[0] and m.start <= shown[1])
-    drawn = {trace["name"] for panel in group.panels for trace in panel.traces}
-    group.legend = tuple(entry for entry in group.legend if entry.name in drawn)
+    group.marks = tuple(
+        m for m in group.marks if m.end >= time_range[0] and m.start <= time_range[1]
+    )
+    visible = {trace["name"] for panel in group.panels for trace in panel.traces}
+    group.legend = tuple(entry for entry in group.legend if entry.name in visible)
     for panel in group.panels:
-        panel.x_range = shown
+        panel.x_range = time_range
     return group
 
 
@@ -96,39 +98,39 @@ def end_of(run: RunData) -> float:
 def joints_of(runs: Sequence[RunData]) -> list[tuple[str, str]]:
     """Return name and unit of the joints with a commanded move in any run, worst first."""
     units = {name: unit for run in runs for name, unit in run.units.items()}
-    moved = dict.fromkeys(name for run in runs for name in told_to_move(run.metrics))
-    return [(name, units[name]) for name in moved if name in units] or list(units.items())
+    active_joints = dict.fromkeys(name for run in runs for name in joints_to_move(run.metrics))
+    return [(name, units[name]) for name in active_joints if name in units] or list(units.items())
 
 
-def still_joints(runs: Sequence[RunData]) -> str:
+def excluded_joints(runs: Sequence[RunData]) -> str:
     """Return a sentence on the joints that are not drawn; empty where all are."""
-    drawn = dict(joints_of(runs))
-    gone: dict[tuple[str, str], float] = {}
+    visible = dict(joints_of(runs))
+    displacement: dict[tuple[str, str], float] = {}
     for run in runs:
         for name, unit, column in zip(
             run.joint_names, run.joint_units, run.traces["position"].value.T, strict=False
         ):
-            if name not in drawn and np.isfinite(column).any():
+            if name not in visible and np.isfinite(column).any():
                 known = column[np.isfinite(column)]
                 way = float(np.abs(known - known[0]).max())
-                gone[name, unit] = max(gone.get((name, unit), 0.0), way)
-    if not gone:
+                displacement[name, unit] = max(displacement.get((name, unit), 0.0), way)
+    if not displacement:
         return ""
-    each = ", ".join(f"{name} {way:.3g} {unit}" for (name, unit), way in gone.items())
+    each = ", ".join(f"{name} {way:.3g} {unit}" for (name, unit), way in displacement.items())
     return f" Joints without a commanded move are left out; they went at most: {each}."
 
 
 def appendages_of(runs: Sequence[RunData]) -> list[str]:
     """Return the readings of the appendages that deflect; all where none does."""
     names = dict.fromkeys(name for run in runs for name in run.appendage_names)
-    bent = {
+    with_deflection = {
         name
         for run in runs
         if "tip" in run.traces
         for name, column in zip(run.appendage_names, run.traces["tip"].value.T, strict=True)
         if np.nan_to_num(column).any()
     }
-    return [name for name in names if name in bent] or list(names)
+    return [name for name in names if name in with_deflection] or list(names)
 
 
 def efforts_of(run: RunData) -> list[tuple[str, str]]:

@@ -9,7 +9,7 @@ from flexslew_plant.testbeds.contract import Pointing
 
 _AXES = ("x", "y", "z")
 # traces, the metric by name of the actuator, title and unit
-_TURNING = (
+_ROTATION_PANELS = (
     ("wheel_speed", "peak_wheel_speed", "speed of the wheels", "rad/s"),
     ("gimbal_angle", "peak_gimbal_angle", "angle of the gimbals", "rad"),
 )
@@ -22,21 +22,21 @@ def momentum(run: RunData) -> Group | None:
     stored = Panel("stored momentum, body axes", "N m s", x_title=TIME)
     for k, axis in enumerate(_AXES):
         draw(stored, run.traces["stored_momentum"], k, axis, style(k))
-    panels, shown = [], [*_AXES]
-    for trace, key, title, unit in _TURNING:
+    panels, legend_names = [], [*_AXES]
+    for trace, key, title, unit in _ROTATION_PANELS:
         names = list(run.metrics.get(key) or {})
         if trace not in run.traces:
             continue
         panels.append(Panel(title, unit, x_title=TIME))
         for k, name in enumerate(names):
-            draw(panels[-1], run.traces[trace], k, name, style(len(shown) + k))
-        shown += names
+            draw(panels[-1], run.traces[trace], k, name, style(len(legend_names) + k))
+        legend_names += names
     group = Group(
         "Stored momentum",
         "How wheels spin relative to the platform and gimbals turn, and the momentum that all of "
         "them store.",
         [*panels, stored],
-        legend(shown),
+        legend(legend_names),
         marks([run]),
     )
     return over(group, span_of([run]))

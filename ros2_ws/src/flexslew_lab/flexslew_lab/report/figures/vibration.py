@@ -30,23 +30,23 @@ _DECADES = 1e-6  # of the residual's largest value: rounding errors are below it
 
 def residual(runs: Sequence[RunData]) -> Group | None:
     """Return what is left after the manoeuvre, logarithmic; None where no run gets that far."""
-    numbered = [
+    available = [
         (k, run) for k, run in enumerate(runs) if run.goal and end_of(run) < span_of([run])[1]
     ]
-    if not numbered:
+    if not available:
         return None
-    late = [run for _, run in numbered]
+    late = [run for _, run in available]
     panels = []
     for name, unit in joints_of(late):
         panel = Panel(f"error of {name}", unit, log=True, x_title=TIME)
-        for number, run in numbered:
+        for number, run in available:
             if name in run.joint_names and name in run.goal:
                 at = run.joint_names.index(name)
                 _envelope(panel, run, "position", at, run.goal[name], number)
         panels.append(panel)
     for name in appendages_of(late):
         panel = Panel(f"tip deflection of {name}", "m", log=True, x_title=TIME)
-        for number, run in numbered:
+        for number, run in available:
             if name in run.appendage_names:
                 _envelope(panel, run, "tip", run.appendage_names.index(name), 0.0, number)
         panels.append(panel)

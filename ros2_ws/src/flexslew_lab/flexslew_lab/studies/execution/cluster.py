@@ -12,7 +12,7 @@ from uuid import uuid4
 from flexslew_lab.run.pool import Chunks
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.execution.worker import Job
-from flexslew_lab.studies.flight import Flown, failed
+from flexslew_lab.studies.flight import FlightResult, failed
 from flexslew_plant.errors import BadInput, RunFault
 
 _CONNECT = 30.0  # patience with the scheduler [wall s]
@@ -36,7 +36,7 @@ class Cluster:
     def __init__(self, job: Job, address: str) -> None:
         import distributed
 
-        from flexslew_lab.studies.execution.cluster_worker import StudyFlights
+        from flexslew_lab.studies.execution.cluster_worker import StudyPlugin
 
         self._address = address
         try:
@@ -46,30 +46,30 @@ class Cluster:
         self._limit = job.limit
         self._name = f"flexslew-{uuid4()}"
         try:
-            self._client.register_plugin(StudyFlights(job, self._name))
+            self._client.register_plugin(StudyPlugin(job, self._name))
         except Exception as error:  # any error of the other machines
             self._client.close()
             raise BadInput(f"--dask: {address}: its workers cannot fly: {_line(error)}") from None
         self._running: dict[Any, tuple[list[Case], float]] = {}
-        self._ended: SimpleQueue[Any] = SimpleQueue()
+        self._finished: SimpleQueue[Any] = SimpleQueue()
         self._chunks = Chunks(job.at_once)
 
-    def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+    def fly(self, cases: Iterator[Case]) -> Iterator[list[FlightResult]]:
         """Yield the results of all cases; see Executor.
 
         Raises:
             RunFault: the scheduler is gone.
         """
-        alone: deque[Case] = deque()  # from chunks that came to nothing
+        single_cases: deque[Case] = deque()  # from chunks that came to nothing
         while True:
             try:
-                self._fill(alone, cases)
+                self._fill(single_cases, cases)
                 if not self._running:
                     return
                 ends = [started + self._limit * len(c) for c, started in self._running.values()]
                 future = self._next_finished(max(min(ends) - monotonic(), 0.0))
-                found = [self._collect(future, alone)] if future in self._running else []
-                found.append(self._overdue(alone))
+                found = [self._collect(future, single_cases)] if future in self._running else []
+                found.append(self._late_results(single_cases))
             except (OSError, CancelledError) as error:
                 raise self._lost_cluster(_line(error)) from None
             except (RuntimeError, ValueError) as error:  # of a client that is just being closed
@@ -87,40 +87,40 @@ class Cluster:
                 self._client.unregister_worker_plugin(self._name)
         self._client.close()
 
-    def _fill(self, alone: deque[Case], cases: Iterator[Case]) -> None:
+    def _fill(self, single_cases: deque[Case], cases: Iterator[Case]) -> None:
         """Give every thread a chunk, as long as there are any."""
-        from flexslew_lab.studies.execution.cluster_worker import fly_on_worker
+        from flexslew_lab.studies.execution.cluster_worker import run_on_worker
 
         if self._client.status != "running":
             raise self._lost_cluster("the scheduler does not answer any more")
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._running) < threads:
-            chunk = [alone.popleft()] if alone else self._chunks.next(cases, threads)
+            chunk = [single_cases.popleft()] if single_cases else self._chunks.next(cases, threads)
             if not chunk:
                 return
-            future = self._client.submit(fly_on_worker, self._name, chunk, pure=False)
+            future = self._client.submit(run_on_worker, self._name, chunk, pure=False)
             self._running[future] = chunk, monotonic()
-            future.add_done_callback(self._ended.put)
+            future.add_done_callback(self._finished.put)
 
     def _next_finished(self, patience: float) -> Any:
         """Return a future that has ended in any way; None after so many seconds."""
         try:
-            return self._ended.get(timeout=patience)
+            return self._finished.get(timeout=patience)
         except Empty:
             return None
 
-    def _collect(self, future: Any, alone: deque[Case]) -> list[Flown]:
+    def _collect(self, future: Any, single_cases: deque[Case]) -> list[FlightResult]:
         chunk, started = self._running.pop(future)
         try:
-            results: list[Flown] = future.result()
+            results: list[FlightResult] = future.result()
         except CancelledError as error:
             raise self._lost_cluster(_line(error)) from None
         except Exception as error:  # any error on the other machines
-            return _fail_or_split(chunk, alone, f"given up by the cluster: {_line(error)}")
-        self._chunks.learn(len(chunk), monotonic() - started)
+            return _fail_or_split(chunk, single_cases, f"given up by the cluster: {_line(error)}")
+        self._chunks.update_rate(len(chunk), monotonic() - started)
         return results
 
-    def _overdue(self, alone: deque[Case]) -> list[Flown]:
+    def _late_results(self, single_cases: deque[Case]) -> list[FlightResult]:
         """Give up what takes too long; end the workers that are at it."""
         now, given_up = monotonic(), []
         late = {
@@ -138,7 +138,7 @@ class Cluster:
             future.cancel(force=True)
             with suppress(TimeoutError):  # it comes back, or others go on
                 self._client.restart_workers(stuck, raise_for_error=False)
-            given_up += _fail_or_split(chunk, alone, f"no end after {self._limit:g} s")
+            given_up += _fail_or_split(chunk, single_cases, f"no end after {self._limit:g} s")
         return given_up
 
     def _lost_cluster(self, why: str) -> RunFault:
@@ -147,10 +147,10 @@ class Cluster:
         )
 
 
-def _fail_or_split(chunk: list[Case], alone: deque[Case], why: str) -> list[Flown]:
+def _fail_or_split(chunk: list[Case], single_cases: deque[Case], why: str) -> list[FlightResult]:
     if len(chunk) == 1:
         return [failed(chunk[0].number, why)]
-    alone.extend(chunk)
+    single_cases.extend(chunk)
     return []
 
 

@@ -5,11 +5,11 @@ import threading
 from distributed import Worker, WorkerPlugin, get_worker
 
 from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.execution.worker import Flyer, Job
-from flexslew_lab.studies.flight import Flown
+from flexslew_lab.studies.execution.worker import Job, StudyRunner
+from flexslew_lab.studies.flight import FlightResult
 
 
-class StudyFlights(WorkerPlugin):  # type: ignore[misc]  # it has no types
+class StudyPlugin(WorkerPlugin):  # type: ignore[misc]  # it has no types
     """Flies chunks of one study on a worker.
 
     The scheduler keeps it and gives it to each worker before its first task, so that nothing that
@@ -26,19 +26,19 @@ class StudyFlights(WorkerPlugin):  # type: ignore[misc]  # it has no types
 
     def setup(self, worker: Worker) -> None:
         """Give every thread of the worker a flyer of its own."""
-        self._own = threading.local()
+        self._local = threading.local()
 
-    def fly(self, chunk: list[Case]) -> list[Flown]:
+    def fly(self, chunk: list[Case]) -> list[FlightResult]:
         """Return the results of a chunk."""
-        if not hasattr(self._own, "flyer"):
-            self._own.flyer = Flyer(self._job)
-        results: list[Flown] = []
-        self._own.flyer.fly(chunk, results.extend)
+        if not hasattr(self._local, "flyer"):
+            self._local.flyer = StudyRunner(self._job)
+        results: list[FlightResult] = []
+        self._local.flyer.fly(chunk, results.extend)
         return results
 
 
-def fly_on_worker(name: str, chunk: list[Case]) -> list[Flown]:
+def run_on_worker(name: str, chunk: list[Case]) -> list[FlightResult]:
     """Return the results of a chunk of a study; runs on a worker."""
-    flights = get_worker().plugins[name]
-    assert isinstance(flights, StudyFlights)
-    return flights.fly(chunk)
+    plugin = get_worker().plugins[name]
+    assert isinstance(plugin, StudyPlugin)
+    return plugin.fly(chunk)

@@ -2,13 +2,13 @@
 
 from bisect import bisect_left
 
-_REPORTS = 6  # after the first, before an estimate
-_ALIKE = 1.4  # ratio of the paces of two stretches that count as one pace
-_SHORTEST = 5.0  # from the first report on [wall s]
+_MIN_COUNT = 6  # after the first, before an estimate
+_MAX_RATIO = 1.4  # ratio of the paces of two stretches that count as one pace
+_MIN_TIME = 5.0  # from the first report on [wall s]
 _STARTS = 0.5  # of the time before it, by which other processes may have started later [-]
 
 
-class Pace:
+class RemainingTime:
     """Estimates the time left; returns None before the pace is known.
 
     What comes before the first result (processes that start, machine code that is compiled) does
@@ -21,7 +21,7 @@ class Pace:
         self._times: list[float] = []  # of the reports [wall s]
         self._done: list[int] = []  # trials by then
         self._before: int | None = None  # trials that were there already
-        self._began = 0.0  # [wall s]
+        self._start_time = 0.0  # [wall s]
 
     def take(self, done: int, now: float) -> None:
         """Take a report.
@@ -31,7 +31,7 @@ class Pace:
             now: [wall s].
         """
         if self._before is None:
-            self._before, self._began = done, now
+            self._before, self._start_time = done, now
         elif done > self._before:
             self._times.append(now)
             self._done.append(done)
@@ -40,14 +40,16 @@ class Pace:
         """Return the wall seconds until all trials that are requested are done; None: unknown."""
         if self._done and self._done[-1] >= requested:
             return 0.0
-        if len(self._times) <= _REPORTS:
+        if len(self._times) <= _MIN_COUNT:
             return None
         first, last = self._times[0], self._times[-1]
-        if last - first < max(_SHORTEST, _STARTS * (first - self._began)):
+        if last - first < max(_MIN_TIME, _STARTS * (first - self._start_time)):
             return None
         middle = bisect_left(self._times, 0.5 * (first + last))
-        early, late = self._rate(0, middle), self._rate(middle, len(self._times) - 1)
-        if not (early > 0.0 and late > 0.0 and 1.0 / _ALIKE < late / early < _ALIKE):
+        first_rate, late = self._rate(0, middle), self._rate(middle, len(self._times) - 1)
+        if not (
+            first_rate > 0.0 and late > 0.0 and 1.0 / _MAX_RATIO < late / first_rate < _MAX_RATIO
+        ):
             return None
         return (requested - self._done[-1]) / late
 

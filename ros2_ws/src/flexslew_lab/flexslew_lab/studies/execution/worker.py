@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.flight import Flown, Plans, failed, flown
-from flexslew_lab.studies.lanes.fleet import ForBench, Lanes
+from flexslew_lab.studies.flight import FlightResult, PlanCache, failed, simulate_case
+from flexslew_lab.studies.lanes.fleet import BatchRunner, ForBench
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 
-Report = Callable[[list[Flown]], None]
+Report = Callable[[list[FlightResult]], None]
 Begin = Callable[[int], None]
 
 
@@ -19,32 +19,32 @@ class Job(NamedTuple):
     """All that a process must know to fly any trial of a study."""
 
     study: Study
-    plans: Plans
-    at_once: int = LANES
+    plans: PlanCache
+    at_once: int = BATCH_WIDTH
 
     @property
     def limit(self) -> float:
         """The longest that a trial may take [wall s]."""
         return self.study.settings.limit
 
-    def __reduce__(self) -> tuple[type["Job"], tuple[Study, Plans, int]]:
+    def __reduce__(self) -> tuple[type["Job"], tuple[Study, PlanCache, int]]:
         """Travel without the trials made so far: they may be of classes that a file here holds.
 
         Another process finds these by their names when it makes the trials itself.
         """
         return Job, (self.study._replace(nominal={}), self.plans, self.at_once)
 
-    def flyer(self) -> "Flyer":
+    def flyer(self) -> "StudyRunner":
         """Return what flies its trials."""
-        return Flyer(self)
+        return StudyRunner(self)
 
-    def failed(self, number: int, reason: str) -> Flown:
+    def failed(self, number: int, reason: str) -> FlightResult:
         """Return the result of a trial that has none."""
         return failed(number, reason)
 
 
 @dataclass
-class Flyer:
+class StudyRunner:
     """Flies chunks of a study.
 
     Args:
@@ -52,12 +52,12 @@ class Flyer:
     """
 
     job: Job
-    _lanes: Lanes | None = field(init=False, default=None)
+    _batch_runner: BatchRunner | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         """Open the lanes, if the study uses them."""
         if self.job.study.settings.lanes:
-            self._lanes = Lanes(self.job.study, self.job.plans)
+            self._batch_runner = BatchRunner(self.job.study, self.job.plans)
 
     def fly(
         self, cases: Sequence[Case], report: Report, begin: Begin = lambda number: None
@@ -69,10 +69,10 @@ class Flyer:
             report: called with the results as they come, in any order.
             begin: called with the number of a trial before it is flown alone.
         """
-        if self._lanes is None:
+        if self._batch_runner is None:
             self._one_by_one([ForBench(case, Way.BENCH) for case in cases], report, begin)
             return
-        for results, others in self._lanes.fly(cases):
+        for results, others in self._batch_runner.fly(cases):
             if results:
                 report(results)
             self._one_by_one(others, report, begin)
@@ -80,4 +80,4 @@ class Flyer:
     def _one_by_one(self, cases: Sequence[ForBench], report: Report, begin: Begin) -> None:
         for case, way in cases:
             begin(case.number)
-            report([flown(self.job.study, case, self.job.plans)._replace(way=way)])
+            report([simulate_case(self.job.study, case, self.job.plans)._replace(way=way)])

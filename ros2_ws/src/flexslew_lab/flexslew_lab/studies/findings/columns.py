@@ -34,7 +34,7 @@ class Column(NamedTuple):
 
 def column(study: Study, store: Store, name: str, variant: int | None) -> tuple[Column, pa.Table]:
     """Return a metric of one variant (None: of all) with the rows that it comes from."""
-    known = _parts(store, key_of(name, store.own_keys).never)
+    known = _parts(store, key_of(name, store.user_keys).never)
     rows = store.table(["index", "replicate", "status", name, *known])
     if variant is not None:
         count = len(study.variants)
@@ -42,8 +42,8 @@ def column(study: Study, store: Store, name: str, variant: int | None) -> tuple[
     values = rows[name].to_numpy(zero_copy_only=False).astype(np.float64)
     lost = pc.not_equal(rows["status"], "ok").to_numpy()
     if known:
-        there = [pc.is_valid(rows[part]).to_numpy() for part in known]
-        values = np.where(np.isnan(values) & np.any(there, axis=0), inf, values)
+        valid = [pc.is_valid(rows[part]).to_numpy() for part in known]
+        values = np.where(np.isnan(values) & np.any(valid, axis=0), inf, values)
     values = np.where(lost, inf, values)
     missing = int(np.isnan(values).sum())
     return Column(rows["index"].to_numpy(), values, lost, missing), rows
@@ -69,6 +69,6 @@ def population(study: Study, values: Vector, replicate: NDArray[np.int32]) -> Po
         replicate: replicate of each sample, shape (n,).
     """
     method = METHODS[study.settings.sampling.method]
-    there = ~np.isnan(values)
-    parts = replicate[there] if method.replicated else None
-    return Population(values[there], parts, method.independent or method.replicated)
+    valid = ~np.isnan(values)
+    parts = replicate[valid] if method.replicated else None
+    return Population(values[valid], parts, method.independent or method.replicated)

@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 from flexslew_lab.studies.findings.columns import Column, column, population
 from flexslew_lab.studies.findings.population import Bounds
 from flexslew_lab.studies.findings.statistics import trials_needed
-from flexslew_lab.studies.findings.stopping import at_every_look
+from flexslew_lab.studies.findings.stopping import joint_confidence
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.study_settings import Criterion
 
 
-class Verdict(StrEnum):
+class Decision(StrEnum):
     """The verdict of the trials on a criterion."""
 
     PASSED = "passed"  # shown at the requested confidence
-    REFUTED = "refuted"  # the opposite is
-    UNDECIDED = "undecided"
+    REJECTED = "refuted"  # the opposite is
+    UNKNOWN = "undecided"
 
 
-def judged(
+def criterion_rows(
     study: Study, store: Store, name: str, c: Criterion, planned: int
 ) -> list[dict[str, Any]]:
     """Return one row per variant: a failed trial and one without a number do not keep to it.
@@ -38,15 +38,15 @@ def judged(
         planned: trials of a variant, all of which a criterion without a probability needs.
     """
     lines = []
-    confidence = at_every_look(study, store.samples, c.confidence)
+    confidence = joint_confidence(study, store.samples, c.confidence)
     for k, variant in enumerate(study.variants):
         found, rows = column(study, store, name, k)
-        kept = _meets(found, c)
-        counted = np.where(np.isnan(found.values), np.inf, found.values)  # every trial counts
-        whole = population(study, counted, rows["replicate"].to_numpy())
+        kept = _success_mask(found, c)
+        values = np.where(np.isnan(found.values), np.inf, found.values)  # every trial counts
+        whole = population(study, values, rows["replicate"].to_numpy())
         bound = whole.success(kept, confidence)
-        probable = c.probability is not None
-        verdict = verdict_of(c, kept, bound, planned)
+        has_probability = c.probability is not None
+        decision = decide(c, kept, bound, planned)
         lines.append(
             {
                 "metric": name,
@@ -61,19 +61,19 @@ def judged(
                 "failed": found.failed,
                 "missing": found.missing,
                 "estimate": bound.estimate,
-                "lower_bound": bound.low if probable else None,
-                "upper_bound": bound.high if probable else None,
+                "lower_bound": bound.low if has_probability else None,
+                "upper_bound": bound.high if has_probability else None,
                 "needed": None
                 if c.probability is None
                 else trials_needed(c.probability, confidence, int(np.count_nonzero(~kept))),
-                "verdict": verdict.value,
-                "passed": verdict is Verdict.PASSED,
+                "verdict": decision.value,
+                "passed": decision is Decision.PASSED,
             }
         )
     return lines
 
 
-def _meets(found: Column, c: Criterion) -> NDArray[np.bool_]:
+def _success_mask(found: Column, c: Criterion) -> NDArray[np.bool_]:
     kept = np.isfinite(found.values)
     with np.errstate(invalid="ignore"):
         if c.below is not None:
@@ -83,17 +83,17 @@ def _meets(found: Column, c: Criterion) -> NDArray[np.bool_]:
     return kept
 
 
-def verdict_of(c: Criterion, kept: NDArray[np.bool_], bound: Bounds, planned: int) -> Verdict:
+def decide(c: Criterion, kept: NDArray[np.bool_], bound: Bounds, planned: int) -> Decision:
     """Return what is shown: by the bounds of the probability, or by one counterexample."""
     if c.probability is None:
         if not kept.all():
-            return Verdict.REFUTED
-        return Verdict.PASSED if len(kept) >= planned else Verdict.UNDECIDED
+            return Decision.REJECTED
+        return Decision.PASSED if len(kept) >= planned else Decision.UNKNOWN
     if bound.low is not None and bound.low >= c.probability:
-        return Verdict.PASSED
+        return Decision.PASSED
     if bound.high is not None and bound.high < c.probability:
-        return Verdict.REFUTED
-    return Verdict.UNDECIDED
+        return Decision.REJECTED
+    return Decision.UNKNOWN
 
 
 def needed(study: Study, planned: pa.Table) -> list[str]:
@@ -108,7 +108,7 @@ def needed(study: Study, planned: pa.Table) -> list[str]:
     for name, c in study.settings.criteria.items():
         if c.probability is None:
             continue
-        least = trials_needed(c.probability, at_every_look(study, planned, c.confidence))
+        least = trials_needed(c.probability, joint_confidence(study, planned, c.confidence))
         line = (
             f"{name}: {least} trials without a failure show {100 * c.probability:g} % at "
             f"{100 * c.confidence:g} %"

@@ -6,10 +6,10 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from flexslew_lab.report.panels import COLOURS, GRID, INK
+from flexslew_lab.report.panels import COLOURS, GRID, LINE
 from flexslew_lab.studies.findings.columns import CONFIDENCE, column
 from flexslew_lab.studies.findings.statistics import dkw_half_width, quantile
-from flexslew_lab.studies.findings.stopping import at_every_look
+from flexslew_lab.studies.findings.stopping import joint_confidence
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -18,8 +18,8 @@ from flexslew_plant.arrays import Matrix, Vector
 _POINTS = 2000  # of a curve or of all clouds, at most
 _MINIMUM_POINTS = 100  # of the cloud of a variant
 _CELLS = 12  # of a map, along each side
-_FEW = 8  # varied values that are drawn
-_ABREAST = 5  # maps in a row
+_MAX_VARIABLES = 8  # varied values that are drawn
+_MAPS_PER_ROW = 5  # maps in a row
 _IN_ROWS = 8  # names above a figure; more stand to its right
 _ABOVE = {"orientation": "h", "yanchor": "bottom", "y": 1.0, "xanchor": "left", "x": 0.0}
 _AXIS: dict[str, Any] = {"gridcolor": GRID, "linecolor": GRID, "zeroline": False}
@@ -38,19 +38,19 @@ def distribution(
     study: Study, store: Store, name: str, unit: str, each: dict[str, Vector]
 ) -> go.Figure:
     """Return the empirical distributions, with a DKW band where the samples are independent."""
-    figure = curves(each, name, unit)
+    figure = distribution_figure(each, name, unit)
     if METHODS[study.settings.sampling.method].independent:
-        confidence = at_every_look(study, store.samples, CONFIDENCE)
+        confidence = joint_confidence(study, store.samples, CONFIDENCE)
         for number, values in enumerate(each.values()):
             _band(figure, values, COLOURS[number % len(COLOURS)], confidence)
     criterion = study.settings.criteria.get(name)
     if criterion is not None:
         limit = criterion.below if criterion.below is not None else criterion.above
-        figure.add_vline(x=limit, line={"color": INK, "width": 1, "dash": "dot"})
+        figure.add_vline(x=limit, line={"color": LINE, "width": 1, "dash": "dot"})
     return figure
 
 
-def curves(each: dict[str, Vector], name: str, unit: str) -> go.Figure:
+def distribution_figure(each: dict[str, Vector], name: str, unit: str) -> go.Figure:
     """Return empirical distributions by label; a curve that ends below 1 has failures."""
     figure = go.Figure()
     for number, (label, values) in enumerate(each.items()):
@@ -72,10 +72,13 @@ def curves(each: dict[str, Vector], name: str, unit: str) -> go.Figure:
 
 def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
     """Return the metric against each varied value; failed trials as crosses at the top."""
-    names = [v.name for v in study.varied][:_FEW]
-    wide = min(len(names), 3)
+    names = [v.name for v in study.varied][:_MAX_VARIABLES]
+    column_count = min(len(names), 3)
     figure = make_subplots(
-        rows=-(-len(names) // wide), cols=wide, shared_yaxes=True, horizontal_spacing=0.03
+        rows=-(-len(names) // column_count),
+        cols=column_count,
+        shared_yaxes=True,
+        horizontal_spacing=0.03,
     )
     for k, variant in enumerate(study.variants):
         found, rows = column(study, store, name, k)
@@ -87,10 +90,10 @@ def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
         failed = np.isinf(values)
         table = store.table(["index", *names])
         places = np.searchsorted(table["index"].to_numpy(), rows["index"].to_numpy()[thin])
-        for j, varied in enumerate(names):
+        for j, variable in enumerate(names):
             figure.add_trace(
                 go.Scatter(
-                    x=np.asarray(table[varied].to_pylist())[places],
+                    x=np.asarray(table[variable].to_pylist())[places],
                     y=np.where(failed, top, values),
                     mode="markers",
                     name=variant.label or name,
@@ -105,13 +108,15 @@ def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
                     text=found.numbers[thin],
                     hovertemplate="trial %{text}<br>%{x:.5g}: %{y:.5g}",
                 ),
-                row=1 + j // wide,
-                col=1 + j % wide,
+                row=1 + j // column_count,
+                col=1 + j % column_count,
             )
-            title = axis_title(study, varied)
-            figure.update_xaxes(title_text=title, row=1 + j // wide, col=1 + j % wide)
+            title = axis_title(study, variable)
+            figure.update_xaxes(
+                title_text=title, row=1 + j // column_count, col=1 + j % column_count
+            )
     figure.update_yaxes(title_text=f"{name} [{unit}]", col=1)
-    tall = 330 * -(-len(names) // wide)
+    tall = 330 * -(-len(names) // column_count)
     return _finished(figure, max(tall, 20 * len(study.variants)))
 
 
@@ -137,8 +142,8 @@ def maps(study: Study, store: Store, name: str, unit: str) -> list[go.Figure]:
         values, rows = column(study, store, name, k)
         places = np.searchsorted(table["index"].to_numpy(), rows["index"].to_numpy())
         x, y = (table[n].to_numpy().astype(float)[places] for n in names)
-        there = ~np.isnan(values.values)
-        found.append((variant.label or name, x[there], y[there], values.values[there]))
+        valid = ~np.isnan(values.values)
+        found.append((variant.label or name, x[valid], y[valid], values.values[valid]))
     rules = {"worst": np.max, "99 %": lambda v: quantile(v, 0.99)}
     return [
         _map_of_all(
@@ -152,25 +157,30 @@ def maps(study: Study, store: Store, name: str, unit: str) -> list[go.Figure]:
 
 
 def _map_of_all(
-    drawn: list[tuple[str, tuple[Vector, Vector, Matrix]]], title: str, names: list[str], unit: str
+    variant_maps: list[tuple[str, tuple[Vector, Vector, Matrix]]],
+    title: str,
+    names: list[str],
+    unit: str,
 ) -> go.Figure:
     """Return one map per variant, failures as crosses."""
-    wide = min(len(drawn), _ABREAST)
-    tall = -(-len(drawn) // wide)
+    column_count = min(len(variant_maps), _MAPS_PER_ROW)
+    tall = -(-len(variant_maps) // column_count)
     figure = make_subplots(
         rows=tall,
-        cols=wide,
-        subplot_titles=[label.replace(", ", "<br>") for label, _ in drawn],  # narrow, not to touch
+        cols=column_count,
+        subplot_titles=[
+            label.replace(", ", "<br>") for label, _ in variant_maps
+        ],  # narrow, not to touch
         shared_xaxes=True,
         shared_yaxes=True,
         horizontal_spacing=0.02,
         vertical_spacing=0.3 / tall if tall > 1 else 0.0,
     )
-    for k, (_, (across, up, cells)) in enumerate(drawn):
-        place = {"row": 1 + k // wide, "col": 1 + k % wide}
+    for k, (_, (column_values, up, cells)) in enumerate(variant_maps):
+        place = {"row": 1 + k // column_count, "col": 1 + k % column_count}
         figure.add_trace(
             go.Heatmap(
-                x=across,
+                x=column_values,
                 y=up,
                 z=np.where(np.isinf(cells), np.nan, cells),
                 coloraxis="coloraxis",
@@ -181,7 +191,7 @@ def _map_of_all(
         bad = np.argwhere(np.isinf(cells))
         figure.add_trace(
             go.Scatter(
-                x=across[bad[:, 1]],
+                x=column_values[bad[:, 1]],
                 y=up[bad[:, 0]],
                 mode="markers",
                 marker={"symbol": "x", "color": "#c2375f", "size": 7},
@@ -190,7 +200,7 @@ def _map_of_all(
             ),
             **place,
         )
-    figure.update_xaxes(title_text=names[0], row=tall, col=1 + (wide - 1) // 2)
+    figure.update_xaxes(title_text=names[0], row=tall, col=1 + (column_count - 1) // 2)
     figure.update_yaxes(title_text=names[1], row=1 + (tall - 1) // 2, col=1)
     scale = {"colorscale": "Viridis", "colorbar": {"title": f"[{unit}]"}}
     figure.update_layout(title_text=title, coloraxis=scale)
@@ -260,9 +270,9 @@ def _cells(x: Vector, y: Vector, values: Vector, rule: Any) -> tuple[Vector, Vec
     cells = np.full((len(axes[1]), len(axes[0])), np.nan)
     for i in range(len(axes[1])):
         for j in range(len(axes[0])):
-            inside = values[(places[0] == j) & (places[1] == i)]
-            if len(inside):
-                cells[i, j] = rule(inside)
+            cell_values = values[(places[0] == j) & (places[1] == i)]
+            if len(cell_values):
+                cells[i, j] = rule(cell_values)
     return axes[0], axes[1], cells
 
 
@@ -278,7 +288,7 @@ def _finished(figure: go.Figure, height: int) -> go.Figure:
         margin={"l": 70, "r": 20, "t": 50, "b": 50},
         paper_bgcolor="rgba(0,0,0,0)",
         plot_bgcolor="rgba(0,0,0,0)",
-        font={"family": "Inter, system-ui, sans-serif", "size": 12, "color": INK},
+        font={"family": "Inter, system-ui, sans-serif", "size": 12, "color": LINE},
         legend=_ABOVE if len({t.name for t in figure.data}) <= _IN_ROWS else {"y": 1.0},
         modebar={"bgcolor": "rgba(0,0,0,0)", "orientation": "v"},
     )

@@ -15,26 +15,28 @@ from flexslew_lab.studies.findings.tables import (
     QUANTILE_NAMES,
     metric_tables,
     missing_words,
-    overall_rows,
     pair_rows,
+    total_rows,
 )
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 
-_SHOWN = 3  # metrics with figures of their own, where no criterion names any
+_MAX_FIGURES = 3  # metrics with figures of their own, where no criterion names any
 _FIRST = ("residual_tip_deflection", "residual_attitude_error", "settling_time")
 
 
 def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
     """Return the page of one study: its criteria, its results, its worst trials."""
     names = [n for n in study.settings.criteria if n in found["metrics"]]
-    names = list(dict.fromkeys([*names, *(n for n in _FIRST if n in found["metrics"])]))[:_SHOWN]
-    drawn = []
+    names = list(dict.fromkeys([*names, *(n for n in _FIRST if n in found["metrics"])]))[
+        :_MAX_FIGURES
+    ]
+    other_figures = []
     for name in names:
         each = figures.columns(study, store, name)
         unit = found["metrics"][name]["unit"]
-        drawn.append(
+        other_figures.append(
             {
                 "name": name,
                 "distribution": _html(figures.distribution(study, store, name, unit, each)),
@@ -53,7 +55,7 @@ def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
         tables=metric_tables(found),
         pairs=pair_rows(found),
         quantiles=QUANTILE_NAMES,
-        drawn=drawn,
+        drawn=other_figures,
         worst=_worst(store, found, names),
         sensitivity=[
             (line, _html(figures.sensitivity(line)) if line["indices"] else "")
@@ -78,8 +80,8 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
     studies = names_of(opened)
     common = [n for n in found[0]["metrics"] if n in found[1]["metrics"] and "." not in n]
     requested = [n for n in opened[0][0].settings.criteria if n in common]
-    names = list(dict.fromkeys([*requested, *(n for n in _FIRST if n in common)]))[:_SHOWN]
-    drawn = []
+    names = list(dict.fromkeys([*requested, *(n for n in _FIRST if n in common)]))[:_MAX_FIGURES]
+    other_figures = []
     for name in names:
         each = {
             ", ".join(filter(None, (called, label))): values
@@ -87,14 +89,18 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
             for label, values in figures.columns(study, store, name).items()
         }
         unit = found[0]["metrics"][name]["unit"]
-        drawn.append((name, _html(figures.curves(each, name, unit))))
-    told = [{row.name: row for row in overall_rows(one)} for one in found]
+        other_figures.append((name, _html(figures.distribution_figure(each, name, unit))))
+    row_by_name = [{row.name: row for row in total_rows(one)} for one in found]
     rows = [
-        (name, *(one[name].mean for one in told), *(one[name].quantiles[-1] for one in told))
+        (
+            name,
+            *(one[name].mean for one in row_by_name),
+            *(one[name].quantiles[-1] for one in row_by_name),
+        )
         for name in common
-        if all(name in one for one in told)
+        if all(name in one for one in row_by_name)
     ]
-    means, tails = ([f"{of}, {called}" for called in studies] for of in ("mean", "99 %"))
+    means, quantiles = ([f"{of}, {called}" for called in studies] for of in ("mean", "99 %"))
     criteria = [
         (
             called,
@@ -107,18 +113,20 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
         for called, one in zip(studies, found, strict=True)
         for row in one["criteria"]
     ]
-    asked = ("study", "metric", "variant", "kept to", "lower bound", "")
-    about = "; ".join(
-        f"{called}: {counted(one['trials'], 'trial')}, {one['failed']} failed, "
+    header = ("study", "metric", "variant", "kept to", "lower bound", "")
+    description = "; ".join(
+        f"{called}: {count_text(one['trials'], 'trial')}, {one['failed']} failed, "
         f"{'' if one['complete'] else 'incomplete, '}"
         f"{one['sampling']['method']}"
         for called, one in zip(studies, found, strict=True)
     )
     tables = (
-        Table("Metrics", "", ("metric", *means, *tails), rows),
-        Table("Criteria", "", asked, criteria),
+        Table("Metrics", "", ("metric", *means, *quantiles), rows),
+        Table("Criteria", "", header, criteria),
     )
-    return tables_page("study", " and ".join(studies), about, tables, drawn=drawn)
+    return tables_page(
+        "study", " and ".join(studies), description, tables, other_figures=other_figures
+    )
 
 
 def _html(figure: go.Figure) -> str:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from flexslew_lab.studies.findings.columns import CONFIDENCE, column, population
 from flexslew_lab.studies.findings.population import Population
-from flexslew_lab.studies.findings.stopping import at_every_look
+from flexslew_lab.studies.findings.stopping import joint_confidence
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Vector
@@ -19,7 +19,7 @@ class PairedDifference(StrEnum):
 
     SMALLER = "smaller"
     LARGER = "larger"
-    UNDECIDED = "undecided"
+    UNKNOWN = "undecided"
 
 
 def paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]:
@@ -30,8 +30,8 @@ def paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]
     variants share its error, and that of the bounds of each number (Bonferroni).
     """
     lines = []
-    error = 1.0 - at_every_look(study, store.samples, CONFIDENCE)
-    alone = error / max(len(study.variants) - 1, 1)  # of each variant
+    error = 1.0 - joint_confidence(study, store.samples, CONFIDENCE)
+    variant_error = error / max(len(study.variants) - 1, 1)  # of each variant
     for name in names if len(study.variants) > 1 else []:
         first, rows = column(study, store, name, 0)
         replicate = rows["replicate"].to_numpy()
@@ -43,9 +43,9 @@ def paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]
                 other.numbers // len(study.variants),
                 return_indices=True,
             )
-            worst = _worst(study, name)
+            failure_value = _failure_value(study, name)
             values = first.values[a], other.values[b]
-            difference = _differences(*values, worst)
+            difference = _differences(*values, failure_value)
             found = population(study, difference, replicate[a])
             lines.append(
                 {
@@ -57,36 +57,36 @@ def paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]
                     "without_number": len(difference) - len(found.values),
                     "smaller": _share(found.values < 0.0),
                     "larger": _share(found.values > 0.0),
-                    "mean": list(found.mean(1.0 - alone)),
-                    "median": list(found.quantile(0.5, 1.0 - alone)),
-                    **_tested(found, alone),
+                    "mean": list(found.mean(1.0 - variant_error)),
+                    "median": list(found.quantile(0.5, 1.0 - variant_error)),
+                    **_sign_test(found, variant_error),
                 }
             )
     return lines
 
 
-def _worst(study: Study, name: str) -> float:
+def _failure_value(study: Study, name: str) -> float:
     """Return what a failure counts as: beyond any number on the side that a criterion excludes."""
     criterion = study.settings.criteria.get(name)
     return -np.inf if criterion is not None and criterion.above is not None else np.inf
 
 
-def _differences(first: Vector, other: Vector, worst: float) -> Vector:
+def _differences(first: Vector, other: Vector, failure_value: float) -> Vector:
     """Return other - first, with infinities for failures; 0 where both failed, NaN for no pair."""
-    before, after = (np.where(np.isinf(values), worst, values) for values in (first, other))
-    alike = before == after  # two infinities too
-    return np.subtract(after, before, out=np.zeros(len(after)), where=~alike)
+    before, after = (np.where(np.isinf(values), failure_value, values) for values in (first, other))
+    equal = before == after  # two infinities too
+    return np.subtract(after, before, out=np.zeros(len(after)), where=~equal)
 
 
 def _share(which: NDArray[np.bool_]) -> float | None:
     return float(np.mean(which)) if len(which) else None
 
 
-def _tested(found: Population, error: float) -> dict[str, Any]:
+def _sign_test(found: Population, error: float) -> dict[str, Any]:
     """Return the p-value of no difference, and which way it goes if that is below the error."""
-    likely = found.differs()
-    verdict = PairedDifference.UNDECIDED
-    if likely is not None and likely <= error:
+    p_value = found.sign_p_value()
+    decision = PairedDifference.UNKNOWN
+    if p_value is not None and p_value <= error:
         more = np.sum(np.sign(found.values)) > 0.0
-        verdict = PairedDifference.LARGER if more else PairedDifference.SMALLER
-    return {"p_value": likely, "verdict": verdict.value}
+        decision = PairedDifference.LARGER if more else PairedDifference.SMALLER
+    return {"p_value": p_value, "verdict": decision.value}

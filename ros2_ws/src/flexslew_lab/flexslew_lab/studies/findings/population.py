@@ -87,7 +87,7 @@ class Population:
             low, high = min(low, share - margin), max(high, share + margin)
         return Bounds(max(low, 0.0), share, min(high, 1.0))
 
-    def differs(self) -> float | None:
+    def sign_p_value(self) -> float | None:
         """Return the p-value of positive and negative numbers being equally likely.
 
         The exact sign test assumes only that samples are independent: not that they are symmetric,
@@ -97,14 +97,14 @@ class Population:
         if not self._bounded or not len(self.values):
             return None
         signs = np.sign(self.values)
-        likely = statistics.sign_test(int((signs > 0.0).sum()), int((signs < 0.0).sum()))
+        p_value = statistics.sign_test(int((signs > 0.0).sum()), int((signs < 0.0).sum()))
         if self._parts is None:
-            return likely
+            return p_value
         found = replicates.scatter(signs, self._parts)
         if found.error == 0.0:  # the replicates agree
-            return likely
-        student = 2.0 * special.stdtr(found.replicates - 1, -abs(found.mean) / found.error)
-        return max(likely, float(student))
+            return p_value
+        t_test = 2.0 * special.stdtr(found.replicates - 1, -abs(found.mean) / found.error)
+        return max(p_value, float(t_test))
 
 
 def _bounds(low: float, estimate: float, high: float) -> Bounds:

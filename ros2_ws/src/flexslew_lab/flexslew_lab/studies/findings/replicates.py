@@ -17,8 +17,10 @@ from scipy import special
 from flexslew_lab.studies.findings.statistics import quantile, quantile_ranks
 from flexslew_plant.arrays import Vector
 
-RESERVE = 0.1  # of the error, kept back because sums of a few replicates are only nearly normal
-FEW = 8.0  # expected samples on a side of a quantile, below which their scatter proves no evenness
+MARGIN = 0.1  # of the error, kept back because sums of a few replicates are only nearly normal
+MIN_EXPECTED = (
+    8.0  # expected samples on a side of a quantile, below which their scatter proves no evenness
+)
 
 
 class Scatter(NamedTuple):
@@ -30,7 +32,7 @@ class Scatter(NamedTuple):
 
     def margin(self, confidence: float) -> float:
         """Return the half width of two-sided bounds of the mean, by Student's t."""
-        upper = 0.5 + 0.5 * _reserved(confidence)
+        upper = 0.5 + 0.5 * _with_margin(confidence)
         return float(special.stdtrit(self.replicates - 1, upper)) * self.error
 
 
@@ -74,17 +76,17 @@ def quantile_bounds(
     """
     ordered, n = np.sort(values), len(values)
     estimate = quantile(values, q)
-    upto = scatter((values <= estimate).astype(np.float64), parts)
+    share = scatter((values <= estimate).astype(np.float64), parts)
     if np.isinf(estimate) or np.count_nonzero(values == estimate) > 1:  # on a step: of both sides
         before = scatter((values < estimate).astype(np.float64), parts)
-        upto = max(upto, before, key=lambda side: side.error)
-    upto = upto._replace(error=hypot(upto.error, 1.0 / n))
-    student = upto.margin(confidence)
-    confidence = _reserved(confidence)
+        share = max(share, before, key=lambda side: side.error)
+    share = share._replace(error=hypot(share.error, 1.0 / n))
+    t_margin = share.margin(confidence)
+    confidence = _with_margin(confidence)
     normal = float(special.ndtri(0.5 + 0.5 * confidence)) * sqrt(q * (1.0 - q) / n)
-    ratio = student / normal  # of margins, to that of independent samples
+    ratio = t_margin / normal  # of margins, to that of independent samples
     middle, gap = n * q + 0.5, 0.5 * confidence
-    if n * min(q, 1.0 - q) < FEW:
+    if n * min(q, 1.0 - q) < MIN_EXPECTED:
         first, last = quantile_ranks(n, q, confidence)
         ratio = max(ratio, 1.0)
         below: float = floor(middle - ratio * (middle - first)) if first >= 1 else 0
@@ -94,13 +96,13 @@ def quantile_bounds(
         below = middle - hypot(ratio * (middle - low), gap)
         above = middle + hypot(ratio * (high - middle), gap)
     return (
-        min(_between(ordered, below, -1), estimate),
-        max(_between(ordered, above, 1), estimate),
+        min(_interpolate(ordered, below, -1), estimate),
+        max(_interpolate(ordered, above, 1), estimate),
     )
 
 
-def _reserved(confidence: float) -> float:
-    return 1.0 - (1.0 - RESERVE) * (1.0 - confidence)
+def _with_margin(confidence: float) -> float:
+    return 1.0 - (1.0 - MARGIN) * (1.0 - confidence)
 
 
 @lru_cache(maxsize=256)
@@ -113,7 +115,7 @@ def _real_ranks(n: int, q: float, confidence: float) -> tuple[float, float]:
     )
 
 
-def _between(ordered: Vector, rank: float, side: int) -> float:
+def _interpolate(ordered: Vector, rank: float, side: int) -> float:
     """Return the sample of a rank from 1 to n, interpolated; next to an infinity the outer one."""
     if not 1.0 <= rank <= len(ordered):
         return side * inf

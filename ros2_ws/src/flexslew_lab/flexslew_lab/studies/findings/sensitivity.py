@@ -44,20 +44,20 @@ def indices(
     scaled = values / np.abs(values).max()  # with finite squares in any unit
     blocks = (scaled - scaled[: 2 * n].mean()).reshape(d + 2, n)
     if replicates > 1:
-        return _indices(names, *_of_replicates(blocks, replicates, confidence)), ""
-    estimate = _shares(blocks)
+        return _indices(names, *_replicate_indices(blocks, replicates, confidence)), ""
+    estimate = _sobol_indices(blocks)
     with warnings.catch_warnings():  # of values without effect: equal resamples
         warnings.simplefilter("ignore")
         spread = bootstrap(
             [np.arange(n)],
-            lambda rows, axis: _shares(blocks[:, rows]),
+            lambda rows, axis: _sobol_indices(blocks[:, rows]),
             n_resamples=_RESAMPLES,
             confidence_level=confidence,
             method="BCa",
             rng=np.random.default_rng(seed),
         )
-    tails = [0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence]
-    plain = np.quantile(spread.bootstrap_distribution, tails, axis=-1)
+    levels = [0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence]
+    plain = np.quantile(spread.bootstrap_distribution, levels, axis=-1)
     ends = np.array(spread.confidence_interval)
     low, high = np.where(np.isfinite(ends), ends, plain)  # percentiles where BCa has no number
     return _indices(names, low, estimate, high), ""
@@ -69,7 +69,9 @@ def _indices(names: list[str], low: Tensor, estimate: Tensor, high: Tensor) -> l
     return list(map(Index, names, first, total))
 
 
-def _of_replicates(blocks: Tensor, count: int, confidence: float) -> tuple[Tensor, Tensor, Tensor]:
+def _replicate_indices(
+    blocks: Tensor, count: int, confidence: float
+) -> tuple[Tensor, Tensor, Tensor]:
     """Return low, estimate and high of the indices, shape (2, d) each.
 
     An index is the ratio of two means over the replicates; to first order its error is that of the
@@ -98,7 +100,7 @@ def _terms(blocks: Tensor) -> Tensor:
     return np.stack((first, total))
 
 
-def _shares(blocks: Tensor) -> Tensor:
+def _sobol_indices(blocks: Tensor) -> Tensor:
     """Return first-order and total indices, shape (2, d, ...); see _terms."""
     variance = np.var(blocks[:2], axis=(0, -1))
     return np.asarray(_terms(blocks) / variance)

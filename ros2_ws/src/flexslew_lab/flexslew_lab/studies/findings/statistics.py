@@ -93,15 +93,15 @@ def success_bounds(successes: int, n: int, confidence: float) -> tuple[float, fl
     return float(low), float(high)
 
 
-def sign_test(larger: int, smaller: int) -> float:
+def sign_test(positive: int, negative: int) -> float:
     """Return how likely two equal alternatives split at least so unevenly, both ways (exact).
 
     Args:
-        larger: independent pairs with the larger number on one side.
-        smaller: those with the smaller one there; pairs without a difference are left out.
+        positive: independent pairs with the larger number on one side.
+        negative: those with the smaller one there; pairs without a difference are left out.
     """
-    n = larger + smaller
-    return float(min(1.0, 2.0 * special.bdtr(min(larger, smaller), n, 0.5))) if n else 1.0
+    n = positive + negative
+    return float(min(1.0, 2.0 * special.bdtr(min(positive, negative), n, 0.5))) if n else 1.0
 
 
 def trials_needed(probability: float, confidence: float, failures: int = 0) -> int:

@@ -42,10 +42,10 @@ def interim_confidence(study: Study, samples: pa.Table, stop: Stop) -> float:
     All checks hold at once with the confidence of the stop, so that the bounds of the check at
     which a study ended hold with it, too.
     """
-    return at_every_look(study, samples, 1.0 - (1.0 - stop.confidence) / len(study.variants))
+    return joint_confidence(study, samples, 1.0 - (1.0 - stop.confidence) / len(study.variants))
 
 
-def at_every_look(study: Study, samples: pa.Table, confidence: float) -> float:
+def joint_confidence(study: Study, samples: pa.Table, confidence: float) -> float:
     """Return the confidence of bounds at each check, so that those of all checks hold at once.
 
     The number of samples of a study that may stop depends on the samples: bounds for a given
@@ -59,20 +59,22 @@ def at_every_look(study: Study, samples: pa.Table, confidence: float) -> float:
     return 1.0 - (1.0 - confidence) / len(interim_sizes(study, samples))
 
 
-def settled(study: Study, store: Store, samples: pa.Table, look: int) -> dict[str, Any] | None:
-    """Return what is known if the first `look` samples are enough, else None."""
+def stop_result(
+    study: Study, store: Store, samples: pa.Table, sample_count: int
+) -> dict[str, Any] | None:
+    """Return what is known if the first `sample_count` samples are enough, else None."""
     stop = study.settings.stop
     if stop is None:
         return None
     confidence = interim_confidence(study, samples, stop)
     known = []
-    for found in _looked_at(study, store, stop.metric, look):
+    for found in _first_samples(study, store, stop.metric, sample_count):
         bounds = found.quantile(stop.quantile, confidence)
         if _half_width(bounds) > stop.half_width:
             return None
         known.append(bounds)
     return {
-        "samples": look,
+        "samples": sample_count,
         "half_width": max(_half_width(bounds) for bounds in known),
         "metric": stop.metric,
         "quantile": stop.quantile,
@@ -87,11 +89,13 @@ def _half_width(bounds: Bounds) -> float:
     return inf if low is None or high is None else 0.5 * (high - low)
 
 
-def _looked_at(study: Study, store: Store, metric: str, look: int) -> Iterator[Population]:
+def _first_samples(
+    study: Study, store: Store, metric: str, sample_count: int
+) -> Iterator[Population]:
     """Yield the metric of the first samples, variant by variant, as the report has it."""
     store.write_table()
     count = len(study.variants)
     for variant in range(count):
         found, rows = column(study, store, metric, variant)
-        early = found.numbers < look * count
-        yield population(study, found.values[early], rows["replicate"].to_numpy()[early])
+        first = found.numbers < sample_count * count
+        yield population(study, found.values[first], rows["replicate"].to_numpy()[first])

@@ -6,17 +6,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from flexslew_lab.metrics.rows import unit_among
+from flexslew_lab.metrics.rows import row_unit
 from flexslew_lab.studies.findings.columns import CONFIDENCE, Column, column, population, worst_of
-from flexslew_lab.studies.findings.criteria import judged
+from flexslew_lab.studies.findings.criteria import criterion_rows
 from flexslew_lab.studies.findings.pairs import paired
 from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.findings.sensitivity import indices
-from flexslew_lab.studies.findings.stopping import at_every_look, interim_confidence
+from flexslew_lab.studies.findings.stopping import interim_confidence, joint_confidence
 from flexslew_lab.studies.sampling.methods import METHODS, replicates_of
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
-from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.overrides import override_values
 from flexslew_plant.testbeds import read_testbed
 
 QUANTILES = (0.5, 0.9, 0.99)
@@ -24,39 +24,41 @@ _WORST = 5
 _REASONS = 20
 
 
-def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, Any]:
+def summary(study: Study, store: Store, run_facts: dict[str, Any]) -> dict[str, Any]:
     """Return the results of a study in summary.
 
     Args:
         study: its file.
         store: its folder.
-        flights: wall_time, trials_per_second, lanes check and the other facts of the run.
+        run_facts: wall_time, trials_per_second, lanes check and the other facts of the run.
     """
     columns = store.identity["columns"]
     rows = store.table(["status", "reason", "way"])
     failed = pc.not_equal(rows["status"], "ok")
-    chosen = [name for name in columns if _worth_telling(name)]
-    joints, own = _joint_units(study), store.own_keys
+    metric_names = [name for name in columns if _is_relevant(name)]
+    joints, user_keys = _joint_units(study), store.user_keys
     metrics = {
-        name: _metric(study, store, name) | {"unit": unit_among(name, joints, own) or "-"}
-        for name in chosen
+        name: _metric(study, store, name) | {"unit": row_unit(name, joints, user_keys) or "-"}
+        for name in metric_names
     }
-    samples, stopped = store.samples.num_rows, flights.get("stopped")
-    planned = samples if stopped is None else stopped["samples"]
+    samples, stopped = store.samples.num_rows, run_facts.get("stopped")
+    sample_limit = samples if stopped is None else stopped["samples"]
     criteria = [
         row
         for name, c in study.settings.criteria.items()
-        for row in judged(study, store, name, c, planned)
+        for row in criterion_rows(study, store, name, c, sample_limit)
     ]
     return {
         "study": study.settings.study,
         "trials": rows.num_rows,
         "planned": samples * len(study.variants),
-        "to_fly": (to_fly := planned * len(study.variants)),  # fewer where a criterion stopped it
-        "complete": rows.num_rows >= to_fly,
+        "to_fly": (
+            trial_count := sample_limit * len(study.variants)
+        ),  # fewer where a criterion stopped it
+        "complete": rows.num_rows >= trial_count,
         "failed": pc.sum(failed).as_py() or 0,
-        "wall_time": flights.get("wall_time"),
-        "trials_per_second": flights.get("trials_per_second"),
+        "wall_time": run_facts.get("wall_time"),
+        "trials_per_second": run_facts.get("trials_per_second"),
         "columns": store.columns,
         "criteria": criteria,
         "metrics": metrics,
@@ -67,12 +69,14 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
             "bounds": _kind_of_bounds(study),
         },
         "variants": [variant.label for variant in study.variants],
-        "ways": dict(sorted(_counted(rows["way"]).items())),
-        "reasons": _counted(rows["reason"].filter(failed)),
-        "paired": paired(study, store, list(study.settings.criteria) or chosen[:1]),
-        "sensitivity": _sensitivity(study, store, list(study.settings.criteria) or chosen[:1]),
+        "ways": dict(sorted(_frequencies(rows["way"]).items())),
+        "reasons": _frequencies(rows["reason"].filter(failed)),
+        "paired": paired(study, store, list(study.settings.criteria) or metric_names[:1]),
+        "sensitivity": _sensitivity(
+            study, store, list(study.settings.criteria) or metric_names[:1]
+        ),
         "damaged": store.damaged,
-        "check": flights.get("check"),
+        "check": run_facts.get("check"),
         "stopped": stopped,
     }
 
@@ -115,7 +119,7 @@ def _metric(study: Study, store: Store, name: str) -> dict[str, Any]:
 def _joint_units(study: Study) -> dict[str, str]:
     """Return the units of the joints by name, of all benches that are compared."""
     changes = [v.changes for v in study.variants if any(k[:7] == "testbed" for k in v.changes)]
-    sections = [overridden(study.base, change)["testbed"] for change in ({}, *changes)]
+    sections = [override_values(study.base, change)["testbed"] for change in ({}, *changes)]
     units: dict[str, str] = {}
     for one in sections:
         units |= read_testbed(one, study.source, study.trust).model().units_by_joint
@@ -127,8 +131,8 @@ def _confidence(study: Study, store: Store, name: str) -> float:
     stop = study.settings.stop
     if stop is not None and stop.metric == name:  # the look at which it ended was chosen by it
         return interim_confidence(study, store.samples, stop)
-    alone = 1.0 - (1.0 - CONFIDENCE) / len(study.variants)
-    return at_every_look(study, store.samples, alone)
+    variant_confidence = 1.0 - (1.0 - CONFIDENCE) / len(study.variants)
+    return joint_confidence(study, store.samples, variant_confidence)
 
 
 def _numbers(found: Population, confidence: float) -> dict[str, Any]:
@@ -162,8 +166,8 @@ def _sensitivity(study: Study, store: Store, names: list[str]) -> list[dict[str,
             found, _ = column(study, store, name, k)
             values = np.full(count, np.nan)
             values[found.numbers // len(study.variants)] = found.values
-            varied = [v.name for v in study.varied]
-            rows, why = indices(values, varied, CONFIDENCE, study.settings.seed, parts)
+            variable_names = [v.name for v in study.varied]
+            rows, why = indices(values, variable_names, CONFIDENCE, study.settings.seed, parts)
             lines.append(
                 {
                     "metric": name,
@@ -182,11 +186,11 @@ def _kind_of_bounds(study: Study) -> str:
     return "randomised replicates" if method.replicated else "none"
 
 
-def _worth_telling(name: str) -> bool:
+def _is_relevant(name: str) -> bool:
     return name not in ("ticks", "duration", "manoeuvre_start", "manoeuvre_end")
 
 
-def _counted(words: pa.ChunkedArray) -> dict[str, int]:
+def _frequencies(words: pa.ChunkedArray) -> dict[str, int]:
     """Return the most frequent words, each with how often it is there."""
     found = {entry["values"]: entry["counts"] for entry in pc.value_counts(words).to_pylist()}
     return dict(sorted(found.items(), key=lambda item: (-item[1], item[0]))[:_REASONS])

@@ -39,17 +39,17 @@ def metric_tables(found: dict[str, Any]) -> dict[str, list[MetricRow]]:
     for label in found["variants"]:
         rows = []
         for name, metric in found["metrics"].items():
-            own = metric["variants"][label] if "variants" in metric else metric
-            if "." not in name and not _nothing(own):
-                rows.append(_row(name, metric["unit"], own))
+            variant_metric = metric["variants"][label] if "variants" in metric else metric
+            if "." not in name and not _is_empty(variant_metric):
+                rows.append(_row(name, metric["unit"], variant_metric))
         tables[label] = rows
     return tables
 
 
-def overall_rows(found: dict[str, Any]) -> list[MetricRow]:
+def total_rows(found: dict[str, Any]) -> list[MetricRow]:
     """Return the rows over all variants together."""
     each = {name: metric for name, metric in found["metrics"].items() if "." not in name}
-    return [_row(name, m["unit"], m) for name, m in each.items() if not _nothing(m)]
+    return [_row(name, m["unit"], m) for name, m in each.items() if not _is_empty(m)]
 
 
 def pair_rows(found: dict[str, Any]) -> list[PairRow]:
@@ -94,8 +94,8 @@ def bounded(bounds: list[float | None]) -> str:
         "-∞" if low is None else short(low, _DIGITS),
         "∞" if high is None else short(high, _DIGITS),
     )
-    shown = "∞" if estimate is None else short(estimate, _DIGITS)
-    return f"{shown} [{ends[0]}, {ends[1]}]"
+    text = "∞" if estimate is None else short(estimate, _DIGITS)
+    return f"{text} [{ends[0]}, {ends[1]}]"
 
 
 def _row(name: str, unit: str, metric: dict[str, Any]) -> MetricRow:
@@ -110,7 +110,7 @@ def _mean(bounds: list[float | None]) -> str:
     return "-" if bounds[1] is None else bounded(bounds)
 
 
-def _nothing(metric: dict[str, Any]) -> bool:
+def _is_empty(metric: dict[str, Any]) -> bool:
     """Return whether no trial has a metric, or it is 0 in all that have it and none failed."""
     if 0 < metric["missing"] == metric["trials"] - metric["failed"]:
         return True

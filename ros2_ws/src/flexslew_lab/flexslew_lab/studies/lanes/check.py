@@ -8,9 +8,9 @@ import pyarrow.compute as pc
 from flexslew_lab.run.pool import Executor
 from flexslew_lab.studies.cases import Case, Cases
 from flexslew_lab.studies.execution.worker import Job
-from flexslew_lab.studies.flight import Flown
-from flexslew_lab.studies.lanes.tolerance import TOLERANCE, apart
-from flexslew_lab.studies.run import Preparation, note
+from flexslew_lab.studies.flight import FlightResult
+from flexslew_lab.studies.lanes.tolerance import TOLERANCE, relative_difference
+from flexslew_lab.studies.run import PreparedStudy, note
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
@@ -20,28 +20,28 @@ _WORST = 3  # of each variant
 _STREAM = 0xC4EC
 
 
-def chosen(study: Study, store: Store) -> list[int]:
+def trials_to_check(study: Study, store: Store) -> list[int]:
     """Return the numbers of the trials that are flown again, the same for the same table."""
     first = next(iter(study.settings.criteria), "residual_tip_deflection")
     rows = store.table(["index", "way", first])
-    lanes = pc.equal(rows["way"], Way.LANES.value).to_numpy()
-    numbers = rows["index"].to_numpy()[lanes]
+    in_batch = pc.equal(rows["way"], Way.LANES.value).to_numpy()
+    numbers = rows["index"].to_numpy()[in_batch]
     if not len(numbers):
         return []
-    values = rows[first].to_numpy(zero_copy_only=False).astype(np.float64)[lanes]
+    values = rows[first].to_numpy(zero_copy_only=False).astype(np.float64)[in_batch]
     values = np.nan_to_num(values, nan=-np.inf)
-    picked: set[int] = set()
+    selected: set[int] = set()
     count = len(study.variants)
     for variant in range(count):
-        own = np.flatnonzero(numbers % count == variant)
-        worst = own[np.argsort(-values[own], kind="stable")[:_WORST]]
-        picked |= {int(number) for number in numbers[worst]}
+        variant_rows = np.flatnonzero(numbers % count == variant)
+        worst = variant_rows[np.argsort(-values[variant_rows], kind="stable")[:_WORST]]
+        selected |= {int(number) for number in numbers[worst]}
     rng = np.random.default_rng(np.random.SeedSequence(study.settings.seed, spawn_key=(_STREAM,)))
     some = rng.choice(numbers, size=max(1, round(SHARE * len(numbers))), replace=False)
-    return sorted(picked | {int(number) for number in some})
+    return sorted(selected | {int(number) for number in some})
 
 
-def bench_job(ready: Preparation) -> Job:
+def bench_job(ready: PreparedStudy) -> Job:
     """Return the study as processes fly it without lanes."""
     from dataclasses import replace
 
@@ -49,8 +49,8 @@ def bench_job(ready: Preparation) -> Job:
     return Job(ready.study._replace(settings=settings), ready.plans)
 
 
-def check_lanes(
-    ready: Preparation, store: Store, bench: Executor[Case, Flown]
+def check_batch(
+    ready: PreparedStudy, store: Store, bench: Executor[Case, FlightResult]
 ) -> dict[str, Any] | None:
     """Fly the chosen trials by the ordinary bench and note how far the metrics are apart.
 
@@ -59,7 +59,7 @@ def check_lanes(
         store: its folder, with the table.
         bench: flies without lanes.
     """
-    numbers = chosen(ready.study, store)
+    numbers = trials_to_check(ready.study, store)
     if not numbers:
         note(store, check=None)
         return None
@@ -77,7 +77,7 @@ def check_lanes(
         for result in results:
             row = rows.slice(places[result.number], 1)
             for name in columns:
-                far = apart(row[name][0].as_py(), result.metrics.get(name))
+                far = relative_difference(row[name][0].as_py(), result.metrics.get(name))
                 if not far <= found["largest"]:
                     found |= {"largest": far, "metric": name, "index": result.number}
     found["ok"] = bool(found["largest"] <= TOLERANCE)

@@ -18,48 +18,48 @@ from flexslew_control.linear_form import (
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_lab.metrics import METRICS
-from flexslew_lab.metrics.metric import FlownManoeuvre
+from flexslew_lab.metrics.metric import ReferenceManoeuvre
 from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.lanes.benches.judge import DISTRUSTED
-from flexslew_lab.studies.lanes.benches.lane_faults import is_known
+from flexslew_lab.studies.flight import FlightResult, PlanCache
+from flexslew_lab.studies.lanes.benches.judge import SENSOR_ERROR
+from flexslew_lab.studies.lanes.benches.lane_faults import is_supported
 from flexslew_lab.studies.lanes.groups.charge import Charge
 from flexslew_lab.studies.lanes.groups.lane_laws import is_large, kind_of, size_of
 from flexslew_lab.studies.lanes.groups.lane_trial import (
-    LaneIntake,
-    LaneTrial,
+    BatchBuilder,
+    BatchTrial,
     controller_of,
     law_entry,
 )
 from flexslew_lab.studies.lanes.inputs import (
-    LaneCourse,
-    aim_of,
-    course_of,
+    PlanTable,
     gains_of,
-    resting_course,
     schedule_of,
+    tabulate_hold,
+    tabulate_plan,
+    target_of,
 )
-from flexslew_lab.studies.lanes.lane_metrics import COUNTED, LaneMetrics
+from flexslew_lab.studies.lanes.lane_metrics import LOOP_METRICS, BatchMetrics
 from flexslew_lab.studies.lanes.laws.watch import Watch, watch_of
-from flexslew_lab.studies.lanes.legs import LaneFlight, Leg
+from flexslew_lab.studies.lanes.legs import BatchFlight, LawSegment
 from flexslew_lab.studies.lanes.loop import Schedule
-from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
-from flexslew_lab.studies.lanes.tolerance import TOLERANCE, apart
+from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamp_columns
+from flexslew_lab.studies.lanes.tolerance import TOLERANCE, relative_difference
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 from flexslew_plant.testbeds.contract import Pointing
 from flexslew_plant.testbeds.model import Model
 
-_MOVED = 1e-14  # beginning of a twin: above the rounding of a tick, far below any metric
+_OFFSET = 1e-14  # beginning of a twin: above the rounding of a tick, far below any metric
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
-_ROOM = 40_000_000  # for the numbers of their observers
-_DOUBTS = {1.0: Way.EDGE, DISTRUSTED: Way.JUDGED}
+_MAX_SIZE = 40_000_000  # for the numbers of their observers
+_REASONS = {1.0: Way.EDGE, SENSOR_ERROR: Way.MONITORED}
 
 
 class ForBench(NamedTuple):
@@ -79,17 +79,17 @@ class _Gains(NamedTuple):
 class _Prepared(NamedTuple):
     """What a group has in common."""
 
-    legs: tuple[Leg, ...]
+    segments: tuple[LawSegment, ...]
     schedule: Schedule
-    aim: Vector  # rows `tip` and `goal`, then the displacement
-    goal: FlownManoeuvre
+    target: Vector  # rows `tip` and `goal`, then the displacement
+    goal: ReferenceManoeuvre
     kind: Hashable  # laws for which it is equal may fly side by side
 
 
 class _Ready(NamedTuple):
     """A trial that may fly in a lane, with its law and its gains: kp, ki and kd."""
 
-    lane: LaneTrial
+    member: BatchTrial
     law: _Prepared
     gains: Vector
 
@@ -99,25 +99,26 @@ class _SideBySide(NamedTuple):
 
     metrics: Callable[[int], dict[str, float | None] | None]  # of a lane; None: one raises
     far: Vector  # largest state of every lane at the end
-    doubt: Vector  # of every lane, see LaneFlight.in_doubt
+    doubt: Vector  # of every lane, see BatchFlight.fallback_codes
     quantised: bool  # readings or motors are
 
-    def way(self, lane: int) -> Way:
+    def way(self, member: int) -> Way:
         """Return LANES, or why the bench has to fly this lane's trial."""
-        if not self.far[lane] < _FAR:
+        if not self.far[member] < _FAR:
             return Way.FAR
-        return _DOUBTS.get(self.doubt[lane], Way.LANES)
+        return _REASONS.get(self.doubt[member], Way.LANES)
 
-    def agrees(self, lane: int, metrics: Mapping[str, float | None]) -> bool:
+    def agrees(self, member: int, metrics: Mapping[str, float | None]) -> bool:
         """Return whether its metrics are these."""
-        own = self.metrics(lane) if self.way(lane) is not Way.FAR else None
-        return own is not None and all(
-            apart(own.get(name), value) <= TOLERANCE for name, value in metrics.items()
+        values = self.metrics(member) if self.way(member) is not Way.FAR else None
+        return values is not None and all(
+            relative_difference(values.get(name), value) <= TOLERANCE
+            for name, value in metrics.items()
         )
 
 
 @dataclass
-class Lanes:
+class BatchRunner:
     """Flies trials of a study many at once; gives back those that only the bench can fly.
 
     Args:
@@ -126,18 +127,18 @@ class Lanes:
     """
 
     study: Study
-    plans: Plans
+    plans: PlanCache
     _prepared: dict[Hashable, _Prepared | Way] = field(init=False, default_factory=dict)
     _gains: dict[Hashable, _Gains] = field(init=False, default_factory=dict)
-    _intake: LaneIntake = field(init=False)
+    _trial_source: BatchBuilder = field(init=False)
     _large: dict[int, Hashable] = field(init=False, default_factory=dict)  # law, by variant
-    _course: tuple[Hashable, Any] = field(init=False, default=(None, None))  # the newest
+    _last_reference: tuple[Hashable, Any] = field(init=False, default=(None, None))  # the newest
 
     def __post_init__(self) -> None:
         """Prepare to take cases."""
-        self._intake = LaneIntake(self.study)
+        self._trial_source = BatchBuilder(self.study)
 
-    def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[ForBench]]]:
+    def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[FlightResult], list[ForBench]]]:
         """Yield results, and cases that have to be flown one by one."""
         groups: dict[Hashable, list[_Ready]] = {}
         others = []
@@ -145,127 +146,129 @@ class Lanes:
             if isinstance(ready, Way):
                 others.append(ForBench(case, ready))
                 continue
-            key = ready.lane.together, ready.law.kind
+            key = ready.member.together, ready.law.kind
             group = groups.setdefault(key, [])
             group.append(ready)
-            if len(group) == LANES:
-                yield self._fly_ready(groups.pop(key))
+            if len(group) == BATCH_WIDTH:
+                yield self._simulate_group(groups.pop(key))
         for group in groups.values():
-            yield self._fly_ready(group)
+            yield self._simulate_group(group)
         if others:
             yield [], others
 
     def _all_ready(self, cases: Sequence[Case]) -> Iterator[tuple[Case, _Ready | Way]]:
         """Yield cases that are ready to fly, a group's worth looked at together."""
-        for first in range(0, len(cases), LANES):
-            some = cases[first : first + LANES]
-            for case, lane in zip(some, self._intake.lane_trials(some), strict=True):
-                yield case, self._ready(lane)
+        for first in range(0, len(cases), BATCH_WIDTH):
+            some = cases[first : first + BATCH_WIDTH]
+            for case, member in zip(some, self._trial_source.batch_trials(some), strict=True):
+                yield case, self._ready(member)
 
-    def _ready(self, lane: LaneTrial | Way) -> _Ready | Way:
+    def _ready(self, member: BatchTrial | Way) -> _Ready | Way:
         """Return a trial with its law and gains; a way where only the bench can fly it."""
-        if isinstance(lane, Way):
-            return lane
-        if not all(is_known(timed.fault) for timed in lane.happens.faults):
+        if isinstance(member, Way):
+            return member
+        if not all(is_supported(timed.fault) for timed in member.happens.faults):
             return Way.FAULT
-        law = self._prepare(lane)
+        law = self._prepare(member)
         if isinstance(law, Way):
             return law
-        gains = self._gains_of(lane, law)
-        return gains if isinstance(gains, Way) else _Ready(lane, law, gains)
+        gains = self._gains_of(member, law)
+        return gains if isinstance(gains, Way) else _Ready(member, law, gains)
 
-    def _fly_ready(self, ready: Sequence[_Ready]) -> tuple[list[Flown], list[ForBench]]:
-        found, results, lost = self._side_by_side(ready), list[Flown](), list[ForBench]()
+    def _simulate_group(self, ready: Sequence[_Ready]) -> tuple[list[FlightResult], list[ForBench]]:
+        found, results, lost = self._side_by_side(ready), list[FlightResult](), list[ForBench]()
         # between quanta a loop is cut: what differs by rounding may grow there
-        twin = self._side_by_side(ready, _MOVED) if found.quantised else None
+        second_run = self._side_by_side(ready, _OFFSET) if found.quantised else None
         for k, one in enumerate(ready):
-            case, way = one.lane.case, found.way(k)
+            case, way = one.member.case, found.way(k)
             metrics = found.metrics(k) if way is Way.LANES else None
             if metrics is None:
                 lost.append(ForBench(case, Way.METRICS if way is Way.LANES else way))
-            elif twin is not None and not twin.agrees(k, metrics):
+            elif second_run is not None and not second_run.agrees(k, metrics):
                 lost.append(ForBench(case, Way.ROUNDING))
             else:
-                failure = one.lane.happens.charge.failure
-                became = "failed" if failure else "ok", failure
-                results.append(Flown(case.number, metrics, None, *became, Way.LANES))
+                failure = one.member.happens.charge.failure
+                outcome = "failed" if failure else "ok", failure
+                results.append(FlightResult(case.number, metrics, None, *outcome, Way.LANES))
         return results, lost
 
-    def _side_by_side(self, ready: Sequence[_Ready], moved: float = 0.0) -> _SideBySide:
+    def _side_by_side(self, ready: Sequence[_Ready], offset: float = 0.0) -> _SideBySide:
         """Fly a group.
 
         Args:
             ready: its trials.
-            moved: added to all states in which they begin.
+            offset: added to all states in which they begin.
         """
-        group, prepared = [one.lane for one in ready], ready[0].law
+        group, prepared = [one.member for one in ready], ready[0].law
         first, last = group[0], ready[-1]  # which fills up
-        all_lanes = [*ready, *(last for _ in range(LANES - len(ready)))]
-        counted = METRICS.keys() <= COUNTED and not first.trial.metrics
-        recorded = isinstance(first.trial.testbed, Pointing) or not counted
+        all_members = [*ready, *(last for _ in range(BATCH_WIDTH - len(ready)))]
+        standard_metrics = METRICS.keys() <= LOOP_METRICS and not first.trial.metrics
+        recorded = isinstance(first.trial.testbed, Pointing) or not standard_metrics
         recorded = recorded and not first.happens.charge.failure
-        flight = LaneFlight(
-            [one.lane for one in all_lanes],
-            [one.law.legs for one in all_lanes],
-            np.array([one.gains for one in all_lanes]),
+        flight = BatchFlight(
+            [one.member for one in all_members],
+            [one.law.segments for one in all_members],
+            np.array([one.gains for one in all_members]),
             prepared.schedule,
-            prepared.aim,
+            prepared.target,
             len(group),
             recorded,
-            moved,
+            offset,
         )
         states = first.model.positions + first.model.coordinates
-        start = flight.w[: first.model.joints * LANES].reshape(-1, LANES).copy()
+        start = flight.w[: first.model.joints * BATCH_WIDTH].reshape(-1, BATCH_WIDTH).copy()
         measured: Callable[[int], dict[str, float | None] | None]
         if recorded:
             measured = self._recorded(group, prepared, flight)
         elif first.happens.charge.failure:  # there is nothing to measure
-            for cut in flight.cuts(len(prepared.schedule.time)):
+            for cut in flight.intervals(len(prepared.schedule.time)):
                 flight.fly(*cut)
-            measured = _nothing
+            measured = _no_metrics
         else:
-            for cut in flight.cuts(len(prepared.schedule.time)):
+            for cut in flight.intervals(len(prepared.schedule.time)):
                 flight.fly(*cut)
-            aim = prepared.goal
-            found = LaneMetrics(group, flight.rows, prepared.schedule, aim, start)
+            target = prepared.goal
+            found = BatchMetrics(group, flight.rows, prepared.schedule, target, start)
             measured = found.metrics(flight.w).__getitem__
-        far = np.abs(flight.w[: states * LANES].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
-        return _SideBySide(measured, far, flight.in_doubt(), flight.quantised)
+        far = np.abs(flight.w[: states * BATCH_WIDTH].reshape(-1, BATCH_WIDTH)).max(
+            axis=0
+        )  # NaN, where it is
+        return _SideBySide(measured, far, flight.fallback_codes(), flight.quantised)
 
     def _recorded(
-        self, group: Sequence[LaneTrial], prepared: _Prepared, flight: LaneFlight
+        self, group: Sequence[BatchTrial], prepared: _Prepared, flight: BatchFlight
     ) -> Callable[[int], dict[str, float | None] | None]:
         """Fly a group that is measured from its truth; return what gives the metrics of each."""
         model, period = group[0].model, group[0].trial.period
         source = self.study.source
-        found = [RecordedMetrics(lane, prepared.goal, source) for lane in group]
-        record = np.empty((LANES, TICKS, model.positions + model.coordinates + model.joints))
-        for first, last in flight.cuts(TICKS):
+        found = [RecordedMetrics(member, prepared.goal, source) for member in group]
+        record = np.empty((BATCH_WIDTH, TICKS, model.positions + model.coordinates + model.joints))
+        for first, last in flight.intervals(TICKS):
             flight.fly(first, last, record)
-            stamps = stamps_of(first, last, period)
+            times = stamp_columns(first, last, period)
             for one, truth in zip(found, record, strict=False):
-                one.add(stamps, truth[: last - first])
+                one.add(times, truth[: last - first])
         return lambda k: found[k].metrics()
 
-    def _prepare(self, lane: LaneTrial) -> _Prepared | Way:
+    def _prepare(self, member: BatchTrial) -> _Prepared | Way:
         """Return what is common to all like this one, or why the bench has to fly them."""
-        if lane.law not in self._prepared:
-            self._prepared[lane.law] = self._made(lane)
+        if member.law not in self._prepared:
+            self._prepared[member.law] = self._made(member)
             while len(self._prepared) > _KEPT or (
-                len(self._prepared) > 1 and sum(map(_size, self._prepared.values())) > _ROOM
+                len(self._prepared) > 1 and sum(map(_size, self._prepared.values())) > _MAX_SIZE
             ):
                 self._prepared.pop(next(iter(self._prepared)))
-        return self._prepared[lane.law]
+        return self._prepared[member.law]
 
-    def _gains_of(self, lane: LaneTrial, prepared: _Prepared) -> Vector | Way:
+    def _gains_of(self, member: BatchTrial, prepared: _Prepared) -> Vector | Way:
         """Return kp, ki and kd of a lane; a way where the bench refuses its gains."""
-        trial, law = lane.trial, prepared.legs[0].form.law
+        trial, law = member.trial, prepared.segments[0].form.law
         entry = law_entry(trial, trial.active)
-        if len(prepared.legs) > 1 or not entry.lane_gains:
+        if len(prepared.segments) > 1 or not entry.batch_gains:
             return law.gains
-        own = trial.controllers[trial.active] or {}
-        key = lane.law, repr([own.get(name) for name in entry.lane_gains])
-        known, checked = self._gains.get(key), entry.checked or lane.model.leading is not None
+        values = trial.controllers[trial.active] or {}
+        key = member.law, repr([values.get(name) for name in entry.batch_gains])
+        known, checked = self._gains.get(key), entry.checked or member.model.leading is not None
         if known is None or (checked and known.testbed != trial.testbed):
             if len(self._gains) >= _KEPT:
                 self._gains.clear()
@@ -274,59 +277,66 @@ class Lanes:
             known = self._gains[key] = _Gains(trial.testbed, found)
         return known.found
 
-    def _followed(self, lane: LaneTrial, plan: Plan | None) -> LaneCourse:
+    def _member_reference(self, member: BatchTrial, plan: Plan | None) -> PlanTable:
         """Return a trial's plan tick by tick, or its rest where it has none."""
-        trial = lane.trial
+        trial = member.trial
         ticks = round(trial.duration / trial.period)
-        hold = np.zeros(lane.model.joints) if lane.hold is None else lane.hold
-        key = (hold.tobytes() if plan is None else plan_hash(plan)), ticks
-        if key != self._course[0]:
-            made = course_of(plan, ticks) if plan else resting_course(hold, trial.period, ticks)
-            self._course = key, made
-        course: LaneCourse = self._course[1]
-        return course
+        rest_position = np.zeros(member.model.joints) if member.hold is None else member.hold
+        key = (rest_position.tobytes() if plan is None else plan_hash(plan)), ticks
+        if key != self._last_reference[0]:
+            made = (
+                tabulate_plan(plan, ticks)
+                if plan
+                else tabulate_hold(rest_position, trial.period, ticks)
+            )
+            self._last_reference = key, made
+        reference: PlanTable = self._last_reference[1]
+        return reference
 
-    def _made(self, lane: LaneTrial) -> _Prepared | Way:
-        trial, variant = lane.trial, lane.case.variant
-        if self._large.get(variant, lane.law) != lane.law:
+    def _made(self, member: BatchTrial) -> _Prepared | Way:
+        trial, variant = member.trial, member.case.variant
+        if self._large.get(variant, member.law) != member.law:
             return Way.ALONG  # to make it takes as long as a flight of the bench
         try:
-            plan = self.plans.of(trial, lane.asked)
+            plan = self.plans.of(trial, member.request)
         except FlexslewError:
             return Way.NOT_ALLOWED
-        course = self._followed(lane, plan)
-        legs, holds = list[Leg](), lane.hold is not None and lane.hold.any()
-        for first, name in lane.happens.charge.legs:
+        reference = self._member_reference(member, plan)
+        segments, nonzero_rest = list[LawSegment](), member.hold is not None and member.hold.any()
+        for first, name in member.happens.charge.segments:
             controller = _allowed(trial, name)
             if controller is None or (plan and controller.adopt(plan)) or controller.reason:
                 return Way.NOT_ALLOWED
-            if holds and hasattr(controller.estimator, "expect"):
+            if nonzero_rest and hasattr(controller.estimator, "expect"):
                 return Way.NO_PLAN  # it expects a rest at zero first
-            form = form_of(trial, controller, course.references)
+            form = form_of(trial, controller, reference.references)
             if isinstance(form, Way):
                 return form
             watch = watch_of(controller.monitor, form.observer)
-            way = _way_of_leg(controller, form, watch, lane.happens.charge)
+            way = _way_of_segment(controller, form, watch, member.happens.charge)
             if way is not Way.LANES:
                 return way
-            legs.append(Leg(first, name, form, controller.handover_ticks, watch))
-        if len({_filter_of(leg.form) for leg in legs}) > 1:
+            segments.append(LawSegment(first, name, form, controller.handover_ticks, watch))
+        if len({_filter_of(segment.form) for segment in segments}) > 1:
             return Way.SWITCH
-        if any(is_large(leg.form) for leg in legs):
-            self._large[variant] = lane.law
-        aim, goal = aim_of(lane, plan)
-        kinds = tuple((leg.first, leg.blended, leg.watch, kind_of(leg.form)) for leg in legs)
-        apart = plan is None and lane.model.attitude is None  # each may hold its own position
-        follows = len(course.references) if apart else self._course[0]
-        kind = kinds, follows, aim.tobytes()
-        return _Prepared(tuple(legs), schedule_of(course), aim, goal, kind)
+        if any(is_large(segment.form) for segment in segments):
+            self._large[variant] = member.law
+        target, goal = target_of(member, plan)
+        kinds = tuple(
+            (segment.first, segment.transition_ticks, segment.watch, kind_of(segment.form))
+            for segment in segments
+        )
+        separate = plan is None and member.model.attitude is None  # each may hold its own position
+        reference_key = len(reference.references) if separate else self._last_reference[0]
+        kind = kinds, reference_key, target.tobytes()
+        return _Prepared(tuple(segments), schedule_of(reference), target, goal, kind)
 
 
 def _size(prepared: _Prepared | Way) -> int:
     """Return how many numbers its observers hold."""
     if isinstance(prepared, Way):
         return 0
-    return sum(size_of(leg.form) for leg in prepared.legs)
+    return sum(size_of(segment.form) for segment in prepared.segments)
 
 
 def _allowed(trial: Trial, name: str, *left_out: str) -> Controller | None:
@@ -353,19 +363,19 @@ def form_of(trial: Trial, controller: Controller, references: list[Reference]) -
     return form if way is Way.LANES else way
 
 
-def _way_of_leg(
+def _way_of_segment(
     controller: Controller, form: LinearForm, watch: Watch | None, charge: Charge
 ) -> Way:
     """Return LANES, or why lanes do not have the measurements of a trial's controller."""
-    if controller.name in charge.blinded and not _begins_anew(form):
+    if controller.name in charge.without_estimate and not _can_restart(form):
         return Way.NAN
-    alone = not (charge.legs[1:] or charge.failure)
-    if controller.monitor is not None and (watch is None or not alone):
-        return Way.JUDGED  # a filter of which lanes know no innovations, or several
+    single = not (charge.segments[1:] or charge.failure)
+    if controller.monitor is not None and (watch is None or not single):
+        return Way.MONITORED  # a filter of which lanes know no innovations, or several
     return Way.LANES
 
 
-def _begins_anew(form: LinearForm) -> bool:
+def _can_restart(form: LinearForm) -> bool:
     """Return whether lanes can start its estimator again in flight."""
     found = form.observer.observer if isinstance(form.observer, OnModelForm) else form.observer
     known = not isinstance(found, SmallMotionForm)
@@ -374,15 +384,15 @@ def _begins_anew(form: LinearForm) -> bool:
     return known and form.attitude is None and form.shared is None
 
 
-def _nothing(lane: int) -> dict[str, float | None]:
+def _no_metrics(member: int) -> dict[str, float | None]:
     """Return what there is to measure of a trial that fails."""
     return {}
 
 
 def _filter_of(form: LinearForm) -> Hashable:
     """Return what is equal for laws that have the same filters of the attitude."""
-    craft = form.flexible.numbers if form.flexible is not None else ()
-    return form.attitude and tuple(part.tobytes() for part in (*form.attitude, *craft))
+    spacecraft = form.flexible.numbers if form.flexible is not None else ()
+    return form.attitude and tuple(part.tobytes() for part in (*form.attitude, *spacecraft))
 
 
 def _way_of_form(form: LinearForm, model: Model) -> Way:
@@ -392,5 +402,5 @@ def _way_of_form(form: LinearForm, model: Model) -> Way:
     sensors = model.appendages
     tips = form.shared is None and form.law.from_output.shape[-1] > 2 * model.joints
     exact = sensors.errors is None or not sensors.errors.any()
-    known = not tips or (sensors.felt is None and sensors.body is None and exact)
+    known = not tips or (sensors.exact_reading is None and sensors.body is None and exact)
     return Way.LANES if known else Way.TIPS

@@ -12,22 +12,22 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
-from flexslew_lab.metrics.metric import FlownManoeuvre
+from flexslew_lab.metrics.metric import ReferenceManoeuvre
 from flexslew_lab.studies.lanes.benches.lane_faults import faults_of
-from flexslew_lab.studies.lanes.groups.lane_laws import Beside, by_lane
-from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial, read_channels
-from flexslew_lab.studies.lanes.laws.efforts import LawNumbers, Troubles
+from flexslew_lab.studies.lanes.groups.lane_laws import BatchLaws, by_member
+from flexslew_lab.studies.lanes.groups.lane_trial import BatchTrial, read_channels
+from flexslew_lab.studies.lanes.laws.efforts import Disturbances, LawNumbers
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector, kept
+from flexslew_plant.arrays import EMPTY, Matrix, Tensor, Vector, read_only
 from flexslew_plant.bench.wire import stamp_of
-from flexslew_plant.hardware.actuator import motor_numbers, shortest_impulses
+from flexslew_plant.hardware.actuator import minimum_impulse, motor_numbers
 from flexslew_plant.hardware.disturbances import disturbance_effort
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 from flexslew_plant.testbeds.model import Model
 
 
-class LaneCourse(NamedTuple):
+class PlanTable(NamedTuple):
     """A plan tick by tick."""
 
     references: list[Reference]  # of every tick
@@ -38,11 +38,11 @@ class LaneCourse(NamedTuple):
     velocity: Matrix
 
 
-def course_of(plan: Plan, ticks: int) -> LaneCourse:
+def tabulate_plan(plan: Plan, ticks: int) -> PlanTable:
     """Return a plan tick by tick."""
     references = [plan.reference(k) for k in range(ticks)]
-    time = _stamps(plan.period, ticks)
-    return LaneCourse(
+    time = _tick_times(plan.period, ticks)
+    return PlanTable(
         references,
         time,
         time >= plan.start + plan.duration - 1e-9,
@@ -52,52 +52,52 @@ def course_of(plan: Plan, ticks: int) -> LaneCourse:
     )
 
 
-def resting_course(hold: Vector, period: float, ticks: int) -> LaneCourse:
+def tabulate_hold(hold_position: Vector, period: float, ticks: int) -> PlanTable:
     """Return the course of a controller that has no plan and holds its first measured position.
 
     Args:
-        hold: positions of the joints, shape (joints,) [rad or m].
+        hold_position: positions of the joints, shape (joints,) [rad or m].
         period: one tick [s].
         ticks: of the trial.
     """
-    still, always = np.zeros(hold.size), np.ones(ticks + 1, np.bool_)
-    return LaneCourse(
-        [Reference(hold, still, still, NOTHING)] * ticks,
-        _stamps(period, ticks),
+    zero, always = np.zeros(hold_position.size), np.ones(ticks + 1, np.bool_)
+    return PlanTable(
+        [Reference(hold_position, zero, zero, EMPTY)] * ticks,
+        _tick_times(period, ticks),
         always,
         always,
-        np.tile(hold, (ticks, 1)),
-        np.tile(still, (ticks, 1)),
+        np.tile(hold_position, (ticks, 1)),
+        np.tile(zero, (ticks, 1)),
     )
 
 
 @lru_cache(maxsize=4)
-def _stamps(period: float, ticks: int) -> Vector:
+def _tick_times(period: float, ticks: int) -> Vector:
     """Return the stamps of ticks as the log has them, shape (ticks + 1,) [s]."""
-    stamps = (stamp_of(k * period) for k in range(ticks + 1))
-    return kept(np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps]))
+    times = (stamp_of(k * period) for k in range(ticks + 1))
+    return read_only(np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in times]))
 
 
-def schedule_of(course: LaneCourse) -> Schedule:
+def schedule_of(table: PlanTable) -> Schedule:
     """Return what is the same in every lane, tick by tick."""
-    return Schedule(*course[1:])
+    return Schedule(*table[1:])
 
 
-def troubles_of(lanes: Sequence[LaneTrial], filled: int, ticks: int) -> Troubles:
+def disturbances_of(members: Sequence[BatchTrial], filled: int, ticks: int) -> Disturbances:
     """Return what disturbs and breaks a group, of which the first lanes are filled."""
     found: list[Matrix] = []
-    for before, lane in zip([None, *lanes], lanes, strict=False):
-        alike = before is not None and before.happens.disturbances == lane.happens.disturbances
-        found.append(found[-1] if alike else _disturbance(lane, ticks))
-    apart = any(one is not found[0] for one in found)
-    disturbance = np.stack(found, axis=-1) if apart else found[0][:, :, None]
-    return Troubles(disturbance, faults_of(lanes[:filled], ticks))
+    for before, member in zip([None, *members], members, strict=False):
+        same = before is not None and before.happens.disturbances == member.happens.disturbances
+        found.append(found[-1] if same else _disturbance(member, ticks))
+    per_member = any(one is not found[0] for one in found)
+    disturbance = np.stack(found, axis=-1) if per_member else found[0][:, :, None]
+    return Disturbances(disturbance, faults_of(members[:filled], ticks))
 
 
-def _disturbance(lane: LaneTrial, ticks: int) -> Matrix:
-    model, period = lane.model, lane.trial.period
+def _disturbance(member: BatchTrial, ticks: int) -> Matrix:
+    model, period = member.model, member.trial.period
     total = np.zeros((ticks, model.joints))
-    for timed in lane.happens.disturbances:
+    for timed in member.happens.disturbances:
         if not any(map(is_dataclass, timed.shapes.values())):
             steady = disturbance_effort(timed, timed.start, model.joint_names, period)
             total[timed.start : int(min(timed.end, ticks))] += steady
@@ -107,72 +107,72 @@ def _disturbance(lane: LaneTrial, ticks: int) -> Matrix:
     return total
 
 
-def aim_of(lane: LaneTrial, plan: Plan | None) -> tuple[Vector, FlownManoeuvre]:
+def target_of(member: BatchTrial, plan: Plan | None) -> tuple[Vector, ReferenceManoeuvre]:
     """Return what a group is measured against: rows `tip`, `goal`, displacement; as a record."""
-    testbed, nowhere = lane.trial.testbed, np.zeros(lane.model.joints)
-    goal = FlownManoeuvre(0.0, 0.0, None, nowhere)
+    testbed, origin = member.trial.testbed, np.zeros(member.model.joints)
+    goal = ReferenceManoeuvre(0.0, 0.0, None, origin)
     if plan is not None:
         goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
-    place = np.nan + nowhere if goal.goal is None else goal.goal
-    tip = lane.model.appendages.tip.ravel()
+    place = np.nan + origin if goal.goal is None else goal.goal
+    tip = member.model.appendages.tip.ravel()
     return np.concatenate((tip, place, goal.displacement)), goal
 
 
-def tips_measured(shares: Matrix) -> int:
+def tips_measured(mode_shapes: Matrix) -> int:
     """Return how many of the first tips there are beyond which none bends further.
 
     Of two appendages that bend antisymmetrically it is the first one alone.
 
     Args:
-        shares: of each mode in each tip, (tips, modes).
+        mode_shapes: of each mode in each tip, (tips, modes).
     """
     found = 0
-    for k, own in enumerate(shares):
-        before = shares[:k]
-        again = (own == before).all(axis=1) | (own == -before).all(axis=1)
-        if own.any() and not again.any():
+    for k, entry in enumerate(mode_shapes):
+        before = mode_shapes[:k]
+        duplicate = (entry == before).all(axis=1) | (entry == -before).all(axis=1)
+        if entry.any() and not duplicate.any():
             found = k + 1
     return found
 
 
-def drives_of(lanes: list[LaneTrial]) -> Matrix:
+def drives_of(members: list[BatchTrial]) -> Matrix:
     """Return of every lane limits, least efforts, shortest impulses, rows `motor` and `spin`."""
     found = list[Vector]()
-    for before, lane in zip([None, *lanes], lanes, strict=False):
-        alike = before is not None and _have_same_drives(before, lane)
-        found.append(found[-1] if alike else _drives(lane.trial, lane.model))
+    for before, member in zip([None, *members], members, strict=False):
+        same = before is not None and _have_same_drives(before, member)
+        found.append(found[-1] if same else _drives(member.trial, member.model))
     return np.array(found)
 
 
-def _have_same_drives(one: LaneTrial, other: LaneTrial) -> bool:
+def _have_same_drives(one: BatchTrial, other: BatchTrial) -> bool:
     first, second = one.trial, other.trial
     settings = second.actuator, second.testbed.effort_limit
     if (first.actuator, first.testbed.effort_limit) != settings:
         return False
-    own, spins = one.model.spins, other.model.spins
-    return own is spins or all(
+    entry, wheels = one.model.spins, other.model.spins
+    return entry is wheels or all(
         a.tobytes() == b.tobytes()
-        for a, b in ((own.inertia, spins.inertia), (own.fastest, spins.fastest))
+        for a, b in ((entry.inertia, wheels.inertia), (entry.fastest, wheels.fastest))
     )
 
 
 def _drives(trial: Trial, model: Model) -> Vector:
     limit = np.array(trial.testbed.effort_limit)
-    impulse = shortest_impulses(trial.actuator, model.joint_names, limit, trial.period)
+    impulse = minimum_impulse(trial.actuator, model.joint_names, limit, trial.period)
     motors = motor_numbers(trial.actuator, limit, trial.period, impulse, model.one_way)
-    own, spins = model.spins, np.zeros((2, limit.size))
-    spins[:, own.efforts] = own.inertia / trial.period, own.fastest
-    return np.concatenate((*motors[:3], motors[3:-1], *spins))
+    entry, wheels = model.spins, np.zeros((2, limit.size))
+    wheels[:, entry.efforts] = entry.inertia / trial.period, entry.fastest
+    return np.concatenate((*motors[:3], motors[3:-1], *wheels))
 
 
-def spun_by(lanes: Sequence[LaneTrial]) -> tuple[int, ...]:
+def wheel_rates_of(members: Sequence[BatchTrial]) -> tuple[int, ...]:
     """Return which entry of the state is the speed of each joint's wheel, -1 of what has none.
 
     Where no wheel of any lane has a limit it is empty.
     """
-    wheels = lanes[0].model.spins
-    limited = np.isfinite([lane.model.spins.fastest for lane in lanes]).any(axis=0)
-    rates = np.full(lanes[0].model.joints, -1)
+    wheels = members[0].model.spins
+    limited = np.isfinite([member.model.spins.fastest for member in members]).any(axis=0)
+    rates = np.full(members[0].model.joints, -1)
     rates[wheels.efforts[limited]] = wheels.rate[limited]
     return tuple(rates.tolist()) if limited.any() else ()
 
@@ -185,16 +185,19 @@ def gains_of(controller: Controller) -> Vector:
     return np.concatenate((gains.kp, getattr(gains, "ki", np.zeros(gains.kp.size)), gains.kd))
 
 
-def positions_of(lanes: Sequence[LaneTrial], schedule: Schedule) -> Tensor:
+def positions_of(members: Sequence[BatchTrial], schedule: Schedule) -> Tensor:
     """Return the positions that joints shall have, (ticks, joints, 1), or (1, joints, LANES)."""
-    holds = [lane.hold for lane in lanes if lane.hold is not None]
-    if any(hold is not holds[0] and (hold != holds[0]).any() for hold in holds):
-        return np.array(holds).T[None].copy()
+    hold_positions = [member.hold for member in members if member.hold is not None]
+    if any(
+        hold_position is not hold_positions[0] and (hold_position != hold_positions[0]).any()
+        for hold_position in hold_positions
+    ):
+        return np.array(hold_positions).T[None].copy()
     return schedule.position[:, :, None]
 
 
 def numbers_of(
-    group: Beside, position: Tensor, velocity: Matrix, since: int, blended: int
+    group: BatchLaws, position: Tensor, velocity: Matrix, since: int, transition_ticks: int
 ) -> LawNumbers:
     """Return the laws of a group for the loop.
 
@@ -203,56 +206,56 @@ def numbers_of(
         position: that they follow, (ticks or 1, axes, 1 or LANES).
         velocity: that they follow, (ticks, axes).
         since: tick at which they take over; -1: they are in charge from the start.
-        blended: ticks in which the efforts of the one before are blended out.
+        transition_ticks: ticks in which the efforts of the one before are blended out.
     """
     laws = group.laws
     return LawNumbers(
         position,
         velocity,
-        by_lane(laws, "from_state", 2),
-        by_lane(laws, "from_output", 2),
-        by_lane(laws, "to_integral", 2),
-        by_lane(laws, "quadratic", 2),
-        by_lane(laws, "demand", 1),
-        by_lane(laws[:1], "integrand", 1),
+        by_member(laws, "from_state", 2),
+        by_member(laws, "from_output", 2),
+        by_member(laws, "to_integral", 2),
+        by_member(laws, "quadratic", 2),
+        by_member(laws, "demand", 1),
+        by_member(laws[:1], "integrand", 1),
         laws[0].integral,
-        laws[0].unwinding,
+        laws[0].tracking_rate,
         since,
-        blended,
+        transition_ticks,
         group.allocation,
     )
 
 
-def quanta_of(lanes: Sequence[LaneTrial], outputs: int) -> Matrix:
+def quanta_of(members: Sequence[BatchTrial], outputs: int) -> Matrix:
     """Return the quanta of what the law reads, (outputs, LANES); 0: none."""
-    m, tips = lanes[0].model.joints, outputs - 2 * lanes[0].model.joints
-    channels = [read_channels(lane.trial) for lane in lanes]
-    steps = np.array([[channel.quantisation for channel in own] for own in channels]).T
+    m, tips = members[0].model.joints, outputs - 2 * members[0].model.joints
+    channels = [read_channels(member.trial) for member in members]
+    steps = np.array([[channel.quantisation for channel in entry] for entry in channels]).T
     return np.repeat(steps, (m, m, tips), axis=0)
 
 
-def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
+def errors_of(members: list[BatchTrial], outputs: int, readings: int) -> Matrix:
     """Return bias and noise of what the law reads, (readings or 1, outputs LANES)."""
-    m, tips = lanes[0].model.joints, len(lanes[0].model.appendages.names)
+    m, tips = members[0].model.joints, len(members[0].model.appendages.names)
     widths = (m, m, tips, tips)
     channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
-    noisy = any(channel.noise for lane in lanes for channel in read_channels(lane.trial))
-    error = np.zeros((readings if noisy else 1, outputs, LANES))
-    for k, lane in enumerate(lanes):
-        alike = not noisy and k > 0 and lane.trial.sensors is lanes[k - 1].trial.sensors
-        if alike or (k > 0 and lane is lanes[k - 1]):  # which only fills up
+    noisy = any(channel.noise for member in members for channel in read_channels(member.trial))
+    error = np.zeros((readings if noisy else 1, outputs, BATCH_WIDTH))
+    for k, member in enumerate(members):
+        same = not noisy and k > 0 and member.trial.sensors is members[k - 1].trial.sensors
+        if same or (k > 0 and member is members[k - 1]):  # which only fills up
             error[:, :, k] = error[:, :, k - 1]
             continue
-        each = [getattr(lane.trial.sensors, name) for name in channels]
-        drawn = [w if channel.noise else 0 for w, channel in zip(widths, each, strict=True)]
+        each = [getattr(member.trial.sensors, name) for name in channels]
+        noise_counts = [w if channel.noise else 0 for w, channel in zip(widths, each, strict=True)]
         noise = np.zeros((0, 0))
         if noisy:
-            rng = np.random.default_rng([lane.trial.seed, 0])  # as Bench.reset, epoch 0
-            own = lane.model.appendages.errors  # of single tips, drawn after those of all
-            more = 0 if own is None or not own.any() else tips
-            noise = rng.standard_normal((readings, sum(drawn) + more))
+            rng = np.random.default_rng([member.trial.seed, 0])  # as Bench.reset, epoch 0
+            entry = member.model.appendages.errors  # of single tips, drawn after those of all
+            more = 0 if entry is None or not entry.any() else tips
+            noise = rng.standard_normal((readings, sum(noise_counts) + more))
         at, column = 0, 0
-        for width, channel, count in zip(widths, each, drawn, strict=True):
+        for width, channel, count in zip(widths, each, noise_counts, strict=True):
             read = min(width, outputs - at)
             if read > 0:
                 error[:, at : at + read, k] = channel.bias
@@ -260,4 +263,4 @@ def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
                     each_tick = noise[:, column : column + read]
                     error[:, at : at + read, k] += channel.noise * each_tick
             at, column = at + width, column + count
-    return error.reshape(len(error), outputs * LANES)
+    return error.reshape(len(error), outputs * BATCH_WIDTH)

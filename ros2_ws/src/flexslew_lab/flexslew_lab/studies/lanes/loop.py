@@ -11,17 +11,17 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.benches.judge import judging
+from flexslew_lab.studies.lanes.benches.judge import sensor_check_step
 from flexslew_lab.studies.lanes.benches.lane_faults import setting_in
 from flexslew_lab.studies.lanes.benches.quanta import quantising
-from flexslew_lab.studies.lanes.benches.senses import Filter, sensing
+from flexslew_lab.studies.lanes.benches.senses import Filter, sensor_step
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes, rows_of
-from flexslew_lab.studies.lanes.laws.efforts import LawNumbers, LawTerms, Troubles, efforts_of
-from flexslew_lab.studies.lanes.laws.observers import LaneSignals, Observe
-from flexslew_lab.studies.lanes.laws.turned import about_reference
-from flexslew_lab.studies.lanes.laws.watch import watching
+from flexslew_lab.studies.lanes.laws.efforts import Disturbances, LawNumbers, LawTerms, efforts_of
+from flexslew_lab.studies.lanes.laws.observers import BatchSignals, ObserverStep
+from flexslew_lab.studies.lanes.laws.turned import relative_to_reference
+from flexslew_lab.studies.lanes.laws.watch import innovation_monitor
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
-from flexslew_plant.testbeds.compiled.lanes import LANES, KernelRows, LaneKernel
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH, BatchKernel, KernelRows
 
 MARGIN = 1.0 - 1e-12  # of the limit: an effort from there on is saturated, as in metrics.efforts
 
@@ -40,24 +40,26 @@ Loop = Callable[..., None]
 
 
 @lru_cache
-def lane_loop(
-    kernel: LaneKernel,
+def batch_loop(
+    kernel: BatchKernel,
     sizes: Sizes,
     terms: LawTerms,
-    observe: Observe,
+    observer_step: ObserverStep,
     push: Callable[..., None],
     move: Callable[..., None],
     recorded: bool,
-    turns: bool,
-    heard: bool,
+    reads_attitude: bool,
+    has_instruments: bool,
     filtered: Filter | None,
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, LaneJudge, Watch, turned, Senses,
-    LanePushes, LaneFriction, observer, z, memory, filled, first, last, record, draws): w of
+    It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, SensorCheck, Watch, turned,
+    Senses,
+    BatchForces, BatchFriction, observer, z, memory, filled, first, last, record, draws): w of
     lanes.Advance with the rows of `rows` behind; `error` of the readings, (ticks + 1 or 1, outputs
-    LANES); TurnedJoints, if `turns`; w, z and memory in and out; `observer` as `observe` takes it,
+    LANES); RotationJoints, if `reads_attitude`; w, z and memory in and out; `observer` as
+    `observer_step` takes it,
     which serves the first `filled` lanes at least; ticks from `first` to before `last`. If
     `recorded`, the truth goes into `record`, (LANES, ticks, states + joints), and is measured
     afterwards; else the loop counts what the metrics need. `draws` are the instruments', (ticks,
@@ -67,12 +69,12 @@ def lane_loop(
         kernel: of the testbed.
         sizes: of the group.
         terms: of the law.
-        observe: of the law.
-        push: what acts from outside; see pushed.pushes_of.
-        move: what takes the testbed one tick on; see lane_friction.movement_of.
+        observer_step: of the law.
+        push: what acts from outside; see pushed.forces_of.
+        move: what takes the testbed one tick on; see lane_friction.motion_of.
         recorded: whether the truth is.
-        turns: whether the joints read an attitude.
-        heard: whether there are instruments.
+        reads_attitude: whether the joints read an attitude.
+        has_instruments: whether there are instruments.
         filtered: the filters that estimate the joints; None: there are none.
     """
     m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
@@ -81,32 +83,35 @@ def lane_loop(
     metrics = (
         _recorded(of_kernel.effort, rows, sizes) if recorded else _measure(of_kernel, rows, sizes)
     )
-    locate, position, velocity, mode = kernel.read, *of_kernel[1:4]
-    reading, earlier, effort, own = rows.reading, rows.earlier, rows.applied, rows.own
+    read_joints, position, velocity, mode = kernel.read, *of_kernel[1:4]
+    reading, previous, effort, member_demand = rows.reading, rows.previous, rows.applied, rows.own
     tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
-    about = about_reference(m, rows.reading, turns and filtered is None)
+    replace_positions = relative_to_reference(m, rows.reading, reads_attitude and filtered is None)
     quantise = quantising(rows, sizes)
-    compare, watch = judging(rows, sizes), watching(rows, sizes)
-    kept = ny * LANES * sizes.remembered
-    set_in, sense = setting_in(rows, sizes, heard), sensing(rows, sizes, heard, filtered)
+    compare, watch = sensor_check_step(rows, sizes), innovation_monitor(rows, sizes)
+    kept = ny * BATCH_WIDTH * sizes.needs_previous
+    set_in, read_instruments = (
+        setting_in(rows, sizes, has_instruments),
+        sensor_step(rows, sizes, has_instruments, filtered),
+    )
 
     @vectorised
     def read(k: int, error: Matrix, w: Vector) -> None:
         """Write the readings: joints, rates, the first of the tips."""
-        row, rates = k if error.shape[0] > 1 else 0, m * LANES
+        row, rates = k if error.shape[0] > 1 else 0, m * BATCH_WIDTH
         for i in range(kept):
-            w[earlier + i] = w[reading + i]
-        for i in range(m * LANES):
+            w[previous + i] = w[reading + i]
+        for i in range(m * BATCH_WIDTH):
             w[reading + i] = w[position + i] + error[row, i]
             w[reading + rates + i] = w[velocity + i] + error[row, rates + i]
         for i in range(2 * m, ny):
-            for lane in range(LANES):
-                at = error[row, i * LANES + lane]
+            for member in range(BATCH_WIDTH):
+                at = error[row, i * BATCH_WIDTH + member]
                 for j in range(modes):
-                    share = ((i - 2 * m) * modes + j) * LANES + lane
-                    at += w[tip + share] * w[mode + j * LANES + lane]
-                    at += w[tip_rate + share] * w[mode_rate + j * LANES + lane]
-                w[reading + i * LANES + lane] = at
+                    share = ((i - 2 * m) * modes + j) * BATCH_WIDTH + member
+                    at += w[tip + share] * w[mode + j * BATCH_WIDTH + member]
+                    at += w[tip_rate + share] * w[mode_rate + j * BATCH_WIDTH + member]
+                w[reading + i * BATCH_WIDTH + member] = at
 
     @vectorised
     def loop(
@@ -114,14 +119,14 @@ def lane_loop(
         dt: float,
         steps: int,
         schedule: Any,
-        troubles: Troubles,
+        disturbances: Disturbances,
         law: LawNumbers,
         error: Matrix,
-        judge: Any,
-        watched: Any,
-        turned: Any,
-        senses: Any,
-        pushes: Any,
+        sensor_check: Any,
+        monitor: Any,
+        rotation_joints: Any,
+        instruments: Any,
+        external_forces: Any,
         friction: Any,
         observer: Any,
         z: Vector,
@@ -130,49 +135,49 @@ def lane_loop(
         first: int,
         last: int,
         record: Tensor,
-        draws: Tensor,
+        samples: Tensor,
     ) -> None:
         ticks = schedule.position.shape[0]
-        signals = LaneSignals(
-            w[reading : reading + ny * LANES],
-            w[earlier : earlier + ny * LANES],
-            w[effort : effort + m * LANES],
-            w[own : own + m * LANES],
+        signals = BatchSignals(
+            w[reading : reading + ny * BATCH_WIDTH],
+            w[previous : previous + ny * BATCH_WIDTH],
+            w[effort : effort + m * BATCH_WIDTH],
+            w[member_demand : member_demand + m * BATCH_WIDTH],
         )
         for k in range(first, last):
-            locate(filled, w)
+            read_joints(filled, w)
             metrics(k, first, schedule, record, w)
             if k == ticks:
                 break
             read(k, error, w)
             quantise(w)
-            set_in(k, troubles.faults, w, filled)
-            compare(k, dt, judge, w)
-            if heard:
-                draw, reference = draws[k - first], schedule.position[k]
-                sense(k, senses, draw, reference, troubles.faults, w, filled)
-            about(w, turned, schedule.position[k], filled)
-            observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
-            watch(k, watched, z, memory, w)
-            efforts(k, schedule.time[k], dt, troubles, law, turned, z, w, filled)
-            push(k * dt, 0.5 * dt, pushes, filled, w)
+            set_in(k, disturbances.faults, w, filled)
+            compare(k, dt, sensor_check, w)
+            if has_instruments:
+                draw, reference = samples[k - first], schedule.position[k]
+                read_instruments(k, instruments, draw, reference, disturbances.faults, w, filled)
+            replace_positions(w, rotation_joints, schedule.position[k], filled)
+            observer_step(k, schedule.time[k], dt, observer, signals, z, memory, filled)
+            watch(k, monitor, z, memory, w)
+            efforts(k, schedule.time[k], dt, disturbances, law, rotation_joints, z, w, filled)
+            push(k * dt, 0.5 * dt, external_forces, filled, w)
             move(k * dt, dt, steps, friction, filled, w)
-            push(k * dt + dt, -0.5 * dt, pushes, filled, w)
+            push(k * dt + dt, -0.5 * dt, external_forces, filled, w)
 
     return cast(Loop, loop)
 
 
 def _recorded(states: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what keeps states and applied efforts of a tick; states: entries times LANES."""
-    applied, count, m = rows.applied, states // LANES, sizes.joints
+    applied, count, m = rows.applied, states // BATCH_WIDTH, sizes.joints
 
     @vectorised
     def keep(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
-        for lane in range(LANES):
+        for member in range(BATCH_WIDTH):
             for i in range(count):
-                record[lane, k - first, i] = w[i * LANES + lane]
+                record[member, k - first, i] = w[i * BATCH_WIDTH + member]
             for i in range(m):
-                record[lane, k - first, count + i] = w[applied + i * LANES + lane]
+                record[member, k - first, count + i] = w[applied + i * BATCH_WIDTH + member]
 
     return cast(Callable[..., None], keep)
 
@@ -196,9 +201,9 @@ def _moment(k: int, schedule: Any) -> _Moment:
     """
     before = max(k - 1, 0)
     time, over, was_over = schedule.time[k], schedule.over[k], schedule.over[before] & (k > 0)
-    held, begun = time - schedule.time[before], schedule.started[k]
+    hold_time, started = time - schedule.time[before], schedule.started[k]
     return _Moment(
-        time, held, 1.0 if over else 0.0, 0.0 if begun else -np.inf, over and not was_over
+        time, hold_time, 1.0 if over else 0.0, 0.0 if started else -np.inf, over and not was_over
     )
 
 
@@ -210,8 +215,8 @@ def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., N
     m, modes, tips = sizes.joints, sizes.modes, sizes.measured
     effort, tip, goal, sign, band = rows.applied, rows.tip, rows.goal, rows.sign, rows.band
     limit, residual_tip, peak_tip = rows.limit, rows.residual_tip, rows.peak_tip
-    bent, full = rows.bent, rows.full
-    residual, beyond, outside = rows.residual, rows.beyond, rows.outside
+    tip_deflection, full = rows.deflection, rows.full
+    residual, overshoot, outside = rows.residual, rows.limit_excess, rows.outside
     peak_effort = rows.peak_effort
     square_sum, saturated = rows.square_sum, rows.saturated
     _, position, _, mode, _, _ = of_kernel
@@ -219,31 +224,33 @@ def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., N
 
     @vectorised
     def count(now: _Moment, w: Vector) -> None:
-        time, held, over, started = now.time, now.held, now.over, now.started
+        time, hold_time, over, started = now.time, now.held, now.over, now.started
         for i in range(tips):
-            first_share = tip + i * modes * LANES
-            for lane in range(LANES):
-                w[bent + lane] = w[first_share + lane] * w[mode + lane]
+            first_share = tip + i * modes * BATCH_WIDTH
+            for member in range(BATCH_WIDTH):
+                w[tip_deflection + member] = w[first_share + member] * w[mode + member]
             for j in range(1, modes):
-                share = first_share + j * LANES
-                for lane in range(LANES):
-                    w[bent + lane] += w[share + lane] * w[mode + j * LANES + lane]
-            for lane in range(LANES):
-                deflection = abs(w[bent + lane])
-                w[peak_tip + lane] = max(w[peak_tip + lane], deflection)
-                w[residual_tip + lane] = max(w[residual_tip + lane], over * deflection)
+                share = first_share + j * BATCH_WIDTH
+                for member in range(BATCH_WIDTH):
+                    w[tip_deflection + member] += (
+                        w[share + member] * w[mode + j * BATCH_WIDTH + member]
+                    )
+            for member in range(BATCH_WIDTH):
+                deflection = abs(w[tip_deflection + member])
+                w[peak_tip + member] = max(w[peak_tip + member], deflection)
+                w[residual_tip + member] = max(w[residual_tip + member], over * deflection)
         for i in range(m):
-            for lane in range(LANES):
-                at = i * LANES + lane
+            for member in range(BATCH_WIDTH):
+                at = i * BATCH_WIDTH + member
                 error, push = w[position + at] - w[goal + at], abs(w[effort + at])
                 w[residual + at] = max(w[residual + at], over * abs(error))
-                w[beyond + at] = max(w[beyond + at], error * w[sign + at] + started)
+                w[overshoot + at] = max(w[overshoot + at], error * w[sign + at] + started)
                 w[outside + at] = time if abs(error) > w[band + at] else w[outside + at]
                 w[peak_effort + at] = max(w[peak_effort + at], push)
-                w[square_sum + at] += held * push * push
+                w[square_sum + at] += hold_time * push * push
                 most = push >= w[limit + at] * MARGIN
-                w[saturated + lane] += held if most and w[full + lane] < time else 0.0
-                w[full + lane] = time if most else w[full + lane]
+                w[saturated + member] += hold_time if most and w[full + member] < time else 0.0
+                w[full + member] = time if most else w[full + member]
 
     @vectorised
     def measure(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
@@ -262,12 +269,12 @@ def _terminal(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., 
 
     @vectorised
     def finish(w: Vector) -> None:
-        for i in range(m * LANES):
-            w[terminal + i % LANES] += (w[position + i] - w[goal + i]) ** 2
-            w[terminal + i % LANES] += w[velocity + i] ** 2
-        for i in range(modes * LANES):
-            w[terminal + i % LANES] += w[mode + i] ** 2 + w[mode_rate + i] ** 2
-        for lane in range(LANES):
-            w[terminal + lane] = np.sqrt(w[terminal + lane])
+        for i in range(m * BATCH_WIDTH):
+            w[terminal + i % BATCH_WIDTH] += (w[position + i] - w[goal + i]) ** 2
+            w[terminal + i % BATCH_WIDTH] += w[velocity + i] ** 2
+        for i in range(modes * BATCH_WIDTH):
+            w[terminal + i % BATCH_WIDTH] += w[mode + i] ** 2 + w[mode_rate + i] ** 2
+        for member in range(BATCH_WIDTH):
+            w[terminal + member] = np.sqrt(w[terminal + member])
 
     return cast(Callable[..., None], finish)

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.metrics.epoch import Epoch
-from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, RunSetup
-from flexslew_lab.metrics.own import keys_of, own_metrics
+from flexslew_lab.metrics.metric import Ending, ReferenceManoeuvre, RunSetup
+from flexslew_lab.metrics.own import keys_of, load_user_metrics
 from flexslew_lab.metrics.trajectory import TrajectoryMetric
 from flexslew_lab.studies.flight import columns_of
-from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import BatchTrial
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.bench.wire import stamp_of
 
@@ -22,25 +22,27 @@ class RecordedMetrics:
     """The metrics of one trial.
 
     Args:
-        lane: the trial.
-        aim: of its manoeuvre.
+        member: the trial.
+        target: of its manoeuvre.
         source: of the study, to name in an error.
     """
 
-    def __init__(self, lane: LaneTrial, aim: FlownManoeuvre, source: str) -> None:
-        self._lane, model = lane, lane.model
+    def __init__(self, member: BatchTrial, target: ReferenceManoeuvre, source: str) -> None:
+        self._member, model = member, member.model
         self._modes, self._failed = model.positions - model.modes, False
-        limit = np.array(lane.trial.testbed.effort_limit)
-        setup = RunSetup(model.joint_names, aim, limit, lane.trial.testbed)
-        trial = lane.trial
-        with self._own_may_fail():
-            own = own_metrics(trial.metrics, f"{source}: metrics", trial.trust)
-            self._keys = keys_of(own)
-            self._epoch = Epoch(0, setup, own, without=(TrajectoryMetric,))  # a hash of exact bits
+        limit = np.array(member.trial.testbed.effort_limit)
+        setup = RunSetup(model.joint_names, target, limit, member.trial.testbed)
+        trial = member.trial
+        with self._catch_user_errors():
+            user_metrics = load_user_metrics(trial.metrics, f"{source}: metrics", trial.trust)
+            self._keys = keys_of(user_metrics)
+            self._epoch = Epoch(
+                0, setup, user_metrics, without=(TrajectoryMetric,)
+            )  # a hash of exact bits
 
-    def add(self, stamps: dict[str, Any], truth: Tensor) -> None:
+    def add(self, times: dict[str, Any], truth: Tensor) -> None:
         """Take the next ticks: their stamps, and states with applied efforts, (ticks, rows)."""
-        model, positions = self._lane.model, self._lane.model.positions
+        model, positions = self._member.model, self._member.model.positions
         q, rest = truth[:, :positions], truth[:, positions:]
         columns = {
             "position": q,
@@ -49,34 +51,34 @@ class RecordedMetrics:
             "tip_deflection": q[:, self._modes :] @ model.appendages.tip.T,
         }
         if not self._failed:
-            with self._own_may_fail():
-                self._epoch.add(stamps | columns)
+            with self._catch_user_errors():
+                self._epoch.add(times | columns)
 
     def metrics(self) -> dict[str, float | None] | None:
         """Return the columns of the trial; None: a metric of its own has raised an error."""
         if not self._failed:
-            with self._own_may_fail():
-                ending = Ending(self._lane.happens.charge.events, [], True)
+            with self._catch_user_errors():
+                ending = Ending(self._member.happens.charge.events, [], True)
                 return columns_of(self._epoch.result(ending), self._keys)
         return None
 
     @contextmanager
-    def _own_may_fail(self) -> Iterator[None]:
+    def _catch_user_errors(self) -> Iterator[None]:
         """Keep what a metric of the user's own does to its own trial."""
         try:
             yield
         except Exception:
-            if not self._lane.trial.metrics:
+            if not self._member.trial.metrics:
                 raise
             self._failed = True
 
 
-def stamps_of(first: int, last: int, period: float) -> dict[str, Any]:
+def stamp_columns(first: int, last: int, period: float) -> dict[str, Any]:
     """Return tick and stamp from `first` to before `last` as the truth has them."""
     ticks = np.arange(first, last, dtype=np.uint64)
-    stamps = [stamp_of(k * period) for k in range(first, last)]
+    times = [stamp_of(k * period) for k in range(first, last)]
     return {
         "tick": ticks,
-        "header.stamp.sec": np.array([stamp.sec for stamp in stamps], dtype=np.int32),
-        "header.stamp.nanosec": np.array([s.nanosec for s in stamps], dtype=np.uint32),
+        "header.stamp.sec": np.array([stamp.sec for stamp in times], dtype=np.int32),
+        "header.stamp.nanosec": np.array([s.nanosec for s in times], dtype=np.uint32),
     }

@@ -3,8 +3,8 @@
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 
 
-def apart(ours: float | None, theirs: float | None) -> float:
+def relative_difference(value: float | None, reference: float | None) -> float:
     """Return how far two values are apart, relative to the larger of the value and one."""
-    if ours is None or theirs is None:
-        return 0.0 if ours is theirs else 1e9
-    return abs(ours - theirs) / max(1.0, abs(theirs))
+    if value is None or reference is None:
+        return 0.0 if value is reference else 1e9
+    return abs(value - reference) / max(1.0, abs(reference))

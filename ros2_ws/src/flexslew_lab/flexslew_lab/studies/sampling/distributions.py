@@ -10,7 +10,7 @@ from scipy import stats
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class _Family(NamedTuple):
 
 def _choice(values: Sequence[Any], unit: Vector) -> NDArray[Any]:
     pick = np.minimum((unit * len(values)).astype(int), len(values) - 1)
-    chosen: NDArray[Any] = np.array(values)[pick]
-    return chosen
+    selected: NDArray[Any] = np.array(values)[pick]
+    return selected
 
 
 def _truncated(a: Sequence[float], unit: Vector) -> NDArray[Any]:
@@ -108,7 +108,7 @@ def distribution_of(values: Any, place: str, others: tuple[str, ...] = ()) -> Di
     known = (*FAMILIES, *others)
     for key in values if isinstance(values, dict) else ():
         if key not in known:
-            hint = did_you_mean(key, known)
+            hint = spelling_hint(key, known)
             raise BadInput(f"{key}: unknown key; {hint}allowed: {', '.join(known)}", place)
     if not isinstance(values, dict) or len(values) != 1 or next(iter(values)) not in FAMILIES:
         raise BadInput(f"give one of {', '.join(FAMILIES)}", key=place, value=values)

@@ -91,13 +91,13 @@ def _saltelli(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedS
     """
     d, n, count = len(spread), _n(s), replicates_of(s)
     children = seed.spawn(count) if count > 1 else [seed]
-    both = np.concatenate(
+    points = np.concatenate(
         [
             qmc.Sobol(2 * d, rng=np.random.default_rng(child)).random(n // count)
             for child in children
         ]
     )
-    a, b = both[:, :d], both[:, d:]
+    a, b = points[:, :d], points[:, d:]
     parts = [a, b]
     for j in range(d):
         mixed = a.copy()
@@ -121,7 +121,7 @@ METHODS: dict[str, _Method] = {
 }
 
 
-def drawn(s: Sampling, spread: Sequence[Distribution], seed: int) -> Samples:
+def draw_samples(s: Sampling, spread: Sequence[Distribution], seed: int) -> Samples:
     """Return the samples of a study; the same seed gives the same ones everywhere."""
     root = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
     return METHODS[s.method].draw(s, spread, root)

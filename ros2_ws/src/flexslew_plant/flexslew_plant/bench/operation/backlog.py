@@ -6,22 +6,22 @@ from flexslew_plant.graph.topics import LOOP_DEPTH
 from flexslew_plant.refusal import Cause, Refusal
 
 # How far ahead of the disk the plant may be, not paced: what the kill of a recorder may cost
-RECORDED_WITHIN = 100  # [ticks]; one second at the default period
-HEARD_WITHIN = LOOP_DEPTH // 4  # the same, paced: of what DDS keeps for a recorder [ticks]
+RECORDER_LIMIT = 100  # [ticks]; one second at the default period
+DDS_LIMIT = LOOP_DEPTH // 4  # the same, paced: of what DDS keeps for a recorder [ticks]
 
 
 @dataclass
-class _Heard:
+class _NodeStatus:
     tick: int  # last measurement it has seen
     epoch: int
     allowed: int  # ticks behind the plant
     paced: int | None  # the same for a paced plant; None: the plant does not wait for it
-    held_since: float | None = None  # the plant has been waiting for it [wall s]
+    wait_start: float | None = None  # the plant has been waiting for it [wall s]
     lost: bool = False  # silent for so long that it is waited for no more
 
 
 @dataclass
-class Backlog:
+class NodeProgress:
     """The last tick that each node has seen, from the statuses of controllers and recorders.
 
     Not paced, the plant holds back for the slowest. Paced, a controller that is too far behind is
@@ -36,9 +36,9 @@ class Backlog:
     allowed: int = 1000
     patience: float = 2.0
     paced: bool = False
-    _heard: dict[str, _Heard] = field(init=False, default_factory=dict)
+    _nodes: dict[str, _NodeStatus] = field(init=False, default_factory=dict)
 
-    def heard(self, name: str, tick: int, epoch: int, recorder: bool = False) -> None:
+    def received(self, name: str, tick: int, epoch: int, recorder: bool = False) -> None:
         """Take a status.
 
         Args:
@@ -47,19 +47,19 @@ class Backlog:
             epoch: of that tick.
             recorder: it is one, and not a controller.
         """
-        before = self._heard.get(name)
+        before = self._nodes.get(name)
         if before is None or (before.epoch, before.tick) != (epoch, tick):
-            limits = (RECORDED_WITHIN, HEARD_WITHIN) if recorder else (self.allowed, None)
-            self._heard[name] = _Heard(tick, epoch, *limits)
+            limits = (RECORDER_LIMIT, DDS_LIMIT) if recorder else (self.allowed, None)
+            self._nodes[name] = _NodeStatus(tick, epoch, *limits)
 
     def expect_recorder(self, name: str, tick: int, epoch: int) -> None:
         """Count from this tick on for a recorder that is there and has sent no status yet."""
-        if name not in self._heard:
-            self.heard(name, tick, epoch, recorder=True)
+        if name not in self._nodes:
+            self.received(name, tick, epoch, recorder=True)
 
-    def forget(self, name: str) -> None:
+    def clear(self, name: str) -> None:
         """Wait for this one no more: it has ended."""
-        self._heard.pop(name, None)
+        self._nodes.pop(name, None)
 
     def slow(self, tick: int, epoch: int, now: float) -> list[str]:
         """Return the nodes for which the plant must hold back now.
@@ -70,24 +70,24 @@ class Backlog:
             now: wall clock [s].
         """
         slow = []
-        for name, heard in self._heard.items():
-            allowed = heard.paced if self.paced else heard.allowed
-            if heard.lost or allowed is None or _lag(heard, tick, epoch) <= allowed:
+        for name, node in self._nodes.items():
+            allowed = node.paced if self.paced else node.allowed
+            if node.lost or allowed is None or _lag(node, tick, epoch) <= allowed:
                 continue
-            if heard.held_since is None:
-                heard.held_since = now
-            heard.lost = now - heard.held_since > self.patience
-            if not heard.lost:
+            if node.wait_start is None:
+                node.wait_start = now
+            node.lost = now - node.wait_start > self.patience
+            if not node.lost:
                 slow.append(name)
         return slow
 
     def lag(self, name: str, tick: int, epoch: int) -> int | None:
         """Return by how many ticks it was behind at its last status; None without a status."""
-        heard = self._heard.get(name)
-        return None if heard is None else _lag(heard, tick, epoch)
+        node = self._nodes.get(name)
+        return None if node is None else _lag(node, tick, epoch)
 
     def reason(
-        self, controller: str, tick: int, epoch: int, resting: bool = False
+        self, controller: str, tick: int, epoch: int, at_rest: bool = False
     ) -> Refusal | None:
         """Return why a controller that is too far behind at this tick cannot take charge.
 
@@ -95,18 +95,18 @@ class Backlog:
             controller: name of the controller.
             tick: tick of the bench.
             epoch: epoch of the bench.
-            resting: no question comes before the bench goes on, so one that was started meanwhile,
+            at_rest: no question comes before the bench goes on, so one that was started meanwhile,
                 and has seen none, is not behind: it begins with the next.
         """
-        heard = self._heard.get(controller)
-        if heard is None or _lag(heard, tick, epoch) <= heard.allowed:
+        node = self._nodes.get(controller)
+        if node is None or _lag(node, tick, epoch) <= node.allowed:
             return None
-        if resting and heard.tick == 0:
+        if at_rest and node.tick == 0:
             return None
-        words = f"it has seen tick {heard.tick}, the bench is at {tick}"
+        words = f"it has seen tick {node.tick}, the bench is at {tick}"
         return Refusal(words, cause=Cause.BEHIND)
 
 
-def _lag(heard: _Heard, tick: int, epoch: int) -> int:
+def _lag(node: _NodeStatus, tick: int, epoch: int) -> int:
     """Return the distance behind the plant [ticks]."""
-    return tick - (heard.tick if heard.epoch == epoch else 0)
+    return tick - (node.tick if node.epoch == epoch else 0)

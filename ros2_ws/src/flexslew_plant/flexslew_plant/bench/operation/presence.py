@@ -4,12 +4,12 @@ from collections.abc import Iterable
 from math import inf
 from typing import NamedTuple
 
-BEAT_EVERY = 0.25  # [wall s]
-SILENT_AFTER = 0.8  # without a beat a node counts as gone [wall s]
+HEARTBEAT_PERIOD = 0.25  # [wall s]
+HEARTBEAT_TIMEOUT = 0.8  # without a beat a node counts as gone [wall s]
 _ONE = ("plant", "planner")  # roles that a bench has once, under any name
 
 
-class Beat(NamedTuple):
+class Heartbeat(NamedTuple):
     """One sign of life; see flexslew_msgs/Alive."""
 
     node: str
@@ -19,39 +19,44 @@ class Beat(NamedTuple):
     process: str = ""  # machine and PID namespace/id; empty: not known
 
     @property
-    def age(self) -> tuple[int, int]:
+    def start_order(self) -> tuple[int, int]:
         """What orders two of one name: the older one is the smaller."""
         return self.since, self.instance
 
 
-class Presence:
+class Heartbeats:
     """The heartbeats of all nodes, and how long ago they came."""
 
     def __init__(self) -> None:
-        self._heard: dict[int, tuple[Beat, float]] = {}  # by instance, with the wall time [s]
-        self._known: dict[str, str] = {}  # role by name, of all nodes with a beat so far
+        self._received: dict[
+            int, tuple[Heartbeat, float]
+        ] = {}  # by instance, with the wall time [s]
+        self._roles: dict[str, str] = {}  # role by name, of all nodes with a beat so far
 
-    def hear(self, beat: Beat, now: float) -> None:
+    def receive(self, heartbeat: Heartbeat, now: float) -> None:
         """Take a beat that came at this wall time [s]."""
-        self._heard[beat.instance] = beat, now
-        self._known[beat.node] = beat.role
+        self._received[heartbeat.instance] = heartbeat, now
+        self._roles[heartbeat.node] = heartbeat.role
 
-    def excuse(self, seconds: float) -> None:
+    def extend_timeouts(self, seconds: float) -> None:
         """Shift all waiting times: the receiver was late, not the nodes."""
-        self._heard = {key: (beat, at + seconds) for key, (beat, at) in self._heard.items()}
+        self._received = {
+            key: (heartbeat, at + seconds) for key, (heartbeat, at) in self._received.items()
+        }
 
-    def ended(self, beat: Beat) -> None:
+    def ended(self, heartbeat: Heartbeat) -> None:
         """Note that the process of this beat is no more: it is silent from now on."""
-        self._heard[beat.instance] = beat, -inf
+        self._received[heartbeat.instance] = heartbeat, -inf
 
-    def alive(self, now: float) -> dict[str, Beat]:
+    def alive(self, now: float) -> dict[str, Heartbeat]:
         """Return the nodes that are alive, by name; the oldest one of several with one name."""
-        found: dict[str, Beat] = {}
-        for beat, at in self._heard.values():
-            if now - at <= SILENT_AFTER and (
-                beat.node not in found or beat.age < found[beat.node].age
+        found: dict[str, Heartbeat] = {}
+        for heartbeat, at in self._received.values():
+            if now - at <= HEARTBEAT_TIMEOUT and (
+                heartbeat.node not in found
+                or heartbeat.start_order < found[heartbeat.node].start_order
             ):
-                found[beat.node] = beat
+                found[heartbeat.node] = heartbeat
         return found
 
     def counts(self, name: str, instance: int, now: float) -> bool:
@@ -63,7 +68,7 @@ class Presence:
         first = self.alive(now).get(name)
         return not instance or first is None or first.instance == instance
 
-    def contradicted(self, name: str, instance: int, since: float, now: float) -> bool:
+    def has_later_heartbeat(self, name: str, instance: int, since: float, now: float) -> bool:
         """Return whether the node of this name has sent a beat after a message of another instance.
 
         Args:
@@ -73,44 +78,66 @@ class Presence:
             now: wall clock [s].
         """
         first = self.alive(now).get(name)
-        beats = {beat.instance: at for beat, at in self._heard.values()}
-        return first is not None and first.instance != instance and beats[first.instance] > since
+        received_times = {heartbeat.instance: at for heartbeat, at in self._received.values()}
+        return (
+            first is not None
+            and first.instance != instance
+            and received_times[first.instance] > since
+        )
 
-    def silent(self, name: str, now: float) -> bool:
+    def inactive(self, name: str, now: float) -> bool:
         """Return whether a node that gave signs of life gives none any more."""
-        return name in self._known and name not in self.alive(now)
+        return name in self._roles and name not in self.alive(now)
 
-    def overdue(self, now: float) -> list[Beat]:
+    def late_heartbeats(self, now: float) -> list[Heartbeat]:
         """Return the last beats of all nodes with an overdue next beat."""
-        return [beat for beat, at in self._heard.values() if now - at > 1.2 * BEAT_EVERY]
+        return [
+            heartbeat
+            for heartbeat, at in self._received.values()
+            if now - at > 1.2 * HEARTBEAT_PERIOD
+        ]
 
     def lost(self, names: Iterable[str], patience: float, now: float) -> set[str]:
         """Return those of these names with a beat once, but none for `patience` [wall s]."""
-        known = self._known.keys() & set(names)
-        return {name for name in known if now - self.last_heard(name) > patience}
+        known = self._roles.keys() & set(names)
+        return {name for name in known if now - self.last_heartbeat_time(name) > patience}
 
-    def last_heard(self, name: str) -> float:
+    def last_heartbeat_time(self, name: str) -> float:
         """Return when a node of this name gave its last sign of life [wall s]; -inf: never."""
-        return max((at for beat, at in self._heard.values() if beat.node == name), default=-inf)
+        return max(
+            (at for heartbeat, at in self._received.values() if heartbeat.node == name),
+            default=-inf,
+        )
 
     def of_role(self, role: str) -> list[str]:
         """Return all names with this role that have ever sent a beat."""
-        return sorted(name for name, had in self._known.items() if had == role)
+        return sorted(name for name, had in self._roles.items() if had == role)
 
-    def older(self, beat: Beat, now: float) -> Beat | None:
+    def previous(self, heartbeat: Heartbeat, now: float) -> Heartbeat | None:
         """Return the first that came before it, of its name or of a role that is had once."""
-        rivals = [other for other in self._rivals(beat, now) if other.age < beat.age]
-        return min(rivals, key=lambda other: other.age, default=None)
+        duplicates = [
+            other
+            for other in self._duplicates(heartbeat, now)
+            if other.start_order < heartbeat.start_order
+        ]
+        return min(duplicates, key=lambda other: other.start_order, default=None)
 
-    def younger(self, beat: Beat, now: float) -> list[Beat]:
+    def later(self, heartbeat: Heartbeat, now: float) -> list[Heartbeat]:
         """Return those that came after it, of its name or of a role that is had once."""
-        return [other for other in self._rivals(beat, now) if other.age > beat.age]
-
-    def _rivals(self, beat: Beat, now: float) -> list[Beat]:
         return [
             other
-            for other, at in self._heard.values()
-            if other.instance != beat.instance
-            and now - at <= SILENT_AFTER
-            and (other.node == beat.node or (other.role == beat.role and beat.role in _ONE))
+            for other in self._duplicates(heartbeat, now)
+            if other.start_order > heartbeat.start_order
+        ]
+
+    def _duplicates(self, heartbeat: Heartbeat, now: float) -> list[Heartbeat]:
+        return [
+            other
+            for other, at in self._received.values()
+            if other.instance != heartbeat.instance
+            and now - at <= HEARTBEAT_TIMEOUT
+            and (
+                other.node == heartbeat.node
+                or (other.role == heartbeat.role and heartbeat.role in _ONE)
+            )
         ]

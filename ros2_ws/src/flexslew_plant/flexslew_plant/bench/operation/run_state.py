@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 from flexslew_plant.refusal import Cause, Refusal
 
 WAITING, RUNNING, PAUSED, FINISHED = "waiting", "running", "paused", "finished"
@@ -40,7 +40,7 @@ class RunState:
     def __init__(self, autostart: bool) -> None:
         self.state = WAITING if autostart else PAUSED
         self._steps_left = 0  # of a paused bench; 0: no end
-        self._wall = 0.0  # of the finished stretches of this epoch [s]
+        self._elapsed = 0.0  # of the finished stretches of this epoch [s]
         self._since: float | None = None  # of the present one [wall s]
 
     @property
@@ -49,13 +49,13 @@ class RunState:
         return self.state == RUNNING
 
     @property
-    def stepping(self) -> bool:
+    def has_steps_left(self) -> bool:
         """Return whether a paused bench simulates some ticks, or waits for nodes before it does."""
         return self._steps_left > 0
 
     def wall_time(self, now: float) -> float:
         """Return for how long ticks have passed in this epoch, pauses left out [wall s]."""
-        return self._wall + (now - self._since if self._since is not None else 0.0)
+        return self._elapsed + (now - self._since if self._since is not None else 0.0)
 
     def begin(self, now: float) -> None:
         """Run: all required nodes are present."""
@@ -63,9 +63,9 @@ class RunState:
 
     def start(self) -> Reply:
         """Run on without an end, as soon as all are there."""
-        refused = {FINISHED: _OVER, RUNNING: "already running"}
-        if self.state in refused and not self._steps_left:
-            return _not_now(refused[self.state])
+        reasons = {FINISHED: _OVER, RUNNING: "already running"}
+        if self.state in reasons and not self._steps_left:
+            return _not_now(reasons[self.state])
         self._steps_left = 0
         if self.state == PAUSED:
             self.state = WAITING
@@ -85,14 +85,14 @@ class RunState:
             return _not_now(_OVER if over else f"not paused but {self.state}; call pause first")
         self._steps_left = max(1, ticks)
         self.state = WAITING
-        return Reply(f"flying {counted(self._steps_left, 'tick')}")
+        return Reply(f"flying {count_text(self._steps_left, 'tick')}")
 
     def reset(self) -> None:
         """Rest at tick 0; nothing is left of what was under way."""
         self.state, self._steps_left = PAUSED, 0
-        self._wall, self._since = 0.0, None
+        self._elapsed, self._since = 0.0, None
 
-    def ticked(self, now: float) -> bool:
+    def count_tick(self, now: float) -> bool:
         """Count a tick; return whether the bench rests after it."""
         if not self._steps_left:
             return False
@@ -107,5 +107,5 @@ class RunState:
         self._rest(FINISHED, now)
 
     def _rest(self, state: str, now: float) -> None:
-        self._wall, self._since = self.wall_time(now), None
+        self._elapsed, self._since = self.wall_time(now), None
         self.state, self._steps_left = state, 0

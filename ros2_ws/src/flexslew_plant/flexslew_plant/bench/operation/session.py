@@ -9,24 +9,24 @@ from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
 from flexslew_plant.bench.bench import Bench, SwitchRequest, Truth
-from flexslew_plant.bench.operation.backlog import Backlog
-from flexslew_plant.bench.operation.pacing import Pacing
-from flexslew_plant.bench.operation.presence import BEAT_EVERY, Presence
+from flexslew_plant.bench.operation.backlog import NodeProgress
+from flexslew_plant.bench.operation.pacing import TickTimer
+from flexslew_plant.bench.operation.presence import HEARTBEAT_PERIOD, Heartbeats
 from flexslew_plant.bench.operation.run_state import PAUSED, WAITING, Reply, RunState
 from flexslew_plant.events import (
-    UNNAMED,
+    NO_NAME,
     Event,
     Fact,
-    FellBehind,
-    Interrupted,
-    Noted,
+    OperatorNote,
     Paused,
     RateChanged,
-    RecorderBack,
+    RecorderActive,
     RecorderLost,
     Resumed,
+    RunStopped,
+    ScheduleShifted,
     Started,
-    Stepped,
+    StepsRequested,
     WasReset,
     message_of,
     too_long,
@@ -36,9 +36,9 @@ from flexslew_plant.refusal import Cause, Refusal
 
 Outgoing: TypeAlias = Measurement | Truth | Event
 
-_SILENT = Refusal("its heartbeat is lost", cause=Cause.NO_HEARTBEAT)
-_ABSENT = Refusal("it is not on the graph", cause=Cause.ABSENT)
-_JUST_COME = Refusal("it has just come", cause=Cause.NOT_READY)
+_HEARTBEAT_LOST = Refusal("its heartbeat is lost", cause=Cause.NO_HEARTBEAT)
+_NOT_PRESENT = Refusal("it is not on the graph", cause=Cause.ABSENT)
+_NEW_INSTANCE = Refusal("it has just come", cause=Cause.NOT_READY)
 _POLL_PERIOD = 0.02  # between two checks for missing nodes [wall s]
 
 
@@ -52,7 +52,7 @@ class Session:
         answer_timeout: silence that counts as missed ticks when not paced [wall s].
         autostart: start as soon as all are there.
         missing: returns the missing nodes without which no tick can pass, except unready ones.
-        arrived: returns the commands that came and were not yet delivered by `take`.
+        new_commands: returns the commands that came and were not yet delivered by `take`.
     """
 
     def __init__(
@@ -63,62 +63,64 @@ class Session:
         answer_timeout: float,
         autostart: bool,
         missing: Callable[[], list[str]],
-        arrived: Callable[[], Iterable[EffortCommand]],
+        new_commands: Callable[[], Iterable[EffortCommand]],
     ) -> None:
         self.bench = bench
         self.run = RunState(autostart)
-        self.pacing = Pacing(bench.settings.period, rate_factor, answer_timeout)
-        self.backlog = Backlog(patience=answer_timeout, paced=self.pacing.paced)
-        self.presence = Presence()
+        self.tick_timer = TickTimer(bench.settings.period, rate_factor, answer_timeout)
+        self.node_progress = NodeProgress(patience=answer_timeout, paced=self.tick_timer.paced)
+        self.heartbeats = Heartbeats()
         self.reasons: dict[str, Refusal | None] = {}  # why not ready, from their statuses
-        self._said_by = dict[str, int]()  # the instance of each status; 0: not given
-        self._answers = dict[str, int]()  # the accepted instance of each, until _look_around
+        self._status_instance = dict[str, int]()  # the instance of each status; 0: not given
+        self._accepted_instance = dict[
+            str, int
+        ]()  # the accepted instance of each, until _update_nodes
         self.waiting_for: list[str] = []
-        self.outbox: deque[Outgoing] = deque()
-        self.watched: Callable[[], bool] = lambda: True  # whether this tick's truth is of use
+        self.outgoing: deque[Outgoing] = deque()
+        self.monitored: Callable[[], bool] = lambda: True  # whether this tick's truth is of use
         self._requested = controllers
-        scheduled = (entry.switch for entry in bench.settings.schedule if entry.switch)
-        self._named = {*bench.settings.fallback, *scheduled}  # may have to take over
+        switch_targets = (entry.switch for entry in bench.settings.schedule if entry.switch)
+        self._named = {*bench.settings.fallback, *switch_targets}  # may have to take over
         self._who = ""  # name of the operator that requested the start under way
-        self._missing, self._arrived = missing, arrived
-        self._shown = (0, -1)  # epoch and tick of the newest truth that went out
+        self._missing, self._new_commands = missing, new_commands
+        self._last_truth = (0, -1)  # epoch and tick of the newest truth that went out
         self._late = (0, 0.0)  # how often behind the schedule, and by how much in all [wall s]
-        self._next_look = 0.0
-        self._held_since: float | None = None  # for the next controller [wall s]
-        self._gone: set[str] = set()  # recorders that fell silent
+        self._next_check = 0.0
+        self._wait_start: float | None = None  # for the next controller [wall s]
+        self._lost_recorders: set[str] = set()  # recorders that fell silent
 
     def poll(self, now: float) -> float:
         """Do what is due at this wall time [s]; return after how many seconds to be called."""
         if self.run.state == WAITING:
             self._try_begin(now)
         if not self.run.running:
-            self._look_around(now)
+            self._update_nodes(now)
             self._flush()
-            return _POLL_PERIOD if self.run.state == WAITING else BEAT_EVERY
-        held_up = self.pacing.look(now)
-        self.presence.excuse(held_up)
+            return _POLL_PERIOD if self.run.state == WAITING else HEARTBEAT_PERIOD
+        delay = self.tick_timer.look(now)
+        self.heartbeats.extend_timeouts(delay)
         bench = self.bench
         if not bench.answered:  # what has come is taken before anybody is judged
             question = bench.question
-            for command in self._arrived():
+            for command in self._new_commands():
                 if self._counts(command, now):
                     bench.offer(command)
             if bench.question is not question:  # a refused switch: ask the previous controller
-                self.outbox.append(bench.question)
-        self._look_around(now)
+                self.outgoing.append(bench.question)
+        self._update_nodes(now)
         drive = bench.drive
         alive = bool(drive.active) and not self.reason(drive.active, now)
-        last_chance = alive and drive.one_miss_left
-        if self.pacing.tick_over(now, bench.answered, drive.missed_in_a_row, last_chance):
-            if self._held_back(now):
+        is_final = alive and drive.one_miss_left
+        if self.tick_timer.tick_over(now, bench.answered, drive.missing_ticks, is_final):
+            if self._needs_wait(now):
                 return 0.005
             self._advance(now)
-        elif not bench.answered and self.pacing.repeat_due(now):
-            self.outbox.append(bench.question)
+        elif not bench.answered and self.tick_timer.check_repeat(now):
+            self.outgoing.append(bench.question)
         self._flush()
-        if bench.answered and not self.pacing.paced:
+        if bench.answered and not self.tick_timer.paced:
             return 0.0
-        return self.pacing.wait(now)
+        return self.tick_timer.wait(now)
 
     def take(self, command: EffortCommand, now: float) -> bool:
         """Take an answer; return whether `poll` is due at once."""
@@ -129,12 +131,12 @@ class Session:
         question = bench.question
         if not self._counts(command, now):
             return False
-        if bench.offer(command) and not self.pacing.paced:
-            if self._held_back(now):
+        if bench.offer(command) and not self.tick_timer.paced:
+            if self._needs_wait(now):
                 return True
             self._advance(now)
         elif bench.question is not question:  # a refused switch: ask the previous controller
-            self.outbox.append(bench.question)
+            self.outgoing.append(bench.question)
         self._flush()
         return bool(bench.handover.results) or bench.answered
 
@@ -143,24 +145,26 @@ class Session:
 
         Else its question would be repeated, and another process of that name might answer.
         """
-        asked = self.bench.question
-        about = command.tick, command.epoch, command.controller
-        if about == (asked.tick, asked.epoch, asked.controller) and self._counts(command, now):
+        question = self.bench.question
+        key = command.tick, command.epoch, command.controller
+        if key == (question.tick, question.epoch, question.controller) and self._counts(
+            command, now
+        ):
             self.bench.offer(command)
             self._flush()
 
     def _counts(self, command: EffortCommand, now: float) -> bool:
         """Return whether an answer comes from the node that counts for its name; else reject it."""
         name, instance = command.controller, command.instance
-        if not instance or self._answers.get(name) == instance:
+        if not instance or self._accepted_instance.get(name) == instance:
             return True
-        if counts := self.presence.counts(name, instance, now):
-            self._answers[name] = instance
+        if counts := self.heartbeats.counts(name, instance, now):
+            self._accepted_instance[name] = instance
         else:
-            self.bench.turn_away(command)
+            self.bench.reject_sender(command)
         return counts
 
-    def hear(self, controller: str, ready: bool, reason: str, instance: int = 0) -> None:
+    def receive(self, controller: str, ready: bool, reason: str, instance: int = 0) -> None:
         """Take the status of a controller: whether it could take charge, and why not.
 
         Args:
@@ -169,21 +173,21 @@ class Session:
             reason: why not.
             instance: instance that sent the status; 0: not given.
         """
-        self._said_by[controller] = instance
+        self._status_instance[controller] = instance
         self.reasons[controller] = None if ready else Refusal(reason, cause=Cause.NOT_READY)
 
     def reason(self, controller: str, now: float) -> Refusal | None:
         """Return why a controller could not take charge now; None if it could."""
         if controller not in self.reasons:
-            return _ABSENT
-        if self.presence.silent(controller, now):
-            return _SILENT
-        if not self.presence.counts(controller, self._said_by.get(controller, 0), now):
-            return _JUST_COME  # its predecessor was ready, not it
+            return _NOT_PRESENT
+        if self.heartbeats.inactive(controller, now):
+            return _HEARTBEAT_LOST
+        if not self.heartbeats.counts(controller, self._status_instance.get(controller, 0), now):
+            return _NEW_INSTANCE  # its predecessor was ready, not it
         bench = self.bench
-        resting = not self.run.running
-        behind = self.backlog.reason(controller, bench.tick, bench.epoch, resting)
-        return self.reasons[controller] or behind
+        at_rest = not self.run.running
+        delay = self.node_progress.reason(controller, bench.tick, bench.epoch, at_rest)
+        return self.reasons[controller] or delay
 
     def start(self, who: str = "") -> Reply:
         """Start or resume as soon as all are there."""
@@ -196,35 +200,37 @@ class Session:
     def pause(self, now: float, who: str = "") -> Reply:
         """Rest between two ticks."""
         reply = self.run.pause(now)
-        return self._note_request(reply, Paused(self.bench.tick, who or UNNAMED))
+        return self._note_request(reply, Paused(self.bench.tick, who or NO_NAME))
 
     def step(self, ticks: int, who: str = "") -> Reply:
         """Fly some ticks of a paused bench."""
         reply = self.run.step(ticks)
         self._who = who
-        return self._note_request(reply, Stepped(self.bench.tick, max(1, ticks), who or UNNAMED))
+        return self._note_request(
+            reply, StepsRequested(self.bench.tick, max(1, ticks), who or NO_NAME)
+        )
 
     def reset(self, who: str = "") -> Reply:
         """Return to tick 0 in a new epoch and rest there."""
         tick = self.bench.tick
         self.bench.reset()
         self.run.reset()
-        return self._note_request(Reply(), WasReset(tick, self.bench.epoch, who or UNNAMED))
+        return self._note_request(Reply(), WasReset(tick, self.bench.epoch, who or NO_NAME))
 
     def brake(self, on: bool, who: str = "") -> Reply:
         """Latch or release the drive's own brake from the next tick on."""
-        refused = self.bench.brake(on, who)
+        refusal = self.bench.brake(on, who)
         self._flush()
         words = f"{'brake latched' if on else 'brake released'} from tick {self.bench.tick + 1} on"
-        return Reply(words, refused)
+        return Reply(words, refusal)
 
     def set_rate(self, rate_factor: float, now: float, who: str = "") -> Reply:
         """Go on at another rate from the next tick on; nothing of the trajectory changes."""
         if not 0.0 <= rate_factor < float("inf"):
             return Reply(refused=Refusal("0 (fast) or more", "rate_factor", rate_factor))
-        self.pacing.set_rate(rate_factor, now)
-        self.backlog.paced = self.pacing.paced
-        return self._note_request(Reply(), RateChanged(rate_factor, who or UNNAMED))
+        self.tick_timer.set_rate(rate_factor, now)
+        self.node_progress.paced = self.tick_timer.paced
+        return self._note_request(Reply(), RateChanged(rate_factor, who or NO_NAME))
 
     def note(self, text: str, who: str = "") -> Reply:
         """Keep an operator's remark in the log."""
@@ -232,14 +238,14 @@ class Session:
             return Reply(refused=Refusal("is empty; write something", "text"))
         if words := too_long(text):
             return Reply(refused=Refusal(words, "text"))
-        self._note_request(Reply(), Noted(text.strip(), who or UNNAMED))
+        self._note_request(Reply(), OperatorNote(text.strip(), who or NO_NAME))
         return Reply(f"noted at tick {self.bench.tick}")
 
     def switch(self, request: SwitchRequest, now: float) -> Refusal | None:
         """Queue a switch; return why it is refused, or None. See Bench.request_switch.
 
         Not paced, a controller that has just fallen silent may be starved of processor time: the
-        bench waits for it when the switch is due, see _held_back.
+        bench waits for it when the switch is due, see _needs_wait.
         """
         if request.controller not in self.reasons:
             known = ", ".join(sorted(self.reasons)) or "none"
@@ -247,36 +253,36 @@ class Session:
             return Refusal(words, cause=Cause.UNKNOWN)
         name = request.controller
         reason = self.reason(name, now)
-        starved = not self.pacing.paced and not self.presence.lost(
-            [name], self.backlog.patience, now
+        is_busy = not self.tick_timer.paced and not self.heartbeats.lost(
+            [name], self.node_progress.patience, now
         )
-        if reason is _SILENT and starved:
+        if reason is _HEARTBEAT_LOST and is_busy:
             reason = self.reasons[name]
         if reason is not None:
             return Refusal(f"{name} is not ready: {reason}", cause=reason.cause)
-        refused = self.bench.request_switch(request)
+        refusal = self.bench.request_switch(request)
         self._flush()
-        return refused
+        return refusal
 
     def interrupted(self) -> None:
         """Record that the run ends before its time, if it does."""
         if self.run.state in ("running", PAUSED) and self.bench.tick:
-            self.bench.tell(Interrupted(self.bench.tick))
+            self.bench.tell(RunStopped(self.bench.tick))
         self._flush()
 
     def _try_begin(self, now: float) -> None:
         """Begin as soon as all required nodes are present."""
         bench = self.bench
         reasons = {name: self.reason(name, now) for name in self.needed(now)}
-        unready = {f"{name} ({why})" for name, why in reasons.items() if why}
-        self.waiting_for = sorted({*self._missing(), *unready})
+        not_ready = {f"{name} ({why})" for name, why in reasons.items() if why}
+        self.waiting_for = sorted({*self._missing(), *not_ready})
         if self.waiting_for:
             return
         self.run.begin(now)
-        self.pacing.start(now)
-        bench.tell((Started if bench.tick == 0 else Resumed)(bench.tick, self._who or UNNAMED))
-        self._look_around(now)
-        self._tell_tick()
+        self.tick_timer.start(now)
+        bench.tell((Started if bench.tick == 0 else Resumed)(bench.tick, self._who or NO_NAME))
+        self._update_nodes(now)
+        self._publish_tick()
 
     def needed(self, now: float) -> set[str]:
         """Return which controllers the bench waits for before a tick passes.
@@ -288,58 +294,62 @@ class Session:
         bench, active = self.bench, self.bench.drive.active
         first, others = not (bench.tick or bench.epoch), set[str]()
         if bench.tick == 0:
-            others = {n for n in self._requested if first or not self.presence.silent(n, now)}
-        if not first and bench.handover.relieves(bench.tick + 1) and self._is_lost(active, now):
+            others = {n for n in self._requested if first or not self.heartbeats.inactive(n, now)}
+        if (
+            not first
+            and bench.handover.has_replacement(bench.tick + 1)
+            and self._is_lost(active, now)
+        ):
             active = ""
         return {*others, active} - {""}
 
     def _is_lost(self, controller: str, now: float) -> bool:
         """Return whether a controller seems gone for good, or has reported that it is not ready."""
-        gone = bool(self.presence.lost([controller], self.backlog.patience, now))
-        return gone or self.reasons.get(controller) is not None
+        is_lost = bool(self.heartbeats.lost([controller], self.node_progress.patience, now))
+        return is_lost or self.reasons.get(controller) is not None
 
     def _advance(self, now: float) -> None:
         self.bench.advance()
         if self.bench.done:
             self._finish(now)
             return
-        behind = self.pacing.fall_behind(now)
-        self.pacing.asked(now)
-        if behind:
-            self._tell_late(behind)
-        self._tell_tick()
-        self.run.ticked(now)
+        delay = self.tick_timer.shift_schedule(now)
+        self.tick_timer.request(now)
+        if delay:
+            self._report_delay(delay)
+        self._publish_tick()
+        self.run.count_tick(now)
 
-    def _tell_tick(self) -> None:
+    def _publish_tick(self) -> None:
         """Send the question first: the answer is under way while the rest goes out.
 
         Where the bench rested with an answer, the question is not repeated: a controller that has
         come since starts with the next question, as the answer to this one is not its own.
         """
         if not (self.bench.drive.active and self.bench.answered):  # under the brake: to all
-            self.outbox.append(self.bench.question)
-        self._tell_truth()
+            self.outgoing.append(self.bench.question)
+        self._publish_truth()
         self._flush()
 
-    def _tell_truth(self) -> None:
+    def _publish_truth(self) -> None:
         tick = self.bench.epoch, self.bench.tick
-        if tick != self._shown and self.watched():  # resumed: only the question is repeated
-            self._shown = tick
-            self.outbox.append(self.bench.truth())
+        if tick != self._last_truth and self.monitored():  # resumed: only the question is repeated
+            self._last_truth = tick
+            self.outgoing.append(self.bench.truth())
 
-    def _tell_late(self, behind: float) -> None:
-        count, total = self._late[0] + 1, self._late[1] + behind
+    def _report_delay(self, delay: float) -> None:
+        count, total = self._late[0] + 1, self._late[1] + delay
         self._late = count, total
         if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a slow machine stays readable
-            self.bench.tell(FellBehind(behind, total, count))
+            self.bench.tell(ScheduleShifted(delay, total, count))
 
     def _finish(self, now: float) -> None:
         self.run.finish(now)
-        self._tell_truth()
+        self._publish_truth()
         self.bench.finish(self.run.wall_time(now))
         self._flush()
 
-    def _held_back(self, now: float) -> bool:
+    def _needs_wait(self, now: float) -> bool:
         """Return whether the next question must wait for a node that is behind or held up.
 
         The bench waits for a recorder, with or without a heartbeat: one starved of processor time
@@ -349,55 +359,59 @@ class Session:
         a miss now.
         """
         tick, epoch = self.bench.tick + 1, self.bench.epoch
-        slow = self.backlog.slow(tick, epoch, now)
+        slow = self.node_progress.slow(tick, epoch, now)
         if slow:
-            recorders = self.presence.of_role("recorder")
-            if any(name in recorders or not self.presence.silent(name, now) for name in slow):
+            recorders = self.heartbeats.of_role("recorder")
+            if any(name in recorders or not self.heartbeats.inactive(name, now) for name in slow):
                 return True
         bench = self.bench
         if bench.answered and not bench.handover.waiting:  # the usual tick: no takeover
-            self._held_since = None
+            self._wait_start = None
             return False
-        due = [*bench.handover.due(tick), *self._heirs(now)]
-        if self.pacing.paced or not any(self.presence.silent(name, now) for name in due):
-            self._held_since = None
-            self._refresh(due, now)  # what was noted at the last look around may be over
+        pending = [*bench.handover.due(tick), *self._next_controllers(now)]
+        if self.tick_timer.paced or not any(
+            self.heartbeats.inactive(name, now) for name in pending
+        ):
+            self._wait_start = None
+            self._refresh(pending, now)  # what was noted at the last look around may be over
             return False
-        self._held_since = now if self._held_since is None else self._held_since
-        return now - self._held_since <= self.backlog.patience
+        self._wait_start = now if self._wait_start is None else self._wait_start
+        return now - self._wait_start <= self.node_progress.patience
 
-    def _heirs(self, now: float) -> list[str]:
+    def _next_controllers(self, now: float) -> list[str]:
         """Return the next controllers if this tick passes now, without those silent long before."""
         drive = self.bench.drive
         if self.bench.answered or not drive.active or not drive.one_miss_left:
             return []
-        since = min(now, self.presence.last_heard(drive.active))
-        heirs = self.bench.handover.heirs()
-        return sorted({*heirs} - self.presence.lost(heirs, self.backlog.patience, since))
+        since = min(now, self.heartbeats.last_heartbeat_time(drive.active))
+        candidates = self.bench.handover.next_controllers()
+        return sorted(
+            {*candidates} - self.heartbeats.lost(candidates, self.node_progress.patience, since)
+        )
 
     def _refresh(self, controllers: Iterable[str], now: float) -> None:
         """Note which of these controllers can take charge at this moment."""
         for name in controllers:
-            self.bench.handover.note_readiness(name, self.reason(name, now))
+            self.bench.handover.set_ready_status(name, self.reason(name, now))
 
-    def _look_around(self, now: float) -> None:
+    def _update_nodes(self, now: float) -> None:
         """Note which nodes fell silent and which controllers can take charge."""
-        if now < self._next_look and self.run.running:
+        if now < self._next_check and self.run.running:
             return
-        self._next_look = now + BEAT_EVERY / 2
-        self._answers.clear()
+        self._next_check = now + HEARTBEAT_PERIOD / 2
+        self._accepted_instance.clear()
         if self.run.running:
             self._refresh(sorted({*self.reasons, *self._named}), now)
-        for name in self.presence.of_role("recorder"):
-            silent = self.presence.silent(name, now)
-            if not silent:
-                self.backlog.expect_recorder(name, self.bench.tick, self.bench.epoch)
-            if silent and name not in self._gone:
-                self._gone.add(name)
+        for name in self.heartbeats.of_role("recorder"):
+            lost = self.heartbeats.inactive(name, now)
+            if not lost:
+                self.node_progress.expect_recorder(name, self.bench.tick, self.bench.epoch)
+            if lost and name not in self._lost_recorders:
+                self._lost_recorders.add(name)
                 self.bench.tell(RecorderLost(name))
-            elif not silent and name in self._gone:
-                self._gone.discard(name)
-                self.bench.tell(RecorderBack(name))
+            elif not lost and name in self._lost_recorders:
+                self._lost_recorders.discard(name)
+                self.bench.tell(RecorderActive(name))
 
     def _note_request(self, reply: Reply, what: Fact) -> Reply:
         """Note a request that was granted as an event; return the reply in its words."""
@@ -409,4 +423,4 @@ class Session:
     def _flush(self) -> None:
         """Hand out the events of the bench."""
         while self.bench.events:
-            self.outbox.append(self.bench.events.popleft())
+            self.outgoing.append(self.bench.events.popleft())

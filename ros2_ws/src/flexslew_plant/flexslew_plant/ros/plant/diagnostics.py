@@ -37,7 +37,7 @@ class Diagnostics:
         active = bench.drive.active or "the brake"
         words = f"{session.run.state}, {active} is in charge"
         level = DiagnosticStatus.WARN if missed or not bench.drive.active else DiagnosticStatus.OK
-        statuses = [
+        status_list = [
             self._status(
                 "bench",
                 level,
@@ -53,19 +53,19 @@ class Diagnostics:
         for name in sorted(session.reasons):
             reason = session.reason(name, now)
             level = DiagnosticStatus.WARN if reason else DiagnosticStatus.OK
-            statuses.append(self._status(name, level, str(reason or "ready"), self._lag(name)))
-        for name in session.presence.of_role("recorder"):
-            silent = session.presence.silent(name, now)
-            level = DiagnosticStatus.ERROR if silent else DiagnosticStatus.OK
-            words = "heartbeat lost" if silent else "recording"
-            statuses.append(self._status(name, level, words, self._lag(name)))
-        message = DiagnosticArray(status=statuses)
+            status_list.append(self._status(name, level, str(reason or "ready"), self._lag(name)))
+        for name in session.heartbeats.of_role("recorder"):
+            timed_out = session.heartbeats.inactive(name, now)
+            level = DiagnosticStatus.ERROR if timed_out else DiagnosticStatus.OK
+            words = "heartbeat lost" if timed_out else "recording"
+            status_list.append(self._status(name, level, words, self._lag(name)))
+        message = DiagnosticArray(status=status_list)
         message.header.stamp = stamp(bench.time)
         self._publisher.publish(message)
 
     def _lag(self, name: str) -> dict[str, object]:
         bench = self._session.bench
-        lag = self._session.backlog.lag(name, bench.tick, bench.epoch)
+        lag = self._session.node_progress.lag(name, bench.tick, bench.epoch)
         return {"ticks behind": "unknown" if lag is None else lag}
 
     def _status(

@@ -19,16 +19,16 @@ from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.graph import topics
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.ros.outlet import Outlet
-from flexslew_plant.ros.outlets import Outlets
+from flexslew_plant.ros.outlet import DirectPublisher
+from flexslew_plant.ros.outlets import DirectPublishers
 from flexslew_plant.ros.plant.instrument_display import InstrumentDisplay
 from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.robot_model import STILL, Frame
+from flexslew_plant.testbeds.robot_model import NO_ROTATION, Frame
 
 # in the order in which their numbers are written
-_SHOWN = (
+_TOPICS = (
     topics.CLOCK,
     topics.JOINT_STATES,
     topics.APPENDAGE_STATES,
@@ -44,28 +44,34 @@ class Display:
 
     Args:
         node: the plant.
-        outlets: outlets of the node.
+        direct_publishers: outlets of the node.
         bench: bench with the state that is shown.
         rate: samples per simulated second; 0: nothing is shown.
     """
 
-    def __init__(self, node: Node, outlets: Outlets, bench: Bench, rate: float) -> None:
+    def __init__(
+        self, node: Node, direct_publishers: DirectPublishers, bench: Bench, rate: float
+    ) -> None:
         self._bench = bench
         self._prefix = f"{node.get_namespace()}/".lstrip("/")
         self.set_rate(rate)
-        self._served: list[int] | None = None  # subscriptions by topic while the bench is paused
-        self._offers = [outlets.publisher(name) for name in _SHOWN]
-        self._platform = PlatformDisplay(outlets, self._prefix)
+        self._listener_count: list[int] | None = (
+            None  # subscriptions by topic while the bench is paused
+        )
+        self._publishers = [direct_publishers.publisher(name) for name in _TOPICS]
+        self._platform = PlatformDisplay(direct_publishers, self._prefix)
         self._instruments = InstrumentDisplay(node, bench.appendages.instruments, self._prefix)
         self._draw(bench.testbed)
         static = publisher(node, topics.TF_STATIC)
         here = self._scene.body
-        sensors = [Frame(here, name, (0.0, 0.0, 0.0), STILL) for name in self._instruments.names]
+        sensors = [
+            Frame(here, name, (0.0, 0.0, 0.0), NO_ROTATION) for name in self._instruments.names
+        ]
         if fixed := [*self._scene.fixed, *sensors]:
             static.publish(TFMessage(transforms=[self._transform(frame) for frame in fixed]))
         description = publisher(node, topics.ROBOT_DESCRIPTION)
         description.publish(String(data=self._scene.robot_description))
-        self._kept = (static, description)
+        self._static_publishers = (static, description)
 
     def set_rate(self, rate: float) -> None:
         """Show so many samples per simulated second; 0: none."""
@@ -76,34 +82,39 @@ class Display:
         return self._every > 0 and tick % self._every == 0
 
     @property
-    def publishers(self) -> list[Outlet]:
+    def publishers(self) -> list[DirectPublisher]:
         """What is published at this rate."""
-        return [*self._offers, *self._platform.publishers] if self._every else []
+        return [*self._publishers, *self._platform.publishers] if self._every else []
 
     def show(self, truth: Truth) -> None:
         """Publish this truth if it is due."""
-        self._served = None
+        self._listener_count = None
         if self.due(truth.tick):
             self._publish(truth)
 
-    def show_paused(self) -> None:
+    def refresh(self) -> None:
         """Publish the truth of a paused bench once more for subscriptions that have come since."""
-        before, self._served = self._served, [offer.count for offer in self._offers]
+        before, self._listener_count = (
+            self._listener_count,
+            [topic_publisher.count for topic_publisher in self._publishers],
+        )
         if not self._every or before is None:
             return
-        if any(now > then for now, then in zip(self._served, before, strict=True)):
+        if any(now > then for now, then in zip(self._listener_count, before, strict=True)):
             self._publish(self._bench.truth())
 
     def _publish(self, truth: Truth) -> None:
         if self._bench.testbed is not self._testbed:  # an antenna has a new target
             self._draw(self._bench.testbed)
         at, x = stamp_of(truth.time), np.concatenate((truth.position, truth.velocity))
-        heard = [offer.heard for offer in self._offers]
-        if any(heard):
+        active = [topic_publisher.received for topic_publisher in self._publishers]
+        if any(active):
             messages = self._template.filled(at, self._numbers(truth, x))
-            for offer, data, listens in zip(self._offers, messages, heard, strict=True):
-                if listens:
-                    offer.publish(data)
+            for topic_publisher, data, is_active in zip(
+                self._publishers, messages, active, strict=True
+            ):
+                if is_active:
+                    topic_publisher.publish(data)
         self._platform.show(at, x, truth.applied_effort, truth.time)
 
     def sense(self, measurement: Measurement) -> None:
@@ -118,7 +129,7 @@ class Display:
         if effort.size < model.joints:
             effort = np.concatenate((effort, np.zeros(model.joints - effort.size)))
         numbers: list[float] = []
-        for frame in self._moving(truth.position, truth.time):
+        for frame in self._dynamic_frames(truth.position, truth.time):
             numbers += frame.translation
             numbers += frame.rotation
         return np.concatenate(
@@ -136,15 +147,17 @@ class Display:
             )
         )
 
-    def _moving(self, position: Vector, time: float) -> list[Frame]:
+    def _dynamic_frames(self, position: Vector, time: float) -> list[Frame]:
         """Return the frames that are not static."""
-        return [f for f in self._scene.frames_at(position, time) if f.child not in self._still]
+        return [
+            f for f in self._scene.frames_at(position, time) if f.child not in self._static_frames
+        ]
 
     def _draw(self, testbed: Testbed) -> None:
         """Show this testbed from now on."""
         self._testbed, self._scene = testbed, testbed.scene()
         self._platform.draw(testbed)
-        self._still = {frame.child for frame in self._scene.fixed}
+        self._static_frames = {frame.child for frame in self._scene.fixed}
         model, scene = testbed.model(), self._scene
         names = scene.joints if scene.joints is not None else model.joint_names
         every = tuple(names) == model.joint_names
@@ -152,7 +165,7 @@ class Display:
         self._named = slice(None) if every else named
         m, tips, n = len(names), len(model.appendages.names), model.modes
         rest = model.rest({})
-        frames, lines = self._moving(rest, 0.0), scene.lines(rest)
+        frames, lines = self._dynamic_frames(rest, 0.0), scene.lines(rest)
         first = (*scene.line_frames, "world")[0]  # of the appendages
 
         def joints(at: Time, numbers: list[float]) -> JointState:
@@ -179,11 +192,11 @@ class Display:
 
         def transforms(at: Time, numbers: list[float]) -> TFMessage:
             each = _parts(numbers, *[7] * len(frames))
-            moved = [
+            new_frames = [
                 Frame(f.parent, f.child, (x, y, z), (a, b, c, d))
                 for f, (x, y, z, a, b, c, d) in zip(frames, each, strict=True)
             ]
-            return TFMessage(transforms=[self._transform(frame, at) for frame in moved])
+            return TFMessage(transforms=[self._transform(frame, at) for frame in new_frames])
 
         def markers(at: Time, numbers: list[float]) -> MarkerArray:
             each = _parts(numbers, *[line.size for line in lines])
@@ -207,9 +220,9 @@ class Display:
         transform = TransformStamped(child_frame_id=self._prefix + frame.child)
         transform.header.stamp = at or Time()
         transform.header.frame_id = self._prefix + frame.parent
-        place, turn = transform.transform.translation, transform.transform.rotation
+        place, rotation = transform.transform.translation, transform.transform.rotation
         place.x, place.y, place.z = map(float, frame.translation)
-        turn.x, turn.y, turn.z, turn.w = map(float, frame.rotation)
+        rotation.x, rotation.y, rotation.z, rotation.w = map(float, frame.rotation)
         return transform
 
 

@@ -43,7 +43,7 @@ class InstrumentDisplay:
             publisher(node, topics.SENSORS_ATTITUDE),
         )
         self.names: list[str] = []
-        self._shown: list[tuple[slice, Callable[[Stamp, Vector], None]]] = []
+        self._senders: list[tuple[slice, Callable[[Stamp, Vector], None]]] = []
         for one in instruments:
             frame = prefix + one.name
             if isinstance(one, Gyro):
@@ -53,19 +53,21 @@ class InstrumentDisplay:
             else:
                 continue
             self.names.append(one.name)
-            self._shown.append((channels(one), send))
+            self._senders.append((channels(one), send))
 
     def show(self, measurement: Measurement) -> None:
         """Publish what the instruments read at this tick."""
-        for where, send in self._shown:
+        for where, send in self._senders:
             reading = measurement.tip_deflection[where]
             if len(reading) == 3 or reading.any():
                 send(stamp_of(measurement.time), reading)
 
 
-def _sender(publish: Callable[[bytes], None], shown: Template) -> Callable[[Stamp, Vector], None]:
+def _sender(
+    publish: Callable[[bytes], None], template: Template
+) -> Callable[[Stamp, Vector], None]:
     """Return what publishes a reading."""
-    return lambda at, reading: publish(*shown.filled(at, reading))
+    return lambda at, reading: publish(*template.filled(at, reading))
 
 
 def _imu(frame: str, at: Time, numbers: list[float]) -> Imu:
@@ -80,5 +82,5 @@ def _imu(frame: str, at: Time, numbers: list[float]) -> Imu:
 
 def _attitude(frame: str, at: Time, numbers: list[float]) -> QuaternionStamped:
     x, y, z, w = numbers
-    turned = Quaternion(x=x, y=y, z=z, w=w)
-    return QuaternionStamped(header=Header(stamp=at, frame_id=frame), quaternion=turned)
+    orientation = Quaternion(x=x, y=y, z=z, w=w)
+    return QuaternionStamped(header=Header(stamp=at, frame_id=frame), quaternion=orientation)

@@ -8,12 +8,12 @@ from rclpy.node import Node
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.parameters import serve_changes
+from flexslew_plant.ros.parameters import handle_changes
 from flexslew_plant.ros.plant.display import Display
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.settings import validated
 
-CHANGEABLE = ("rate_factor", "display_rate")
+DYNAMIC_PARAMETERS = ("rate_factor", "display_rate")
 
 
 class PlantParameters:
@@ -29,7 +29,7 @@ class PlantParameters:
     def __init__(self, node: Node, session: Session, display: Display, loop: Loop) -> None:
         self._session, self._display, self._loop = session, display, loop
         self._name = node.get_name()
-        serve_changes(node, self._change)
+        handle_changes(node, self._change)
 
     def _change(self, changes: dict[str, Any]) -> str:
         """Apply parameters in flight; return why that is not possible, or an empty text."""
@@ -37,8 +37,8 @@ class PlantParameters:
             validated(PlantSettings, changes, f"node {self._name}")
         except BadInput as error:
             return str(error)
-        rate = changes.get("rate_factor", self._session.pacing.rate_factor)
-        if rate != self._session.pacing.rate_factor:
+        rate = changes.get("rate_factor", self._session.tick_timer.rate_factor)
+        if rate != self._session.tick_timer.rate_factor:
             reply = self._session.set_rate(rate, monotonic(), "a ROS parameter")
             if not reply.ok:
                 return reply.message

@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.wire import Stamp
 from flexslew_plant.graph import topics
-from flexslew_plant.ros.outlets import Outlets
+from flexslew_plant.ros.outlets import DirectPublishers
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.floating import CanFloat, Floating
@@ -26,15 +26,15 @@ class PlatformDisplay:
     "unknown", and `imu` has no linear acceleration. Twist, rates and wrench are along body axes.
 
     Args:
-        outlets: of the plant.
+        direct_publishers: of the plant.
         prefix: of the names of frames.
     """
 
-    def __init__(self, outlets: Outlets, prefix: str) -> None:
+    def __init__(self, direct_publishers: DirectPublishers, prefix: str) -> None:
         self._prefix = prefix
         self._floating: Floating | None = None
-        shown = (topics.IMU, topics.ODOMETRY, topics.WRENCH)
-        self.publishers = [outlets.publisher(name) for name in shown]
+        topic_names = (topics.IMU, topics.ODOMETRY, topics.WRENCH)
+        self.publishers = [direct_publishers.publisher(name) for name in topic_names]
 
     def draw(self, testbed: Testbed) -> None:
         """Show this testbed from now on."""
@@ -56,10 +56,12 @@ class PlatformDisplay:
             return
         place, attitude, velocity, rate = self._floating.motion(x)
         force, torque = self._floating.wrench(x, effort, time)
-        moved = (place, attitude, velocity, rate)
-        numbers = np.concatenate((attitude, rate, *moved, force, torque))
-        for offer, data in zip(self.publishers, self._template.filled(at, numbers), strict=True):
-            offer.publish(data)
+        motion = (place, attitude, velocity, rate)
+        numbers = np.concatenate((attitude, rate, *motion, force, torque))
+        for topic_publisher, data in zip(
+            self.publishers, self._template.filled(at, numbers), strict=True
+        ):
+            topic_publisher.publish(data)
 
 
 def _template(world: str, body: str) -> Template:

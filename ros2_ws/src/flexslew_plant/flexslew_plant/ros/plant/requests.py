@@ -11,7 +11,9 @@ from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import service
 
 
-def offer(node: Node, loop: Loop, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
+def add_service(
+    node: Node, loop: Loop, kind: Any, name: str, answer: Callable[[Any, Any], Any]
+) -> None:
     """Offer a service that refuses requests when the plant leaves.
 
     The plant still serves until its messages are acknowledged; but a request granted then would
@@ -26,15 +28,15 @@ def offer(node: Node, loop: Loop, kind: Any, name: str, answer: Callable[[Any, A
     """
 
     async def later(request: Any, reply: Any) -> Any:
-        return _refused(reply) if loop.leaving else await answer(request, reply)
+        return _reject(reply) if loop.is_closing else await answer(request, reply)
 
     def at_once(request: Any, reply: Any) -> Any:
-        return _refused(reply) if loop.leaving else answer(request, reply)
+        return _reject(reply) if loop.is_closing else answer(request, reply)
 
     service(node, kind, name, later if iscoroutinefunction(answer) else at_once)
 
 
-def _refused(reply: Any) -> Any:
+def _reject(reply: Any) -> Any:
     """Fill in why a request is refused; the success fields of replies are false by default."""
     if hasattr(reply, "result"):  # of simulation_interfaces
         reply.result.result = reply.result.RESULT_OPERATION_FAILED

@@ -20,13 +20,13 @@ from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import requested_tick, stamp
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import requested_text
-from flexslew_plant.ros.plant.requests import offer
+from flexslew_plant.ros.plant.requests import add_service
 from flexslew_plant.ros.plant.simulation_services import simulation_services
 from flexslew_plant.ros.plant.switch_service import SwitchService
-from flexslew_plant.ros.statuses import Statuses
+from flexslew_plant.ros.statuses import StatusMonitor
 
 _START = 2.0  # until a client that starts the bench is answered with the missing nodes [wall s]
-_RENEW = 0.5  # between two states of the bench, if nothing changes [wall s]
+_STATE_PERIOD = 0.5  # between two states of the bench, if nothing changes [wall s]
 
 
 class Services:
@@ -35,25 +35,25 @@ class Services:
     Args:
         node: of the plant.
         session: what is operated.
-        statuses: of the controllers.
+        status_monitor: of the controllers.
         loop: that serves the node.
-        show_paused: displays the state of a paused bench to new subscriptions.
+        refresh: displays the state of a paused bench to new subscriptions.
     """
 
     def __init__(
         self,
         node: Node,
         session: Session,
-        statuses: Statuses,
+        status_monitor: StatusMonitor,
         loop: Loop,
-        show_paused: Callable[[], None],
+        refresh: Callable[[], None],
     ) -> None:
-        self._show_paused = show_paused
+        self._refresh = refresh
         self._node, self._loop, self._session = node, loop, session
-        self._statuses, self._bench = statuses, session.bench
-        self._switches = SwitchService(node, session, loop)
+        self._status_monitor, self._bench = status_monitor, session.bench
+        self._switch_service = SwitchService(node, session, loop)
         self._state = publisher(node, topics.BENCH_STATE)
-        self._shown: tuple[Any, ...] = ()
+        self._last_state: tuple[Any, ...] = ()
         self._next_state = 0.0
         self._actions: dict[str, Callable[[str], Reply]] = {
             topics.START: session.start,
@@ -66,7 +66,7 @@ class Services:
         self._starts: list[tuple[float, Future]] = []  # deadlines [wall s] of waiting clients
         for name, act in self._actions.items():
             answer = self._on_start if name == topics.START else self._trigger(act)
-            self._offer(Trigger, name, answer)
+            self._add_service(Trigger, name, answer)
         for kind, name, answer in (
             (srv.Operate, topics.OPERATE, self._on_operate),
             (srv.Step, topics.STEP, self._on_step),
@@ -77,33 +77,33 @@ class Services:
             (srv.EndFault, topics.END_FAULT, self._on_end_fault),
             (srv.Retarget, topics.RETARGET, self._on_retarget),
         ):
-            self._offer(kind, name, answer)
+            self._add_service(kind, name, answer)
 
-    def _offer(self, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
+    def _add_service(self, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
         for at in [name, f"~/{name}"][: 1 + (name in topics.OFFERED_PRIVATELY)]:
-            offer(self._node, self._loop, kind, at, answer)
+            add_service(self._node, self._loop, kind, at, answer)
 
     def poll(self, now: float) -> float:
         """Answer waiting clients, show the state; return the time until the next call [wall s]."""
-        self._statuses.poll(now)
+        self._status_monitor.poll(now)
         self._show(now)
         if self._session.run.state == PAUSED:
-            self._show_paused()
-        self._look_at_starts(now)
+            self._refresh()
+        self._answer_starts(now)
         if self._simulation is not None:
             self._simulation.poll(now)
-        return min(_RENEW, self._switches.poll(now))
+        return min(_STATE_PERIOD, self._switch_service.poll(now))
 
     def _show(self, now: float) -> None:
         session, bench = self._session, self._bench
         faults = bench.active_faults()
-        shown = (
+        new_state = (
             session.run.state, tuple(session.waiting_for), bench.epoch, bench.drive.active,
-            bench.handover.latched, session.pacing.rate_factor, len(faults),
+            bench.handover.latched, session.tick_timer.rate_factor, len(faults),
         )  # fmt: skip
-        if shown == self._shown and now < self._next_state:
+        if new_state == self._last_state and now < self._next_state:
             return
-        self._shown, self._next_state = shown, now + _RENEW
+        self._last_state, self._next_state = new_state, now + _STATE_PERIOD
         self._state.publish(
             msg.BenchState(
                 stamp=stamp(bench.time),
@@ -112,7 +112,7 @@ class Services:
                 tick=bench.tick,
                 last_tick=bench.last_tick or 0,
                 epoch=bench.epoch,
-                rate_factor=session.pacing.rate_factor,
+                rate_factor=session.tick_timer.rate_factor,
                 wall_time=session.run.wall_time(now),
                 active=bench.drive.active,
                 brake_latched=bench.handover.latched,
@@ -150,10 +150,10 @@ class Services:
             return outcome
         return Reply(f"{outcome.done} as soon as they are there: waiting for {waiting}")
 
-    def _look_at_starts(self, now: float) -> None:
+    def _answer_starts(self, now: float) -> None:
         """Answer clients of a start that has happened, or that have waited long enough."""
-        waits = self._session.run.state == WAITING
-        for start in [s for s in self._starts if not waits or now >= s[0]]:
+        is_waiting = self._session.run.state == WAITING
+        for start in [s for s in self._starts if not is_waiting or now >= s[0]]:
             self._starts.remove(start)
             start[1].set_result(None)
 
@@ -167,8 +167,8 @@ class Services:
     async def _on_operate(self, request: Any, reply: Any) -> Any:
         act = self._actions.get(request.action)
         if act is None:
-            refused = Refusal(", ".join(self._actions), "action", request.action)
-            return self._done(reply, Reply(refused=refused))
+            rejection = Refusal(", ".join(self._actions), "action", request.action)
+            return self._done(reply, Reply(refused=rejection))
         if request.action == topics.START:
             return self._done(reply, await self._started(request.who))
         return self._done(reply, act(request.who))
@@ -190,7 +190,7 @@ class Services:
         return self._done(reply, self._session.note(request.text, request.who))
 
     def _on_list(self, _: Any, reply: Any) -> Any:
-        for name, status in sorted(self._statuses.counted.items()):
+        for name, status in sorted(self._status_monitor.counted.items()):
             reason = self._session.reason(name, monotonic())
             status.ready, status.reason = reason is None, str(reason or "")
             reply.controllers.append(status)
@@ -204,7 +204,7 @@ class Services:
         except BadInput as error:
             reply.message, reply.tick, reply.number = str(error), self._bench.tick, -1
             return reply
-        here = sorted(self._statuses.counted)  # controllers that have ever sent a status
+        here = sorted(self._status_monitor.counted)  # controllers that have ever sent a status
         result = self._bench.inject(text, tick, request.who, here)
         self._loop.hurry()
         reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick

@@ -1,11 +1,11 @@
 """The parameters of the plant node."""
 
-from flexslew_plant.bench.records import BenchSettings, PaceSettings
+from flexslew_plant.bench.records import BenchSettings, RateSettings
 from flexslew_plant.settings import section
 
 
 @section
-class PlantSettings(PaceSettings):
+class PlantSettings(RateSettings):
     """What the node is given at its start."""
 
     bench: BenchSettings = BenchSettings()  # what determines the trajectory

@@ -17,7 +17,7 @@ from flexslew_plant.bench.operation.run_state import FINISHED, PAUSED, Reply
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.graph import topics
 from flexslew_plant.ros.loop import Loop
-from flexslew_plant.ros.plant.requests import offer
+from flexslew_plant.ros.plant.requests import add_service
 
 INSTALLED = find_spec("simulation_interfaces") is not None
 _FEATURES = (
@@ -68,7 +68,7 @@ class SimulationServices:
             (srv.ResetSimulation, topics.RESET_SIMULATION, self._on_reset),
             (srv.StepSimulation, topics.STEP_SIMULATION, self._on_step),
         ):
-            offer(node, loop, kind, name, answer)
+            add_service(node, loop, kind, name, answer)
         self._server = ActionServer(
             node,
             action.SimulateSteps,
@@ -83,17 +83,17 @@ class SimulationServices:
             return
         if any(s.goal is not None and s.goal.is_cancel_requested for s in self._steps):
             self._session.pause(now)
-        told = now >= self._next_feedback
-        if told:
+        send_feedback = now >= self._next_feedback
+        if send_feedback:
             self._next_feedback = now + _FEEDBACK
         for steps in list(self._steps):
-            flown, lost = self._run_steps(steps), steps.epoch != self._session.bench.epoch
-            over = lost or flown == steps.ticks or not self._session.run.stepping
-            if steps.goal is not None and (told or over):
-                told_of = self._action.SimulateSteps.Feedback(
-                    completed_steps=flown, remaining_steps=steps.ticks - flown
+            completed, lost = self._run_steps(steps), steps.epoch != self._session.bench.epoch
+            over = lost or completed == steps.ticks or not self._session.run.has_steps_left
+            if steps.goal is not None and (send_feedback or over):
+                feedback = self._action.SimulateSteps.Feedback(
+                    completed_steps=completed, remaining_steps=steps.ticks - completed
                 )
-                steps.goal.publish_feedback(told_of)
+                steps.goal.publish_feedback(feedback)
             if over:
                 self._steps.remove(steps)
                 steps.done.set_result(None)
@@ -132,17 +132,17 @@ class SimulationServices:
         return reply
 
     async def _on_set_state(self, request: Any, reply: Any) -> Any:
-        kinds, asked = self._msg.SimulationState, request.state.state
+        kinds, requested_state = self._msg.SimulationState, request.state.state
         service_kind = self._srv.SetSimulationState.Response
-        if asked == self._state:
+        if requested_state == self._state:
             words = "it is so already"
             reply.result = self._result(service_kind.ALREADY_IN_TARGET_STATE, words)
-        elif asked == kinds.STATE_PLAYING:
+        elif requested_state == kinds.STATE_PLAYING:
             reply.result = self._of(await self._start(""), service_kind.STATE_TRANSITION_ERROR)
-        elif asked == kinds.STATE_PAUSED:
+        elif requested_state == kinds.STATE_PAUSED:
             outcome = self._session.pause(monotonic())
             reply.result = self._of(outcome, service_kind.INCORRECT_TRANSITION)
-        elif asked == kinds.STATE_STOPPED:
+        elif requested_state == kinds.STATE_STOPPED:
             outcome = self._session.reset()
             reply.result = self._of(outcome, service_kind.STATE_TRANSITION_ERROR)
         else:
@@ -164,11 +164,11 @@ class SimulationServices:
         return reply
 
     async def _on_step(self, request: Any, reply: Any) -> Any:
-        reply.result = await self._stepped(request.steps, None)
+        reply.result = await self._step_and_wait(request.steps, None)
         return reply
 
     async def _simulate(self, goal: ServerGoalHandle) -> Any:
-        result = await self._stepped(goal.request.steps, goal)
+        result = await self._step_and_wait(goal.request.steps, goal)
         if goal.is_cancel_requested:
             goal.canceled()
         elif result.result == self._msg.Result.RESULT_OK:
@@ -177,7 +177,7 @@ class SimulationServices:
             goal.abort()
         return self._action.SimulateSteps.Result(result=result)
 
-    async def _stepped(self, count: int, goal: ServerGoalHandle | None) -> Any:
+    async def _step_and_wait(self, count: int, goal: ServerGoalHandle | None) -> Any:
         """Fly so many ticks of a paused bench; return what came of it when they have passed."""
         failed = self._msg.Result.RESULT_OPERATION_FAILED
         if count < 1:
@@ -190,10 +190,10 @@ class SimulationServices:
         steps = _Steps(bench.tick, count, bench.epoch, goal, self._loop.future())
         self._steps.append(steps)
         await steps.done
-        flown = self._run_steps(steps)
-        if flown == count:
+        completed = self._run_steps(steps)
+        if completed == count:
             return self._result(self._msg.Result.RESULT_OK)
-        return self._result(failed, f"{flown} of {count} ticks were flown")
+        return self._result(failed, f"{completed} of {count} ticks were flown")
 
 
 def simulation_services(

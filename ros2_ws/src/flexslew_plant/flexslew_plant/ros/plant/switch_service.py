@@ -14,7 +14,7 @@ from flexslew_plant.graph import topics
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import doubles, requested_tick
-from flexslew_plant.ros.plant.requests import offer
+from flexslew_plant.ros.plant.requests import add_service
 
 
 class _Pending(NamedTuple):
@@ -37,7 +37,7 @@ class SwitchService:
     def __init__(self, node: Node, session: Session, loop: Loop) -> None:
         self._session, self._loop = session, loop
         self._pending: list[_Pending] = []
-        offer(node, loop, srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
+        add_service(node, loop, srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
 
     def poll(self, now: float) -> float:
         """Answer clients that need not wait longer; return the time to the next call [wall s]."""
@@ -61,19 +61,19 @@ class SwitchService:
         tick = requested if bench.over(requested) else max(requested, bench.tick + 1)
         reply.tick = max(0, tick)
         limit = request.max_effort_step if request.strict else inf
-        asked = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
-        refused = (
+        switch_request = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
+        rejection = (
             Refusal("0 or more", "max_effort_step", limit)
             if limit < 0.0
-            else self._session.switch(asked, monotonic())
+            else self._session.switch(switch_request, monotonic())
         )
         self._loop.hurry()
-        if refused is not None:
-            reply.message = str(refused)
+        if rejection is not None:
+            reply.message = str(rejection)
         else:
             future = self._loop.future()
             deadline = monotonic() + (request.timeout if request.timeout > 0.0 else inf)
-            self._pending.append(_Pending(asked, deadline, future))
+            self._pending.append(_Pending(switch_request, deadline, future))
             result = await future
             if result is None:
                 reply.scheduled = True

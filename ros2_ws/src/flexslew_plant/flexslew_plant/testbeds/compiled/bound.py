@@ -20,7 +20,7 @@ ADVANCE = types.FunctionType(
 )
 
 
-_BESIDE = 1e-9  # of what is integrated, from a jump
+_JUMP_MARGIN = 1e-9  # of what is integrated, from a jump
 _MATRIX = types.Array(types.float64, 2, "C")
 # the same of Rates
 RATES = types.FunctionType(types.void(_READ, types.float64, _READ, _READ, _VECTOR))
@@ -171,7 +171,7 @@ def _advance(kernels: Kernels) -> Callable[..., None]:
     ) -> None:
         n = (x.size - interface.extra(kernels)) // 2
         s = interface.square(kernels, n, m)
-        dynamics.step_within(
+        dynamics.step_in_place(
             kernels,
             p,
             t,
@@ -204,7 +204,7 @@ def _in_parts(kernels: Kernels, advance: Callable[..., None]) -> Callable[..., N
     def advance_in_parts(
         p: Vector, t: float, effort: Vector, dt: float, steps: int, m: int, x: Vector
     ) -> None:
-        near, begin, last = _BESIDE * dt, t, t + dt
+        near, begin, last = _JUMP_MARGIN * dt, t, t + dt
         if next_jump(p, t - near) >= last + near:
             advance(p, t, effort, dt, steps, m, x)
             return
@@ -220,31 +220,31 @@ def _in_parts(kernels: Kernels, advance: Callable[..., None]) -> Callable[..., N
 @cache
 def _of_any_size(kernels: Kernels, m: int) -> Bound:
     """Return kernels that are compiled once for all sizes; the author's own are called as is."""
-    own, advance = kernels.compiled, _advance(kernels)
+    native, advance = kernels.compiled, _advance(kernels)
 
     def jacobian(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
         dynamics.jacobian(kernels, p, t, x, effort, m, dx, du)
 
     return Bound(
-        own["terms"],
+        native["terms"],
         lambda p, t, x, effort: dynamics.derivative(kernels, p, t, x, effort, m),
         advance,
         jacobian,
-        own["residual_jacobian"],
+        native["residual_jacobian"],
         lambda p, t, x: dynamics.energy(kernels, p, t, x, m),
-        own["actuation"],
-        own["kinematics"],
+        native["actuation"],
+        native["kinematics"],
     )
 
 
 @cache
 def joint_reader(kernels: Kernels) -> Callable[[Vector, Matrix, Matrix, Matrix], None]:
     """Return what writes where joints are in many states and how fast, by kernels.reading."""
-    own = kernels.compiled["reading"]
+    native = kernels.compiled["reading"]
 
     @compiled_once("position", "velocity")
     def read(p: Vector, states: Matrix, position: Matrix, velocity: Matrix) -> None:
         for k in range(len(states)):
-            own(p, states[k], position[k], velocity[k])
+            native(p, states[k], position[k], velocity[k])
 
     return read

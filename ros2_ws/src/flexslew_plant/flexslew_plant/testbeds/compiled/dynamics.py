@@ -7,7 +7,7 @@ them. The equations are those of `kernels`.
 import numpy as np
 from scipy.integrate import DOP853
 
-from flexslew_plant.arrays import Matrix, Vector, compiled_once, inlined, merged
+from flexslew_plant.arrays import Matrix, Vector, compiled_once, inline, merged
 from flexslew_plant.testbeds.compiled import interface, mass
 from flexslew_plant.testbeds.kernels import Kernels
 
@@ -66,7 +66,7 @@ def derivative(
     return rate
 
 
-@inlined
+@inline
 def stage_state(x: Vector, slopes: Matrix, stage: int, h: float, at: Vector) -> None:
     """Write the state at which the slope of `stage` is taken."""
     size = slopes.shape[1]  # of an array made in the kernel: the compiler may know it
@@ -79,7 +79,7 @@ def stage_state(x: Vector, slopes: Matrix, stage: int, h: float, at: Vector) -> 
                 at[k] += weight * slopes[j, k]
 
 
-@inlined
+@inline
 def complete_step(x: Vector, slopes: Matrix, h: float) -> None:
     """Replace x by the state at the end of the step of length h."""
     for j in range(STAGES):
@@ -89,7 +89,7 @@ def complete_step(x: Vector, slopes: Matrix, h: float) -> None:
                 x[k] += weight * slopes[j, k]
 
 
-@inlined
+@inline
 def take_steps(
     kernels: Kernels,
     p: Vector,
@@ -116,11 +116,11 @@ def take_steps(
     joints = work[STAGES + 2 : STAGES + 2 + s, :s]
     coupling = work[STAGES + 2 + s :, : n - s]
     slopes, at, a = work[:STAGES], work[STAGES], work[STAGES + 1, :n]
-    step_within(kernels, p, t, effort, h, steps, n, x, slopes, at, a, joints, coupling, modal)
+    step_in_place(kernels, p, t, effort, h, steps, n, x, slopes, at, a, joints, coupling, modal)
 
 
-@inlined
-def step_within(
+@inline
+def step_in_place(
     kernels: Kernels,
     p: Vector,
     t: float,

@@ -38,9 +38,9 @@ def _keep(path: Path, text: str) -> None:
     """
     if path.exists():
         return
-    handle, own = tempfile.mkstemp(dir=path.parent)
+    handle, temporary = tempfile.mkstemp(dir=path.parent)
     with os.fdopen(handle, "w") as file:
         file.write(text)
     with suppress(FileExistsError):
-        os.link(own, path)
-    os.unlink(own)
+        os.link(temporary, path)
+    os.unlink(temporary)

@@ -68,31 +68,33 @@ def extra(kernels: Kernels) -> int:
 
 @overload(terms, strict=False, jit_options=MERGED)
 def _terms(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
-    own = kernels.kernels.compiled["terms"]
+    function = kernels.kernels.compiled["terms"]
     if kernels.kernels.full_mass:
-        return lambda kernels, p, t, x, joints, coupling, modal, bias: own(p, t, x, joints, bias)
-    return lambda kernels, p, t, x, joints, coupling, modal, bias: own(
+        return lambda kernels, p, t, x, joints, coupling, modal, bias: function(
+            p, t, x, joints, bias
+        )
+    return lambda kernels, p, t, x, joints, coupling, modal, bias: function(
         p, t, x, joints, coupling, modal, bias
     )
 
 
 @overload(residual_jacobian, strict=False, jit_options=MERGED)
 def _residual_jacobian(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
-    own = kernels.kernels.compiled["residual_jacobian"]
-    return lambda kernels, p, t, x, a, dq, dv: own(p, t, x, a, dq, dv)
+    function = kernels.kernels.compiled["residual_jacobian"]
+    return lambda kernels, p, t, x, a, dq, dv: function(p, t, x, a, dq, dv)
 
 
 @overload(potential, strict=False, jit_options=MERGED)
 def _potential(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
-    own = kernels.kernels.compiled["potential"]
-    return lambda kernels, p, t, q: own(p, t, q)
+    function = kernels.kernels.compiled["potential"]
+    return lambda kernels, p, t, q: function(p, t, q)
 
 
 @overload(actuation, strict=False, jit_options=MERGED)
 def _actuation(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
-    own = kernels.kernels.compiled.get("actuation")
-    if own is not None:
-        return lambda kernels, p, t, x, effort, force: own(p, t, x, effort, force)
+    function = kernels.kernels.compiled.get("actuation")
+    if function is not None:
+        return lambda kernels, p, t, x, effort, force: function(p, t, x, effort, force)
 
     def first(
         kernels: Kernels, p: Vector, t: float, x: Vector, effort: Vector, force: Vector
@@ -105,9 +107,9 @@ def _actuation(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
 
 @overload(position_rates, strict=False, jit_options=MERGED)
 def _position_rates(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
-    own = kernels.kernels.compiled.get("kinematics")
-    if own is not None:
-        return lambda kernels, p, t, x, rate: own(p, t, x, rate)
+    function = kernels.kernels.compiled.get("kinematics")
+    if function is not None:
+        return lambda kernels, p, t, x, rate: function(p, t, x, rate)
 
     def same(kernels: Kernels, p: Vector, t: float, x: Vector, rate: Vector) -> None:
         n = x.size // 2
@@ -119,9 +121,9 @@ def _position_rates(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
 
 @overload(reading, strict=False, jit_options=MERGED)
 def _reading(kernels: KernelsType, *_: Any) -> Callable[..., Any]:
-    own = kernels.kernels.compiled.get("reading")
-    if own is not None:
-        return lambda kernels, p, x, position, rate: own(p, x, position, rate)
+    function = kernels.kernels.compiled.get("reading")
+    if function is not None:
+        return lambda kernels, p, x, position, rate: function(p, x, position, rate)
     extra_positions = kernels.kernels.extra_positions
 
     def first(kernels: Kernels, p: Vector, x: Vector, position: Vector, rate: Vector) -> None:

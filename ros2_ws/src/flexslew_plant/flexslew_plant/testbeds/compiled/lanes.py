@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, vectorised
 
-LANES = 64  # trials side by side
+BATCH_WIDTH = 64  # trials side by side
 
 _LINE = 8  # numbers in a line of the cache
 
@@ -28,7 +28,7 @@ class KernelRows(NamedTuple):
     end: int  # of what every kernel has; its own comes from here on
 
 
-class LaneKernel(NamedTuple):
+class BatchKernel(NamedTuple):
     """How a testbed flies in lanes."""
 
     advance: Advance
@@ -51,20 +51,20 @@ def rows_of(states: int, efforts: int, joints: int, modes: int, reads: bool) -> 
         reads: whether the joints are read rather than the first entries of q and v.
     """
     positions = states // 2 + states % 2  # a quaternion has one entry more than its rate
-    behind = states + efforts
-    first, rate = (behind, behind + joints) if reads else (0, positions)
-    end = behind + 2 * joints if reads else behind
+    offset = states + efforts
+    first, rate = (offset, offset + joints) if reads else (0, positions)
+    end = offset + 2 * joints if reads else offset
     places = (states, first, rate, positions - modes, states - modes, end)
-    return KernelRows(*(LANES * place for place in places))
+    return KernelRows(*(BATCH_WIDTH * place for place in places))
 
 
 @vectorised
-def nothing_to_read(filled: int, w: Vector) -> None:
+def skip_reading(filled: int, w: Vector) -> None:
     """Leave the joints where they are: the first entries of q and v."""
 
 
 def flat_zeros(size: int) -> Vector:
     """Return so many zeros that begin a line of the cache: a vector across two takes two turns."""
-    room = np.zeros(size + _LINE)
-    start = -(room.ctypes.data // room.itemsize) % _LINE
-    return room[start : start + size]
+    buffer = np.zeros(size + _LINE)
+    start = -(buffer.ctypes.data // buffer.itemsize) % _LINE
+    return buffer[start : start + size]

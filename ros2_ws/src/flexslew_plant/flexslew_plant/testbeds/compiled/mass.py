@@ -34,8 +34,8 @@ def substitute(a: Matrix, r: Vector) -> None:
         for k in range(i):
             r[i] -= a[i, k] * r[k]
         r[i] /= a[i, i]
-    for back in range(n):
-        i = n - 1 - back
+    for step in range(n):
+        i = n - 1 - step
         for k in range(i + 1, n):
             r[i] -= a[k, i] * r[k]
         r[i] /= a[i, i]
@@ -135,8 +135,8 @@ def solve_rows(
                     mu[i * rows + r] -= joints[i, k] * mu[k * rows + r]
             for r in range(rows):
                 mu[i * rows + r] /= joints[i, i]
-        for back in range(m):
-            i = m - 1 - back
+        for step in range(m):
+            i = m - 1 - step
             for k in range(i + 1, m):
                 for r in range(rows):
                     mu[i * rows + r] -= joints[k, i] * mu[k * rows + r]

@@ -27,19 +27,19 @@ def small(r: float) -> tuple[float, float]:
 @vectorised
 def sine_cosine(angle: float) -> tuple[float, float]:
     """Return sin and cos of an angle below 1e5 rad, to one unit in the last place."""
-    turns = (angle * 0.6366197723675814 + _ROUND) - _ROUND
-    r = ((angle - turns * _P1) - turns * _P2) - turns * _P3
+    multiple = (angle * 0.6366197723675814 + _ROUND) - _ROUND
+    r = ((angle - multiple * _P1) - multiple * _P2) - multiple * _P3
     s, c = small(r)
-    quarter = turns - 4.0 * ((0.25 * turns + _ROUND) - _ROUND)  # -2, -1, 0, 1 or 2
-    odd = quarter * quarter == 1.0
+    remainder = multiple - 4.0 * ((0.25 * multiple + _ROUND) - _ROUND)  # -2, -1, 0, 1 or 2
+    odd = remainder * remainder == 1.0
     a, b = (c if odd else s), (s if odd else c)
-    sine = -a if (quarter < -0.5 or quarter > 1.5) else a
-    cosine = -b if (quarter > 0.5 or quarter < -1.5) else b
+    sine = -a if (remainder < -0.5 or remainder > 1.5) else a
+    cosine = -b if (remainder > 0.5 or remainder < -1.5) else b
     return sine, cosine
 
 
 @vectorised
-def turned(sine: float, cosine: float, by: float) -> tuple[float, float]:
+def angle_sum(sine: float, cosine: float, by: float) -> tuple[float, float]:
     """Return sin and cos of an angle that has turned by at most pi/4 since those given."""
     s, c = small(by)
     return sine * c + cosine * s, cosine * c - sine * s

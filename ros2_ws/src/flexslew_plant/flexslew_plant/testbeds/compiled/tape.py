@@ -32,7 +32,7 @@ _EVALUATED: dict[str, Callable[..., Any]] = {
 }
 
 
-class Untraceable(Exception):
+class TraceError(Exception):
     """The equations branch on what differs from lane to lane."""
 
 
@@ -48,7 +48,7 @@ class Tape:
     nodes: list[tuple[Any, ...]] = field(init=False, default_factory=list)
     parametric: list[bool] = field(init=False, default_factory=list)
     fixed: set[int] = field(init=False, default_factory=set)  # packed numbers that were looked at
-    _known: dict[tuple[Any, ...], int] = field(init=False, default_factory=dict)
+    _index_of: dict[tuple[Any, ...], int] = field(init=False, default_factory=dict)
 
     def input(self, name: str, index: int) -> "Number":
         """Return an entry of what changes from step to step."""
@@ -69,14 +69,14 @@ class Tape:
         """Return the result of an operation on numbers of this tape and constants."""
         if not any(isinstance(value, Number) for value in given):
             return float(_EVALUATED[name](*given))
-        simple = _simplified(name, given)
+        simple = _simplify(name, given)
         if simple is not None:
             return simple
         parts = tuple(v.index if isinstance(v, Number) else ("constant", float(v)) for v in given)
-        alone = all(self.parametric[v.index] for v in given if isinstance(v, Number))
+        parametric = all(self.parametric[v.index] for v in given if isinstance(v, Number))
         if name == "/" and given[0] != 1.0:  # several divisions by one number need one division
             return self.operation("*", given[0], self.operation("/", 1.0, given[1]))
-        return self._node((name, *parts), alone)
+        return self._node((name, *parts), parametric)
 
     def evaluated(self, packed: Matrix, wanted: list[int]) -> Matrix:
         """Return nodes that depend on packed numbers alone, shape (wanted, lanes).
@@ -100,14 +100,14 @@ class Tape:
         return np.array([found[k] for k in wanted]).reshape(len(wanted), packed.shape[1])
 
     def _node(self, node: tuple[Any, ...], parametric: bool) -> "Number":
-        if node not in self._known:
-            self._known[node] = len(self.nodes)
+        if node not in self._index_of:
+            self._index_of[node] = len(self.nodes)
             self.nodes.append(node)
             self.parametric.append(parametric)
-        return Number(self, self._known[node])
+        return Number(self, self._index_of[node])
 
 
-def _simplified(name: str, given: tuple[Value, ...]) -> Value:
+def _simplify(name: str, given: tuple[Value, ...]) -> Value:
     """Return what an operation gives without being carried out; None: it must be."""
     a, b = given[0], given[-1]
     left, right = (None if isinstance(v, Number) else v for v in (a, b))
@@ -185,7 +185,7 @@ class Number:
             return self.tape.operation("*", self, self)
         if power == 0.5:
             return self.tape.operation("sqrt", self)
-        raise Untraceable(f"a power of {power}")
+        raise TraceError(f"a power of {power}")
 
     def __lt__(self, other: Value) -> Any:
         """Note a comparison."""
@@ -219,7 +219,7 @@ class Number:
         Raises:
             Untraceable: always.
         """
-        raise Untraceable("a branch on what differs from lane to lane")
+        raise TraceError("a branch on what differs from lane to lane")
 
 
 class PackedNumber(Number):

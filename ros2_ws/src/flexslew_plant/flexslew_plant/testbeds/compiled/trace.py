@@ -11,11 +11,11 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.compiled import mass
 from flexslew_plant.testbeds.compiled.nystrom import Nystrom
 from flexslew_plant.testbeds.compiled.tape import Number, Tape, Value
-from flexslew_plant.testbeds.kernels import chosen
+from flexslew_plant.testbeds.kernels import select
 from flexslew_plant.testbeds.model import Model
 
 
-class NotedEquations:
+class TracedEquations:
     """[q', M^-1 (B u - h)] of a testbed, for numbers on a tape.
 
     Args:
@@ -26,12 +26,14 @@ class NotedEquations:
         self.tape = Tape(model.packed)
         self._kernels, self._n, self._m = model.kernels, model.coordinates, model.before_modes
         self._p = self.tape.parameters()
-        self._known: dict[Any, Any] = {}
-        self._moved: dict[int, Any] = {}  # coordinates of a stage: those at the start of the step
+        self._traced: dict[Any, Any] = {}
+        self._step_starts: dict[
+            int, Any
+        ] = {}  # coordinates of a stage: those at the start of the step
         self.x = _array([self.tape.input("x", k) for k in range(model.positions + self._n)])
         self.u = _array([self.tape.input("u", k) for k in range(model.efforts)])
         self._joints = model.joints
-        self._numpy = _Numpy(self.tape, self._moved_from)
+        self._numpy = _Numpy(self.tape, self._step_start_of)
 
     def slopes(self, t: Value, x: Any) -> Any:
         """Return the slopes of a state at time t, shape of x.
@@ -39,10 +41,10 @@ class NotedEquations:
         Raises:
             Untraceable: the equations branch on more than packed numbers.
         """
-        own, n, p = self._kernels.functions, self._n, self._p
+        functions, n, p = self._kernels.functions, self._n, self._p
         rate = _zeros(len(x))
-        if "kinematics" in own:
-            self._run(own["kinematics"], p, t, x, rate)
+        if "kinematics" in functions:
+            self._run(functions["kinematics"], p, t, x, rate)
         else:
             rate[:n] = x[n:]
         rate[len(x) - n :] = self.acceleration(t, x)
@@ -50,20 +52,20 @@ class NotedEquations:
 
     def acceleration(self, t: Value, x: Any) -> Any:
         """Return M^-1 (B u - h) of a state at time t, shape (n,)."""
-        own, n, m, p = self._kernels.functions, self._n, self._m, self._p
-        if "acceleration" in own:
+        functions, n, m, p = self._kernels.functions, self._n, self._m, self._p
+        if "acceleration" in functions:
             out = _zeros(n)
-            self._run(own["acceleration"], p, t, x, self.u, out)
+            self._run(functions["acceleration"], p, t, x, self.u, out)
             return out
         s = n if self._kernels.full_mass else m
         joints, coupling = _zeros((s, s)), _zeros((s, n - s))
         modal, out = _zeros(n - s), _zeros(n)
         blocks = (joints, out) if self._kernels.full_mass else (joints, coupling, modal, out)
-        self._run(own["terms"], p, t, x, *blocks)
+        self._run(functions["terms"], p, t, x, *blocks)
         for k in range(n):
             out[k] = 0.0 - out[k]
-        if "actuation" in own:
-            self._run(own["actuation"], p, t, x, self.u, out)
+        if "actuation" in functions:
+            self._run(functions["actuation"], p, t, x, self.u, out)
         else:
             out[: len(self.u)] += self.u
         self._run(mass.factor, joints, coupling, modal)
@@ -117,19 +119,19 @@ class NotedEquations:
                 rate = rate + a * (h * float(of_rate)) if of_rate else rate
             x = _array([*place, *rate]) if i else self.x
             if i < len(times):
-                self._moved = {
+                self._step_starts = {
                     new.index: old for new, old in zip(place, q, strict=True) if new is not old
                 }
                 found.append(self.acceleration(t + h * float(time), x))
-        self._moved = {}
+        self._step_starts = {}
         return [*found, x]
 
-    def _moved_from(self, angle: Value) -> Value:
+    def _step_start_of(self, angle: Value) -> Value:
         """Return the coordinate at the start of a step that has become this one; None: unknown."""
-        return self._moved.get(angle.index) if isinstance(angle, Number) else None
+        return self._step_starts.get(angle.index) if isinstance(angle, Number) else None
 
     def _run(self, function: Any, *given: Any) -> None:
-        _noting(self._numpy, self._known, function)(*given)
+        _trace_function(self._numpy, self._traced, function)(*given)
 
 
 def _array(values: list[Any]) -> Any:
@@ -145,33 +147,33 @@ def _zeros(shape: Any) -> Any:
 class _Numpy:
     """The part of NumPy that equations use, on numbers that take notes."""
 
-    def __init__(self, tape: Tape, moved_from: Callable[[Value], Value]) -> None:
+    def __init__(self, tape: Tape, step_start_of: Callable[[Value], Value]) -> None:
         self.operation = one = tape.operation
-        self.sqrt, self._moved_from = partial(one, "sqrt"), moved_from
+        self.sqrt, self._step_start_of = partial(one, "sqrt"), step_start_of
         self.arctan2 = partial(one, "arctan2")
         self.empty = self.zeros = _zeros
         self.pi = np.pi
 
     def sin(self, angle: Value) -> Value:
         """Note a sine."""
-        return self._turned("sine", angle)
+        return self._trace_angle("sine", angle)
 
     def cos(self, angle: Value) -> Value:
         """Note a cosine."""
-        return self._turned("cosine", angle)
+        return self._trace_angle("cosine", angle)
 
-    def _turned(self, name: str, angle: Value) -> Value:
+    def _trace_angle(self, name: str, angle: Value) -> Value:
         """Note it by what the angle has turned since the step began, where that is known."""
-        start = self._moved_from(angle)
+        start = self._step_start_of(angle)
         if start is None:
             return self.operation(name, angle)
         before = self.operation("sine", start), self.operation("cosine", start)
         return self.operation(name, *before, angle - start)
 
 
-def _noting(numpy: _Numpy, known: dict[Any, Any], function: Any) -> Callable[..., Any]:
+def _trace_function(numpy: _Numpy, known: dict[Any, Any], function: Any) -> Callable[..., Any]:
     """Return a function, and all that it calls, for numbers that take notes."""
-    if function is chosen:
+    if function is select:
         return partial(numpy.operation, "where")
     plain = getattr(function, "py_func", function)
     if plain not in known:
@@ -185,6 +187,6 @@ def _noting(numpy: _Numpy, known: dict[Any, Any], function: Any) -> Callable[...
             if value is np:
                 names[name] = numpy
             elif hasattr(value, "py_func"):
-                names[name] = _noting(numpy, known, value)
+                names[name] = _trace_function(numpy, known, value)
     found: Callable[..., Any] = known[plain]
     return found

@@ -20,16 +20,16 @@ from flexslew_plant.arrays import Matrix, Vector, vectorised
 from flexslew_plant.machine_code.frame import aligned_frame
 from flexslew_plant.testbeds.compiled.generated import generated
 from flexslew_plant.testbeds.compiled.lanes import (
-    LANES,
-    LaneKernel,
-    nothing_to_read,
+    BATCH_WIDTH,
+    BatchKernel,
     rows_of,
+    skip_reading,
 )
 from flexslew_plant.testbeds.compiled.nystrom import NYSTROM
-from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine, turned
-from flexslew_plant.testbeds.compiled.tape import Number, Tape, Untraceable
-from flexslew_plant.testbeds.compiled.trace import NotedEquations
-from flexslew_plant.testbeds.compiled.written import BlockLayout, needed, turns_of, written
+from flexslew_plant.testbeds.compiled.sine_cosine import angle_sum, sine_cosine
+from flexslew_plant.testbeds.compiled.tape import Number, Tape, TraceError
+from flexslew_plant.testbeds.compiled.trace import TracedEquations
+from flexslew_plant.testbeds.compiled.written import BlockLayout, needed, sine_numbers_of, written
 from flexslew_plant.testbeds.model import Model
 
 _REACH = 0.1  # largest frequency times step at which order 5 is good for 1e-11 [-]
@@ -52,62 +52,68 @@ def _scheme(kind: Any, stages: int) -> _Scheme:
     return _Scheme(weights, np.array(kind.C[:stages], dtype=np.float64))
 
 
-_EIGHT = _scheme(DOP853, 12)
-_KNOWN: dict[Any, tuple[list[int], dict[bytes, LaneKernel | None]]] = {}
+_ORDER_8 = _scheme(DOP853, 12)
+_KNOWN: dict[Any, tuple[list[int], dict[bytes, BatchKernel | None]]] = {}
 
 
-def traced_kernel(model: Model, brisk: bool) -> LaneKernel | None:
+def traced_kernel(model: Model, bounded: bool) -> BatchKernel | None:
     """Return how a testbed flies in lanes; None where its equations branch from lane to lane.
 
     So do steps that may not go across jumps of accelerations: see next_jump of Kernels.
 
     Args:
         model: of a testbed; others with the same sizes, kinds and zeros share the kernel.
-        brisk: whether it bounds its frequencies.
+        bounded: whether it bounds its frequencies.
     """
-    return traced_kernels([model], model.packed[None], brisk)[0]
+    return traced_kernels([model], model.packed[None], bounded)[0]
 
 
-def traced_kernels(models: Sequence[Model], packed: Matrix, brisk: bool) -> list[LaneKernel | None]:
+def traced_kernels(
+    models: Sequence[Model], packed: Matrix, bounded: bool
+) -> list[BatchKernel | None]:
     """Return how each of many testbeds flies in lanes; see traced_kernel.
 
     Args:
         models: with equal kernels and sizes.
         packed: their numbers, shape (models, P).
-        brisk: whether they bound their frequencies.
+        bounded: whether they bound their frequencies.
     """
     plain = np.where((packed == 0.0) | (abs(packed) == 1.0), packed, np.inf)
-    first = _known_or_traced(models[0], packed[0], plain[0], brisk)
-    fixed, _ = _KNOWN.get(_key(models[0], plain[0], brisk), ([], {}))
+    first = _known_or_traced(models[0], packed[0], plain[0], bounded)
+    fixed, _ = _KNOWN.get(_key(models[0], plain[0], bounded), ([], {}))
     varying = np.array([model.time_varying for model in models])
-    told = np.column_stack((plain, packed[:, fixed], varying))  # all that a kernel depends on
-    alike = (told.view(np.int64) == told[0].view(np.int64)).all(axis=1).tolist()
+    dependencies = np.column_stack(
+        (plain, packed[:, fixed], varying)
+    )  # all that a kernel depends on
+    same_key = (dependencies.view(np.int64) == dependencies[0].view(np.int64)).all(axis=1).tolist()
     return [
-        first if same else _known_or_traced(model, numbers, zeros, brisk)
-        for same, model, numbers, zeros in zip(alike, models, packed, plain, strict=True)
+        first if same else _known_or_traced(model, numbers, zeros, bounded)
+        for same, model, numbers, zeros in zip(same_key, models, packed, plain, strict=True)
     ]
 
 
-def _key(model: Model, plain: Vector, brisk: bool) -> tuple[Any, ...]:
+def _key(model: Model, plain: Vector, bounded: bool) -> tuple[Any, ...]:
     """Return what is equal for models that differ in numbers, and not in zeros and ones."""
-    return model.kernels, model.sizes, plain.tobytes(), brisk
+    return model.kernels, model.sizes, plain.tobytes(), bounded
 
 
-def _known_or_traced(model: Model, packed: Vector, plain: Vector, brisk: bool) -> LaneKernel | None:
+def _known_or_traced(
+    model: Model, packed: Vector, plain: Vector, bounded: bool
+) -> BatchKernel | None:
     if model.time_varying and model.kernels.next_jump is not None:
         return None
-    key = _key(model, plain, brisk)
+    key = _key(model, plain, bounded)
     if key in _KNOWN:
         fixed, found = _KNOWN[key]
-        alike = packed[fixed].tobytes()
-        if alike in found:
-            return found[alike]
+        same_key = packed[fixed].tobytes()
+        if same_key in found:
+            return found[same_key]
     else:
         fixed, found = _KNOWN.setdefault(key, ([], {}))
-    equations = NotedEquations(model)
+    equations = TracedEquations(model)
     try:
-        kernel = _kernel(model, equations, brisk and "kinematics" not in model.kernels.functions)
-    except Untraceable:
+        kernel = _kernel(model, equations, bounded and "kinematics" not in model.kernels.functions)
+    except TraceError:
         kernel = None
     seen = sorted(equations.tape.fixed)
     if seen != fixed:  # what another branch has looked at counts from now on, too
@@ -117,46 +123,48 @@ def _known_or_traced(model: Model, packed: Vector, plain: Vector, brisk: bool) -
     return kernel
 
 
-def _kernel(model: Model, equations: NotedEquations, brisk: bool) -> LaneKernel | None:
+def _kernel(model: Model, equations: TracedEquations, bounded: bool) -> BatchKernel | None:
     tape, states = equations.tape, len(equations.x)
     reads = "reading" in model.kernels.functions
     rows = rows_of(states, model.efforts, model.joints, model.modes, reads)
-    own = {"x": 0, "u": rows.effort, "constants": rows.end}
+    entries = {"x": 0, "u": rows.effort, "constants": rows.end}
     t, h = tape.input("t", 0), tape.input("h", 0)
-    read = nothing_to_read
+    read = skip_reading
     joints = equations.joints() if reads else ()
     slopes = equations.slopes(t, equations.x)
-    stages = len(NYSTROM.times if brisk else _EIGHT.times)
-    few = len(needed(tape, slopes).steps) * stages <= _WHOLE
-    brisk = brisk and few
+    stages = len(NYSTROM.times if bounded else _ORDER_8.times)
+    is_short = len(needed(tape, slopes).steps) * stages <= _WHOLE
+    bounded = bounded and is_short
     found = [slopes]  # by stage what later ones need, then the results
-    if brisk:
+    if bounded:
         found = equations.nystrom_step(t, h, NYSTROM)
-    elif few:
-        found = [equations.step(t, h, *_EIGHT)]
+    elif is_short:
+        found = [equations.step(t, h, *_ORDER_8)]
     constants = needed(tape, [*found[-1], *joints]).constants
-    end = rows.end + len(constants) * LANES
+    end = rows.end + len(constants) * BATCH_WIDTH
 
-    def function(name: str, passes: list[dict[int, Any]], layout: BlockLayout) -> Any:
-        return _function(name, written(name, tape, passes, layout))
+    def function(name: str, loops: list[dict[int, Any]], layout: BlockLayout) -> Any:
+        return _function(name, written(name, tape, loops, layout))
 
     if reads:
-        layout = BlockLayout(own, constants, LANES, "filled, w")
-        read = function("read", [_placed(joints, rows.position, LANES)], layout)
-    if few:
-        passes, size = list[dict[int, Any]](), end
-        for values in _kept(tape, found):
-            passes.append(_placed(values, size, LANES))
-            size += len(values) * LANES
-        passes.append(_placed(found[-1], 0, LANES))
-        advance = _whole(function("step", passes, BlockLayout(own, constants, LANES)))
+        layout = BlockLayout(entries, constants, BATCH_WIDTH, "filled, w")
+        read = function("read", [_by_position(joints, rows.position, BATCH_WIDTH)], layout)
+    if is_short:
+        loops, size = list[dict[int, Any]](), end
+        for values in _stage_outputs(tape, found):
+            loops.append(_by_position(values, size, BATCH_WIDTH))
+            size += len(values) * BATCH_WIDTH
+        loops.append(_by_position(found[-1], 0, BATCH_WIDTH))
+        advance = _whole_steps(
+            function("step", loops, BlockLayout(entries, constants, BATCH_WIDTH))
+        )
     else:
         counts = (states, model.efforts, len(constants), states, states)
         x, u, of_block, at, slope = (end + _BLOCK * sum(counts[:k]) for k in range(5))
         layout = BlockLayout({"x": at, "u": u, "constants": of_block}, constants, _BLOCK)
-        slopes_of = function("slopes", [_placed(slopes, slope, _BLOCK)], layout)
+        slopes_of = function("slopes", [_by_position(slopes, slope, _BLOCK)], layout)
         work = _Work(states, states + model.efforts, len(constants), rows.end, x, at, slope)
-        advance = _by_stages(slopes_of, _EIGHT, work)
+        advance = _by_stages(slopes_of, _ORDER_8, work)
         size = slope + _BLOCK * states * (1 + stages)
 
     def place(packed: Matrix) -> Vector:
@@ -164,34 +172,45 @@ def _kernel(model: Model, equations: NotedEquations, brisk: bool) -> LaneKernel 
         w[rows.end : end] = tape.evaluated(packed, constants).ravel()
         return w
 
-    return LaneKernel(advance, read, rows, size, place, _REACH if brisk else np.inf)
+    return BatchKernel(advance, read, rows, size, place, _REACH if bounded else np.inf)
 
 
-def _placed(values: Any, at: int, width: int) -> dict[int, Any]:
+def _by_position(values: Any, at: int, width: int) -> dict[int, Any]:
     """Return values by where in w they begin."""
     return {at + i * width: value for i, value in enumerate(values)}
 
 
-def _kept(tape: Tape, found: list[Any]) -> list[list[Number]]:
+def _stage_outputs(tape: Tape, found: list[Any]) -> list[list[Number]]:
     """Return what each stage but the last keeps for the later ones, the last being the result."""
     kept, known = list[list[Number]](), set[int]()
     for stage, values in enumerate(found[:-1]):
-        turns = [turn for turn in turns_of(tape, values) if turn.index not in known]
-        own = [value for value in values if isinstance(value, Number)]
-        known |= {value.index for value in own}
+        sine_numbers = [
+            sine_number
+            for sine_number in sine_numbers_of(tape, values)
+            if sine_number.index not in known
+        ]
+        entries = [value for value in values if isinstance(value, Number)]
+        known |= {value.index for value in entries}
         later = {k for after in found[stage + 1 :] for k in needed(tape, after, known).steps}
-        kept.append([*own, *(turn for turn in turns if turn.index in later)])
+        kept.append(
+            [*entries, *(sine_number for sine_number in sine_numbers if sine_number.index in later)]
+        )
         known |= {value.index for value in kept[-1]}
     return kept
 
 
 def _function(name: str, text: str) -> Any:
-    names = {"np": np, "aligned_frame": aligned_frame, "sine_cosine": sine_cosine, "turned": turned}
+    names = {
+        "np": np,
+        "aligned_frame": aligned_frame,
+        "sine_cosine": sine_cosine,
+        "turned": angle_sum,
+    }
     return vectorised(generated(name, text, names))
 
 
 @lru_cache
-def _whole(step: Callable[..., None]) -> Any:
+def _whole_steps(step: Callable[..., None]) -> Any:
     @vectorised
     def advance(t: float, dt: float, steps: int, filled: int, w: Vector) -> None:
         h = dt / steps
@@ -220,21 +239,21 @@ def _by_stages(slopes_of: Callable[..., None], scheme: _Scheme, work: _Work) -> 
     @vectorised
     def advance(t: float, dt: float, steps: int, filled: int, w: Vector) -> None:
         h = dt / steps
-        for lane in range(0, filled, _BLOCK):
+        for member in range(0, filled, _BLOCK):
             for i in range(given):
                 for k in range(_BLOCK):
-                    w[x + i * _BLOCK + k] = w[i * LANES + lane + k]
+                    w[x + i * _BLOCK + k] = w[i * BATCH_WIDTH + member + k]
             for i in range(constants):
                 for k in range(_BLOCK):
                     to = x + (given + i) * _BLOCK + k
-                    w[to] = w[constants_from + i * LANES + lane + k]
+                    w[to] = w[constants_from + i * BATCH_WIDTH + member + k]
             for i in range(steps):
                 step_of(t + i * h, h, w)
                 for k in range(size):
                     w[x + k] = w[at + k]
             for i in range(states):
                 for k in range(_BLOCK):
-                    w[i * LANES + lane + k] = w[x + i * _BLOCK + k]
+                    w[i * BATCH_WIDTH + member + k] = w[x + i * _BLOCK + k]
 
     return advance
 

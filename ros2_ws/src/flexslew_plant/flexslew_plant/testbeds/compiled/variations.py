@@ -28,7 +28,7 @@ from flexslew_plant.testbeds.compiled.dynamics import (
 )
 
 _CHANGE = 2.0**-10  # differences of M, h and B by p, of B and N by q: exact where quadratic
-_BOTH: Vector = np.array([1.0, -1.0])  # signs of a change
+_SIGNS: Vector = np.array([1.0, -1.0])  # signs of a change
 _factor = called(mass.factor.py_func)  # type: ignore[attr-defined]
 _solve = called(mass.solve.py_func)  # type: ignore[attr-defined]
 _solve_rows = called(mass.solve_rows.py_func)  # type: ignore[attr-defined]
@@ -66,7 +66,18 @@ def flight_with_slopes(
     path[0] = np.concatenate((start, start_slopes.T.ravel()))
     pieces = period * np.arange(ticks), np.full(ticks, period), np.ones(ticks, dtype=np.int64)
     none = np.zeros((count, effort.shape[1]))
-    _kernel()(*_own(equations), p, along, none, effort, *pieces, square, extra, path[:-1], path[1:])
+    _kernel()(
+        *_kernel_functions(equations),
+        p,
+        along,
+        none,
+        effort,
+        *pieces,
+        square,
+        extra,
+        path[:-1],
+        path[1:],
+    )
     slopes = path[:, start.size :].reshape(ticks + 1, start.size, count)
     return path[:, : start.size], slopes.swapaxes(1, 2)
 
@@ -101,19 +112,30 @@ def slopes_of_pieces(
     (k, size), m, c = states.shape, effort.shape[1], columns.size
     first = np.zeros((size, c + m))
     first[columns, np.arange(c)] = 1.0
-    begins = np.hstack((states, np.tile(first.ravel(), (k, 1))))
-    pushes = np.zeros((c + m, m))
-    pushes[c:] = np.eye(m)
+    initial_states = np.hstack((states, np.tile(first.ravel(), (k, 1))))
+    effort_slopes = np.zeros((c + m, m))
+    effort_slopes[c:] = np.eye(m)
     pieces = np.cumsum(durations) - durations, durations, steps
-    ends, none = np.empty_like(begins), np.zeros((0, p.size))
-    _kernel()(*_own(equations), p, none, pushes, effort, *pieces, square, extra, begins, ends)
+    ends, none = np.empty_like(initial_states), np.zeros((0, p.size))
+    _kernel()(
+        *_kernel_functions(equations),
+        p,
+        none,
+        effort_slopes,
+        effort,
+        *pieces,
+        square,
+        extra,
+        initial_states,
+        ends,
+    )
     found = ends[:, size:].reshape(k, size, c + m)
     by_state = np.zeros((k, size, size))
     by_state[:, :, columns] = found[:, :, :c]
     return by_state, np.ascontiguousarray(found[:, :, c:])
 
 
-def _own(equations: Bound) -> tuple[Callable[..., None], ...]:
+def _kernel_functions(equations: Bound) -> tuple[Callable[..., None], ...]:
     """Return what the kernel calls of a testbed's equations."""
     first = equations.terms, equations.residual_jacobian
     return (*first, equations.actuation, equations.position_rates)
@@ -124,7 +146,7 @@ def _kernel() -> Callable[..., None]:
     """Return _flown as machine code, the same for all testbeds."""
     vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
     read, t = read_only(vector), types.float64
-    kernel: Any = compiled(_flown)
+    kernel: Any = compiled(_simulate_pieces)
     kernel.compile(
         types.void(
             types.FunctionType(types.void(read, t, read, matrix, matrix, vector, vector)),
@@ -169,7 +191,7 @@ def _write_residual(
 
 
 @called
-def _add_turned(
+def _add_actuation_slope(
     actuation: Callable[..., None],
     p: Vector,
     t: float,
@@ -183,26 +205,26 @@ def _add_turned(
     Most actuators push alike wherever the craft is: where all of q moves at once, each entry by its
     own length, and B u stays the same to the last bit, there is nothing to subtract.
     """
-    moved, push, same = work
-    (n, q), turns = dq.shape, False
-    put(x, moved)
+    shifted, push, same = work
+    (n, q), state_dependent = dq.shape, False
+    put(x, shifted)
     push[:] = 0.0
     same[:] = 0.0
     for c in range(q):
-        moved[c] += _CHANGE * (1.0 + np.sqrt(2.0 + c))
+        shifted[c] += _CHANGE * (1.0 + np.sqrt(2.0 + c))
     actuation(p, t, x, u, push)
-    actuation(p, t, moved, u, same)
+    actuation(p, t, shifted, u, same)
     for j in range(n):
-        turns |= push[j] != same[j]
-    put(x, moved)
-    for c in range(q * int(turns)):
-        for sign in _BOTH:
-            moved[c] = x[c] + sign * _CHANGE
+        state_dependent |= push[j] != same[j]
+    put(x, shifted)
+    for c in range(q * int(state_dependent)):
+        for sign in _SIGNS:
+            shifted[c] = x[c] + sign * _CHANGE
             push[:] = 0.0
-            actuation(p, t, moved, u, push)
+            actuation(p, t, shifted, u, push)
             for j in range(n):
                 dq[j, c] -= sign / (2.0 * _CHANGE) * push[j]
-        moved[c] = x[c]
+        shifted[c] = x[c]
 
 
 @called
@@ -215,22 +237,22 @@ def _write_kinematics(
     kinematics: Matrix,
 ) -> None:
     """Write the derivatives of q' = N(q) v by q and v, shape (positions, size of a state)."""
-    moved, rates = work
+    shifted, rates = work
     q, size = kinematics.shape
-    put(x, moved)
+    put(x, shifted)
     kinematics[:] = 0.0
     for c in range(q):
-        for sign in _BOTH:
-            moved[c] = x[c] + sign * _CHANGE
-            position_rates(p, t, moved, rates)
+        for sign in _SIGNS:
+            shifted[c] = x[c] + sign * _CHANGE
+            position_rates(p, t, shifted, rates)
             for j in range(q):
                 kinematics[j, c] += sign / (2.0 * _CHANGE) * rates[j]
-        moved[c] = x[c]
-    moved[q:] = 0.0
+        shifted[c] = x[c]
+    shifted[q:] = 0.0
     for c in range(q, size):
-        moved[c] = 1.0
-        position_rates(p, t, moved, rates)
-        moved[c] = 0.0
+        shifted[c] = 1.0
+        position_rates(p, t, shifted, rates)
+        shifted[c] = 0.0
         for j in range(q):
             kinematics[j, c] = rates[j]
 
@@ -247,67 +269,68 @@ def _add_product(factors: Matrix, slopes: Matrix, sign: float, out: Matrix) -> N
 
 
 @called
-def _add_pushes(
+def _add_effort_slopes(
     actuation: Callable[..., None],
     p: Vector,
     t: float,
     x: Vector,
     u: Vector,
-    pushes: Matrix,
+    effort_slopes: Matrix,
     force: Matrix,
 ) -> None:
     """Add B du/d theta to the forces of every parameter, a column each."""
-    held, push = np.empty(u.size), np.empty(force.shape[0])
-    for k in range(len(pushes)):
-        for sign in _BOTH[: 2 * int(pushes[k].any())]:
+    shifted_effort, push = np.empty(u.size), np.empty(force.shape[0])
+    for k in range(len(effort_slopes)):
+        for sign in _SIGNS[: 2 * int(effort_slopes[k].any())]:
             for i in range(u.size):
-                held[i] = u[i] + sign * _CHANGE * pushes[k, i]
+                shifted_effort[i] = u[i] + sign * _CHANGE * effort_slopes[k, i]
             push[:] = 0.0
-            actuation(p, t, x, held, push)
+            actuation(p, t, x, shifted_effort, push)
             for j in range(push.size):
                 force[j, k] += sign / (2.0 * _CHANGE) * push[j]
 
 
-def _flown(
+def _simulate_pieces(
     terms: Callable[..., None],
     residual_jacobian: Callable[..., None],
     actuation: Callable[..., None],
     position_rates: Callable[..., None],
     p: Vector,
     along: Matrix,
-    pushes: Matrix,
+    effort_slopes: Matrix,
     effort: Matrix,
     starts: Vector,
     durations: Vector,
     steps: Indices,
     square: int,
     extra: int,
-    begins: Matrix,
+    initial_states: Matrix,
     ends: Matrix,
 ) -> None:
     """Write the ends of pieces: each a state and then its derivatives, as its begin.
 
     The derivatives of an entry of the state by all parameters stand side by side. Row k of `along`
-    and of `pushes` is how p and the effort change with parameter k; `along` has no rows where p
+    and of `effort_slopes` is how p and the effort change with parameter k; `along` has no rows
+    where p
     does not. A begin is read when its piece is flown: it may be the end before it.
     """
-    count, width = pushes.shape[0], begins.shape[1]
+    count, width = effort_slopes.shape[0], initial_states.shape[1]
     size = width // (1 + count)
     n = (size - extra) // 2
     q = size - n  # entries of q
     joints, coupling = np.empty((square, square)), np.empty((square, n - square))
     modal, a, rates = np.empty(n - square), np.empty(n), np.empty(size)
-    factored, scale = np.empty_like(joints), np.empty_like(modal)
+    factors, scale = np.empty_like(joints), np.empty_like(modal)
     other = np.empty_like(joints), np.empty_like(coupling), np.empty_like(modal), np.empty(n)
     residual, forces = np.empty(n), np.empty(n * count)
     force = forces.reshape((n, count))
     dq, dv, kinematics = np.empty((n, q)), np.empty((n, n)), np.empty((q, size))
-    moved, push = np.empty(size), np.empty(n)
+    shifted, push = np.empty(size), np.empty(n)
     now, at, slopes = np.empty(width), np.empty(width), np.empty((STAGES, width))
-    x, beside = at[:size], at[size:].reshape((size, count))
+    x, state_slopes = at[:size], at[size:].reshape((size, count))
     for piece in range(effort.shape[0]):
         u, h = effort[piece], durations[piece] / steps[piece]
-        put(begins[piece], now)
+        put(initial_states[piece], now)
         for step in range(steps[piece]):
             for i in range(STAGES):
                 stage_state(now, slopes, i, h, at)
@@ -317,9 +340,9 @@ def _flown(
                 actuation(p, t, x, u, a)
                 a -= residual
                 for j in range(square):
-                    put(joints[j], factored[j])
-                _factor(factored, coupling, modal)
-                _solve(factored, coupling, modal, a)
+                    put(joints[j], factors[j])
+                _factor(factors, coupling, modal)
+                _solve(factors, coupling, modal, a)
                 position_rates(p, t, x, rates)
                 put(rates[:q], slopes[i, :q])
                 put(a, slopes[i, q:size])
@@ -327,20 +350,20 @@ def _flown(
                 rate = slopes[i, size:].reshape((size, count))
                 if extra == 0:
                     for j in range(n):
-                        put(beside[q + j], rate[j])
+                        put(state_slopes[q + j], rate[j])
                 else:  # q' = N(q) v, and B may turn with q
-                    _add_turned(actuation, p, t, x, u, (moved, residual, push), dq)
-                    _write_kinematics(position_rates, p, t, x, (moved, rates), kinematics)
+                    _add_actuation_slope(actuation, p, t, x, u, (shifted, residual, push), dq)
+                    _write_kinematics(position_rates, p, t, x, (shifted, rates), kinematics)
                     rate[:q] = 0.0
-                    _add_product(kinematics, beside, 1.0, rate)
+                    _add_product(kinematics, state_slopes, 1.0, rate)
                 forces[:] = 0.0
-                _add_product(dq, beside, -1.0, force)
-                _add_product(dv, beside[q:], -1.0, force)
-                _add_pushes(actuation, p, t, x, u, pushes, force)
+                _add_product(dq, state_slopes, -1.0, force)
+                _add_product(dv, state_slopes[q:], -1.0, force)
+                _add_effort_slopes(actuation, p, t, x, u, effort_slopes, force)
                 for k in range(len(along)):  # dr/dp along the parameter
-                    for sign in _BOTH:
-                        there = p + sign * _CHANGE * along[k]
-                        _write_residual(terms, actuation, there, t, x, u, a, other, residual)
+                    for sign in _SIGNS:
+                        shifted_p = p + sign * _CHANGE * along[k]
+                        _write_residual(terms, actuation, shifted_p, t, x, u, a, other, residual)
                         for j in range(n):
                             force[j, k] -= sign / (2.0 * _CHANGE) * residual[j]
                 _solve_rows(joints, coupling, modal, scale, forces, count)

@@ -11,7 +11,7 @@ _FORM = {
     "abs": "abs({})",
     "where": "({1} if {0} else {2})",
 }
-_TURNS = ("sine", "cosine")
+_SINE_COSINE = ("sine", "cosine")
 
 
 class Needed(NamedTuple):
@@ -46,14 +46,14 @@ def needed(tape: Tape, results: Sequence[Value], known: Container[int] = ()) -> 
     return Needed(sorted(steps), sorted(constants))
 
 
-def turns_of(tape: Tape, results: Sequence[Value]) -> list[Number]:
+def sine_numbers_of(tape: Tape, results: Sequence[Value]) -> list[Number]:
     """Return the sines and cosines that results need, which take long to find again."""
     found = needed(tape, results).steps
-    return [Number(tape, k) for k in found if tape.nodes[k][0] in _TURNS]
+    return [Number(tape, k) for k in found if tape.nodes[k][0] in _SINE_COSINE]
 
 
 def written(
-    name: str, tape: Tape, passes: Sequence[Mapping[int, Value]], layout: BlockLayout
+    name: str, tape: Tape, loops: Sequence[Mapping[int, Value]], layout: BlockLayout
 ) -> str:
     """Return the text of a function that writes results for all lanes of a block.
 
@@ -63,13 +63,13 @@ def written(
     Args:
         name: of the function.
         tape: the operations.
-        passes: results by where in w they begin.
+        loops: results by where in w they begin.
         layout: of what it reads.
     """
     lines = [f"def {name}({layout.given}):", "    aligned_frame()"]
     first, width = layout.rows["constants"], layout.width
     places = {k: first + i * width for i, k in enumerate(layout.constants)}
-    for results in passes:
+    for results in loops:
         lines += _loop(tape, results, places, layout)
         for row, value in results.items():
             if isinstance(value, Number):
@@ -88,20 +88,20 @@ def _loop(
         return f"w[{places[part]} + k]" if part in places else f"a{part}"
 
     rows, width, lines = layout.rows, layout.width, [f"    for k in range({layout.width}):"]
-    turned: dict[tuple[object, ...], int] = {}  # what sine and cosine are there of
+    known_angles: dict[tuple[object, ...], int] = {}  # what sine and cosine are there of
     for k in needed(tape, list(results.values()), places).steps:
         what, *parts = tape.nodes[k]
         if what == "input":
             kind, index = parts
             shared = kind in ("t", "h")
             value = kind if shared else f"w[{rows[kind] + index * width} + k]"
-        elif what in _TURNS:
+        elif what in _SINE_COSINE:
             angle = tuple(parts)
-            if angle not in turned:
-                turned[angle] = k
+            if angle not in known_angles:
+                known_angles[angle] = k
                 function = "turned" if len(parts) > 1 else "sine_cosine"
                 lines.append(f"        s{k}, c{k} = {function}({', '.join(map(text, parts))})")
-            value = f"{what[0]}{turned[angle]}"
+            value = f"{what[0]}{known_angles[angle]}"
         elif what in _FORM:
             value = _FORM[what].format(*map(text, parts))
         else:

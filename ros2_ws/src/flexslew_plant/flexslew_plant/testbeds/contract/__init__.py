@@ -23,7 +23,7 @@ from flexslew_plant.testbeds.contract.testbed import StartsMoving as StartsMovin
 from flexslew_plant.testbeds.contract.testbed import Symbolic as Symbolic
 from flexslew_plant.testbeds.contract.testbed import Testbed as Testbed
 from flexslew_plant.testbeds.contract.testbed import UnitSizes as UnitSizes
-from flexslew_plant.testbeds.contract.testbed import refuse_payload as refuse_payload
+from flexslew_plant.testbeds.contract.testbed import require_no_payload as require_no_payload
 from flexslew_plant.testbeds.contract.testbed import unit_sizes as unit_sizes
 from flexslew_plant.testbeds.contract.turning import DriveMap as DriveMap
 from flexslew_plant.testbeds.contract.turning import RigidTurn as RigidTurn

@@ -22,9 +22,9 @@ class Cone(NamedTuple):
         Args:
             attitude: quaternions x y z w from inertial to body axes, shape (..., 4).
         """
-        look = to_inertial(attitude, self.boresight)
-        across = np.linalg.norm(cross(look, self.axis), axis=-1)
-        angle: Vector = np.arctan2(across, look @ self.axis)
+        direction = to_inertial(attitude, self.boresight)
+        sine = np.linalg.norm(cross(direction, self.axis), axis=-1)
+        angle: Vector = np.arctan2(sine, direction @ self.axis)
         return angle - self.half_angle
 
 

@@ -114,7 +114,7 @@ class Symbolic(Protocol):
         """
 
 
-def refuse_payload(kind: str, payload: float) -> None:
+def require_no_payload(kind: str, payload: float) -> None:
     """Check that the requested payload of a testbed that carries none is a factor of 1 [-].
 
     Raises:

@@ -48,7 +48,7 @@ class ThreeAxes(Turning, Protocol):
         """
 
     def rigid_turn_about(self, axis: Vector) -> RigidTurn:
-        """Return what all joints must do for a turn about a body axis; see Turning.rigid_turn."""
+        """Return the motion of all joints in a turn about a body axis."""
 
     def rigid(self) -> "Testbed":
         """Return the testbed without modes, its sensors besides those of the joints left out."""

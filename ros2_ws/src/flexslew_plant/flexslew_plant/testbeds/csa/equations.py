@@ -11,7 +11,7 @@ from flexslew_plant.testbeds.kernels import Kernels
 _COMPLETE, _J_A, _J_1, _J_2, _MODES = 0, 1, 2, 3, 4
 
 
-class Unpacked(NamedTuple):
+class CsaNumbers(NamedTuple):
     """The numbers of the equations by name."""
 
     complete: bool
@@ -24,10 +24,10 @@ class Unpacked(NamedTuple):
     damping: Vector  # diagonal of C_qq, (modes,) [N s/m]
 
 
-def unpacked(p: Vector) -> Unpacked:
+def unpack(p: Vector) -> CsaNumbers:
     """Return what packed has put together."""
     complete, j_a, j_1, j_2 = p[:_MODES]
-    return Unpacked(complete > 0.5, j_a, j_1, j_2, *p[_MODES:].reshape(4, -1))
+    return CsaNumbers(complete > 0.5, j_a, j_1, j_2, *p[_MODES:].reshape(4, -1))
 
 
 def highest_frequency(p: Matrix) -> Vector:
@@ -43,12 +43,12 @@ def highest_frequency(p: Matrix) -> Vector:
     """
     n = (len(p) - _MODES) // 4
     m, mass, stiffness = p[_MODES:-n].reshape(3, n, -1)
-    held = (m * (m / mass)).sum(axis=0) / (p[_J_A] + p[_J_1])
-    found: Vector = np.sqrt((stiffness / mass).max(axis=0) / np.maximum(1.0 - held, 1e-3))
+    coupling_ratio = (m * (m / mass)).sum(axis=0) / (p[_J_A] + p[_J_1])
+    found: Vector = np.sqrt((stiffness / mass).max(axis=0) / np.maximum(1.0 - coupling_ratio, 1e-3))
     return found
 
 
-def stiffened(p: Vector, factor: float) -> Vector:
+def scale_stiffness(p: Vector, factor: float) -> Vector:
     """Return the packed parameters with the bending stiffness multiplied by factor [-]."""
     n = (p.size - _MODES) // 4
     scaled = p.copy()
@@ -113,15 +113,19 @@ def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv:
     j_a, c, s = p[_J_A], np.cos(x[1]), np.sin(x[1])
     w, r = x[2 + n], x[3 + n]  # yaw and pitch rates
     c2, s2 = c * c - s * s, 2.0 * c * s
-    sway, sway_rate, sway_acceleration = 0.0, 0.0, 0.0  # m^T q and its derivatives
+    deflection, deflection_rate, deflection_acceleration = (
+        0.0,
+        0.0,
+        0.0,
+    )  # m^T q and its derivatives
     dq[:] = 0.0
     dv[:] = 0.0
     complete = p[_COMPLETE] > 0.5
     for j in range(n):
         m = p[_MODES + j]
-        sway += m * x[2 + j]
-        sway_rate += m * x[4 + n + j]
-        sway_acceleration += m * a[2 + j]
+        deflection += m * x[2 + j]
+        deflection_rate += m * x[4 + n + j]
+        deflection_acceleration += m * a[2 + j]
         dq[2 + j, 2 + j] = p[_MODES + 2 * n + j]
         dv[2 + j, 2 + j] = p[_MODES + 3 * n + j]
         if complete:
@@ -137,21 +141,21 @@ def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv:
             dq[2 + j, 1] = (-s * a[0] - c * w * r) * m
             dv[2 + j, 0] = -s * r * m
             dv[2 + j, 1] = -s * w * m
-    dq[0, 1] = -j_a * s2 * a[0] - s * sway_acceleration - 2.0 * c2 * j_a * w * r
+    dq[0, 1] = -j_a * s2 * a[0] - s * deflection_acceleration - 2.0 * c2 * j_a * w * r
     dq[1, 1] = c2 * j_a * w * w
     dv[0, 0] = -s2 * j_a * r
     dv[0, 1] = -s2 * j_a * w
     dv[1, 0] = s2 * j_a * w
     if complete:
-        dq[0, 1] += (c * a[1] - s * r * r) * sway
-        dq[1, 1] += 2.0 * c * w * sway_rate + c * a[0] * sway
-        dv[0, 1] += 2.0 * c * r * sway
-        dv[1, 0] += 2.0 * s * sway_rate
+        dq[0, 1] += (c * a[1] - s * r * r) * deflection
+        dq[1, 1] += 2.0 * c * w * deflection_rate + c * a[0] * deflection
+        dv[0, 1] += 2.0 * c * r * deflection
+        dv[1, 0] += 2.0 * s * deflection_rate
     else:
-        dq[0, 1] -= c * r * sway_rate
-        dq[1, 1] += c * w * sway_rate
-        dv[0, 1] -= s * sway_rate
-        dv[1, 0] += s * sway_rate
+        dq[0, 1] -= c * r * deflection_rate
+        dq[1, 1] += c * w * deflection_rate
+        dv[0, 1] -= s * deflection_rate
+        dv[1, 0] += s * deflection_rate
 
 
 def acceleration(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> None:
@@ -178,26 +182,26 @@ def acceleration(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) ->
         pull = (m * inverse * damping) * x[4 + n + j] + pull
         share = share + m * m * inverse
     free = j_a - share
-    turning = s * yaw_rate
+    yaw_component = s * yaw_rate
     if p[_COMPLETE] > 0.5:
-        off, coriolis = s * deflection, -2.0 * turning * pitch_rate
+        off, coriolis = s * deflection, -2.0 * yaw_component * pitch_rate
         first = effort[0] + c * (pull - free * coriolis - pitch_rate * (pitch_rate * deflection))
-        second = effort[1] - turning * (c * (j_a * yaw_rate) + 2.0 * deflection_rate)
+        second = effort[1] - yaw_component * (c * (j_a * yaw_rate) + 2.0 * deflection_rate)
     else:
-        off, coriolis = 0.0, 0.0 - turning * pitch_rate
+        off, coriolis = 0.0, 0.0 - yaw_component * pitch_rate
         first = effort[0] + c * (pull + (share - 2.0 * j_a) * coriolis)
         first = first + s * pitch_rate * deflection_rate
-        second = effort[1] - turning * (c * (j_a * yaw_rate) + deflection_rate)
+        second = effort[1] - yaw_component * (c * (j_a * yaw_rate) + deflection_rate)
     pitch_inverse = 1.0 / p[_J_2]
-    lever = off * pitch_inverse
-    out[0] = (first - lever * second) / (p[_J_1] + free * (c * c) - off * lever)
+    ratio = off * pitch_inverse
+    out[0] = (first - ratio * second) / (p[_J_1] + free * (c * c) - off * ratio)
     out[1] = (second - off * out[0]) * pitch_inverse
-    drive = c * out[0] + coriolis
+    modal_input = c * out[0] + coriolis
     for j in range(n):
         inverse = 1.0 / p[_MODES + n + j]
         m, stiffness, damping = p[_MODES + j], p[_MODES + 2 * n + j], p[_MODES + 3 * n + j]
-        back = (stiffness * inverse) * x[2 + j] + (damping * inverse) * x[4 + n + j]
-        out[2 + j] = 0.0 - ((m * inverse) * drive + back)
+        stiffness_term = (stiffness * inverse) * x[2 + j] + (damping * inverse) * x[4 + n + j]
+        out[2 + j] = 0.0 - ((m * inverse) * modal_input + stiffness_term)
 
 
 def potential(p: Vector, t: float, q: Vector) -> float:

@@ -22,7 +22,12 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.beam import ClampedFreeBeam
 from flexslew_plant.testbeds.contract import ShapedMotion
-from flexslew_plant.testbeds.csa.equations import KERNELS, highest_frequency, stiffened, unpacked
+from flexslew_plant.testbeds.csa.equations import (
+    KERNELS,
+    highest_frequency,
+    scale_stiffness,
+    unpack,
+)
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable
@@ -30,7 +35,7 @@ from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable
 JOINTS = ("base_yaw", "hub_pitch")
 JOINT_UNITS = ("rad", "rad")
 CsaVariant: TypeAlias = Literal["printed", "complete"]
-_STEEPEST = 1.5  # largest pitch of a shaped slew [rad]
+_MAX_PITCH = 1.5  # largest pitch of a shaped slew [rad]
 
 
 @section
@@ -115,37 +120,37 @@ class CsaTestbed:
             BadInput: the beams come too near to the yaw axis, about which nothing moves them.
         """
         for at in (first[1], last[1]):
-            if not abs(at) <= _STEEPEST:
+            if not abs(at) <= _MAX_PITCH:
                 raise BadInput(
-                    f"a shaped slew keeps within -{_STEEPEST:g} and {_STEEPEST:g} rad, where yaw "
+                    f"a shaped slew keeps within -{_MAX_PITCH:g} and {_MAX_PITCH:g} rad, where yaw "
                     "moves the appendages",
                     key="hub_pitch",
                     value=at,
                 )
         span = last - first
-        pitch, pitching = first[1] + span[1] * path, span[1] * rate
+        pitch, pitch_rate = first[1] + span[1] * path, span[1] * rate
         cosine, sine = np.cos(pitch), np.sin(pitch)
         complete = self.variant == "complete"
-        lever = cosine if complete else np.ones(path.size)
+        weight = cosine if complete else np.ones(path.size)
         # the integral of lever p'' by parts: p'' jumps, p' does not
-        slowing = sine * pitching if complete else np.zeros(path.size)
-        first_part = lever * rate + cumulative_simpson(slowing * rate, dx=h, initial=0.0)
-        second_part = cumulative_simpson(lever * rate, dx=h, initial=0.0)
+        weight_rate = sine * pitch_rate if complete else np.zeros(path.size)
+        first_part = weight * rate + cumulative_simpson(weight_rate * rate, dx=h, initial=0.0)
+        second_part = cumulative_simpson(weight * rate, dx=h, initial=0.0)
         beta = -first_part[-1] / second_part[-1]
-        turning = (first_part + beta * second_part) / (lever * cosine)
-        turned = cumulative_simpson(turning, dx=h, initial=0.0)
-        alpha = span[0] / turned[-1]
+        yaw_rate = (first_part + beta * second_part) / (weight * cosine)
+        yaw = cumulative_simpson(yaw_rate, dx=h, initial=0.0)
+        alpha = span[0] / yaw[-1]
         # the mean of w over each interval is exact, wherever p'' jumps
-        drive = alpha / h * (np.diff(rate) + beta * np.diff(path))
+        modal_input = alpha / h * (np.diff(rate) + beta * np.diff(path))
         return ShapedMotion(
-            np.column_stack((first[0] + alpha * turned, pitch)),
-            np.column_stack((alpha * turning, pitching)),
-            np.column_stack((drive, np.zeros(drive.size))),
+            np.column_stack((first[0] + alpha * yaw, pitch)),
+            np.column_stack((alpha * yaw_rate, pitch_rate)),
+            np.column_stack((modal_input, np.zeros(modal_input.size))),
         )
 
     def energies(self, symbols: Any, q: Any, v: Any) -> tuple[Any, Any, Any]:
         """Return kinetic and potential energy and dissipation in symbols; contract.Symbolic."""
-        p, mode, rate = unpacked(packed(self)), q[2:], v[2:]
+        p, mode, rate = unpack(packed(self)), q[2:], v[2:]
         c, s = symbols.cos(q[1]), symbols.sin(q[1])
         kinetic = 0.5 * (p.j_1 + p.j_a * c**2) * v[0] ** 2 + 0.5 * p.j_2 * v[1] ** 2
         kinetic += c * v[0] * symbols.dot(p.coupling, rate) + 0.5 * symbols.dot(p.mass, rate**2)
@@ -161,8 +166,8 @@ class CsaTestbed:
         p = self.parameters
         i_1, i_2 = p.hub_inertia_1, p.hub_inertia_2
         base, hub = (p.base_inertia,) * 3, (i_1, i_2, i_1)
-        boom = rod(p.linear_density * b.length, b.length)
-        return turntable(self.kind, JOINTS, p.hub_radius, b.length, shapes, (base, hub), boom)
+        beam_body = rod(p.linear_density * b.length, b.length)
+        return turntable(self.kind, JOINTS, p.hub_radius, b.length, shapes, (base, hub), beam_body)
 
 
 @lru_cache
@@ -180,7 +185,7 @@ def _equations(length: float, modes: int) -> Model:
         JOINT_UNITS,
         modes,
         _appendages(length, modes),
-        scale_stiffness=stiffened,
+        scale_stiffness=scale_stiffness,
         highest_frequency=highest_frequency,
     )
 
@@ -226,11 +231,11 @@ def _packed(testbeds: Sequence[CsaTestbed]) -> Matrix:
         ]
     ).T
     beams = [_integrals(testbed.parameters.length, testbed.modes) for testbed in testbeds]
-    first, zeroth, square, bent = np.stack(beams, axis=-1)
+    first, zeroth, square, curvature_integral = np.stack(beams, axis=-1)
     j_a = 2.0 * mu * volumes / 3.0
     m = 2.0 * mu * (first + a * zeroth)  # (5)
     m_qq = 2.0 * mu * square  # (6)
-    k_qq = 2.0 * ei * bent  # (8)
+    k_qq = 2.0 * ei * curvature_integral  # (8)
     c_qq = 2.0 * np.array([t.damping_ratio for t in testbeds]) * np.sqrt(k_qq * m_qq)
     complete = [float(testbed.variant == "complete") for testbed in testbeds]
     return np.concatenate(([complete, j_a, j_base + j_1, j_2 + j_a], m, m_qq, k_qq, c_qq))

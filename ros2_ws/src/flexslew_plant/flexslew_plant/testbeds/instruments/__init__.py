@@ -2,8 +2,8 @@
 
 from flexslew_plant.testbeds.instruments.gyro import Gyro as Gyro
 from flexslew_plant.testbeds.instruments.gyro import GyroSettings as GyroSettings
+from flexslew_plant.testbeds.instruments.instrument import BodyState as BodyState
 from flexslew_plant.testbeds.instruments.instrument import Instrument as Instrument
-from flexslew_plant.testbeds.instruments.instrument import MovingBody as MovingBody
 from flexslew_plant.testbeds.instruments.instrument import Reader as Reader
 from flexslew_plant.testbeds.instruments.resolver import Resolver as Resolver
 from flexslew_plant.testbeds.instruments.resolver import ResolverSettings as ResolverSettings

@@ -12,8 +12,8 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.attitude import quaternion, to_body
-from flexslew_plant.testbeds.instruments.instrument import CompiledReader, MovingBody
-from flexslew_plant.testbeds.quaternions import multiplied, turn_of
+from flexslew_plant.testbeds.instruments.instrument import BodyState, CompiledReader
+from flexslew_plant.testbeds.quaternions import multiply, rotation_vector_of
 
 Triple = tuple[float, float, float]
 
@@ -51,7 +51,7 @@ class Gyro:
     settings: GyroSettings
     axes: ClassVar[tuple[str, ...]] = ("x", "y", "z")
 
-    def exact(self, body: MovingBody) -> Vector:
+    def exact(self, body: BodyState) -> Vector:
         """Return the body rate, shape (3,) [rad/s]."""
         return body.rate
 
@@ -60,10 +60,10 @@ class Gyro:
         it = self if rng is not None else replace(self, settings=GyroSettings(kind="gyro"))
         s, root, memory = it.settings, np.sqrt(period), np.zeros(7)
         walk = s.rate_random_walk * root
-        noises = [walk, walk / np.sqrt(12.0), s.angle_random_walk / root]
+        noise_sizes = [walk, walk / np.sqrt(12.0), s.angle_random_walk / root]
         if rng is not None:
             memory[BIAS] = np.array(s.bias) + s.bias_spread * rng.standard_normal(3)
-        constants = np.concatenate((it.response.ravel(), noises, [period]))
+        constants = np.concatenate((it.response.ravel(), noise_sizes, [period]))
         return CompiledReader(read_gyro, constants, memory, 0, 9)
 
     @property
@@ -84,7 +84,7 @@ def read_gyro(
     rate: Vector,
     wheels: Vector,
     gimbals: Vector,
-    draws: Vector,
+    samples: Vector,
     memory: Vector,
     out: Vector,
 ) -> None:
@@ -97,12 +97,12 @@ def read_gyro(
     if k > 0:
         before = (-memory[0], -memory[1], -memory[2], memory[3])
         now = (attitude[0], attitude[1], attitude[2], attitude[3])
-        x, y, z = turn_of(multiplied(before, now))
+        x, y, z = rotation_vector_of(multiply(before, now))
         x, y, z = x / period, y / period, z / period
     for i in range(4):
         memory[i] = attitude[i]
     for i in range(3):
-        bias, step = memory[4 + i], walk * draws[i] if k > 0 else 0.0
+        bias, step = memory[4 + i], walk * samples[i] if k > 0 else 0.0
         memory[4 + i] = bias + step
         seen = constants[3 * i] * x + constants[3 * i + 1] * y + constants[3 * i + 2] * z
-        out[i] = seen + (bias + 0.5 * step + bridge * draws[3 + i]) + white * draws[6 + i]
+        out[i] = seen + (bias + 0.5 * step + bridge * samples[3 + i]) + white * samples[6 + i]

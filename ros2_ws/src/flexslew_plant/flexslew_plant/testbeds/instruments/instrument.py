@@ -5,23 +5,23 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from flexslew_plant.arrays import NOTHING, Matrix, Vector, called, compiled
+from flexslew_plant.arrays import EMPTY, Matrix, Vector, called, compiled
 
 # from the platform at a tick to the reading; called once a tick, in order
-Reader: TypeAlias = Callable[["MovingBody"], Vector]
+Reader: TypeAlias = Callable[["BodyState"], Vector]
 
 # (k, constants, attitude, rate, wheels, gimbals, draws, memory, out): writes the reading of tick k
-# and what is remembered; of MovingBody, then the random numbers of this tick
+# and what is remembered; of BodyState, then the random numbers of this tick
 Read: TypeAlias = Callable[..., None]
 
 
-class MovingBody(NamedTuple):
+class BodyState(NamedTuple):
     """How the platform stands and turns."""
 
     attitude: Vector  # unit quaternion from body to inertial axes, x y z w, shape (4,)
     rate: Vector  # in body axes, shape (3,) [rad/s]
-    wheels: Vector = NOTHING  # speeds of its wheels relative to it, shape (wheels,) [rad/s]
-    gimbals: Vector = NOTHING  # angles of its control moment gyros, shape (gyros,) [rad]
+    wheels: Vector = EMPTY  # speeds of its wheels relative to it, shape (wheels,) [rad/s]
+    gimbals: Vector = EMPTY  # angles of its control moment gyros, shape (gyros,) [rad]
 
 
 class CompiledReader(NamedTuple):
@@ -33,7 +33,7 @@ class CompiledReader(NamedTuple):
     uniform: int  # random numbers of a tick: first so many, at least 0 and below 1
     normal: int  # then so many
 
-    def drawn(self, rng: np.random.Generator | None, ticks: int) -> Matrix:
+    def draw(self, rng: np.random.Generator | None, ticks: int) -> Matrix:
         """Return the random numbers of the next ticks, a row each; zeros without a generator."""
         rows = np.zeros((ticks, self.uniform + self.normal))
         if rng is not None:
@@ -65,7 +65,7 @@ class Instrument(Protocol):
     def axes(self) -> tuple[str, ...]:
         """What is appended to its name, one per channel."""
 
-    def exact(self, body: MovingBody) -> Vector:
+    def exact(self, body: BodyState) -> Vector:
         """Return what it reads without errors, delay and gaps, shape (channels,)."""
 
     def reader(self, period: float, rng: np.random.Generator | None) -> CompiledReader:
@@ -92,17 +92,17 @@ class TickReader:
     ) -> None:
         self._reader, self._rng, self._tick = instrument.reader(period, rng), rng, 0
         self._channels = len(instrument.axes)
-        self._draws: Vector = np.zeros(self._reader.uniform + self._reader.normal)
+        self._samples: Vector = np.zeros(self._reader.uniform + self._reader.normal)
         self.memory = self._reader.memory
 
-    def __call__(self, body: MovingBody) -> Vector:
+    def __call__(self, body: BodyState) -> Vector:
         """Return the reading of this tick, shape (channels,)."""
         read, constants, _, uniform, _ = self._reader
         if self._rng is not None:  # as CompiledReader.drawn, which takes longer for one tick
-            self._rng.random(out=self._draws[:uniform])
-            self._rng.standard_normal(out=self._draws[uniform:])
+            self._rng.random(out=self._samples[:uniform])
+            self._rng.standard_normal(out=self._samples[uniform:])
         out = np.empty(self._channels)
-        read(self._tick, constants, *body, self._draws, self.memory, out)
+        read(self._tick, constants, *body, self._samples, self.memory, out)
         self._tick += 1
         return out
 
@@ -127,7 +127,7 @@ def white_reader(
 
 
 @called
-def write_white(exact: Vector, constants: Vector, draws: Vector, out: Vector) -> None:
+def write_white(exact: Vector, constants: Vector, samples: Vector, out: Vector) -> None:
     """Write exact readings with the noise of a white_reader."""
     for i in range(out.size):
-        out[i] = exact[i] + (constants[0] * draws[i] if draws.size else 0.0)
+        out[i] = exact[i] + (constants[0] * samples[i] if samples.size else 0.0)

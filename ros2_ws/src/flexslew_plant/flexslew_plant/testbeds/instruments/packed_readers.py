@@ -8,9 +8,9 @@ import numpy as np
 from flexslew_plant.arrays import Indices, Matrix, Vector, compiled_once
 from flexslew_plant.testbeds.instruments.gyro import read_gyro
 from flexslew_plant.testbeds.instruments.instrument import (
+    BodyState,
     CompiledReader,
     Instrument,
-    MovingBody,
     Read,
 )
 from flexslew_plant.testbeds.instruments.resolver import read_resolver
@@ -50,10 +50,10 @@ class PackedReaders:
     readers: tuple[CompiledReader, ...]
     rngs: tuple[np.random.Generator | None, ...]
 
-    def drawn(self, ticks: int) -> Matrix:
+    def draw(self, ticks: int) -> Matrix:
         """Return the random numbers of the next ticks, shape (ticks, draws)."""
         pairs = zip(self.readers, self.rngs, strict=True)
-        rows = [reader.drawn(rng, ticks) for reader, rng in pairs]
+        rows = [reader.draw(rng, ticks) for reader, rng in pairs]
         return np.hstack(rows) if rows else np.zeros((ticks, 0))
 
 
@@ -90,8 +90,8 @@ def read_instruments(
     k: int,
     layout: Indices,
     constants: Vector,
-    body: MovingBody,
-    draws: Vector,
+    body: BodyState,
+    samples: Vector,
     memory: Vector,
     tips: Vector,
 ) -> None:
@@ -102,7 +102,7 @@ def read_instruments(
         layout: the layout of PackedReaders.
         constants: the constants of PackedReaders.
         body: motion in arrays of one layout, else it is compiled once more.
-        draws: a row of PackedReaders.drawn.
+        samples: a row of PackedReaders.drawn.
         memory: memory of the instruments, in and out.
         tips: readings of all tips, of which theirs are written.
     """
@@ -110,14 +110,22 @@ def read_instruments(
     for n in range(len(layout)):
         at = layout[n]
         out, given = tips[at[1] : at[2]], constants[at[3] : at[4]]
-        drawn, own = draws[at[5] : at[6]], memory[at[7] : at[8]]
+        reader_samples, reader_memory = samples[at[5] : at[6]], memory[at[7] : at[8]]
         if at[0] == 0:
-            read_gyro(k, given, attitude, rate, wheels, gimbals, drawn, own, out)
+            read_gyro(k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out)
         elif at[0] == 1:
-            read_star_tracker(k, given, attitude, rate, wheels, gimbals, drawn, own, out)
+            read_star_tracker(
+                k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out
+            )
         elif at[0] == 2:
-            read_sun_sensor(k, given, attitude, rate, wheels, gimbals, drawn, own, out)
+            read_sun_sensor(
+                k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out
+            )
         elif at[0] == 3:
-            read_tachometer(k, given, attitude, rate, wheels, gimbals, drawn, own, out)
+            read_tachometer(
+                k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out
+            )
         else:
-            read_resolver(k, given, attitude, rate, wheels, gimbals, drawn, own, out)
+            read_resolver(
+                k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out
+            )

@@ -8,8 +8,8 @@ import numpy as np
 from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.instruments.instrument import (
+    BodyState,
     CompiledReader,
-    MovingBody,
     white_reader,
     write_white,
 )
@@ -39,7 +39,7 @@ class Resolver:
     axes: tuple[str, ...]
     settings: ResolverSettings
 
-    def exact(self, body: MovingBody) -> Vector:
+    def exact(self, body: BodyState) -> Vector:
         """Return the angles, shape (gyros,) [rad]."""
         return body.gimbals
 
@@ -56,9 +56,9 @@ def read_resolver(
     rate: Vector,
     wheels: Vector,
     gimbals: Vector,
-    draws: Vector,
+    samples: Vector,
     memory: Vector,
     out: Vector,
 ) -> None:
     """Write the readings of resolvers."""
-    write_white(gimbals, constants, draws, out)
+    write_white(gimbals, constants, samples, out)

@@ -10,10 +10,10 @@ from pydantic import Field
 
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, Positive, Probability, section
-from flexslew_plant.testbeds.instruments.instrument import CompiledReader, MovingBody, noisy
-from flexslew_plant.testbeds.quaternions import multiplied, of_turn
+from flexslew_plant.testbeds.instruments.instrument import BodyState, CompiledReader, noisy
+from flexslew_plant.testbeds.quaternions import multiply, quaternion_of
 
-_BLIND = 11  # where the spans without readings begin in the constants of its reader
+_GAP_START = 11  # where the spans without readings begin in the constants of its reader
 
 
 @section
@@ -52,7 +52,7 @@ class StarTracker:
     settings: StarTrackerSettings
     axes: ClassVar[tuple[str, ...]] = ("qx", "qy", "qz", "qw")
 
-    def exact(self, body: MovingBody) -> Vector:
+    def exact(self, body: BodyState) -> Vector:
         """Return the attitude, x y z w with w >= 0, shape (4,)."""
         return body.attitude if body.attitude[3] >= 0.0 else -body.attitude
 
@@ -69,9 +69,9 @@ class StarTracker:
     @cached_property
     def covariance(self) -> Matrix:
         """Of its noise at rest, as a small turn in body axes, shape (3, 3) [rad^2]."""
-        about = np.outer(self._along, self._along)
-        across = self.settings.across**2 * (np.eye(3) - about)
-        found: Matrix = across + self.settings.about**2 * about
+        roll = np.outer(self._along, self._along)
+        cross_axis = self.settings.across**2 * (np.eye(3) - roll)
+        found: Matrix = cross_axis + self.settings.about**2 * roll
         return found
 
     def covariance_at(self, rate: float) -> Matrix:
@@ -82,13 +82,13 @@ class StarTracker:
     def reader(self, period: float, rng: np.random.Generator | None) -> CompiledReader:
         """Return what reads it; see Instrument."""
         s, late = self.settings, self.delay_ticks(period)
-        noises = [noisy(one, rng) for one in (s.across, s.about, s.rate_noise, s.dropout)]
+        noise_sizes = [noisy(one, rng) for one in (s.across, s.about, s.rate_noise, s.dropout)]
         limit = np.inf if s.rate_limit is None else s.rate_limit
         ticks = [float(max(1, round(s.interval / period))), float(late), period]
         # from half a tick before the first one: no rounding of k times the period matters
         with np.errstate(over="ignore"):  # for ever
-            blind = (np.round(np.ravel(s.blind) / period) - 0.5) * period
-        constants = np.array([*self._along, *noises, limit, *ticks, *blind])
+            gap_times = (np.round(np.ravel(s.blind) / period) - 0.5) * period
+        constants = np.array([*self._along, *noise_sizes, limit, *ticks, *gap_times])
         return CompiledReader(read_star_tracker, constants, np.zeros(4 * (late + 1)), 1, 3)
 
 
@@ -100,7 +100,7 @@ def read_star_tracker(
     rate: Vector,
     wheels: Vector,
     gimbals: Vector,
-    draws: Vector,
+    samples: Vector,
     memory: Vector,
     out: Vector,
 ) -> None:
@@ -108,11 +108,11 @@ def read_star_tracker(
 
     Random numbers are drawn whether there is a reading or not: a gap changes no later noise.
     """
-    bx, by, bz, across, about, rate_noise = constants[:6]
-    dropout, limit, interval, delay, period = constants[6:_BLIND]
+    bx, by, bz, cross_axis, roll, rate_noise = constants[:6]
+    dropout, limit, interval, delay, period = constants[6:_GAP_START]
     size = sqrt(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2)
-    missing = k % int(interval) != 0 or size > limit or draws[0] < dropout
-    for i in range(_BLIND, constants.size, 2):
+    missing = k % int(interval) != 0 or size > limit or samples[0] < dropout
+    for i in range(_GAP_START, constants.size, 2):
         missing = missing or constants[i] <= k * period < constants[i + 1]
     every = int(delay) + 1
     at, of = 4 * (k % every), 4 * ((k + 1) % every)
@@ -120,12 +120,16 @@ def read_star_tracker(
         memory[at : at + 4] = 0.0
     else:
         more = (rate_noise * size) ** 2
-        across, about = sqrt(across**2 + more), sqrt(about**2 + more)
-        x, y, z = draws[1], draws[2], draws[3]
-        along = (about - across) * (bx * x + by * y + bz * z)
-        x, y, z = across * x + along * bx, across * y + along * by, across * z + along * bz
+        cross_axis, roll = sqrt(cross_axis**2 + more), sqrt(roll**2 + more)
+        x, y, z = samples[1], samples[2], samples[3]
+        along = (roll - cross_axis) * (bx * x + by * y + bz * z)
+        x, y, z = (
+            cross_axis * x + along * bx,
+            cross_axis * y + along * by,
+            cross_axis * z + along * bz,
+        )
         now = (attitude[0], attitude[1], attitude[2], attitude[3])
-        a, b, c, w = multiplied(now, of_turn(x, y, z))
+        a, b, c, w = multiply(now, quaternion_of(x, y, z))
         sign = 1.0 if w >= 0.0 else -1.0
         memory[at], memory[at + 1], memory[at + 2] = sign * a, sign * b, sign * c
         memory[at + 3] = sign * w

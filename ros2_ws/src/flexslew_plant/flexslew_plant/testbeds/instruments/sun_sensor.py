@@ -10,8 +10,8 @@ from pydantic import Field
 from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.attitude import to_body
-from flexslew_plant.testbeds.instruments.instrument import CompiledReader, MovingBody, noisy
-from flexslew_plant.testbeds.quaternions import along_turned
+from flexslew_plant.testbeds.instruments.instrument import BodyState, CompiledReader, noisy
+from flexslew_plant.testbeds.quaternions import to_body_axes
 
 
 @section
@@ -44,7 +44,7 @@ class SunSensor:
     sun: Vector
     axes: ClassVar[tuple[str, ...]] = ("x", "y", "z")
 
-    def exact(self, body: MovingBody) -> Vector:
+    def exact(self, body: BodyState) -> Vector:
         """Return the Sun's direction in body axes, in view or not, shape (3,)."""
         return to_body(body.attitude) @ self.sun
 
@@ -64,19 +64,19 @@ def read_sun_sensor(
     rate: Vector,
     wheels: Vector,
     gimbals: Vector,
-    draws: Vector,
+    samples: Vector,
     memory: Vector,
     out: Vector,
 ) -> None:
     """Write the reading of a Sun sensor."""
     bx, by, bz, edge, noise = constants[:5]
     now = (attitude[0], attitude[1], attitude[2], attitude[3])
-    x, y, z = along_turned(now, constants[5], constants[6], constants[7])
+    x, y, z = to_body_axes(now, constants[5], constants[6], constants[7])
     if bx * x + by * y + bz * z < edge:
         out[:3] = 0.0
         return
-    along = draws[0] * x + draws[1] * y + draws[2] * z
-    a, b, c = draws[0] - along * x, draws[1] - along * y, draws[2] - along * z
+    along = samples[0] * x + samples[1] * y + samples[2] * z
+    a, b, c = samples[0] - along * x, samples[1] - along * y, samples[2] - along * z
     x, y, z = x + noise * a, y + noise * b, z + noise * c
     size = sqrt(x * x + y * y + z * z)
     out[0], out[1], out[2] = x / size, y / size, z / size

@@ -8,8 +8,8 @@ import numpy as np
 from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.instruments.instrument import (
+    BodyState,
     CompiledReader,
-    MovingBody,
     white_reader,
     write_white,
 )
@@ -39,7 +39,7 @@ class Tachometer:
     axes: tuple[str, ...]
     settings: TachometerSettings
 
-    def exact(self, body: MovingBody) -> Vector:
+    def exact(self, body: BodyState) -> Vector:
         """Return the speeds, shape (wheels,) [rad/s]."""
         return body.wheels
 
@@ -56,9 +56,9 @@ def read_tachometer(
     rate: Vector,
     wheels: Vector,
     gimbals: Vector,
-    draws: Vector,
+    samples: Vector,
     memory: Vector,
     out: Vector,
 ) -> None:
     """Write the readings of tachometers."""
-    write_white(wheels, constants, draws, out)
+    write_white(wheels, constants, samples, out)

@@ -13,7 +13,7 @@ from flexslew_plant.testbeds.instruments import Instrument
 from flexslew_plant.testbeds.instruments.instrument import channels as places
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Spacecraft
-from flexslew_plant.testbeds.spacecraft.assembly.drives import spot_on
+from flexslew_plant.testbeds.spacecraft.assembly.drives import point_on
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.readings import hinge_state
@@ -49,50 +49,52 @@ class Accelerometer:
     hinge: Vector
     index: int | None = None
 
-    def read(self, craft: Spacecraft, p: Vector, x: Vector, slope: Vector, t: float) -> float:
+    def read(self, spacecraft: Spacecraft, p: Vector, x: Vector, slope: Vector, t: float) -> float:
         """Return a + w' x rho + w x (w x rho) + 2 w x Phi q' + Phi q'' along it [m/s^2].
 
         a is the acceleration of the body origin, or of the hinge of an appendage that turns, and w
         the angular velocity of the axes that it sits in.
 
         Args:
-            craft: the spacecraft in that state.
+            spacecraft: the spacecraft in that state.
             p: packed spacecraft.
             x: state [q, v].
             slope: its derivative.
             t: time [s].
         """
-        count, modes = craft.sizes[0], craft.modes
+        count, modes = spacecraft.sizes[0], spacecraft.modes
         v, rates = x[count:], slope[count:]
-        velocity, spin = _body(craft, v)
-        push, turning = _body(craft, rates)
+        velocity, spin = _body(spacecraft, v)
+        push, angular_acceleration = _body(spacecraft, rates)
         push = push + np.cross(spin, velocity)
         if self.index is not None:
-            push = push + np.cross(turning, self.hinge)
+            push = push + np.cross(angular_acceleration, self.hinge)
             push = push + np.cross(spin, np.cross(spin, self.hinge))
             e, relative, relative_rate = map(np.array, hinge_state(p, self.index, x, slope, t))
             axes = e.reshape(3, 3)
-            push, spin, turning = axes @ push, axes @ spin, axes @ turning
-            turning = turning + relative_rate + np.cross(spin, relative)
+            push, spin, angular_acceleration = axes @ push, axes @ spin, axes @ angular_acceleration
+            angular_acceleration = angular_acceleration + relative_rate + np.cross(spin, relative)
             spin = spin + relative
         rho = self.place + self.displacement @ x[count - modes : count]
-        moved = self.displacement @ v[v.size - modes :]
-        total = push + np.cross(turning, rho)
-        total = total + np.cross(spin, np.cross(spin, rho) + 2.0 * moved)
+        modal_velocity = self.displacement @ v[v.size - modes :]
+        total = push + np.cross(angular_acceleration, rho)
+        total = total + np.cross(spin, np.cross(spin, rho) + 2.0 * modal_velocity)
         total = total + self.displacement @ rates[v.size - modes :]
         return float(self.direction @ total)
 
 
-def _body(craft: Spacecraft, v: Vector) -> tuple[Vector, Vector]:
+def _body(spacecraft: Spacecraft, v: Vector) -> tuple[Vector, Vector]:
     """Return the platform's part of v as a linear and an angular one in body axes."""
-    if craft.motion == at.FREE:
+    if spacecraft.motion == at.FREE:
         return v[:3], v[3:6]
-    rate = v[0] if craft.motion == at.PIVOT else 0.0
-    return rate * np.cross(craft.pivot_place, craft.pivot_axis), rate * craft.pivot_axis
+    rate = v[0] if spacecraft.motion == at.PIVOT else 0.0
+    return rate * np.cross(
+        spacecraft.pivot_place, spacecraft.pivot_axis
+    ), rate * spacecraft.pivot_axis
 
 
 def channels(
-    craft: Spacecraft,
+    spacecraft: Spacecraft,
     sensors: dict[str, AnySensor],
     units: Units,
     sun: Triple | None = None,
@@ -100,7 +102,7 @@ def channels(
     """Return three displacements of each tip along body axes, their rates, then the sensors.
 
     Args:
-        craft: the spacecraft.
+        spacecraft: the spacecraft.
         sensors: sensors by name.
         units: units of their section.
         sun: direction to the Sun if the section gives it, else None.
@@ -109,61 +111,63 @@ def channels(
         BadInput: a sensor sits where it cannot, by its key.
     """
     names, in_truth = list[str](), list[bool]()
-    none = np.zeros(craft.modes)
+    none = np.zeros(spacecraft.modes)
     tip, rate, curvature, small, read = [], [], [], [], []
-    for k, a in enumerate(craft.appendages):
+    for k, a in enumerate(spacecraft.appendages):
         if a.shape is None:
             continue
-        rows = _of_all(craft, k, a.axes.T @ a.shape.tip.displacement)
-        bent = np.zeros_like(rows)
+        rows = _of_all(spacecraft, k, a.axes.T @ a.shape.tip.displacement)
+        curvature_rows = np.zeros_like(rows)
         if a.shape.along is not None:
-            bent = _of_all(craft, k, a.axes.T @ a.shape.along.spot(0.0).curvature)
+            curvature_rows = _of_all(spacecraft, k, a.axes.T @ a.shape.along.point(0.0).curvature)
         names += [f"{a.name}_{axis}" for axis in "xyz"]
         names += [f"{a.name}_rate_{axis}" for axis in "xyz"]
         in_truth += [True] * 3 + [False] * 3
-        still = np.zeros_like(rows)
-        tip += [*rows, *still]
-        rate += [*still, *rows]
-        curvature += [*bent, *still]
+        zeros = np.zeros_like(rows)
+        tip += [*rows, *zeros]
+        rate += [*zeros, *rows]
+        curvature += [*curvature_rows, *zeros]
         small += [_SMALL * _size(a.shape)] * 3 + [np.inf] * 3
         read += ["m"] * 3 + ["m/s"] * 3
-    felt: dict[int, Accelerometer] = {}
+    acceleration_sensors: dict[int, Accelerometer] = {}
     instruments: list[Instrument] = []
     for name, sensor in sensors.items():
         key = f"testbed.sensors.{name}"
         if not isinstance(sensor, SensorPlace):
-            instruments.append(instrument_of(craft, name, sensor, len(names), sun))
-            own = [f"{name}_{axis}" for axis in instruments[-1].axes]
+            instruments.append(instrument_of(spacecraft, name, sensor, len(names), sun))
+            channel_names = [f"{name}_{axis}" for axis in instruments[-1].axes]
         else:
-            own = [name]
-        if set(own) & set(names):
+            channel_names = [name]
+        if set(channel_names) & set(names):
             raise BadInput(f"{key}: this name is taken; give another one")
         row, is_rate = none, False
         if isinstance(sensor, SensorPlace):
             is_rate = sensor.kind == "rate"
             if sensor.kind == "accelerometer":
-                felt[len(names)] = _accelerometer(craft, sensor, units, key)
+                acceleration_sensors[len(names)] = _accelerometer(spacecraft, sensor, units, key)
             else:
-                row = _row(craft, sensor, units, key)
-        names += own
-        held = isinstance(sensor, SensorPlace) and sensor.kind in ("displacement", "strain")
-        in_truth += [held] * len(own)
-        tip += [none if is_rate else row] * len(own)
-        rate += [row if is_rate else none] * len(own)
-        curvature += [none] * len(own)
-        small += [np.inf] * len(own)
-        read += [_UNITS[sensor.kind]] * len(own)
-    empty = np.zeros((0, craft.modes))
+                row = _row(spacecraft, sensor, units, key)
+        names += channel_names
+        from_state = isinstance(sensor, SensorPlace) and sensor.kind in ("displacement", "strain")
+        in_truth += [from_state] * len(channel_names)
+        tip += [none if is_rate else row] * len(channel_names)
+        rate += [row if is_rate else none] * len(channel_names)
+        curvature += [none] * len(channel_names)
+        small += [np.inf] * len(channel_names)
+        read += [_UNITS[sensor.kind]] * len(channel_names)
+    empty = np.zeros((0, spacecraft.modes))
     return Appendages(
         tuple(names),
         np.vstack([empty, *tip]),
         np.vstack([empty, *curvature]),
         np.vstack([empty, *rate]),
-        _felt(craft, felt, tuple(instruments), len(names)) if felt or instruments else None,
+        _exact_reader(spacecraft, acceleration_sensors, tuple(instruments), len(names))
+        if acceleration_sensors or instruments
+        else None,
         _errors(sensors, names) if sensors else None,
         np.array(small),
         tuple(instruments),
-        partial(body_of, craft) if instruments else None,
+        partial(body_of, spacecraft) if instruments else None,
         tuple(read),
         tuple(in_truth),
     )
@@ -171,20 +175,20 @@ def channels(
 
 def _size(shape: FlexibleShape) -> float:
     """Return how long an appendage is; infinite where its data do not determine it [m]."""
-    longest = float(np.linalg.norm(shape.line - shape.line[0], axis=1).max())
-    return longest or np.inf
+    length = float(np.linalg.norm(shape.line - shape.line[0], axis=1).max())
+    return length or np.inf
 
 
-def _of_all(craft: Spacecraft, k: int, rows: Matrix) -> Matrix:
+def _of_all(spacecraft: Spacecraft, k: int, rows: Matrix) -> Matrix:
     """Return maps of the modes of appendage k as maps of all modes."""
-    first = craft.first_mode(k)
-    wide = np.zeros((len(rows), craft.modes))
-    wide[:, first : first + rows.shape[1]] = rows
-    return wide
+    first = spacecraft.first_mode(k)
+    full = np.zeros((len(rows), spacecraft.modes))
+    full[:, first : first + rows.shape[1]] = rows
+    return full
 
 
-def _index(craft: Spacecraft, sensor: SensorPlace, key: str) -> int:
-    names = [a.name for a in craft.appendages]
+def _index(spacecraft: Spacecraft, sensor: SensorPlace, key: str) -> int:
+    names = [a.name for a in spacecraft.appendages]
     if sensor.appendage not in names:
         raise BadInput(
             f"{key}.appendage: {sensor.appendage} is no appendage; allowed: {', '.join(names)}"
@@ -192,55 +196,59 @@ def _index(craft: Spacecraft, sensor: SensorPlace, key: str) -> int:
     return names.index(sensor.appendage)
 
 
-def _row(craft: Spacecraft, sensor: SensorPlace, units: Units, key: str) -> Vector:
+def _row(spacecraft: Spacecraft, sensor: SensorPlace, units: Units, key: str) -> Vector:
     """Return a displacement's, a rate's or a strain's map of all modes, shape (modes,)."""
-    k = _index(craft, sensor, key)
-    a = craft.appendages[k]
+    k = _index(spacecraft, sensor, key)
+    a = spacecraft.appendages[k]
     if sensor.kind != "strain":
-        spot = spot_on(a, sensor, units, key)
+        point = point_on(a, sensor, units, key)
         along = unit_direction(sensor.direction, f"{key}.direction")
-        shown: Vector = _of_all(craft, k, along[None] @ spot.displacement)[0]
-        return shown
+        modal_row: Vector = _of_all(spacecraft, k, along[None] @ point.displacement)[0]
+        return modal_row
     if a.shape is None or a.shape.along is None:
         raise BadInput(f"{key}.appendage: {a.name} is not a beam: its strain is unknown")
     at_root = 0.0 if sensor.at is None else sensor.at * units.length
-    bent = a.shape.along.spot(at_root).curvature
+    curvature_rows = a.shape.along.point(at_root).curvature
     fibre = np.array(sensor.fibre) * units.length
-    strain: Vector = _of_all(craft, k, -(fibre[None] @ bent))[0]
+    strain: Vector = _of_all(spacecraft, k, -(fibre[None] @ curvature_rows))[0]
     return strain
 
 
-def _accelerometer(craft: Spacecraft, sensor: SensorPlace, units: Units, key: str) -> Accelerometer:
+def _accelerometer(
+    spacecraft: Spacecraft, sensor: SensorPlace, units: Units, key: str
+) -> Accelerometer:
     """Return it in body axes."""
     along = unit_direction(sensor.direction, f"{key}.direction")
     place = np.array(sensor.place) * units.length
     if sensor.appendage is None:
-        return Accelerometer(along, place, np.zeros((3, craft.modes)), np.zeros(3))
-    k = _index(craft, sensor, key)
-    a: Appendage = craft.appendages[k]
-    spot = spot_on(a, sensor, units, key)
+        return Accelerometer(along, place, np.zeros((3, spacecraft.modes)), np.zeros(3))
+    k = _index(spacecraft, sensor, key)
+    a: Appendage = spacecraft.appendages[k]
+    point = point_on(a, sensor, units, key)
     if a.hinge != at.FIXED:
-        return Accelerometer(along, spot.place, _of_all(craft, k, spot.displacement), a.place, k)
+        return Accelerometer(
+            along, point.place, _of_all(spacecraft, k, point.displacement), a.place, k
+        )
     r = a.axes.T
-    modes = _of_all(craft, k, r @ spot.displacement)
-    return Accelerometer(r @ along, a.place + r @ spot.place, modes, a.place)
+    modes = _of_all(spacecraft, k, r @ point.displacement)
+    return Accelerometer(r @ along, a.place + r @ point.place, modes, a.place)
 
 
-def _felt(
-    craft: Spacecraft,
-    felt: dict[int, Accelerometer],
+def _exact_reader(
+    spacecraft: Spacecraft,
+    acceleration_sensors: dict[int, Accelerometer],
     instruments: tuple[Instrument, ...],
     count: int,
 ) -> Callable[[Vector, Vector, float], Vector]:
     """Return what accelerometers and instruments read without errors, among all channels."""
-    p = packed(craft)
+    p = packed(spacecraft)
 
     def read(x: Vector, slope: Vector, t: float) -> Vector:
         out = np.zeros(count)
-        for k, accelerometer in felt.items():
-            out[k] = accelerometer.read(craft, p, x, slope, t)
+        for k, accelerometer in acceleration_sensors.items():
+            out[k] = accelerometer.read(spacecraft, p, x, slope, t)
         for instrument in instruments:
-            out[places(instrument)] = instrument.exact(body_of(craft, x))
+            out[places(instrument)] = instrument.exact(body_of(spacecraft, x))
         return out
 
     return read

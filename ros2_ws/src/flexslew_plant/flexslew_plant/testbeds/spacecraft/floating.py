@@ -10,11 +10,11 @@ _PLACE, _ATTITUDE = slice(0, 3), slice(3, 7)  # of q
 _LINEAR, _ANGULAR = slice(0, 3), slice(3, 6)  # of v, and of the forces that work on it
 
 
-def floating(craft: Spacecraft, model: Model) -> Floating | None:
+def floating(spacecraft: Spacecraft, model: Model) -> Floating | None:
     """Return how the platform floats; None: its motion is not free."""
-    if craft.motion != at.FREE:
+    if spacecraft.motion != at.FREE:
         return None
-    first_wheel = _ANGULAR.stop + len(craft.hinged)
+    first_wheel = _ANGULAR.stop + len(spacecraft.hinged)
 
     def motion(x: Vector) -> PlatformMotion:
         q, v = model.split(x)
@@ -23,7 +23,7 @@ def floating(craft: Spacecraft, model: Model) -> Floating | None:
     def wrench(x: Vector, effort: Vector, t: float) -> Wrench:
         forces = model.generalised_forces(x, effort, t)
         torque = forces[_ANGULAR].copy()
-        for k, wheel in enumerate(craft.wheels):  # what spins it up pushes back
+        for k, wheel in enumerate(spacecraft.wheels):  # what spins it up pushes back
             torque -= forces[first_wheel + k] * wheel.axis
         return Wrench(forces[_LINEAR], torque)
 

@@ -20,8 +20,8 @@ _PLATFORM_Q, _PLATFORM_V = 7, 6  # entries of a free platform in q and v
 
 # the numbers of a harmonic: where the wheel's angle and speed stand in a state, k, the phases of F
 # and T, then at a phase of zero and of a quarter of a turn: (F, its moment) / W^2, and T / W^2
-_ANGLE, _SPEED, _ORDER, _FORCE_PHASE, _TORQUE_PHASE, _PUSH, _TURN = 0, 1, 2, 3, 4, 5, 17
-_HARMONIC = 23
+_ANGLE, _SPEED, _ORDER, _FORCE_PHASE, _TORQUE_PHASE, _PUSH, _TORQUE = 0, 1, 2, 3, 4, 5, 17
+_ROW_SIZE = 23
 
 
 def harmonics_of(wheel: WheelSettings) -> tuple[Harmonic, ...]:
@@ -32,25 +32,27 @@ def harmonics_of(wheel: WheelSettings) -> tuple[Harmonic, ...]:
 
 
 def packed_imbalance(
-    craft: Spacecraft, wheels: Mapping[str, WheelSettings], units: Units
+    spacecraft: Spacecraft, wheels: Mapping[str, WheelSettings], units: Units
 ) -> Vector:
     """Return the numbers that add_imbalance reads, none where all wheels are balanced.
 
     Args:
-        craft: the spacecraft.
+        spacecraft: the spacecraft.
         wheels: its wheels' settings.
         units: in which they are written.
     """
-    rows, first = [np.zeros(0)], len(craft.hinged)
-    for index, (wheel, known) in enumerate(zip(wheels.values(), craft.wheels, strict=True)):
+    rows, first = [np.zeros(0)], len(spacecraft.hinged)
+    for index, (wheel, known) in enumerate(zip(wheels.values(), spacecraft.wheels, strict=True)):
         angle = _PLATFORM_Q + first + index
-        speed = craft.sizes[0] + _PLATFORM_V + first + index
-        across, place = _across(known.axis), np.array(wheel.place) * units.length
+        speed = spacecraft.sizes[0] + _PLATFORM_V + first + index
+        plane, place = _plane_axes(known.axis), np.array(wheel.place) * units.length
         for one in harmonics_of(wheel):
-            push = one.force * units.force * across
-            both = np.hstack((push, cross(place, push)))
+            push = one.force * units.force * plane
+            force_and_moment = np.hstack((push, cross(place, push)))
             head = [angle, speed, one.order, one.force_phase, one.torque_phase]
-            rows.append(np.concatenate((head, *both, *(one.torque * units.torque * across))))
+            rows.append(
+                np.concatenate((head, *force_and_moment, *(one.torque * units.torque * plane)))
+            )
     return np.concatenate(rows)
 
 
@@ -66,8 +68,8 @@ def add_imbalance(harmonics: Vector, x: Vector, span: float, force: Vector) -> N
         span: [s], which may be negative.
         force: generalised forces, in and out, shape (n,).
     """
-    for at in range(0, harmonics.size, _HARMONIC):
-        row = harmonics[at : at + _HARMONIC]
+    for at in range(0, harmonics.size, _ROW_SIZE):
+        row = harmonics[at : at + _ROW_SIZE]
         angle, speed = x[int(row[_ANGLE])], x[int(row[_SPEED])]
         half = 0.5 * row[_ORDER] * speed * span
         middle = row[_ORDER] * angle + half
@@ -77,10 +79,10 @@ def add_imbalance(harmonics: Vector, x: Vector, span: float, force: Vector) -> N
             force[i] += size * (c * row[_PUSH + i] + s * row[_PUSH + 6 + i])
         c, s = np.cos(middle + row[_TORQUE_PHASE]), np.sin(middle + row[_TORQUE_PHASE])
         for i in range(3):
-            force[3 + i] += size * (c * row[_TURN + i] + s * row[_TURN + 3 + i])
+            force[3 + i] += size * (c * row[_TORQUE + i] + s * row[_TORQUE + 3 + i])
 
 
-def _across(axis: Vector) -> Matrix:
+def _plane_axes(axis: Vector) -> Matrix:
     """Return e1 and e2, which with the axis are right-handed, shape (2, 3)."""
     along = np.eye(3)[0 if abs(axis[0]) < np.sqrt(0.5) else 1]
     first = along - (along @ axis) * axis

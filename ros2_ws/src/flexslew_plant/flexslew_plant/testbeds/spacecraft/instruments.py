@@ -5,10 +5,10 @@ from typing import TypeAlias
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.instruments import (
+    BodyState,
     Gyro,
     GyroSettings,
     Instrument,
-    MovingBody,
     Resolver,
     ResolverSettings,
     StarTracker,
@@ -32,7 +32,7 @@ _RATE = slice(3, 6)  # of the body rate in its v
 
 
 def instrument_of(
-    craft: Spacecraft,
+    spacecraft: Spacecraft,
     name: str,
     settings: InstrumentSettings,
     first: int,
@@ -41,7 +41,7 @@ def instrument_of(
     """Return an instrument on the platform.
 
     Args:
-        craft: the spacecraft that carries it.
+        spacecraft: the spacecraft that carries it.
         name: name of its section.
         settings: its section.
         first: its first channel.
@@ -52,33 +52,35 @@ def instrument_of(
             the direction to the Sun is missing.
     """
     key = f"testbed.sensors.{name}"
-    if craft.motion != at.FREE:
+    if spacecraft.motion != at.FREE:
         raise BadInput(f"{key}: only a free platform has an attitude; use motion: free")
     if isinstance(settings, GyroSettings):
         return Gyro(name, first, settings)
     if isinstance(settings, TachometerSettings):
-        if not craft.wheels:
+        if not spacecraft.wheels:
             raise BadInput(f"{key}: the platform has no wheels; give `wheels`")
-        return Tachometer(name, first, tuple(w.name for w in craft.wheels), settings)
+        return Tachometer(name, first, tuple(w.name for w in spacecraft.wheels), settings)
     if isinstance(settings, ResolverSettings):
-        if not craft.gyros:
+        if not spacecraft.gyros:
             raise BadInput(f"{key}: the platform has no gimbals; give `control_moment_gyros`")
-        return Resolver(name, first, tuple(g.name for g in craft.gyros), settings)
+        return Resolver(name, first, tuple(g.name for g in spacecraft.gyros), settings)
     unit_direction(settings.boresight, f"{key}.boresight")
     if isinstance(settings, StarTrackerSettings):
         for i, (start, end) in enumerate(settings.blind):
             if end <= start:
                 raise BadInput("the later time last", f"{key}.blind.{i}", value=[start, end])
         return StarTracker(name, first, settings)
-    towards = settings.sun or sun
-    if towards is None:
+    sun_direction = settings.sun or sun
+    if sun_direction is None:
         raise BadInput(f"{key}.sun: is required where there is no orbit")
-    return SunSensor(name, first, settings, unit_direction(towards, f"{key}.sun"))
+    return SunSensor(name, first, settings, unit_direction(sun_direction, f"{key}.sun"))
 
 
-def body_of(craft: Spacecraft, x: Vector) -> MovingBody:
+def body_of(spacecraft: Spacecraft, x: Vector) -> BodyState:
     """Return how a free platform stands and turns."""
-    v = x[craft.sizes[0] :]
-    end = v.size - craft.modes
-    first = end - len(craft.gyros)
-    return MovingBody(x[_ATTITUDE], v[_RATE], v[first - len(craft.wheels) : first], v[first:end])
+    v = x[spacecraft.sizes[0] :]
+    end = v.size - spacecraft.modes
+    first = end - len(spacecraft.gyros)
+    return BodyState(
+        x[_ATTITUDE], v[_RATE], v[first - len(spacecraft.wheels) : first], v[first:end]
+    )

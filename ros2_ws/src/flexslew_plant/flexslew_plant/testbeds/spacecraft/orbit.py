@@ -20,7 +20,7 @@ from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
-    Nine,
+    Matrix3,
     apply,
     cross,
     plus,
@@ -29,17 +29,17 @@ from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     triple,
 )
 from flexslew_plant.testbeds.spacecraft.settings import Triple
-from flexslew_plant.testbeds.spacecraft.shapes.integrals import SIX
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import SYMMETRIC_ENTRIES
 
 GRAVITY = 3.986004418e14  # of the Earth [m^3/s^2]
 RADIUS = 6.371e6  # of the Earth [m]
 FIELD = 3.12e-5  # at the surface above the equator [T]
-SUNLIGHT = 4.56e-6  # pressure on what absorbs it [N/m^2]
+SOLAR_FORCE_PER_AREA = 4.56e-6  # pressure on what absorbs it [N/m^2]
 
 # where the numbers that orbit_torque reads begin: n, the angle at time zero, the course at angle
 # zero, m times the field above the equator, -C_d A rho v^2 / 2 c_d, -P (1 + q) A c_s, s, 3 n^2 J,
 # 3 n^2
-_RATE, _PHASE, _COURSE, _DIPOLE, _DRAG, _LIGHT, _SUN = 0, 1, 2, 5, 8, 11, 14
+_RATE, _PHASE, _VELOCITY, _DIPOLE, _DRAG, _LIGHT, _SUN = 0, 1, 2, 5, 8, 11, 14
 GRADIENT, GRADIENT_OF_ONE = 17, 23
 ORBIT_SIZE = 24  # all zeros: there is no orbit
 
@@ -65,7 +65,7 @@ class Orbit:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class OrbitEnvironment:
     """A craft on its orbit.
 
     Args:
@@ -93,14 +93,16 @@ class Surroundings:
         dynamic = 0.5 * o.air_density * (self.rate * self.distance) ** 2  # pressure of the air
         field = FIELD * (RADIUS / self.distance) ** 3
         packed[_RATE], packed[_PHASE] = self.rate, o.phase
-        packed[_COURSE:_DIPOLE] = 0.0, np.cos(o.inclination), np.sin(o.inclination)
+        packed[_VELOCITY:_DIPOLE] = 0.0, np.cos(o.inclination), np.sin(o.inclination)
         packed[_DIPOLE:_DRAG] = field * np.array(o.dipole)
         packed[_DRAG:_LIGHT] = -dynamic * o.drag_area * np.array(o.drag_centre)
         if o.solar_area:
-            packed[_LIGHT:_SUN] = -SUNLIGHT * o.solar_area * np.array(o.solar_centre)
+            packed[_LIGHT:_SUN] = -SOLAR_FORCE_PER_AREA * o.solar_area * np.array(o.solar_centre)
             packed[_SUN:GRADIENT] = np.array(o.sun) / np.linalg.norm(o.sun)
         if o.gravity_gradient:
-            packed[GRADIENT:GRADIENT_OF_ONE] = [3.0 * self.rate**2 * self.inertia[k] for k in SIX]
+            packed[GRADIENT:GRADIENT_OF_ONE] = [
+                3.0 * self.rate**2 * self.inertia[k] for k in SYMMETRIC_ENTRIES
+            ]
             packed[GRADIENT_OF_ONE] = 3.0 * self.rate**2
         return packed
 
@@ -111,12 +113,12 @@ class Surroundings:
             attitude: from inertial to body axes, shape (3, 3).
             t: time [s].
         """
-        rows = cast(Nine, tuple(attitude.ravel().tolist()))
+        rows = cast(Matrix3, tuple(attitude.ravel().tolist()))
         return np.array(orbit_torque(self.packed, rows, t))
 
 
 @compiled_once()
-def orbit_torque(o: Vector, attitude: Nine, t: float) -> Triple:
+def orbit_torque(o: Vector, attitude: Matrix3, t: float) -> Triple:
     """Return the torque of an orbit in body axes [N m].
 
     Args:
@@ -126,23 +128,23 @@ def orbit_torque(o: Vector, attitude: Nine, t: float) -> Triple:
     """
     angle = o[_PHASE] + o[_RATE] * t
     cosine, sine = np.cos(angle), np.sin(angle)
-    x, across = (1.0, 0.0, 0.0), triple(o, _COURSE)
-    place = plus(scaled(cosine, x), scaled(sine, across))
-    course = plus(scaled(cosine, across), scaled(-sine, x))
+    x, start_velocity = (1.0, 0.0, 0.0), triple(o, _VELOCITY)
+    place = plus(scaled(cosine, x), scaled(sine, start_velocity))
+    velocity = plus(scaled(cosine, start_velocity), scaled(-sine, x))
     field = plus(scaled(-3.0 * place[2], place), (0.0, 0.0, 1.0))  # of a dipole to the south
     up = apply(attitude, place)
     torque = cross(up, symmetric(o[GRADIENT:], up))
     torque = plus(torque, cross(triple(o, _DIPOLE), apply(attitude, field)))
-    torque = plus(torque, cross(triple(o, _DRAG), apply(attitude, course)))
+    torque = plus(torque, cross(triple(o, _DRAG), apply(attitude, velocity)))
     return plus(torque, cross(triple(o, _LIGHT), apply(attitude, triple(o, _SUN))))
 
 
-def packed_orbit(craft: Spacecraft, orbit: Orbit | None) -> Vector:
+def packed_orbit(spacecraft: Spacecraft, orbit: Orbit | None) -> Vector:
     """Return the numbers that orbit_torque reads for a craft on an orbit, or on none."""
     if orbit is None:
         return np.zeros(ORBIT_SIZE)
-    mass, first, inertia = craft.rigid()
-    about = first / mass
-    return Surroundings(
-        orbit, inertia - mass * (about @ about * np.eye(3) - np.outer(about, about))
+    mass, first, inertia = spacecraft.rigid()
+    center = first / mass
+    return OrbitEnvironment(
+        orbit, inertia - mass * (center @ center * np.eye(3) - np.outer(center, center))
     ).packed

@@ -25,25 +25,25 @@ from flexslew_plant.testbeds.spacecraft.units import Units
 
 
 def outside_of(
-    craft: Spacecraft, orbit: Orbit | None, wheels: Mapping[str, WheelSettings], units: Units
+    spacecraft: Spacecraft, orbit: Orbit | None, wheels: Mapping[str, WheelSettings], units: Units
 ) -> Outside | None:
     """Return the forces of the orbit and of wheels that are not balanced; None: there are none.
 
     Args:
-        craft: the spacecraft, with a free platform.
+        spacecraft: the spacecraft, with a free platform.
         orbit: that it is on.
         wheels: its wheels' settings.
         units: in which these are written.
     """
-    harmonics = packed_imbalance(craft, wheels, units)
+    harmonics = packed_imbalance(spacecraft, wheels, units)
     if orbit is None and not harmonics.size:
         return None
-    around = packed_orbit(craft, orbit)
-    turns = any(a.hinge != at.FIXED for a in craft.appendages)
-    whole = packed(craft) if turns and around[GRADIENT_OF_ONE] else np.zeros(0)
-    begins = np.array([ORBIT_SIZE + harmonics.size + 1.0])
-    numbers = np.concatenate((around, begins, harmonics, whole))
-    return Outside(add_forces, numbers, craft.sizes[1])
+    orbit_numbers = packed_orbit(spacecraft, orbit)
+    has_hinges = any(a.hinge != at.FIXED for a in spacecraft.appendages)
+    whole = packed(spacecraft) if has_hinges and orbit_numbers[GRADIENT_OF_ONE] else np.zeros(0)
+    spacecraft_start = np.array([ORBIT_SIZE + harmonics.size + 1.0])
+    numbers = np.concatenate((orbit_numbers, spacecraft_start, harmonics, whole))
+    return Outside(add_forces, numbers, spacecraft.sizes[1])
 
 
 @compiled_once("force")

@@ -14,18 +14,18 @@ from flexslew_plant.testbeds.spacecraft.settings import AppendageSettings, Motio
 from flexslew_plant.testbeds.spacecraft.units import Units
 
 
-def hinge_turns(craft: Spacecraft) -> tuple[HingeTurn, ...]:
+def prescribed_rotations(spacecraft: Spacecraft) -> tuple[HingeTurn, ...]:
     """Return all prescribed turns, in the order of their begin."""
-    turns = []
-    for a in craft.appendages:
+    rotations = []
+    for a in spacecraft.appendages:
         angle = 0.0
         for m in a.manoeuvres:
             angle += m.angle
-            turns.append(HingeTurn(a.name, m.begin, m.begin + m.duration, angle))
-    return tuple(sorted(turns, key=lambda turn: (turn.begin, turn.appendage)))
+            rotations.append(HingeTurn(a.name, m.begin, m.begin + m.duration, angle))
+    return tuple(sorted(rotations, key=lambda turn: (turn.begin, turn.appendage)))
 
 
-def retargeted(
+def new_target_keys(
     appendages: dict[str, AppendageSettings], requested: dict[str, Any], at: float
 ) -> dict[str, Any]:
     """Return the keys of a section that give an appendage a new target.
@@ -47,8 +47,8 @@ def retargeted(
     given = (hinge.motion,) if isinstance(hinge.motion, Motion) else (hinge.motion or ())
     if not given and hinge.kind != "prescribed":
         raise BadInput(f"appendage: the hinge of {name} does not turn; set its kind to prescribed")
-    motions = [plain(m) for m in given] + [{**motion, "at": at}]
-    return {"appendages": {name: {"hinge": {"motion": motions}}}}
+    motion_list = [plain(m) for m in given] + [{**motion, "at": at}]
+    return {"appendages": {name: {"hinge": {"motion": motion_list}}}}
 
 
 def mode_sizes(a: Appendage, units: Units) -> Vector:
@@ -68,22 +68,26 @@ def modal_effort(a: Appendage, mode: int, units: Units) -> float:
     return units.torque / float(mode_sizes(a, units)[mode])
 
 
-def section_units(craft: Spacecraft, units: Units) -> UnitSizes:
+def section_units(spacecraft: Spacecraft, units: Units) -> UnitSizes:
     """Return the units of places, angles, modes and efforts in SI.
 
     Args:
-        craft: the spacecraft.
+        spacecraft: the spacecraft.
         units: of its section.
     """
-    own = {at.FREE: [units.length] * 3 + [1.0] * 3, at.HELD: [], at.PIVOT: [1.0]}[craft.motion]
-    sizes = own + [1.0] * (len(craft.hinged) + len(craft.wheels) + len(craft.gyros))
-    for a in craft.appendages:
+    platform_units = {at.FREE: [units.length] * 3 + [1.0] * 3, at.HELD: [], at.PIVOT: [1.0]}[
+        spacecraft.motion
+    ]
+    sizes = platform_units + [1.0] * (
+        len(spacecraft.hinged) + len(spacecraft.wheels) + len(spacecraft.gyros)
+    )
+    for a in spacecraft.appendages:
         sizes += mode_sizes(a, units).tolist()
     efforts = []
-    for d in craft.drives:
-        if d.what == at.MODAL and d.spot is not None:
-            mode = int(np.argmax(d.spot.displacement[0]))
-            efforts.append(modal_effort(craft.appendages[d.owner], mode, units))
+    for d in spacecraft.drives:
+        if d.what == at.MODAL and d.point is not None:
+            mode = int(np.argmax(d.point.displacement[0]))
+            efforts.append(modal_effort(spacecraft.appendages[d.owner], mode, units))
         else:
             efforts.append(units.force if d.unit == "N" else units.torque)
     return UnitSizes(np.array(sizes), np.array(efforts), units.torque)

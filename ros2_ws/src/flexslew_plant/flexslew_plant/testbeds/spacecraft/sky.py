@@ -13,11 +13,11 @@ from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import AnySensor, KeepOut, Triple
 
 MAIN = "z axis"  # that a goal turns `to` a direction
-_ALIKE = 1e-9  # of two unit vectors
+_SAME_DIRECTION = 1e-9  # of two unit vectors
 
 
 def sky_of(
-    craft: Spacecraft,
+    spacecraft: Spacecraft,
     sensors: Mapping[str, AnySensor],
     keep_out: Mapping[str, KeepOut],
     sun: Triple | None,
@@ -25,7 +25,7 @@ def sky_of(
     """Return where the axes of a craft look, and the cones; None: its platform is not free.
 
     Args:
-        craft: the spacecraft.
+        spacecraft: the spacecraft.
         sensors: sensors of its section.
         keep_out: cones of its section.
         sun: direction to the Sun if the orbit gives it, else None.
@@ -34,7 +34,7 @@ def sky_of(
         BadInput: by key, a direction is none, that to the Sun is missing, or the platform is not
             free.
     """
-    if craft.motion != at.FREE:
+    if spacecraft.motion != at.FREE:
         if keep_out:
             words = "only a free platform can point; use motion: free"
             raise BadInput(f"testbed.keep_out: {words}")
@@ -47,12 +47,12 @@ def sky_of(
     cones = []
     for name, settings in keep_out.items():
         key = f"testbed.keep_out.{name}"
-        towards = settings.direction or sun
-        if towards is None:
+        cone_direction = settings.direction or sun
+        if cone_direction is None:
             raise BadInput(f"{key}.direction: is required where there is no orbit")
         boresight = unit_direction(settings.boresight, f"{key}.boresight")
-        axis = unit_direction(towards, f"{key}.direction")
+        axis = unit_direction(cone_direction, f"{key}.direction")
         cones.append(Cone(name, boresight, axis, settings.half_angle))
-        if all(np.abs(other - boresight).max() > _ALIKE for other in boresights.values()):
+        if all(np.abs(other - boresight).max() > _SAME_DIRECTION for other in boresights.values()):
             boresights[f"boresight of {name}"] = boresight
     return Sky(boresights, tuple(cones))

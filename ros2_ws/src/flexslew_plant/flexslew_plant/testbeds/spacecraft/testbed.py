@@ -13,7 +13,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.keys.refused_keys import Placed
+from flexslew_plant.keys.refused_keys import SectionError
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.appendages import Appendages
 from flexslew_plant.testbeds.attitude import attitude_joints
@@ -34,11 +34,11 @@ from flexslew_plant.testbeds.instruments import ResolverSettings
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
-from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn, unit_direction
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft, mass_doubt
-from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of, spins_of
-from flexslew_plant.testbeds.spacecraft.assembly.packing import begun_at, packed, stiffened
-from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix, unit_direction
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft, mass_warning
+from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of, reaction_wheels_of
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed, scale_stiffness, shift_time
+from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import build_spacecraft
 from flexslew_plant.testbeds.spacecraft.channels import channels
 from flexslew_plant.testbeds.spacecraft.clamped import clamped
 from flexslew_plant.testbeds.spacecraft.coordinates import coordinates
@@ -56,8 +56,12 @@ from flexslew_plant.testbeds.spacecraft.lines_of_sight import lines_of_sight
 from flexslew_plant.testbeds.spacecraft.motions import motions, spins
 from flexslew_plant.testbeds.spacecraft.orbit import Orbit
 from flexslew_plant.testbeds.spacecraft.outside import outside_of
-from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit, turning_axes
-from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, retargeted, section_units
+from flexslew_plant.testbeds.spacecraft.placing import position_unit, rest_position, rotation_axes
+from flexslew_plant.testbeds.spacecraft.retargeting import (
+    new_target_keys,
+    prescribed_rotations,
+    section_units,
+)
 from flexslew_plant.testbeds.spacecraft.settings import (
     IDENTITY,
     ActuatorPlace,
@@ -75,15 +79,15 @@ from flexslew_plant.testbeds.spacecraft.settings import (
 )
 from flexslew_plant.testbeds.spacecraft.sky import sky_of
 from flexslew_plant.testbeds.spacecraft.turning import (
-    drive_map,
-    driven_most,
-    rigid_turn,
-    turning_point,
+    actuator_map,
+    keep_largest_modes,
+    pivot_point,
+    rigid_rotation_efforts,
 )
 from flexslew_plant.testbeds.spacecraft.units import UNITS, UnitSystem
 
 # a platform that is held or pivots: its q has as many entries as v
-GROUNDED = Kernels(
+CONSTRAINED = Kernels(
     terms,
     residual_jacobian,
     potential,
@@ -93,7 +97,7 @@ GROUNDED = Kernels(
     next_jump=next_jump,
     any_size=True,
 )
-FLOATING = replace(GROUNDED, extra_positions=1)
+FLOATING = replace(CONSTRAINED, extra_positions=1)
 _LIGHT = 1e-6  # inertia of a wheel in place of a gyro, of the platform's least [-]
 
 
@@ -145,23 +149,23 @@ class SpacecraftTestbed:
             others = self.wheels or self.control_moment_gyros or hinged
             object.__setattr__(self, "actuators", {} if others else dict(_TORQUES))
         try:
-            craft = self.craft
+            spacecraft = self.craft
             if self.orbit is not None:
                 unit_direction(self.orbit.sun, "testbed.orbit.sun")
-            self.channels(craft)
+            self.channels(spacecraft)
             self.sky()
         except BadInput as error:
-            raise Placed(str(error)) from None
-        if self.orbit is not None and craft.motion != at.FREE:
-            raise Placed("testbed.orbit: only a free platform has one; use motion: free")
+            raise SectionError(str(error)) from None
+        if self.orbit is not None and spacecraft.motion != at.FREE:
+            raise SectionError("testbed.orbit: only a free platform has one; use motion: free")
         for name, wheel in self.wheels.items():
-            if harmonics_of(wheel) and craft.motion != at.FREE:
-                raise Placed(
+            if harmonics_of(wheel) and spacecraft.motion != at.FREE:
+                raise SectionError(
                     f"testbed.wheels.{name}: only on a free platform may it have static_imbalance, "
                     "dynamic_imbalance or harmonics; use motion: free"
                 )
-        if not craft.drives:
-            raise Placed(
+        if not spacecraft.drives:
+            raise SectionError(
                 "testbed: has no actuators; give actuators, wheels, control_moment_gyros or a "
                 "driven hinge"
             )
@@ -179,15 +183,15 @@ class SpacecraftTestbed:
     @property
     def craft(self) -> Spacecraft:
         """The spacecraft in SI."""
-        return _craft(_Same(self))
+        return _spacecraft(_Same(self))
 
-    def channels(self, craft: Spacecraft) -> Appendages:
+    def channels(self, spacecraft: Spacecraft) -> Appendages:
         """Return what its sensors read.
 
         Raises:
             BadInput: a sensor sits where it cannot, by its key.
         """
-        return channels(craft, self.sensors, UNITS[self.units], self._sun)
+        return channels(spacecraft, self.sensors, UNITS[self.units], self._sun)
 
     def sky(self) -> Sky | None:
         """Return where its axes look, and the cones; see sky.HasSky."""
@@ -215,8 +219,8 @@ class SpacecraftTestbed:
             name: replace(a, stiffness=a.stiffness * stiffness, shape=_loaded(a.shape, payload))
             for name, a in self.appendages.items()
         }
-        carries = any(isinstance(a.shape, Beam) and a.shape.tip_body for a in changed.values())
-        if payload != 1.0 and not carries:
+        has_payload = any(isinstance(a.shape, Beam) and a.shape.tip_body for a in changed.values())
+        if payload != 1.0 and not has_payload:
             raise BadInput("no appendage has a tip_body", key="payload", value=payload)
         return replace(self, appendages=changed)
 
@@ -233,28 +237,28 @@ class SpacecraftTestbed:
         hinges stay where they start.
         """
         limit = next((d.limit for d in self.craft.drives if d.name == joint), 0.0)
-        about = self._posed()._pivoting(joint, self._axis(joint), limit, modes)
-        return replace(about, initial={k: v for k, v in self.initial.items() if k == joint})
+        single_axis = self._with_initial_hinges()._pivoting(joint, self._axis(joint), limit, modes)
+        return replace(single_axis, initial={k: v for k, v in self.initial.items() if k == joint})
 
     def turning_about(
         self, axis: Vector, limit: float, modes: int | None = None
     ) -> "SpacecraftTestbed":
         """Return the testbed pivoting about a body axis; see contract.ThreeAxes."""
-        return self._posed()._pivoting("turn", axis, limit, modes)
+        return self._with_initial_hinges()._pivoting("turn", axis, limit, modes)
 
     def rigid(self) -> "SpacecraftTestbed":
         """Return the testbed without modes; see contract.ThreeAxes."""
-        parts = _still(self.appendages, ("passive",))
-        stiff = {name: replace(a, only_modes=()) for name, a in parts.items()}
-        return replace(self, appendages=stiff, sensors={})
+        parts = _fix_hinges(self.appendages, ("passive",))
+        rigid_parts = {name: replace(a, only_modes=()) for name, a in parts.items()}
+        return replace(self, appendages=rigid_parts, sensors={})
 
-    def _posed(self) -> "SpacecraftTestbed":
+    def _with_initial_hinges(self) -> "SpacecraftTestbed":
         """Return it with its driven hinges at the angles where they start, counted from there."""
         parts = dict(self.appendages)
         for a in self.craft.appendages:
             angle = self.initial.get(f"{a.name}_hinge", 0.0)
             if angle and parts[a.name].hinge.kind == "driven":
-                x, y, z = (turn(a.axis, angle) @ a.axes).tolist()
+                x, y, z = (rotation_matrix(a.axis, angle) @ a.axes).tolist()
                 hinge = replace(
                     parts[a.name].hinge, axes=(tuple(x), tuple(y), tuple(z)), turned=None
                 )
@@ -265,16 +269,16 @@ class SpacecraftTestbed:
         self, joint: str, axis: Vector, limit: float, modes: int | None
     ) -> "SpacecraftTestbed":
         """Return the testbed with one joint that turns it about an axis."""
-        craft = self.craft
-        place = turning_point(craft)
+        spacecraft = self.craft
+        place = pivot_point(spacecraft)
         units = UNITS[self.units]
-        inertia = craft.inertia.copy()
-        for w in craft.wheels:  # what spins freely about the axis does not turn along
+        inertia = spacecraft.inertia.copy()
+        for w in spacecraft.wheels:  # what spins freely about the axis does not turn along
             inertia -= w.inertia * np.outer(w.axis, w.axis)
         inertia /= units.torque
-        parts = _still(self.appendages, ("passive", "driven"))
+        parts = _fix_hinges(self.appendages, ("passive", "driven"))
         if modes is not None:
-            parts = driven_most(craft, parts, axis, place, modes)
+            parts = keep_largest_modes(spacecraft, parts, axis, place, modes)
         x, y, z = axis.tolist()
         return replace(
             self,
@@ -315,13 +319,13 @@ class SpacecraftTestbed:
         """
         if not self.control_moment_gyros:
             return self
-        craft, torque = self.craft, UNITS[self.units].torque
-        light = _LIGHT * float(np.linalg.eigvalsh(craft.inertia).min()) / torque
+        spacecraft, torque = self.craft, UNITS[self.units].torque
+        light = _LIGHT * float(np.linalg.eigvalsh(spacecraft.inertia).min()) / torque
         wheels = {
             g.name: WheelSettings(axis=(x, y, z), inertia=light, limit=d.limit / torque)
-            for g in craft.gyros
+            for g in spacecraft.gyros
             for x, y, z in [g.across.tolist()]
-            for d in craft.drives
+            for d in spacecraft.drives
             if d.name == g.name
         }
         sensors: dict[str, AnySensor] = {
@@ -329,38 +333,38 @@ class SpacecraftTestbed:
             for name, sensor in self.sensors.items()
             if not isinstance(sensor, ResolverSettings)
         }
-        own = {**self.wheels, **wheels}
-        return replace(self, control_moment_gyros={}, wheels=own, sensors=sensors)
+        all_wheels = {**self.wheels, **wheels}
+        return replace(self, control_moment_gyros={}, wheels=all_wheels, sensors=sensors)
 
     def rigid_turn(self, joint: str) -> RigidTurn:
         """Return what forces and torques turn the rigid spacecraft; see contract.Turning."""
-        return rigid_turn(self._posed().craft, self._axis(joint))
+        return rigid_rotation_efforts(self._with_initial_hinges().craft, self._axis(joint))
 
     def rigid_turn_about(self, axis: Vector) -> RigidTurn:
         """Return what all joints do in a turn about an axis; see contract.ThreeAxes.
 
         Wheels and gyros alone leave no momentum, so there is nothing centrifugal.
         """
-        found = rigid_turn(self._posed().craft, axis)
+        found = rigid_rotation_efforts(self._with_initial_hinges().craft, axis)
         if all(d.what in (at.WHEEL, at.GYRO) for d in self.craft.drives):
             return found._replace(centrifugal=np.zeros_like(found.centrifugal))
         return found
 
     def _axis(self, joint: str) -> Vector:
         """Return the body axis about which a joint turns the platform, a unit vector."""
-        turns: dict[str, Vector] = {
+        axis_by_joint: dict[str, Vector] = {
             d.name: axis
-            for d, axis in zip(self.craft.drives, turning_axes(self.craft), strict=True)
+            for d, axis in zip(self.craft.drives, rotation_axes(self.craft), strict=True)
             if d.what in (at.TORQUE, at.WHEEL, at.GYRO)
         }
-        if joint not in turns:
+        if joint not in axis_by_joint:
             hinges = {d.name for d in self.craft.drives if d.what == at.HINGE}
-            moved = "; method joint_trajectory moves a hinge" if joint in hinges else ""
+            hint = "; method joint_trajectory moves a hinge" if joint in hinges else ""
             raise BadInput(
                 f"plan: goal: {joint} does not turn the platform; allowed: "
-                f"{', '.join(turns) or 'none, as no joint does'}{moved}"
+                f"{', '.join(axis_by_joint) or 'none, as no joint does'}{hint}"
             )
-        return turns[joint]
+        return axis_by_joint[joint]
 
     def motions(self, position: Matrix, velocity: Matrix, goal: dict[str, float]) -> Motions:
         """Return what platform and tips do; see motions.Pointing."""
@@ -368,11 +372,11 @@ class SpacecraftTestbed:
 
     def drive_map(self) -> DriveMap:
         """Return what its drives do to its turn; see contract.TurnedByDrives."""
-        return drive_map(self.craft)
+        return actuator_map(self.craft)
 
     def doubts(self) -> tuple[str, ...]:
         """Return what its appendages are unlikely to be; see contract.HasDoubts."""
-        return tuple(filter(None, map(mass_doubt, self.craft.appendages)))
+        return tuple(filter(None, map(mass_warning, self.craft.appendages)))
 
     def spins(self, velocity: Matrix) -> Spins:
         """Return what its wheels store; see motions.Pointing."""
@@ -396,11 +400,11 @@ class SpacecraftTestbed:
 
     def hinge_turns(self) -> tuple[HingeTurn, ...]:
         """Return the prescribed turns; see contract.Retargetable."""
-        return hinge_turns(self.craft)
+        return prescribed_rotations(self.craft)
 
     def retargeted(self, requested: dict[str, Any], at: float) -> dict[str, Any]:
         """Return the keys that give an appendage a new target; see contract.Retargetable."""
-        return retargeted(self.appendages, requested, at)
+        return new_target_keys(self.appendages, requested, at)
 
     def floating(self) -> Floating | None:
         """Return how a free platform moves; see floating.CanFloat."""
@@ -429,11 +433,11 @@ class _Same:
 
 
 @lru_cache(maxsize=128)  # more than fly in lanes at once
-def _craft(same: _Same) -> Spacecraft:
-    return spacecraft(same.testbed)
+def _spacecraft(same: _Same) -> Spacecraft:
+    return build_spacecraft(same.testbed)
 
 
-def _still(
+def _fix_hinges(
     parts: dict[str, AppendageSettings], kinds: tuple[str, ...]
 ) -> dict[str, AppendageSettings]:
     """Return the appendages with hinges of some kinds fixed: no plan counts with their motion."""
@@ -461,50 +465,52 @@ def _loaded(shape: Any, payload: float) -> Any:
 
 @lru_cache(maxsize=128)
 def _model(same: _Same) -> Model:
-    craft = same.testbed.craft
-    p = packed(craft)
-    drives = craft.drives
-    free = craft.motion == at.FREE
-    axes, motors = turning_axes(craft), motors_of(craft)
-    around = same.testbed.orbit, same.testbed.wheels, UNITS[same.testbed.units]
+    spacecraft = same.testbed.craft
+    p = packed(spacecraft)
+    actuator_list = spacecraft.drives
+    free = spacecraft.motion == at.FREE
+    axes, motors = rotation_axes(spacecraft), motors_of(spacecraft)
+    environment = same.testbed.orbit, same.testbed.wheels, UNITS[same.testbed.units]
     return Model(
-        FLOATING if free else GROUNDED,
+        FLOATING if free else CONSTRAINED,
         p,
-        tuple(d.name for d in drives),
-        tuple(position_unit(d) for d in drives),
-        craft.modes,
-        same.testbed.channels(craft),
-        scale_stiffness=lambda packed_, factor: stiffened(craft, packed_, factor),
-        time_varying=any(a.manoeuvres for a in craft.appendages),
-        from_time=lambda packed_, time: begun_at(craft, packed_, time),
-        leading=craft.sizes[1] - craft.modes,
-        known_as=coordinates(craft),
-        reading=lambda x: _read(p, x, len(drives)),
-        placed=_placing(craft, axes),
+        tuple(d.name for d in actuator_list),
+        tuple(position_unit(d) for d in actuator_list),
+        spacecraft.modes,
+        same.testbed.channels(spacecraft),
+        scale_stiffness=lambda packed_, factor: scale_stiffness(spacecraft, packed_, factor),
+        time_varying=any(a.manoeuvres for a in spacecraft.appendages),
+        from_time=lambda packed_, time: shift_time(spacecraft, packed_, time),
+        leading=spacecraft.sizes[1] - spacecraft.modes,
+        known_as=coordinates(spacecraft),
+        reading=lambda x: _read(p, x, len(actuator_list)),
+        rest_position=_rest_position_map(spacecraft, axes),
         motors=motors,
-        spins=spins_of(craft, motors),
+        spins=reaction_wheels_of(spacecraft, motors),
         attitude=attitude_joints(axes) if free else None,
-        outside=outside_of(craft, *around) if free else None,
-        one_way=tuple(k for k, d in enumerate(drives) if d.what == at.THRUSTER),
-        gimbals=tuple(range(*_gimbals(craft))),
-        gyros=tuple(k for k, d in enumerate(drives) if d.what == at.GYRO),
+        outside=outside_of(spacecraft, *environment) if free else None,
+        one_way=tuple(k for k, d in enumerate(actuator_list) if d.what == at.THRUSTER),
+        gimbals=tuple(range(*_gimbals(spacecraft))),
+        gyros=tuple(k for k, d in enumerate(actuator_list) if d.what == at.GYRO),
     )
 
 
-def _placing(craft: Spacecraft, axes: Matrix) -> Callable[[Mapping[str, float]], Vector]:
+def _rest_position_map(
+    spacecraft: Spacecraft, axes: Matrix
+) -> Callable[[Mapping[str, float]], Vector]:
     """Return `placed` of a craft, which metrics ask for one goal at every block of a run."""
 
     @lru_cache(maxsize=4)
-    def known(positions: tuple[tuple[str, float], ...]) -> Vector:
-        return placed(craft, axes, dict(positions))
+    def cached_rest(positions: tuple[tuple[str, float], ...]) -> Vector:
+        return rest_position(spacecraft, axes, dict(positions))
 
-    return lambda positions: known(tuple(positions.items())).copy()
+    return lambda positions: cached_rest(tuple(positions.items())).copy()
 
 
-def _gimbals(craft: Spacecraft) -> tuple[int, int]:
+def _gimbals(spacecraft: Spacecraft) -> tuple[int, int]:
     """Return where the angles of its gimbals begin in v, and end."""
-    end = craft.sizes[1] - craft.modes
-    return end - len(craft.gyros), end
+    end = spacecraft.sizes[1] - spacecraft.modes
+    return end - len(spacecraft.gyros), end
 
 
 def _read(p: Vector, x: Vector, count: int) -> tuple[Vector, Vector]:

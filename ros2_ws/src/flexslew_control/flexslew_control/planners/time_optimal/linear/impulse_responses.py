@@ -24,28 +24,28 @@ class ImpulseResponses:
         """Last tau [s]."""
         return self.step * (len(self.values) - 1)
 
-    def integrated(self, tau: Vector) -> Matrix:
+    def integral_at(self, tau: Vector) -> Matrix:
         """Return the integral of c from 0 to every tau, shape (taus, conditions)."""
         k = np.minimum((tau / self.step).astype(np.int64), len(self.values) - 1)
-        ahead, total = tau - self.step * k, self.integral[k]
+        shift, total = tau - self.step * k, self.integral[k]
         share = np.ones(tau.size)
         for order in range(_ORDER):
-            share = share * ahead / (order + 1.0)
+            share = share * shift / (order + 1.0)
             total = total + share[:, None] * self.values[k, order]
         return np.asarray(total)
 
     def at(self, tau: Vector, order: int = 0) -> Matrix:
         """Return c or a derivative of it at every tau, shape (taus, conditions)."""
         k = np.minimum((tau / self.step).astype(np.int64), len(self.values) - 1)
-        ahead, total = tau - self.step * k, self.values[k, order]
+        shift, total = tau - self.step * k, self.values[k, order]
         share = np.ones(tau.size)
         for more in range(order + 1, _ORDER):
-            share = share * ahead / float(more - order)
+            share = share * shift / float(more - order)
             total = total + share[:, None] * self.values[k, more]
         return np.asarray(total)
 
     @np.errstate(divide="ignore", invalid="ignore")  # of a function that is nothing
-    def zeros(self, mu: Vector, duration: float, touching: float = 0.0) -> Vector:
+    def zeros(self, mu: Vector, duration: float, tolerance: float = 0.0) -> Vector:
         """Return where mu . c changes its sign before tau = duration, rising [s].
 
         That can be twice in one interval, on either side of an extremum.
@@ -53,50 +53,50 @@ class ImpulseResponses:
         Args:
             mu: multipliers, shape (conditions,).
             duration: T [s].
-            touching: extrema so near to zero, relative to the largest, count as beyond it.
+            tolerance: extrema so near to zero, relative to the largest, count as beyond it.
         """
         samples = self.values[: int(duration / self.step) + 2] @ mu  # mu . c and its derivatives
         f, h = samples[:-1], self.step
         signs, slopes = np.signbit(samples[:, 0]), np.signbit(samples[:, 1])
         once = np.flatnonzero(signs[1:] != signs[:-1])
-        bent = np.flatnonzero((signs[1:] == signs[:-1]) & (slopes[1:] != slopes[:-1]))
-        top = -h * f[bent, 1] / (samples[bent + 1, 1] - f[bent, 1])
+        extrema = np.flatnonzero((signs[1:] == signs[:-1]) & (slopes[1:] != slopes[:-1]))
+        top = -h * f[extrema, 1] / (samples[extrema + 1, 1] - f[extrema, 1])
         for _ in range(2):
-            top = np.clip(top - _series(f[bent], top, 1) / _series(f[bent], top, 2), 0.0, h)
-        near = touching * float(np.abs(samples[:, 0]).max())
-        height = np.where(signs[bent], -1.0, 1.0) * _series(f[bent], top) - near
-        bent, top, height = bent[height < 0.0], top[height < 0.0], height[height < 0.0]
-        apart = np.sqrt(2.0 * np.abs(height / _series(f[bent], top, 2)))
-        k = np.concatenate((once, bent, bent))
-        straight = -h * f[once, 0] / (samples[once + 1, 0] - f[once, 0])
-        ahead = np.concatenate((straight, top - apart, top + apart))
-        for _ in range(4 if touching == 0.0 else 0):
-            ahead = np.clip(ahead - _series(f[k], ahead) / _series(f[k], ahead, 1), 0.0, h)
-        tau = np.sort(h * k + ahead)
+            top = np.clip(top - _series(f[extrema], top, 1) / _series(f[extrema], top, 2), 0.0, h)
+        near = tolerance * float(np.abs(samples[:, 0]).max())
+        height = np.where(signs[extrema], -1.0, 1.0) * _series(f[extrema], top) - near
+        extrema, top, height = extrema[height < 0.0], top[height < 0.0], height[height < 0.0]
+        half_width = np.sqrt(2.0 * np.abs(height / _series(f[extrema], top, 2)))
+        k = np.concatenate((once, extrema, extrema))
+        linear_root = -h * f[once, 0] / (samples[once + 1, 0] - f[once, 0])
+        shift = np.concatenate((linear_root, top - half_width, top + half_width))
+        for _ in range(4 if tolerance == 0.0 else 0):
+            shift = np.clip(shift - _series(f[k], shift) / _series(f[k], shift, 1), 0.0, h)
+        tau = np.sort(h * k + shift)
         return np.asarray(tau[tau < duration])
 
 
-def _series(f: Matrix, ahead: Vector, order: int = 0) -> Vector:
+def _series(f: Matrix, shift: Vector, order: int = 0) -> Vector:
     """Return Taylor's series from f and its derivatives, or from those of a higher order."""
-    total, share = f[:, order], np.ones(ahead.size)
+    total, share = f[:, order], np.ones(shift.size)
     for more in range(order + 1, _ORDER):
-        share = share * ahead / float(more - order)
+        share = share * shift / float(more - order)
         total = total + share * f[:, more]
     return np.asarray(total)
 
 
 def sampled(
-    a: Matrix, b: Vector, conditions: Matrix, step: float, longest: float
+    a: Matrix, b: Vector, conditions: Matrix, step: float, max_time: float
 ) -> ImpulseResponses:
     """Return the grid up to the longest tau."""
     size = b.size
     whole = np.zeros((2 * size, 2 * size))  # of e^(A tau) B and its integral
     whole[:size, :size], whole[size:, :size] = a, np.eye(size)
-    ahead = expm(whole * step)
+    shift = expm(whole * step)
     states = np.concatenate((b, np.zeros(size)))[None]
-    while (len(states) - 3) * step < longest:
-        states = np.concatenate((states, states @ ahead.T))
-        ahead = ahead @ ahead
+    while (len(states) - 3) * step < max_time:
+        states = np.concatenate((states, states @ shift.T))
+        shift = shift @ shift
     rows, orders = conditions, []
     for _ in range(_ORDER):
         orders.append(states[:, :size] @ rows.T)

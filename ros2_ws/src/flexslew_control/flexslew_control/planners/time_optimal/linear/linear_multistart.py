@@ -22,14 +22,14 @@ _REACH = (2.0 * np.pi, 8.0 * np.pi)  # searched beyond the rigid slew, one after
 _KEPT = 200  # slews at most
 
 
-def linear_slews(a: float, damping: float, switches: int, longer: float = 0.0) -> Matrix:
+def linear_slews(a: float, damping: float, switches: int, excess: float = 0.0) -> Matrix:
     """Return the arcs of the shortest slew and of those that are hardly longer, shortest first.
 
     Args:
         a: w^2 J x/u, the slew as a phase angle squared.
         damping: ratio of the mode [-]; one or more is overdamped.
         switches: 3, or 5 for a slew that is not sensitive to the frequency.
-        longer: by how much a slew may be longer than the shortest [rad].
+        excess: by how much a slew may be longer than the shortest [rad].
 
     Returns:
         durations as phase angles, shape (slews, switches + 1).
@@ -39,11 +39,11 @@ def linear_slews(a: float, damping: float, switches: int, longer: float = 0.0) -
     """
     starts = _STARTS + int(_STARTS_PER_RADIAN * np.sqrt(a))
     for reach in _REACH:
-        found = _search(a, damping, switches + 1, starts, reach, longer, _even(6))
+        found = _search(a, damping, switches + 1, starts, reach, excess, _even(6))
         if len(found):
             found = found[np.argsort(found.sum(axis=1), kind="stable")]
             total = found.sum(axis=1)
-            return np.asarray(found[total <= total[0] + longer])
+            return np.asarray(found[total <= total[0] + excess])
     raise PlanFailed(f"no {switches}-switch slew of the linear model was found")
 
 
@@ -57,7 +57,7 @@ def _even(dimensions: int) -> Vector:
 
 @compiled
 def _search(
-    a: float, damping: float, arcs: int, starts: int, reach: float, longer: float, strides: Vector
+    a: float, damping: float, arcs: int, starts: int, reach: float, excess: float, strides: Vector
 ) -> Matrix:
     """Return the different slews found, unsorted, shape (slews, arcs)."""
     rigid, best = 2.0 * np.sqrt(a), np.inf
@@ -66,15 +66,15 @@ def _search(
     for start in range(starts):
         for k in range(at.size):
             at[k] = (at[k] + strides[k]) % 1.0
-        last = min(rigid + reach, best + longer)
+        last = min(rigid + reach, best + excess)
         total = rigid + (last - rigid) * at[0]
         if start % 3 == 0:
             for k in range(arcs):
                 d[k] = -np.log((at[k] + 0.5 * at[0]) % 1.0 + 1e-12)
             d *= total / d.sum()
         else:
-            _pulsed(total, at, d)
-        if not _solve(a, damping, last + 4.0, d) or d.min() < 1e-9 or d.sum() > best + longer:
+            _pulse_durations(total, at, d)
+        if not _solve(a, damping, last + 4.0, d) or d.min() < 1e-9 or d.sum() > best + excess:
             continue
         best = min(best, d.sum())
         new = True
@@ -92,7 +92,7 @@ def _search(
 
 
 @compiled
-def _pulsed(total: float, at: Vector, d: Vector) -> None:
+def _pulse_durations(total: float, at: Vector, d: Vector) -> None:
     """Write the arcs of the rigid slew with reversed pulses, their places and widths in `at`."""
     edges = np.empty(d.size - 1)
     edges[0] = 0.5 * total
@@ -116,8 +116,8 @@ def _solve(a: float, damping: float, longest: float, d: Vector) -> bool:
     size = d.size
     slopes, r = np.empty((size, size)), np.empty(size)
     for _ in range(25):
-        _linearised(a, damping, d, r, slopes)
-        if not _eliminated(slopes, r):
+        _residual_jacobian(a, damping, d, r, slopes)
+        if not _solve_linear(slopes, r):
             return False
         largest, share = np.abs(r).max(), 1.0
         if not largest < 1e6:
@@ -139,10 +139,10 @@ def _solve(a: float, damping: float, longest: float, d: Vector) -> bool:
 
 
 @compiled
-def _linearised(a: float, damping: float, d: Vector, r: Vector, slopes: Matrix) -> None:
+def _residual_jacobian(a: float, damping: float, d: Vector, r: Vector, slopes: Matrix) -> None:
     """Write the conditions and their derivatives by the durations."""
-    size, ringing = d.size, np.sqrt(abs(1.0 - damping**2))
-    ringing = max(ringing, 1e-9)
+    size, frequency_ratio = d.size, np.sqrt(abs(1.0 - damping**2))
+    frequency_ratio = max(frequency_ratio, 1e-9)
     r[:] = 0.0
     r[1] = -a
     # an arc moves every edge before it away from the end
@@ -153,9 +153,9 @@ def _linearised(a: float, damping: float, d: Vector, r: Vector, slopes: Matrix) 
             jump *= 0.5
         decay = np.exp(-damping * tau)
         if damping < 1.0:
-            y, x = np.sin(ringing * tau) / ringing, np.cos(ringing * tau)
+            y, x = np.sin(frequency_ratio * tau) / frequency_ratio, np.cos(frequency_ratio * tau)
         else:
-            y, x = np.sinh(ringing * tau) / ringing, np.cosh(ringing * tau)
+            y, x = np.sinh(frequency_ratio * tau) / frequency_ratio, np.cosh(frequency_ratio * tau)
         y *= decay
         x = decay * x + damping * y
         x_rate, y_rate = -y, x - 2.0 * damping * y
@@ -175,7 +175,7 @@ def _linearised(a: float, damping: float, d: Vector, r: Vector, slopes: Matrix) 
 
 
 @compiled
-def _eliminated(matrix: Matrix, r: Vector) -> bool:
+def _solve_linear(matrix: Matrix, r: Vector) -> bool:
     """Replace r by -matrix^-1 r, both used up; False if the matrix is singular."""
     size = r.size
     for i in range(size):

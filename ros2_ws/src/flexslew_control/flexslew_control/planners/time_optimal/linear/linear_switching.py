@@ -58,19 +58,19 @@ def five_switches(a: float) -> Matrix:
         found = _roots(a, np.sqrt(a) + reach, _CELL)
         if len(found):
             found = found[np.argsort(found[:, 0])]
-            different = np.abs(np.diff(found, axis=0)).max(axis=1) > 1e-7
-            return np.asarray(found[np.concatenate(([True], different))])
+            is_new = np.abs(np.diff(found, axis=0)).max(axis=1) > 1e-7
+            return np.asarray(found[np.concatenate(([True], is_new))])
     raise PlanFailed("no five-switch slew of the linear model was found")
 
 
 @compiled
-def _roots(a: float, longest: float, cell: float) -> Matrix:
+def _roots(a: float, max_time: float, cell: float) -> Matrix:
     """Return T, t1 and t2 up to the longest T, unsorted, some of them twice."""
     found = np.empty((0, 3))
-    room, r = 0.5 * (longest**2 - a), 0.5 * cell
-    for j in range(int(np.ceil(longest / cell))):
+    limit, r = 0.5 * (max_time**2 - a), 0.5 * cell
+    for j in range(int(np.ceil(max_time / cell))):
         t2 = (j + 0.5) * cell
-        first = int(np.sqrt(max(0.0, t2**2 - room)) / cell)
+        first = int(np.sqrt(max(0.0, t2**2 - limit)) / cell)
         for i in range(max(0, first - 1), j + 1):
             t1 = (i + 0.5) * cell
             square = a + 2.0 * (t2**2 - t1**2)
@@ -88,14 +88,14 @@ def _roots(a: float, longest: float, cell: float) -> Matrix:
                 continue
             if abs(g) > (abs(g1) + abs(g2)) * r + (48.0 + 12.0 * (t + 2.0 * cell)) * r**2:
                 continue
-            root = _polished(a, t1, t2)
-            if 0.0 < root[1] < root[2] < root[0] <= longest:
+            root = _refine(a, t1, t2)
+            if 0.0 < root[1] < root[2] < root[0] <= max_time:
                 found = np.concatenate((found, root.reshape((1, 3))))
     return found
 
 
 @compiled
-def _polished(a: float, t1: float, t2: float) -> Vector:
+def _refine(a: float, t1: float, t2: float) -> Vector:
     """Return T, t1 and t2 by Newton's method from here, zeros where it does not converge."""
     for _ in range(40):
         square = a + 2.0 * (t2**2 - t1**2)
@@ -115,8 +115,8 @@ def _polished(a: float, t1: float, t2: float) -> Vector:
             break
         step_1, step_2 = (f2 * g - g2 * f) / determinant, (g1 * f - f1 * g) / determinant
         largest = max(abs(step_1), abs(step_2))
-        shorter = min(1.0, 0.5 / largest) if largest > 0.0 else 1.0
-        t1, t2 = t1 + shorter * step_1, t2 + shorter * step_2
+        step_scale = min(1.0, 0.5 / largest) if largest > 0.0 else 1.0
+        t1, t2 = t1 + step_scale * step_1, t2 + step_scale * step_2
         if largest < 1e-13 * (1.0 + t2):
             return np.array([np.sqrt(a + 2.0 * (t2**2 - t1**2)), t1, t2])
     return np.zeros(3)

@@ -28,15 +28,20 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
 _CHANGE = 1e-4  # of the stiffness, for dA/dk
-_LONGEST = 12.0  # searched, times the rigid duration and one period
+_MAX_DURATION = 12.0  # searched, times the rigid duration and one period
 _STEP = 0.0125  # of the grid, as an angle of the fastest mode [rad]
 _CELL = 0.1  # of the linear program, as _STEP
 _CELLS = 300, 3000  # of them, at least and at most
-_NOTHING_NEW = 1e-12  # of the conditions' largest singular value
+_RANK_TOLERANCE = 1e-12  # of the conditions' largest singular value
 _WIDTHS = 0.01, 3e-3, 1e-3, 3e-4, 1e-4  # of the smoothing, relative to the mean of |mu . c|
 _ITERATIONS, _DURATIONS = 10, 20
-_TOUCHING = (1e-4, 1e-3, 3e-3, 1e-2)  # of the largest |mu . c|, where short arcs may be missed
-_ALIKE = 1e3, 1e11  # condition of c, from which to which its rows are combined
+_ZERO_TOLERANCES = (
+    1e-4,
+    1e-3,
+    3e-3,
+    1e-2,
+)  # of the largest |mu . c|, where short arcs may be missed
+_CONDITION_RANGE = 1e3, 1e11  # condition of c, from which to which its rows are combined
 
 
 class Structure(NamedTuple):
@@ -64,23 +69,24 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
     linear = slew.model.linearise(slew.start[: slew.model.coordinates])
     rigid = slew.rigid_duration
     period = 2.0 * np.pi / float(linear.frequencies[0])
-    step, longest = _STEP / float(linear.frequencies[-1]), rigid + 2.0 * period
-    grid = sampled(a, b, conditions, step, longest)
-    apart = _told_apart(conditions, grid)
-    if apart is not conditions:
-        conditions, grid = apart, sampled(a, b, apart, step, longest)
-    fastest = float(linear.frequencies[-1])
-    while _programmed(grid, longest, fastest, goal)[0] < 1.0:
-        longest *= 1.5
-        if longest > _LONGEST * (rigid + period):
+    step, max_duration = _STEP / float(linear.frequencies[-1]), rigid + 2.0 * period
+    grid = sampled(a, b, conditions, step, max_duration)
+    combined = _separate_rows(conditions, grid)
+    if combined is not conditions:
+        conditions, grid = combined, sampled(a, b, combined, step, max_duration)
+    max_frequency = float(linear.frequencies[-1])
+    while _linear_solution(grid, max_duration, max_frequency, goal)[0] < 1.0:
+        max_duration *= 1.5
+        if max_duration > _MAX_DURATION * (rigid + period):
             raise PlanFailed(
-                f"no slew by {slew.distance:g} at {slew.amplitude:g} takes under {longest:.4g} s"
+                f"no slew by {slew.distance:g} at {slew.amplitude:g} takes under "
+                f"{max_duration:.4g} s"
             )
-        grid = sampled(a, b, conditions, step, longest)
+        grid = sampled(a, b, conditions, step, max_duration)
     duration, mu = _least_duration(
         grid,
-        lambda duration, _: _programmed(grid, duration, fastest, goal),
-        (rigid, min(longest, rigid + 0.5 * period), longest),
+        lambda duration, _: _linear_solution(grid, duration, max_frequency, goal),
+        (rigid, min(max_duration, rigid + 0.5 * period), max_duration),
         np.zeros(len(conditions)),
         1e-3,
     )
@@ -88,20 +94,20 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
     duration, mu = _least_duration(
         grid,
         lambda duration, mu: _least(grid, mu, duration, scale),
-        (rigid, duration, longest),
+        (rigid, duration, max_duration),
         mu,
         1e-9,
     )
     if grid.at(np.array([duration]))[0] @ mu < 0.0:
         raise PlanFailed("the fastest slew of the linear model starts backwards")
-    found = [_arcs(grid, mu, duration, touching) for touching in (0.0, *_TOUCHING)]
+    found = [_structure(grid, mu, duration, tolerance) for tolerance in (0.0, *_ZERO_TOLERANCES)]
     return LinearOptimum(duration, [arcs for arcs in found if arcs is not None])
 
 
 def _least_duration(
     grid: ImpulseResponses,
     least_at: Callable[[float, Vector], tuple[float, Vector]],
-    within: tuple[float, float, float],
+    bracket: tuple[float, float, float],
     mu: Vector,
     tolerance: float,
 ) -> tuple[float, Vector]:
@@ -110,23 +116,23 @@ def _least_duration(
     Args:
         grid: of c.
         least_at: returns the least F and its mu at a duration, given the mu before.
-        within: least duration, the one to start from, the longest [s].
+        bracket: least duration, the one to start from, the longest [s].
         mu: to start from, shape (conditions,).
         tolerance: of T, relative.
     """
-    low, duration, high = within
+    low, duration, high = bracket
     for _ in range(_DURATIONS):
         least, mu = least_at(duration, mu)
         low, high = (duration, high) if least < 1.0 else (low, duration)
-        ahead = (1.0 - least) / abs(float(grid.at(np.array([duration]))[0] @ mu))
-        if abs(ahead) < tolerance * duration:
-            return duration + ahead, mu
-        duration = duration + ahead if low < duration + ahead < high else 0.5 * (low + high)
+        step = (1.0 - least) / abs(float(grid.at(np.array([duration]))[0] @ mu))
+        if abs(step) < tolerance * duration:
+            return duration + step, mu
+        duration = duration + step if low < duration + step < high else 0.5 * (low + high)
     return duration, mu
 
 
-def _programmed(
-    grid: ImpulseResponses, duration: float, fastest: float, goal: float
+def _linear_solution(
+    grid: ImpulseResponses, duration: float, max_frequency: float, goal: float
 ) -> tuple[float, Vector]:
     """Return the least F and its mu where efforts change at the ends of cells of time alone.
 
@@ -135,37 +141,39 @@ def _programmed(
     Args:
         grid: of c.
         duration: T [s].
-        fastest: frequency of a mode [rad/s].
+        max_frequency: frequency of a mode [rad/s].
         goal: what the first row has to reach, by the amplitude.
     """
-    cells = int(np.clip(duration * fastest / _CELL, *_CELLS))
-    reached = np.diff(grid.integrated(np.linspace(0.0, duration, cells + 1)), axis=0)
+    cells = int(np.clip(duration * max_frequency / _CELL, *_CELLS))
+    reached = np.diff(grid.integral_at(np.linspace(0.0, duration, cells + 1)), axis=0)
     scale = np.abs(reached).max(axis=0)
     first, others = (reached / scale)[:, 0], (reached / scale)[:, 1:]
     # conditions that are nearly alike, made unlike; dependent ones are left out
-    unlike, size, back = np.linalg.svd(others, full_matrices=False)
-    new = size > _NOTHING_NEW * size[0]
-    rows = np.sqrt(cells) * unlike[:, new].T
+    left, size, right = np.linalg.svd(others, full_matrices=False)
+    new = size > _RANK_TOLERANCE * size[0]
+    rows = np.sqrt(cells) * left[:, new].T
     found = linprog(-first, A_eq=rows, b_eq=np.zeros(len(rows)), bounds=(-1.0, 1.0))
     if found.x is None:
         raise PlanFailed(f"the linear program of a slew in {duration:.4g} s: {found.message}")
-    y = back[new].T @ (np.sqrt(cells) * found.eqlin.marginals / size[new]) / scale[1:]
+    y = right[new].T @ (np.sqrt(cells) * found.eqlin.marginals / size[new]) / scale[1:]
     return float(first @ found.x * scale[0] / goal), np.append(1.0, scale[0] * y) / goal
 
 
-def _arcs(grid: ImpulseResponses, mu: Vector, duration: float, touching: float) -> Structure | None:
+def _structure(
+    grid: ImpulseResponses, mu: Vector, duration: float, tolerance: float
+) -> Structure | None:
     """Return the arcs of the effort sign(mu . c); None if they end with the wrong sign."""
-    zeros = grid.zeros(mu, duration, touching)
+    zeros = grid.zeros(mu, duration, tolerance)
     edges = np.concatenate(([0.0], zeros, [duration]))[::-1]
     first = float(grid.at(edges[:1])[0] @ mu)
     # a duration moves every edge before its end; by the edges the second derivatives are diagonal
-    jumps = np.append(1.0, 2.0 * (-1.0) ** np.arange(1, edges.size - 1))
-    by_edge = jumps * (grid.at(edges[:-1], 1) @ mu) / first
-    moved = np.triu(np.ones((by_edge.size, by_edge.size)))
+    weights = np.append(1.0, 2.0 * (-1.0) ** np.arange(1, edges.size - 1))
+    by_edge = weights * (grid.at(edges[:-1], 1) @ mu) / first
+    cumulative = np.triu(np.ones((by_edge.size, by_edge.size)))
     durations = -np.diff(edges)
     if durations.min() <= 0.0:
         return None
-    return Structure(durations, moved.T @ (by_edge[:, None] * moved))
+    return Structure(durations, cumulative.T @ (by_edge[:, None] * cumulative))
 
 
 def extended(slew: BangBang) -> tuple[Matrix, Vector, Matrix]:
@@ -180,15 +188,15 @@ def extended(slew: BangBang) -> tuple[Matrix, Vector, Matrix]:
     linear = slew.model.linearise(q)
     a, b = linear.state_matrix, linear.state_input_matrix[:, slew.joint]
     if not slew.robust:
-        return a, b, slew.resting
+        return a, b, slew.rest_rows
     closed = linear.with_feedback(*gains).state_matrix
     by_stiffness = (state_matrix(1.0 + _CHANGE) - state_matrix(1.0 - _CHANGE)) / (2.0 * _CHANGE)
     whole = np.block([[a, np.zeros_like(a)], [by_stiffness, closed]])
-    rows = block_diag(slew.resting, slew.insensitive_to)
+    rows = block_diag(slew.rest_rows, slew.sensitivity_rows)
     return whole, np.concatenate((b, np.zeros(2 * n))), rows
 
 
-def _told_apart(conditions: Matrix, grid: ImpulseResponses) -> Matrix:
+def _separate_rows(conditions: Matrix, grid: ImpulseResponses) -> Matrix:
     """Return the rows, all but the first combined where c is nearly the same for some of them.
 
     Two close modes and their sensitivities answer nearly alike. What has to vanish may be combined;
@@ -199,7 +207,7 @@ def _told_apart(conditions: Matrix, grid: ImpulseResponses) -> Matrix:
     if not scale.all():
         return conditions
     triangle = np.linalg.qr(samples / scale)[1]
-    if not _ALIKE[0] < np.linalg.cond(triangle) < _ALIKE[1]:
+    if not _CONDITION_RANGE[0] < np.linalg.cond(triangle) < _CONDITION_RANGE[1]:
         return conditions
     combined = np.linalg.solve(triangle.T, conditions[1:] / scale[:, None])
     return np.vstack((conditions[:1], combined))
@@ -244,11 +252,11 @@ def _smoothed(grid: ImpulseResponses, mu: Vector, duration: float, scale: Vector
     F itself has a curvature at zeros of mu . c alone, too few of them far from its minimum.
     """
     samples = grid.values[: int(duration / grid.step) + 1, 0]
-    held, rest = mu[0] * samples[:, 0], samples[:, 1:] / scale[1:]
+    fixed, rest = mu[0] * samples[:, 0], samples[:, 1:] / scale[1:]
     y = mu[1:] * scale[1:]
     for width in _WIDTHS:
-        e = width * float(np.abs(held + rest @ y).mean())
-        f = held + rest @ y
+        e = width * float(np.abs(fixed + rest @ y).mean())
+        f = fixed + rest @ y
         value = float(np.sqrt(f**2 + e**2).sum())
         for _ in range(_ITERATIONS):
             root = np.sqrt(f**2 + e**2)
@@ -259,7 +267,7 @@ def _smoothed(grid: ImpulseResponses, mu: Vector, duration: float, scale: Vector
             if expected < 1e-9 * value:
                 break
             while share > 1e-3:
-                new = held + rest @ (y + share * step)
+                new = fixed + rest @ (y + share * step)
                 least = float(np.sqrt(new**2 + e**2).sum())
                 if least <= value - 1e-4 * share * expected:
                     break
@@ -277,8 +285,8 @@ def _integral(
     zeros = grid.zeros(mu, duration)
     edges = np.concatenate(([0.0], zeros, [duration]))
     middle = grid.at(0.5 * (edges[1:] + edges[:-1])) @ mu
-    pieces = np.sign(middle) @ np.diff(grid.integrated(edges), axis=0)
-    there = grid.at(zeros)[:, 1:] / scale[1:]
+    pieces = np.sign(middle) @ np.diff(grid.integral_at(edges), axis=0)
+    values = grid.at(zeros)[:, 1:] / scale[1:]
     slopes = np.abs(grid.at(zeros, 1) @ mu)
-    curvature = (2.0 / np.maximum(slopes, 1e-300) * there.T) @ there
+    curvature = (2.0 / np.maximum(slopes, 1e-300) * values.T) @ values
     return float(pieces @ mu), pieces[1:] / scale[1:], curvature

@@ -13,14 +13,14 @@ import numpy as np
 from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.time_optimal.all_drives import structure_of
 from flexslew_control.planners.time_optimal.optimal_switching import (
+    minimum_durations,
     nearest_durations,
-    shortest_durations,
 )
 from flexslew_control.planners.time_optimal.three_axes.reorientation import Arcs, Reorientation
 from flexslew_control.planners.time_optimal.three_axes.sequential_programs import (
-    LocalArcs,
-    fastest_near,
-    settled_arcs,
+    LocalOptimum,
+    local_minimum_time,
+    refine_durations,
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
@@ -28,19 +28,26 @@ from flexslew_plant.errors import PlanFailed
 PIECES, _FLEXIBLE_PIECES = 60, 120
 _STARTS, _SEED = 6, 1
 STEPS = 40  # of the programs
-_ASIDE = 0.7  # how far starts are from the eigenaxis, of the amplitude
+_START_OFFSET = 0.7  # how far starts are from the eigenaxis, of the amplitude
 _LEVELS = 6  # of their efforts
 _SAME = 1e-4  # relative difference of durations of one slew
-_SETTLED_AT_MOST, _MOST_ARCS = 2, 14  # slews with arcs made exact, and the most arcs of one
-_MET = 1e-6  # share of the end conditions that may be missed
-_RESTS, _HELD_RESTS = 1e3 * _MET, 1e-4  # the same with modes, which ticks then bring to rest
-_FIRST_SLOWER, _WIDER, _SLOWEST = 1.02, 2.5, 1.5  # durations that are tried, of the rigid craft's
+_MAX_EXACT, _MOST_ARCS = 2, 14  # slews with arcs made exact, and the most arcs of one
+_TOLERANCE = 1e-6  # share of the end conditions that may be missed
+_REST_TOLERANCE, _FIXED_REST_TOLERANCE = (
+    1e3 * _TOLERANCE,
+    1e-4,
+)  # the same with modes, which ticks then bring to rest
+_FIRST_RATIO, _STEP_RATIO, _MAX_RATIO = (
+    1.02,
+    2.5,
+    1.5,
+)  # durations that are tried, of the rigid craft's
 _LEAST = 1e-3  # relative width at which the least duration is known
-_HELD_STEPS = 12  # of programs for a duration
+_FIXED_STEPS = 12  # of programs for a duration
 _CHECKED = 240  # pieces on which Pontryagin's condition is looked at
 
 
-class Fastest(NamedTuple):
+class MinimumTimeSlew(NamedTuple):
     """The fastest slew that was found."""
 
     efforts: Matrix  # of its pieces, (pieces, joints) [N m]
@@ -50,7 +57,7 @@ class Fastest(NamedTuple):
     found: int  # starts that led to a slew
 
 
-def fastest_rigid(slew: Reorientation, progress: Progress) -> Fastest:
+def minimum_time_rigid(slew: Reorientation, progress: Progress) -> MinimumTimeSlew:
     """Return the fastest slew of a craft without modes, from several starts.
 
     Raises:
@@ -58,13 +65,13 @@ def fastest_rigid(slew: Reorientation, progress: Progress) -> Fastest:
     """
     found = from_starts(slew, progress)
     near = [one for one in found if one.duration < (1.0 + _SAME) * found[0].duration]
-    for local in near[:_SETTLED_AT_MOST]:
+    for local in near[:_MAX_EXACT]:
         exact = _exact(slew, local)
         if exact is not None:
             efforts = exact[0] * slew.amplitude
             wrong = _violation(slew, efforts, exact[1])
-            return Fastest(efforts, exact[1], True, wrong, len(found))
-    return transcribed(slew, found[0], len(found))
+            return MinimumTimeSlew(efforts, exact[1], True, wrong, len(found))
+    return equal_pieces_slew(slew, found[0], len(found))
 
 
 class Start(NamedTuple):
@@ -76,7 +83,7 @@ class Start(NamedTuple):
 
 def from_starts(
     slew: Reorientation, progress: Progress, more: Sequence[Start] = ()
-) -> list[LocalArcs]:
+) -> list[LocalOptimum]:
     """Return the slews that starts off the eigenaxis lead to, the fastest first.
 
     Args:
@@ -87,25 +94,25 @@ def from_starts(
     Raises:
         PlanFailed: if none leads to one.
     """
-    rng, found, starts = np.random.default_rng(_SEED), list[LocalArcs](), [*more]
+    rng, found, starts = np.random.default_rng(_SEED), list[LocalOptimum](), [*more]
     # where drives far stronger than others make it tumble, as far aside as each has a share
     sizes = (np.ones_like(slew.shares), np.abs(slew.shares))
-    tried = 0
+    attempts = 0
     for size in sizes:
-        starts += [_start_aside(slew, rng, size) for _ in range(_STARTS)]
-        for start in starts[tried:]:
-            local = fastest_near(slew, *start, STEPS)
-            if local.missed < _MET:
+        starts += [_random_start(slew, rng, size) for _ in range(_STARTS)]
+        for start in starts[attempts:]:
+            local = local_minimum_time(slew, *start, STEPS)
+            if local.missed < _TOLERANCE:
                 found.append(local)
-            tried += 1
+            attempts += 1
             least = min((one.duration for one in found), default=np.inf)
-            progress(Update(tried, least, np.nan, np.nan, np.nan, True))
+            progress(Update(attempts, least, np.nan, np.nan, np.nan, True))
         if found:
             return sorted(found, key=lambda one: one.duration)
-    raise PlanFailed(f"none of {tried} starts led to a slew; use another goal or limits")
+    raise PlanFailed(f"none of {attempts} starts led to a slew; use another goal or limits")
 
 
-def _start_aside(slew: Reorientation, rng: np.random.Generator, size: Vector) -> Start:
+def _random_start(slew: Reorientation, rng: np.random.Generator, size: Vector) -> Start:
     """Return random efforts near those of the eigenaxis.
 
     Args:
@@ -115,57 +122,58 @@ def _start_aside(slew: Reorientation, rng: np.random.Generator, size: Vector) ->
     """
     half = np.where(np.arange(PIECES) < PIECES // 2, 1.0, -1.0)
     levels = rng.uniform(-1.0, 1.0, (_LEVELS, slew.amplitude.size))
-    aside = _ASIDE * size * np.repeat(levels, PIECES // _LEVELS, axis=0)
-    return Start(np.clip(np.outer(half, slew.shares) + aside, -1.0, 1.0), slew.duration)
+    offset = _START_OFFSET * size * np.repeat(levels, PIECES // _LEVELS, axis=0)
+    return Start(np.clip(np.outer(half, slew.shares) + offset, -1.0, 1.0), slew.duration)
 
 
-def _exact(slew: Reorientation, local: LocalArcs) -> tuple[Matrix, Vector] | None:
+def _exact(slew: Reorientation, local: LocalOptimum) -> tuple[Matrix, Vector] | None:
     """Return signs and durations of the exact arcs of a local optimum; None: they do not settle.
 
     Two switches that are close may come in the other order than on the pieces.
     """
-    signs, guess = settled_arcs(slew, *structure_of(local.duration, local.shares))
+    signs, guess = refine_durations(slew, *structure_of(local.duration, local.shares))
     if not 2 < len(signs) <= _MOST_ARCS:
         return None
-    durations = shortest_durations(Arcs(slew, signs), guess)
+    durations = minimum_durations(Arcs(slew, signs), guess)
     if durations is not None:
         return signs, durations
     k = 1 + int(np.argmin(guess[1:-1]))
     other = signs.copy()
     other[k] = signs[k - 1] + signs[k + 1] - signs[k]
     if (abs(other[k]) == 1.0).all():
-        other, again = settled_arcs(slew, other, guess)
-        durations = shortest_durations(Arcs(slew, other), again)
+        other, other_guess = refine_durations(slew, other, guess)
+        durations = minimum_durations(Arcs(slew, other), other_guess)
         if durations is not None:
             return other, durations
     durations = nearest_durations(Arcs(slew, signs), guess)
     return None if durations is None else (signs, durations)
 
 
-def fastest_flexible(slew: Reorientation, rigid: Fastest) -> Fastest:
+def minimum_time_with_modes(slew: Reorientation, rigid: MinimumTimeSlew) -> MinimumTimeSlew:
     """Return the fastest slew of a craft with modes, near that of the rigid one.
 
     Raises:
         PlanFailed: the modes are not brought to rest.
     """
-    longer = float(rigid.durations.sum())
+    duration = float(rigid.durations.sum())
     knots = np.concatenate(([0.0], np.cumsum(rigid.durations)))
-    ends = np.linspace(0.0, longer, _FLEXIBLE_PIECES + 1)
+    ends = np.linspace(0.0, duration, _FLEXIBLE_PIECES + 1)
     shares = means(rigid.efforts, knots, ends) / slew.amplitude
-    local = fastest_near(slew, shares, longer, STEPS)
-    if local.missed > _RESTS:
-        slower = _slower(slew, shares, longer)
-        if slower is None:
+    local = local_minimum_time(slew, shares, duration, STEPS)
+    if local.missed > _REST_TOLERANCE:
+        extended = _extend_duration(slew, shares, duration)
+        if extended is None:
             raise PlanFailed(
                 f"no fast slew that ends with the modes at rest was found near the rigid craft's "
-                f"({longer:.4f} s), nor one of up to {_SLOWEST:g} times that; take drives: moving, "
+                f"({duration:.4f} s), nor one of up to {_MAX_RATIO:g} times that; take drives: "
+                "moving, "
                 "about the eigenaxis"
             )
-        local = slower
-    return transcribed(slew, local, rigid.found)
+        local = extended
+    return equal_pieces_slew(slew, local, rigid.found)
 
 
-def _slower(slew: Reorientation, shares: Matrix, duration: float) -> LocalArcs | None:
+def _extend_duration(slew: Reorientation, shares: Matrix, duration: float) -> LocalOptimum | None:
     """Return a slew of the least duration for which one is found; None: of none.
 
     Where the duration may change, the phases of fast modes bind it to steps of some 0.1 ms, and the
@@ -177,41 +185,45 @@ def _slower(slew: Reorientation, shares: Matrix, duration: float) -> LocalArcs |
         shares: of the amplitude, of the rigid craft's slew over equal pieces, (pieces, joints).
         duration: of that [s].
     """
-    low, high, best = 1.0, _FIRST_SLOWER, None
+    low, high, best = 1.0, _FIRST_RATIO, None
     while best is None:
-        if high > _SLOWEST:
+        if high > _MAX_RATIO:
             return None
-        found = fastest_near(slew, shares / high**2, high * duration, _HELD_STEPS, held=True)
-        if found.missed < _HELD_RESTS:
+        found = local_minimum_time(
+            slew, shares / high**2, high * duration, _FIXED_STEPS, fixed_duration=True
+        )
+        if found.missed < _FIXED_REST_TOLERANCE:
             best = found
         else:
-            low, high = high, 1.0 + _WIDER * (high - 1.0)
+            low, high = high, 1.0 + _STEP_RATIO * (high - 1.0)
     while high - low > _LEAST * high:
         middle = 0.5 * (low + high)
-        found = fastest_near(slew, best.shares, middle * duration, _HELD_STEPS, held=True)
-        if found.missed < _HELD_RESTS:
+        found = local_minimum_time(
+            slew, best.shares, middle * duration, _FIXED_STEPS, fixed_duration=True
+        )
+        if found.missed < _FIXED_REST_TOLERANCE:
             high, best = middle, found
         else:
             low = middle
-    settled = fastest_near(slew, best.shares, best.duration, STEPS)
-    return settled if settled.missed < best.missed else best
+    refined = local_minimum_time(slew, best.shares, best.duration, STEPS)
+    return refined if refined.missed < best.missed else best
 
 
-def rigid_near(stiff: Reorientation, flexible: Fastest) -> float:
+def rigid_near(rigid_slew: Reorientation, flexible: MinimumTimeSlew) -> float:
     """Return what the rigid craft takes near a flexible one's slew [s]; infinite: none.
 
     The flexible craft's programs go on from the rigid one's slew, and may leave its optimum.
     """
     duration = float(flexible.durations.sum())
-    local = fastest_near(stiff, flexible.efforts / stiff.amplitude, duration, STEPS)
-    return local.duration if local.missed < _MET else np.inf
+    local = local_minimum_time(rigid_slew, flexible.efforts / rigid_slew.amplitude, duration, STEPS)
+    return local.duration if local.missed < _TOLERANCE else np.inf
 
 
-def transcribed(slew: Reorientation, local: LocalArcs, found: int) -> Fastest:
+def equal_pieces_slew(slew: Reorientation, local: LocalOptimum, found: int) -> MinimumTimeSlew:
     """Return a local optimum on equal pieces as it is."""
     pieces = len(local.shares)
     durations = np.full(pieces, local.duration / pieces)
-    return Fastest(local.shares * slew.amplitude, durations, False, np.nan, found)
+    return MinimumTimeSlew(local.shares * slew.amplitude, durations, False, np.nan, found)
 
 
 def _violation(slew: Reorientation, efforts: Matrix, durations: Vector) -> float:
@@ -235,6 +247,8 @@ def _violation(slew: Reorientation, efforts: Matrix, durations: Vector) -> float
 
 def means(efforts: Matrix, knots: Vector, ends: Vector) -> Matrix:
     """Return the mean efforts between some times of efforts held between knots."""
-    held = np.vstack((np.zeros(efforts.shape[1]), np.cumsum(efforts * np.diff(knots)[:, None], 0)))
-    gained = np.column_stack([np.interp(ends, knots, column) for column in held.T])
-    return np.asarray(np.diff(gained, axis=0) / np.diff(ends)[:, None])
+    impulse = np.vstack(
+        (np.zeros(efforts.shape[1]), np.cumsum(efforts * np.diff(knots)[:, None], 0))
+    )
+    integral = np.column_stack([np.interp(ends, knots, column) for column in impulse.T])
+    return np.asarray(np.diff(integral, axis=0) / np.diff(ends)[:, None])

@@ -16,7 +16,7 @@ class Pieces(NamedTuple):
     by_effort: Tensor  # of each end by its effort, (k, size, efforts)
 
 
-def flown_pieces(
+def simulate_pieces(
     model: Model,
     start: Vector,
     efforts: Matrix,
@@ -37,8 +37,8 @@ def flown_pieces(
     steps = np.maximum(1, np.ceil(abs(durations) / step)).astype(np.int64)
     states, t = np.empty((len(efforts) + 1, start.size)), 0.0
     states[0] = start
-    for k, (held, count) in enumerate(zip(durations.tolist(), steps.tolist(), strict=True)):
-        states[k + 1] = model.advance(states[k], efforts[k], held, count, t)
-        t += held
+    for k, (duration, count) in enumerate(zip(durations.tolist(), steps.tolist(), strict=True)):
+        states[k + 1] = model.advance(states[k], efforts[k], duration, count, t)
+        t += duration
     slopes = model.slopes_of_pieces(states[:-1], efforts, durations, steps, columns)
     return Pieces(states, *slopes)

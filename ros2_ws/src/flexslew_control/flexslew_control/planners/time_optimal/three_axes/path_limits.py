@@ -10,7 +10,7 @@ from flexslew_plant.testbeds.contract import Cone
 from flexslew_plant.testbeds.model import Model
 
 _CHANGE = 1e-6  # of a state
-_CENTRE = 1e-9  # sine of the angle below which a boresight counts as on the axis of a cone
+_AXIS_SINE = 1e-9  # sine of the angle below which a boresight counts as on the axis of a cone
 
 
 @dataclass(frozen=True)
@@ -20,13 +20,13 @@ class PathLimits:
     Args:
         cones: cones that its boresights keep out of.
         rate_limit: largest length of the body rate [rad/s]; None: any.
-        spare: margin for the motion between the states that are checked: added to half angles
+        margin: margin for the motion between the states that are checked: added to half angles
             [rad], and the share of the rate limit that is kept free [-].
     """
 
     cones: tuple[Cone, ...] = ()
     rate_limit: float | None = None
-    spare: float = 0.0
+    margin: float = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -45,12 +45,12 @@ class PathLimits:
         rows = model.joint_states(states.reshape(-1, states.shape[-1]))
         shape = (*states.shape[:-1], model.joints)
         position, rate = (part.reshape(shape) for part in rows)
-        turned = quaternion(model.attitude.turn_of(position))
-        beyond = [self.spare - cone.margin(turned) for cone in self.cones]
+        attitude = quaternion(model.attitude.rotation_vector_of(position))
+        excess = [self.margin - cone.margin(attitude) for cone in self.cones]
         if self.rate_limit is not None:
-            size = np.linalg.norm(model.attitude.turn_of(rate), axis=-1)
-            beyond.append(size - (1.0 - self.spare) * self.rate_limit)
-        return np.stack(beyond, axis=-1)
+            size = np.linalg.norm(model.attitude.rotation_vector_of(rate), axis=-1)
+            excess.append(size - (1.0 - self.margin) * self.rate_limit)
+        return np.stack(excess, axis=-1)
 
     def slopes(self, model: Model, states: Matrix, columns: Indices) -> Tensor:
         """Return the derivatives of `excess` by the states, shape (k, limits, size).
@@ -63,9 +63,9 @@ class PathLimits:
         found = np.zeros((len(states), len(self.names), states.shape[1]))
         change = np.zeros((columns.size, states.shape[1]))
         change[np.arange(columns.size), columns] = _CHANGE
-        beside = np.stack((states[:, None] + change, states[:, None] - change))
-        ahead, back = self.excess(model, beside)
-        found[:, :, columns] = (ahead - back).swapaxes(1, 2) / (2.0 * _CHANGE)
+        samples = np.stack((states[:, None] + change, states[:, None] - change))
+        plus, minus = self.excess(model, samples)
+        found[:, :, columns] = (plus - minus).swapaxes(1, 2) / (2.0 * _CHANGE)
         return found
 
     @property
@@ -76,7 +76,7 @@ class PathLimits:
             rows.append((-np.inf, self.rate_limit))
         return np.array(rows).reshape(-1, 2).T
 
-    def readings(self, attitude: Matrix, rate: Matrix) -> Matrix:
+    def outputs(self, attitude: Matrix, rate: Matrix) -> Matrix:
         """Return the angles between boresights and axes of the cones, and the length of the rate.
 
         Args:
@@ -107,11 +107,11 @@ class PathLimits:
         """
         found = np.zeros((len(attitude), len(self.names), 6))
         for i, cone in enumerate(self.cones):
-            across = np.cross(cone.boresight, to_inertial(conjugate(attitude), cone.axis))
-            sine = np.linalg.norm(across, axis=1)
-            aside = np.cross(cone.boresight, np.eye(3)[int(np.argmin(abs(cone.boresight)))])
-            across[sine < _CENTRE] = aside
-            found[:, i, :3] = -across / np.linalg.norm(across, axis=1)[:, None]
+            normal = np.cross(cone.boresight, to_inertial(conjugate(attitude), cone.axis))
+            sine = np.linalg.norm(normal, axis=1)
+            fallback = np.cross(cone.boresight, np.eye(3)[int(np.argmin(abs(cone.boresight)))])
+            normal[sine < _AXIS_SINE] = fallback
+            found[:, i, :3] = -normal / np.linalg.norm(normal, axis=1)[:, None]
         if self.rate_limit is not None:
             size = np.linalg.norm(rate, axis=1)[:, None]
             found[:, -1, 3:] = rate / np.where(size > 0.0, size, 1.0)

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.free_platform import rate_readings
+from flexslew_control.free_platform import rate_outputs
 from flexslew_control.planners.attitude.eigenaxis import continuous
-from flexslew_control.planners.time_optimal.three_axes.held_pieces import Pieces, flown_pieces
+from flexslew_control.planners.time_optimal.three_axes.held_pieces import Pieces, simulate_pieces
 from flexslew_control.planners.time_optimal.three_axes.path_limits import FREE, PathLimits
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
@@ -18,7 +18,7 @@ _CHANGE = 1e-6  # of a state, for the slopes of the end conditions
 _ANGLE = 1.0  # of the fastest mode in a step of the integration [rad]
 _RIGID_STEPS = 40  # of a slew, at least
 _NEAR = 0.5  # of the turn: limits that are farther away are not looked at
-_MATTERS = 1e-8  # slope of an entry of the state that matters
+_SLOPE_TOLERANCE = 1e-8  # slope of an entry of the state that matters
 
 
 class Along(NamedTuple):
@@ -80,7 +80,7 @@ class Reorientation:
     @cached_property
     def turn(self) -> Vector:
         """The rotation from start to goal in body axes, the shorter way, shape (3,) [rad]."""
-        return self.attitude.turn_of(self.model.joint_error(self.first, self.last))
+        return self.attitude.rotation_vector_of(self.model.joint_error(self.first, self.last))
 
     @cached_property
     def shares(self) -> Vector:
@@ -100,8 +100,8 @@ class Reorientation:
     def gain(self) -> Matrix:
         """From efforts to the platform's angular acceleration, shape (3, joints)."""
         q = self.start[: self.model.positions]
-        moved = np.linalg.solve(self.model.mass_matrix(q), self.model.input_matrix(q))
-        return self.attitude.turn_of((rate_readings(self.model, q) @ moved).T).T
+        acceleration = np.linalg.solve(self.model.mass_matrix(q), self.model.input_matrix(q))
+        return self.attitude.rotation_vector_of((rate_outputs(self.model, q) @ acceleration).T).T
 
     @cached_property
     def scale(self) -> Vector:
@@ -113,27 +113,29 @@ class Reorientation:
         q = self.start[: model.positions]
         linear = model.linearise(q)
         n, inputs = model.before_modes, model.input_matrix(q) @ (self.shares * self.amplitude)
-        moved = np.linalg.solve(linear.mass[:n, :n], inputs[:n])
-        pushed = abs(linear.mass[n:, :n] @ moved) / np.diag(linear.stiffness)[n:]
-        bent = max(float(pushed.max()), 1e-9)
-        slowest = float(linear.frequencies[0])
-        return np.array(rigid + [bent] * model.modes + [bent * slowest] * model.modes)
+        acceleration = np.linalg.solve(linear.mass[:n, :n], inputs[:n])
+        deflection = abs(linear.mass[n:, :n] @ acceleration) / np.diag(linear.stiffness)[n:]
+        modal_scale = max(float(deflection.max()), 1e-9)
+        min_frequency = float(linear.frequencies[0])
+        return np.array(
+            rigid + [modal_scale] * model.modes + [modal_scale * min_frequency] * model.modes
+        )
 
     @cached_property
     def step(self) -> float:
         """Longest integration step [s]."""
-        longest = self.duration / _RIGID_STEPS
+        max_step = self.duration / _RIGID_STEPS
         if not self.model.modes:
-            return longest
+            return max_step
         linear = self.model.linearise(self.start[: self.model.positions])
-        return min(longest, _ANGLE / float(linear.frequencies[-1]))
+        return min(max_step, _ANGLE / float(linear.frequencies[-1]))
 
-    def missed(self, states: Matrix) -> Matrix:
+    def rest_error(self, states: Matrix) -> Matrix:
         """Return what states are away from rest at the goal, shape (k, conditions)."""
         position, rate = self.model.joint_states(states)
-        turn_of = self.attitude.turn_of
-        turn = -turn_of(self.model.joint_error(position, self.last))
-        return np.hstack((turn, turn_of(rate), *self.model.modal_state(states)))
+        rotation_of = self.attitude.rotation_vector_of
+        rotation = -rotation_of(self.model.joint_error(position, self.last))
+        return np.hstack((rotation, rotation_of(rate), *self.model.modal_state(states)))
 
     def joints(self, states: Matrix) -> tuple[Matrix, Matrix]:
         """Return positions and rates of the joints, without jumps of a whole turn.
@@ -145,9 +147,9 @@ class Reorientation:
             shape (k, joints) each [rad, rad/s].
         """
         read, rate = self.model.joint_states(states)
-        turn = self.attitude.turn_of(read)
-        turn[0] = self.attitude.turn_of(self.first)
-        position = continuous(turn) @ self.attitude.axes.T
+        rotation = self.attitude.rotation_vector_of(read)
+        rotation[0] = self.attitude.rotation_vector_of(self.first)
+        position = continuous(rotation) @ self.attitude.axes.T
         position[0] = self.first
         return position, rate
 
@@ -171,20 +173,20 @@ class Reorientation:
             durations: shape (pieces,) [s].
         """
         step = min(self.step, float(durations.max()))
-        flown = flown_pieces(self.model, self.start, efforts, durations, step, self.columns)
-        slopes = self.missed_slopes(flown.states[-1])
+        flight = simulate_pieces(self.model, self.start, efforts, durations, step, self.columns)
+        slopes = self.end_jacobian(flight.states[-1])
         by_effort = np.empty((len(slopes), *efforts.shape))
         by_duration = np.empty((len(slopes), len(durations)))
-        ends = zip(flown.states[1:], efforts, strict=True)
+        ends = zip(flight.states[1:], efforts, strict=True)
         rates = np.array([self.model.derivative(x, effort) for x, effort in ends])
         for k in range(len(durations) - 1, -1, -1):
-            by_effort[:, k] = slopes @ flown.by_effort[k]
+            by_effort[:, k] = slopes @ flight.by_effort[k]
             by_duration[:, k] = slopes @ rates[k]
-            slopes = slopes @ flown.by_state[k]
-        along, [missed] = self._along(flown, efforts, rates), self.missed(flown.states[-1:])
-        return End(missed, by_effort, by_duration, flown.states, along)
+            slopes = slopes @ flight.by_state[k]
+        along, [error] = self._along(flight, efforts, rates), self.rest_error(flight.states[-1:])
+        return End(error, by_effort, by_duration, flight.states, along)
 
-    def beyond(self, states: Matrix) -> Matrix:
+    def limit_excess(self, states: Matrix) -> Matrix:
         """Return the excess of states, scaled as the end conditions, shape (k, limits)."""
         if not self.limits.names:
             return np.zeros((len(states), 0))
@@ -193,37 +195,39 @@ class Reorientation:
         scaled: Matrix = self.limits.excess(self.model, states) / units
         return scaled
 
-    def _along(self, flown: Pieces, efforts: Matrix, rates: Matrix) -> Along:
+    def _along(self, flight: Pieces, efforts: Matrix, rates: Matrix) -> Along:
         """Return the excess at the ends of the pieces, the last ones first, and its slopes.
 
         Args:
-            flown: the flight.
+            flight: the flight.
             efforts: of the pieces, shape (pieces, joints) [N m].
             rates: state derivatives at their ends, shape (pieces, size).
         """
         pieces, size = len(efforts), self.start.size
-        excess = self.beyond(flown.states[1:])
+        excess = self.limit_excess(flight.states[1:])
         near = excess > -_NEAR
-        rows, held = int(near.sum()), np.zeros((0, size))
+        rows, active = int(near.sum()), np.zeros((0, size))
         by_effort, by_duration = np.zeros((rows, *efforts.shape)), np.zeros((rows, pieces))
         close = np.flatnonzero(near.any(axis=1))
         slopes = np.zeros((pieces, len(self.limits.names), size))
         if rows:
-            slopes[close] = self.limits.slopes(self.model, flown.states[1:][close], self.columns)
+            slopes[close] = self.limits.slopes(self.model, flight.states[1:][close], self.columns)
         for k in range(pieces - 1, -1, -1):
             if near[k].any():
                 units = np.where(np.flatnonzero(near[k]) < len(self.limits.cones), 0, 3)
-                held = np.vstack((held, slopes[k][near[k]] / self.scale[units][:, None]))
-            if len(held):
-                by_effort[: len(held), k] = held @ flown.by_effort[k]
-                by_duration[: len(held), k] = held @ rates[k]
-                held = held @ flown.by_state[k]
+                active = np.vstack((active, slopes[k][near[k]] / self.scale[units][:, None]))
+            if len(active):
+                by_effort[: len(active), k] = active @ flight.by_effort[k]
+                by_duration[: len(active), k] = active @ rates[k]
+                active = active @ flight.by_state[k]
         return Along(excess[::-1][near[::-1]], by_effort, by_duration)
 
-    def missed_slopes(self, x: Vector) -> Matrix:
+    def end_jacobian(self, x: Vector) -> Matrix:
         """Return the derivatives of the end conditions by a state, (conditions, size)."""
         change = _CHANGE * np.eye(x.size)
-        slopes: Matrix = (self.missed(x + change) - self.missed(x - change)) / (2.0 * _CHANGE)
+        slopes: Matrix = (self.rest_error(x + change) - self.rest_error(x - change)) / (
+            2.0 * _CHANGE
+        )
         return slopes.T
 
     @cached_property
@@ -232,16 +236,16 @@ class Reorientation:
         rng = np.random.default_rng(1)
         x = self.start.copy()
         x[self.model.positions :] += rng.uniform(-0.1, 0.1, self.model.coordinates)
-        held = self.shares[None] * self.amplitude
+        active = self.shares[None] * self.amplitude
         after = np.array([0.1 * self.duration])
-        flown = flown_pieces(self.model, x, held, after, self.step)
-        matters = (abs(self.missed_slopes(flown.states[-1])) > _MATTERS).any(axis=0)
+        flight = simulate_pieces(self.model, x, active, after, self.step)
+        relevant = (abs(self.end_jacobian(flight.states[-1])) > _SLOPE_TOLERANCE).any(axis=0)
         for _ in range(x.size):
-            more = matters | (abs(flown.by_state[0][matters]) > _MATTERS).any(axis=0)
-            if (more == matters).all():
+            more = relevant | (abs(flight.by_state[0][relevant]) > _SLOPE_TOLERANCE).any(axis=0)
+            if (more == relevant).all():
                 break
-            matters = more
-        return np.flatnonzero(matters)
+            relevant = more
+        return np.flatnonzero(relevant)
 
 
 @dataclass(frozen=True)
@@ -256,7 +260,7 @@ class Arcs:
     slew: Reorientation
     signs: Matrix
 
-    def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
+    def residual_jacobian(self, durations: Vector) -> tuple[Vector, Matrix]:
         """Return what misses the goal, shape (conditions,), and its slopes, (conditions, arcs)."""
         end = self.slew.ended(self.signs * self.slew.amplitude, durations)
         return end.missed, end.by_duration

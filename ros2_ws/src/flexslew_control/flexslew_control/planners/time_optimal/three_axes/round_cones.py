@@ -9,36 +9,39 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexslew_control.planners.attitude.attitude_path import Knot, completed, through
+from flexslew_control.planners.attitude.attitude_path import Knot, completed, interpolate
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.time_optimal.three_axes.fastest_turns import (
     PIECES,
     STEPS,
-    Fastest,
+    MinimumTimeSlew,
     Start,
-    fastest_flexible,
-    fastest_rigid,
+    equal_pieces_slew,
     from_starts,
     means,
-    transcribed,
+    minimum_time_rigid,
+    minimum_time_with_modes,
 )
 from flexslew_control.planners.time_optimal.three_axes.path_limits import PathLimits
 from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
 from flexslew_control.planners.time_optimal.three_axes.sequential_programs import (
-    LocalArcs,
-    fastest_near,
+    LocalOptimum,
+    local_minimum_time,
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.attitude import product, quaternion, to_inertial
 from flexslew_plant.testbeds.contract import Cone
 
-_LOOKED_AT = 120  # pieces of a free slew
-_ASIDE = 0.3  # from the edge of a cone that a start goes round [rad]
-_EARLIEST = 0.2  # share of the way at which it passes the cone, and as late from the end
+_CHECK_PIECES = 120  # pieces of a free slew
+_CONE_MARGIN = 0.3  # from the edge of a cone that a start goes round [rad]
+_MIN_SHARE = 0.2  # share of the way at which it passes the cone, and as late from the end
 _NONE = 1e-9  # length of a vector without a direction
 _POINTS = 25  # of the way, one of which is nearest to a cone
-_WIDER, _WIDENINGS = 1e-3, 4  # spare of the path's limits [rad, -], and how often it may grow
+_FIRST_MARGIN, _MAX_MARGIN_STEPS = (
+    1e-3,
+    4,
+)  # spare of the path's limits [rad, -], and how often it may grow
 
 
 def require_free_ends(limits: PathLimits, slew: Reorientation) -> None:
@@ -56,31 +59,33 @@ def require_free_ends(limits: PathLimits, slew: Reorientation) -> None:
             raise PlanFailed(words)
 
 
-def fastest_rigid_within(limits: PathLimits, stiff: Reorientation, progress: Progress) -> Fastest:
+def minimum_time_rigid_limited(
+    limits: PathLimits, rigid_slew: Reorientation, progress: Progress
+) -> MinimumTimeSlew:
     """Return the fastest slew of a craft without modes that keeps to limits at the pieces' ends.
 
     Raises:
         PlanFailed: no start leads to one.
     """
-    free = fastest_rigid(stiff, progress)
+    free = minimum_time_rigid(rigid_slew, progress)
     if not limits.names:
         return free
-    states = stiff.states(*_on_pieces(free, _LOOKED_AT))
-    if limits.excess(stiff.model, states).max() <= 0.0:
+    states = rigid_slew.states(*_on_pieces(free, _CHECK_PIECES))
+    if limits.excess(rigid_slew.model, states).max() <= 0.0:
         return free
-    body = replace(stiff, limits=limits)
+    body = replace(rigid_slew, limits=limits)
     found = from_starts(body, progress, starts_round(body, free))
-    return transcribed(body, found[0], len(found))
+    return equal_pieces_slew(body, found[0], len(found))
 
 
-def fastest_within(
+def minimum_time_limited(
     limits: PathLimits,
     slew: Reorientation,
-    stiff: Reorientation,
-    free: Fastest,
-    on_ticks: Callable[[Fastest], tuple[Matrix, Matrix]],
+    rigid_slew: Reorientation,
+    free: MinimumTimeSlew,
+    on_ticks: Callable[[MinimumTimeSlew], tuple[Matrix, Matrix]],
     progress: Progress,
-) -> tuple[Fastest, Matrix, Matrix]:
+) -> tuple[MinimumTimeSlew, Matrix, Matrix]:
     """Return the fastest slew that keeps to the limits at all ticks, and its states and efforts.
 
     The programs check the ends of the pieces, with a spare for the excess between them.
@@ -88,7 +93,7 @@ def fastest_within(
     Args:
         limits: limits of the path.
         slew: the slew.
-        stiff: the same without modes.
+        rigid_slew: the same without modes.
         free: its fastest slew without limits.
         on_ticks: returns the states at the ticks and the efforts of a slew.
         progress: called after every start.
@@ -96,27 +101,27 @@ def fastest_within(
     Raises:
         PlanFailed: if no slew does.
     """
-    spare, local = _WIDER, None
-    for _ in range(_WIDENINGS):
-        held = replace(limits, spare=spare)
-        body = replace(stiff, limits=held)
+    margin, local = _FIRST_MARGIN, None
+    for _ in range(_MAX_MARGIN_STEPS):
+        tight_limits = replace(limits, margin=margin)
+        body = replace(rigid_slew, limits=tight_limits)
         if local is None:
             found = from_starts(body, progress, starts_round(body, free))
-            local = LocalArcs(found[0].duration, np.repeat(found[0].shares, 2, axis=0), np.inf)
-        local = fastest_near(body, local.shares, local.duration, STEPS)
-        best = transcribed(body, local, len(found))
+            local = LocalOptimum(found[0].duration, np.repeat(found[0].shares, 2, axis=0), np.inf)
+        local = local_minimum_time(body, local.shares, local.duration, STEPS)
+        best = equal_pieces_slew(body, local, len(found))
         if slew.model.modes:
-            best = fastest_flexible(replace(slew, limits=held), best)
+            best = minimum_time_with_modes(replace(slew, limits=tight_limits), best)
         states, effort = on_ticks(best)
-        beyond = float(limits.excess(slew.model, states).max())
-        if beyond <= 0.0:
+        excess = float(limits.excess(slew.model, states).max())
+        if excess <= 0.0:
             return best, states, effort
-        spare += 2.0 * beyond
+        margin += 2.0 * excess
     names = ", ".join(limits.names)
-    raise PlanFailed(f"no slew keeps to {names}: {beyond:.2g} beyond is left; change the goal")
+    raise PlanFailed(f"no slew keeps to {names}: {excess:.2g} beyond is left; change the goal")
 
 
-def starts_round(slew: Reorientation, free: Fastest) -> list[Start]:
+def starts_round(slew: Reorientation, free: MinimumTimeSlew) -> list[Start]:
     """Return a slew that keeps to no limits, and smooth ones on both sides of every cone.
 
     Args:
@@ -130,7 +135,7 @@ def starts_round(slew: Reorientation, free: Fastest) -> list[Start]:
     return starts
 
 
-def _on_pieces(slew: Fastest, count: int) -> tuple[Matrix, float]:
+def _on_pieces(slew: MinimumTimeSlew, count: int) -> tuple[Matrix, float]:
     """Return the mean efforts of a slew over so many equal pieces, and its duration [s]."""
     knots = np.concatenate(([0.0], np.cumsum(slew.durations)))
     ends = np.linspace(0.0, knots[-1], count + 1)
@@ -149,29 +154,31 @@ def _past(slew: Reorientation, cone: Cone, side: float) -> Start:
         side: side of the cone, 1 or -1.
     """
     first = slew.attitude.orientation(slew.first)
-    shares = np.linspace(_EARLIEST, 1.0 - _EARLIEST, _POINTS)
+    shares = np.linspace(_MIN_SHARE, 1.0 - _MIN_SHARE, _POINTS)
     way = product(first, quaternion(np.outer(shares, slew.turn)))
     k = int(np.argmin(cone.margin(way)))
-    look = to_inertial(way[k : k + 1], cone.boresight)[0]
-    ahead = np.cross(to_inertial(way[k : k + 1], slew.turn)[0], look)
-    across = _unit(np.cross(cone.axis, ahead), cone.axis)
-    angle = cone.half_angle + _ASIDE
-    there = np.cos(angle) * cone.axis + side * np.sin(angle) * across
-    about = _unit(np.cross(look, there), look)
-    by = np.arctan2(np.linalg.norm(np.cross(look, there)), look @ there)
-    passing = product(quaternion(by * about), way[k])
-    still = np.zeros(3)
+    boresight = to_inertial(way[k : k + 1], cone.boresight)[0]
+    direction = np.cross(to_inertial(way[k : k + 1], slew.turn)[0], boresight)
+    normal = _unit(np.cross(cone.axis, direction), cone.axis)
+    angle = cone.half_angle + _CONE_MARGIN
+    target = np.cos(angle) * cone.axis + side * np.sin(angle) * normal
+    axis = _unit(np.cross(boresight, target), boresight)
+    by = np.arctan2(np.linalg.norm(np.cross(boresight, target)), boresight @ target)
+    midpoint = product(quaternion(by * axis), way[k])
+    zero_rate = np.zeros(3)
     goal = product(first, quaternion(slew.turn))
-    path = completed([Knot(0.0, first, still), Knot(shares[k], passing), Knot(1.0, goal, still)])
-    rate = through(path, np.linspace(0.0, 1.0, PIECES + 1)).rate
+    path = completed(
+        [Knot(0.0, first, zero_rate), Knot(shares[k], midpoint), Knot(1.0, goal, zero_rate)]
+    )
+    rate = interpolate(path, np.linspace(0.0, 1.0, PIECES + 1)).rate
     efforts = PIECES * np.diff(rate, axis=0) @ np.linalg.pinv(slew.gain).T / slew.amplitude
     most = float(abs(efforts).max())
     return Start(efforts / most, float(np.sqrt(most)))
 
 
-def _unit(along: Vector, across: Vector) -> Vector:
+def _unit(along: Vector, normal: Vector) -> Vector:
     """Return a unit vector along a vector; where there is none, one across another."""
     if np.linalg.norm(along) < _NONE:
-        along = np.cross(across, np.eye(3)[int(np.argmin(abs(across)))])
+        along = np.cross(normal, np.eye(3)[int(np.argmin(abs(normal)))])
     unit: Vector = along / np.linalg.norm(along)
     return unit

@@ -15,37 +15,37 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, tick_times
 from flexslew_control.planners.time_optimal.three_axes.fastest_turns import (
-    Fastest,
-    fastest_flexible,
-    fastest_rigid,
+    MinimumTimeSlew,
     means,
+    minimum_time_rigid,
+    minimum_time_with_modes,
     rigid_near,
 )
 from flexslew_control.planners.time_optimal.three_axes.path_limits import PathLimits
 from flexslew_control.planners.time_optimal.three_axes.reorientation import Reorientation
 from flexslew_control.planners.time_optimal.three_axes.round_cones import (
-    fastest_within,
+    minimum_time_limited,
     require_free_ends,
 )
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.counted import counted
+from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds.contract import HasSky
 
 _ALLOWED = 1e-4  # wrong-signed part of a switching function
-_ROUNDS = 6  # of the efforts on ticks
+_ITERATIONS = 6  # of the efforts on ticks
 _CLOSE = 1e-10  # of the end conditions
-_SPARE = (0, 1, 2, 5)  # ticks after the end that may be needed to come to rest on ticks
+_EXTRA_TICKS = (0, 1, 2, 5)  # ticks after the end that may be needed to come to rest on ticks
 
 
 def plan_three_axes(
-    settings: Any, asked: Slew, amplitude: Vector, rigid: Any, progress: Progress
+    settings: Any, requested: Slew, amplitude: Vector, rigid: Any, progress: Progress
 ) -> Plan:
     """Return the fastest slew from one attitude to another.
 
     Args:
         settings: the `plan` section.
-        asked: the slew of a model with joints that read an attitude.
+        requested: the slew of a model with joints that read an attitude.
         amplitude: largest efforts, shape (joints,) [N m].
         rigid: the testbed without modes.
         progress: called after every start, with the least duration so far for its objective.
@@ -55,8 +55,8 @@ def plan_three_axes(
         PlanFailed: if no start leads to a slew, it takes longer than allowed, or none keeps out of
             the cones.
     """
-    slew = Reorientation(asked.model, asked.start, asked.goal, amplitude)
-    for name, axis in zip(asked.model.joint_names, slew.attitude.axes, strict=True):
+    slew = Reorientation(requested.model, requested.start, requested.goal, amplitude)
+    for name, axis in zip(requested.model.joint_names, slew.attitude.axes, strict=True):
         if not axis.any():
             words = f"{name} does not turn the platform; take moving, about the eigenaxis"
             raise BadInput(words, "plan", "drives", "all")
@@ -66,17 +66,19 @@ def plan_three_axes(
     limits = PathLimits(() if sky is None else sky.cones, settings.rate_limit)
     if limits.names:
         require_free_ends(limits, slew)
-    stiff = slew if not asked.model.modes else Reorientation(rigid.model(), *_ends(slew))
-    best = free = fastest_rigid(stiff, progress)
+    rigid_slew = slew if not requested.model.modes else Reorientation(rigid.model(), *_ends(slew))
+    best = free = minimum_time_rigid(rigid_slew, progress)
     rigid_duration = float(best.durations.sum())
-    if asked.model.modes:
-        best = fastest_flexible(slew, best)
-        rigid_duration = min(rigid_duration, rigid_near(stiff, best))
-    states, effort = _on_ticks(slew, best, settings.start, asked.period)
+    if requested.model.modes:
+        best = minimum_time_with_modes(slew, best)
+        rigid_duration = min(rigid_duration, rigid_near(rigid_slew, best))
+    states, effort = _on_ticks(slew, best, settings.start, requested.period)
     limited = limits.names and (limits.excess(slew.model, states) > 0.0).any()
     if limited:
-        on_ticks = partial(_on_ticks, slew, start=settings.start, period=asked.period)
-        best, states, effort = fastest_within(limits, slew, stiff, free, on_ticks, progress)
+        on_ticks = partial(_on_ticks, slew, start=settings.start, period=requested.period)
+        best, states, effort = minimum_time_limited(
+            limits, slew, rigid_slew, free, on_ticks, progress
+        )
     duration = float(best.durations.sum())
     if settings.longest is not None and duration > settings.longest:
         raise PlanFailed(
@@ -91,21 +93,21 @@ def plan_three_axes(
         "switches": best.durations.size - 1 if best.exact else None,
         "amplitude": amplitude.tolist(),
         "peak_effort": abs(effort).max(axis=0).tolist(),
-        "terminal_error": slew.missed(states[-1:])[0].tolist(),
+        "terminal_error": slew.rest_error(states[-1:])[0].tolist(),
         "rigid_duration": rigid_duration,
         "later_than_rigid": duration - rigid_duration,
         "path_limits": [*limits.names] if limited else [],
-        "eigenaxis_duration": stiff.duration,
+        "eigenaxis_duration": rigid_slew.duration,
         "optimal": bool(best.violation <= _ALLOWED),
         "switching_function_violation": best.violation,
         "optimality": _statement(best),
-        "predicted_residual_tip_deflection": _ringing(slew, states[-1]),
+        "predicted_residual_tip_deflection": _tip_amplitude(slew, states[-1]),
     }
     return Plan(
         method=settings.method,
-        joint_names=asked.model.joint_names,
+        joint_names=requested.model.joint_names,
         start=settings.start,
-        period=asked.period,
+        period=requested.period,
         position=position,
         velocity=velocity,
         effort=effort,
@@ -120,7 +122,7 @@ def _ends(slew: Reorientation) -> tuple[Vector, Vector, Vector]:
 
 
 def _on_ticks(
-    slew: Reorientation, best: Fastest, start: float, period: float
+    slew: Reorientation, best: MinimumTimeSlew, start: float, period: float
 ) -> tuple[Matrix, Matrix]:
     """Return states at the ticks and efforts held over them that end at rest at the goal.
 
@@ -130,27 +132,27 @@ def _on_ticks(
     knots = np.concatenate(([0.0], np.cumsum(best.durations)))
     ticks = tick_times(start, float(knots[-1]), period)
     mean = means(best.efforts, knots, ticks)
-    least, chosen = np.inf, (np.zeros((0, 0)), mean)
-    for spare in _SPARE:
-        effort = np.vstack((mean, np.zeros((spare, mean.shape[1]))))
-        held = np.full(len(effort), period)
-        for _ in range(_ROUNDS):
-            end = slew.ended(effort, held)
-            missed = float(abs(end.missed / slew.scale).max())
-            if missed < least:
-                least, chosen = missed, (end.states, effort)
-            if missed < _CLOSE:
-                return chosen
+    least, selected = np.inf, (np.zeros((0, 0)), mean)
+    for extra in _EXTRA_TICKS:
+        effort = np.vstack((mean, np.zeros((extra, mean.shape[1]))))
+        durations = np.full(len(effort), period)
+        for _ in range(_ITERATIONS):
+            end = slew.ended(effort, durations)
+            error = float(abs(end.missed / slew.scale).max())
+            if error < least:
+                least, selected = error, (end.states, effort)
+            if error < _CLOSE:
+                return selected
             slopes = (end.by_effort / slew.scale[:, None, None]).reshape(len(end.missed), -1)
-            room = np.maximum(slew.amplitude - abs(effort), 0.0).ravel() ** 2
-            weighed = slopes * room
+            slack = np.maximum(slew.amplitude - abs(effort), 0.0).ravel() ** 2
+            weighted = slopes * slack
             lost = -end.missed / slew.scale
-            change = weighed.T @ np.linalg.lstsq(weighed @ slopes.T, lost, rcond=1e-12)[0]
+            change = weighted.T @ np.linalg.lstsq(weighted @ slopes.T, lost, rcond=1e-12)[0]
             effort = np.clip(effort + change.reshape(effort.shape), -slew.amplitude, slew.amplitude)
-    return chosen
+    return selected
 
 
-def _ringing(slew: Reorientation, x: Vector) -> float:
+def _tip_amplitude(slew: Reorientation, x: Vector) -> float:
     """Return the amplitude of the tips in a state, the platform held [m]."""
     model = slew.model
     if not model.modes:
@@ -159,16 +161,16 @@ def _ringing(slew: Reorientation, x: Vector) -> float:
     n = model.before_modes
     modes, rates = model.modal_state(x)
     slow = np.sqrt(np.diag(linear.mass)[n:] / np.diag(linear.stiffness)[n:])
-    swing = np.hypot(modes, slow * rates)
-    return float((abs(model.appendages.tip) @ swing).max(initial=0.0))
+    amplitude = np.hypot(modes, slow * rates)
+    return float((abs(model.appendages.tip) @ amplitude).max(initial=0.0))
 
 
-def _statement(best: Fastest) -> str:
+def _statement(best: MinimumTimeSlew) -> str:
     """Return in one sentence what is known of the slew's optimality."""
     of = f"the best of {best.found} starts"
     if not best.exact:
         return f"{of} on {best.durations.size} pieces, a local optimum"
-    edges = counted(best.durations.size - 1, "switch", "switches")
+    edges = count_text(best.durations.size - 1, "switch", "switches")
     if best.violation <= _ALLOWED:
         return f"{of}, extremal with {edges}: Pontryagin's condition holds; a local optimum"
     return (

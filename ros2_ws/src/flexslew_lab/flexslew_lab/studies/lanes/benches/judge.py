@@ -8,7 +8,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import BatchTrial
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_plant.arrays import Matrix, Vector, vectorised
 from flexslew_plant.hardware.plausibility import (
@@ -16,13 +16,13 @@ from flexslew_plant.hardware.plausibility import (
     compare_rates,
     plausibility_memory,
 )
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 
-DISTRUSTED = 2.0  # in the row `doubt`
+SENSOR_ERROR = 2.0  # in the row `doubt`
 _SAFE = 1.0 - 1e-9  # of what is allowed: lanes differ from the bench by less
 
 
-class LaneJudge(NamedTuple):
+class SensorCheck(NamedTuple):
     """What is compared."""
 
     allowed: Vector  # difference of mean rates over a full window, (lanes,) [rad/s or m/s]
@@ -30,28 +30,39 @@ class LaneJudge(NamedTuple):
     memory: Matrix  # of each joint of each lane, (joints * LANES, numbers)
 
 
-def judge_of(lanes: Sequence[LaneTrial]) -> LaneJudge | None:
+def sensor_check_of(members: Sequence[BatchTrial]) -> SensorCheck | None:
     """Return what the drives of a group compare; None: they do not."""
-    chosen = [lane.trial.plausibility for lane in lanes]
-    if chosen[0] is None:
+    settings = [member.trial.plausibility for member in members]
+    if settings[0] is None:
         return None
-    window, joints = chosen[0].window, lanes[0].model.joints
-    allowed = np.array([_SAFE * one.rate_difference for one in chosen if one])
-    return LaneJudge(allowed, window, np.zeros((joints * LANES, plausibility_memory(window))))
+    window, joints = settings[0].window, members[0].model.joints
+    allowed = np.array([_SAFE * one.rate_difference for one in settings if one])
+    return SensorCheck(
+        allowed, window, np.zeros((joints * BATCH_WIDTH, plausibility_memory(window)))
+    )
 
 
-def judging(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+def sensor_check_step(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what marks lanes in which the readings of a tick contradict each other."""
-    reading, doubt, count, judged = rows.reading, rows.doubt, sizes.joints * LANES, sizes.judged
+    reading, flag_row, count, has_check = (
+        rows.reading,
+        rows.doubt,
+        sizes.joints * BATCH_WIDTH,
+        sizes.checks_joints,
+    )
 
     @vectorised
-    def compare(k: int, dt: float, judge: LaneJudge, w: Vector) -> None:
-        if not judged:  # known to the compiler
+    def compare(k: int, dt: float, sensor_check: SensorCheck, w: Vector) -> None:
+        if not has_check:  # known to the compiler
             return
         for i in range(count):
-            numbers = PlausibilityNumbers(judge.allowed[i % LANES], judge.window, dt)
+            numbers = PlausibilityNumbers(
+                sensor_check.allowed[i % BATCH_WIDTH], sensor_check.window, dt
+            )
             position, rate = w[reading + i], w[reading + count + i]
-            _, agree = compare_rates(numbers, judge.memory[i], k, position, rate)
-            w[doubt + i % LANES] = w[doubt + i % LANES] if agree else DISTRUSTED
+            _, consistent = compare_rates(numbers, sensor_check.memory[i], k, position, rate)
+            w[flag_row + i % BATCH_WIDTH] = (
+                w[flag_row + i % BATCH_WIDTH] if consistent else SENSOR_ERROR
+            )
 
     return cast(Callable[..., None], compare)

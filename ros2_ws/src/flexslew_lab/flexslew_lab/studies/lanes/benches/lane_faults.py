@@ -11,34 +11,34 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.groups.charge import OF_ANSWERS
-from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.charge import COMMAND_FAULTS
+from flexslew_lab.studies.lanes.groups.lane_trial import BatchTrial
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
-from flexslew_lab.studies.lanes.groups.strikes import struck
+from flexslew_lab.studies.lanes.groups.strikes import active_ticks
 from flexslew_plant.arrays import Indices, Tensor, Vector, called, compiled
 from flexslew_plant.faults import Fault, Timed
 from flexslew_plant.faults.dispatch import any_step, number_of
 from flexslew_plant.faults.effects import Names
 from flexslew_plant.faults.steps import FaultAction, Where
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 
 Flags: TypeAlias = NDArray[np.bool_]
 _READING, _LATE, _DEMAND, _EFFORT = (int(where) for where in Where)
 _CHANNELS = ("joint_position", "joint_velocity", "tip_deflection")  # that a law may read
 
 
-def is_known(fault: Fault) -> bool:
+def is_supported(fault: Fault) -> bool:
     """Return whether batches fly a fault: those with a step, and the shipped ones of answers."""
-    return number_of(fault) is not None or type(fault) in OF_ANSWERS
+    return number_of(fault) is not None or type(fault) in COMMAND_FAULTS
 
 
-class LaneFaults(NamedTuple):
+class BatchFaults(NamedTuple):
     """The faults of a group; one that never begins stands where a lane has fewer than others."""
 
-    sets_in: Flags  # whether one sets in in any lane, (ticks,), as the three below
-    misled: Flags  # sensors are
+    starts: Flags  # whether one sets in in any lane, (ticks,), as the three below
+    reading_faults: Flags  # sensors are
     weak: Flags  # motors, or what reaches them
-    unanswered: Flags  # an answer is lost
+    answer_lost: Flags  # an answer is lost
     missed: Flags  # answers that are lost, (ticks, lanes)
     kind: Indices  # number of its step, (lanes, faults), as all below
     where: Indices  # it acts
@@ -48,7 +48,7 @@ class LaneFaults(NamedTuple):
     last: Indices  # first one on which it does not act
     size: Indices  # of its memory, for each entry
     numbers: Tensor  # of its step, (lanes, faults, numbers)
-    strikes: Flags  # whether it acts, (lanes, faults, ticks)
+    is_active: Flags  # whether it acts, (lanes, faults, ticks)
     memory: Tensor  # of its entries, one after another, (lanes, faults, numbers)
 
 
@@ -66,24 +66,26 @@ class _Fault(NamedTuple):
         return (self.action.last - self.action.first) * self.action.memory
 
 
-def faults_of(lanes: Sequence[LaneTrial], ticks: int) -> LaneFaults | None:
+def faults_of(members: Sequence[BatchTrial], ticks: int) -> BatchFaults | None:
     """Return the faults of a group; None: there are none that change a motion."""
-    if not any(lane.happens.faults or lane.happens.charge.missed is not None for lane in lanes):
+    if not any(
+        member.happens.faults or member.happens.charge.missed is not None for member in members
+    ):
         return None
-    each = [_faults(lane) for lane in lanes]
-    missed = np.zeros((ticks, len(lanes)), np.bool_)
-    for k, lane in enumerate(lanes):
-        if lane.happens.charge.missed is not None:
-            missed[:, k] = lane.happens.charge.missed
+    each = [_faults(member) for member in members]
+    lost = np.zeros((ticks, len(members)), np.bool_)
+    for k, member in enumerate(members):
+        if member.happens.charge.missed is not None:
+            lost[:, k] = member.happens.charge.missed
     most = max(map(len, each))
-    if not (most or missed.any()):
+    if not (most or lost.any()):
         return None
-    sets_in, misled, weak = (np.zeros(ticks, np.bool_) for _ in range(3))
-    shape, known = (len(lanes), most), [fault for faults in each for fault in faults]
+    starts, reading_faults, weak = (np.zeros(ticks, np.bool_) for _ in range(3))
+    shape, known = (len(members), most), [fault for faults in each for fault in faults]
     kind, where, begin, end, first, last, size = (np.zeros(shape, np.int64) for _ in range(7))
     numbers = np.zeros((*shape, max((len(fault.action.numbers) for fault in known), default=0)))
-    strikes = np.zeros((*shape, ticks), np.bool_)
-    for k, (lane, faults) in enumerate(zip(lanes, each, strict=True)):
+    is_active = np.zeros((*shape, ticks), np.bool_)
+    for k, (member, faults) in enumerate(zip(members, each, strict=True)):
         for f, fault in enumerate(faults):
             action, at = fault.action, (k, f)
             start, stop = fault.timed.start, int(min(fault.timed.end, ticks))
@@ -91,20 +93,20 @@ def faults_of(lanes: Sequence[LaneTrial], ticks: int) -> LaneFaults | None:
             begin[at], end[at] = start, stop
             first[at], last[at] = fault.place + action.first, fault.place + action.last
             numbers[at][: len(action.numbers)] = action.numbers
-            strikes[at] = struck(fault.timed, lane.trial.seed, ticks)
-            sets_in[start : start + 1] = True
-            (misled if action.where is Where.READING else weak)[start:stop] = True
-    by_tick = sets_in, misled, weak, np.array(missed.any(axis=1)), missed
+            is_active[at] = active_ticks(fault.timed, member.trial.seed, ticks)
+            starts[start : start + 1] = True
+            (reading_faults if action.where is Where.READING else weak)[start:stop] = True
+    by_tick = starts, reading_faults, weak, np.array(lost.any(axis=1)), lost
     memory = np.zeros((*shape, max((fault.size for fault in known), default=0)))
     each_fault = kind, where, begin, end, first, last, size
-    return LaneFaults(*by_tick, *each_fault, numbers, strikes, memory)
+    return BatchFaults(*by_tick, *each_fault, numbers, is_active, memory)
 
 
-def _faults(lane: LaneTrial) -> list[_Fault]:
+def _faults(member: BatchTrial) -> list[_Fault]:
     """Return what changes readings or efforts, in the order in which it sets in."""
-    model = lane.model
+    model = member.model
     names = Names(model.joint_names, model.appendages.names, ())
-    found = [_fault(timed, names) for timed in lane.happens.faults]
+    found = [_fault(timed, names) for timed in member.happens.faults]
     known = [fault for fault in found if fault is not None]
     return sorted(known, key=lambda fault: fault.timed.start)
 
@@ -124,163 +126,164 @@ def _fault(timed: Timed, names: Names) -> _Fault | None:
 
 
 @lru_cache
-def _changing() -> Callable[..., float]:
+def _value_after_faults() -> Callable[..., float]:
     """Return what gives the value of an entry after all faults of a lane.
 
-    It takes (k, lane, LaneFaults, where they act, entry, value).
+    It takes (k, lane, BatchFaults, where they act, entry, value).
     """
     step = any_step()
 
     @called
-    def change(k: int, lane: int, faults: LaneFaults, where: int, i: int, value: float) -> float:
-        kinds, begin, end, strikes = faults.kind, faults.begin, faults.end, faults.strikes
-        firsts, lasts, sizes = faults.first, faults.last, faults.size
+    def change(k: int, member: int, faults: BatchFaults, where: int, i: int, value: float) -> float:
+        kinds, begin, end, is_active = faults.kind, faults.begin, faults.end, faults.is_active
+        first_entries, last_entries, sizes = faults.first, faults.last, faults.size
         count = kinds.shape[1]
         for n in range(count):
             f = count - 1 - n if where == _LATE else n  # of two delays the later one to set in
-            first, size = firsts[lane, f], sizes[lane, f]
-            about = faults.where[lane, f] == where and first <= i < lasts[lane, f]
-            if about and begin[lane, f] <= k < end[lane, f] and strikes[lane, f, k]:
-                own = faults.memory[lane, f, (i - first) * size : (i - first + 1) * size]
-                since, numbers = k - begin[lane, f], faults.numbers[lane, f]
-                value = step(kinds[lane, f], numbers, own, since, value)
+            first, size = first_entries[member, f], sizes[member, f]
+            matched = faults.where[member, f] == where and first <= i < last_entries[member, f]
+            if matched and begin[member, f] <= k < end[member, f] and is_active[member, f, k]:
+                fault_memory = faults.memory[member, f, (i - first) * size : (i - first + 1) * size]
+                since, numbers = k - begin[member, f], faults.numbers[member, f]
+                value = step(kinds[member, f], numbers, fault_memory, since, value)
         return value
 
     return cast(Callable[..., float], change)
 
 
 @lru_cache
-def spoiling() -> Callable[..., None]:
+def reading_step() -> Callable[..., None]:
     """Return what puts wrong readings in the place of some of a lane's.
 
-    It takes (k, lane, LaneFaults, entry of joints, rates and tips at which the values begin, values
+    It takes (k, lane, BatchFaults, entry of joints, rates and tips at which the values begin,
+    values
     of the sensors, changed).
     """
-    change = _changing()
+    change = _value_after_faults()
 
     @called
-    def spoil(k: int, lane: int, faults: LaneFaults, place: int, values: Vector) -> None:
+    def apply_faults(k: int, member: int, faults: BatchFaults, place: int, values: Vector) -> None:
         for i in range(values.size):
-            values[i] = change(k, lane, faults, _READING, place + i, values[i])
+            values[i] = change(k, member, faults, _READING, place + i, values[i])
 
-    return cast(Callable[..., None], spoil)
+    return cast(Callable[..., None], apply_faults)
 
 
-def setting_in(rows: Rows, sizes: Sizes, heard: bool) -> Callable[..., None]:
+def setting_in(rows: Rows, sizes: Sizes, has_sensors: bool) -> Callable[..., None]:
     """Return what lets faults set in at a tick, and sensors read what is wrong.
 
-    It takes (k, LaneFaults, w, number of lanes in use).
+    It takes (k, BatchFaults, w, number of lanes in use).
 
     Args:
         rows: of the group.
         sizes: of the group.
-        heard: whether instruments read the tips, later in the tick.
+        has_sensors: whether instruments read the tips, later in the tick.
     """
-    if not sizes.broken:
-        return _nothing_sets_in
-    reading, begin, spoil = rows.reading, _remembering(rows), spoiling()
-    count = 2 * sizes.joints if heard else sizes.outputs
+    if not sizes.has_faults:
+        return _no_reading_faults
+    reading, begin, apply_faults = rows.reading, _store_initial(rows), reading_step()
+    count = 2 * sizes.joints if has_sensors else sizes.outputs
 
     @compiled
-    def set_in(k: int, faults: LaneFaults, w: Vector, filled: int) -> None:
-        if faults.sets_in[k]:
+    def set_in(k: int, faults: BatchFaults, w: Vector, filled: int) -> None:
+        if faults.starts[k]:
             begin(k, faults, w, filled)
-        if not faults.misled[k]:
+        if not faults.reading_faults[k]:
             return
         values = np.empty(count)
-        for lane in range(filled):
+        for member in range(filled):
             for i in range(count):
-                values[i] = w[reading + i * LANES + lane]
-            spoil(k, lane, faults, 0, values)
+                values[i] = w[reading + i * BATCH_WIDTH + member]
+            apply_faults(k, member, faults, 0, values)
             for i in range(count):
-                w[reading + i * LANES + lane] = values[i]
+                w[reading + i * BATCH_WIDTH + member] = values[i]
 
     return cast(Callable[..., None], set_in)
 
 
-def _remembering(rows: Rows) -> Callable[..., None]:
+def _store_initial(rows: Rows) -> Callable[..., None]:
     """Return what stores, for a fault that sets in, the demand on the drives or the effort."""
-    asked, applied = rows.asked, rows.applied
+    requested, applied = rows.request, rows.applied
 
     @compiled
-    def begin(k: int, faults: LaneFaults, w: Vector, filled: int) -> None:
-        where, begins, memory = faults.where, faults.begin, faults.memory
-        firsts, lasts, sizes = faults.first, faults.last, faults.size
-        for lane in range(filled):
+    def begin(k: int, faults: BatchFaults, w: Vector, filled: int) -> None:
+        where, starts, memory = faults.where, faults.begin, faults.memory
+        first_entries, last_entries, sizes = faults.first, faults.last, faults.size
+        for member in range(filled):
             for f in range(where.shape[1]):
-                if begins[lane, f] != k or where[lane, f] == _READING:
+                if starts[member, f] != k or where[member, f] == _READING:
                     continue
-                before = applied if where[lane, f] == _EFFORT else asked
-                first, size = firsts[lane, f], sizes[lane, f]
-                for i in range((lasts[lane, f] - first) * size):
-                    memory[lane, f, i] = w[before + (first + i // size) * LANES + lane]
+                before = applied if where[member, f] == _EFFORT else requested
+                first, size = first_entries[member, f], sizes[member, f]
+                for i in range((last_entries[member, f] - first) * size):
+                    memory[member, f, i] = w[before + (first + i // size) * BATCH_WIDTH + member]
 
     return cast(Callable[..., None], begin)
 
 
-def broken_demand(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+def requested_effort_faults(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what holds the last demand on a drive where an answer is lost, and changes it.
 
-    It takes (k, joint, LaneFaults, w, number of lanes in use).
+    It takes (k, joint, BatchFaults, w, number of lanes in use).
 
     Args:
         rows: of the group.
         sizes: of the group.
     """
-    if not sizes.broken:
-        return _nothing_breaks
-    asked, effort, change = rows.asked, rows.applied, _changing()
+    if not sizes.has_faults:
+        return _no_effort_faults
+    requested, effort, change = rows.request, rows.applied, _value_after_faults()
 
     @compiled
-    def ask(k: int, i: int, faults: LaneFaults, w: Vector, filled: int) -> None:
-        row = i * LANES
-        if faults.unanswered[k]:
-            missed = faults.missed
-            for lane in range(filled):
-                if missed[k, lane]:
-                    w[effort + row + lane] = w[asked + row + lane]
-        for lane in range(LANES):
-            w[asked + row + lane] = w[effort + row + lane]
+    def apply_request(k: int, i: int, faults: BatchFaults, w: Vector, filled: int) -> None:
+        row = i * BATCH_WIDTH
+        if faults.answer_lost[k]:
+            lost = faults.missed
+            for member in range(filled):
+                if lost[k, member]:
+                    w[effort + row + member] = w[requested + row + member]
+        for member in range(BATCH_WIDTH):
+            w[requested + row + member] = w[effort + row + member]
         if faults.weak[k]:
-            for lane in range(filled):
-                late = change(k, lane, faults, _LATE, i, w[effort + row + lane])
-                w[effort + row + lane] = change(k, lane, faults, _DEMAND, i, late)
+            for member in range(filled):
+                late = change(k, member, faults, _LATE, i, w[effort + row + member])
+                w[effort + row + member] = change(k, member, faults, _DEMAND, i, late)
 
-    return cast(Callable[..., None], ask)
+    return cast(Callable[..., None], apply_request)
 
 
-def broken_motors(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+def motor_faults(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what changes the efforts that motors give.
 
-    It takes (k, joint, LaneFaults, w, number of lanes in use).
+    It takes (k, joint, BatchFaults, w, number of lanes in use).
 
     Args:
         rows: of the group.
         sizes: of the group.
     """
-    if not sizes.broken:
-        return _nothing_breaks
-    effort, change = rows.applied, _changing()
+    if not sizes.has_faults:
+        return _no_effort_faults
+    effort, change = rows.applied, _value_after_faults()
 
     @compiled
-    def give(k: int, i: int, faults: LaneFaults, w: Vector, filled: int) -> None:
+    def apply_effort(k: int, i: int, faults: BatchFaults, w: Vector, filled: int) -> None:
         if faults.weak[k]:
-            for at in range(effort + i * LANES, effort + i * LANES + filled):
-                w[at] = change(k, at - effort - i * LANES, faults, _EFFORT, i, w[at])
+            for at in range(effort + i * BATCH_WIDTH, effort + i * BATCH_WIDTH + filled):
+                w[at] = change(k, at - effort - i * BATCH_WIDTH, faults, _EFFORT, i, w[at])
 
-    return cast(Callable[..., None], give)
+    return cast(Callable[..., None], apply_effort)
 
 
 @compiled
-def _nothing_sets_in(k: int, faults: Any, w: Vector, filled: int) -> None:
+def _no_reading_faults(k: int, faults: Any, w: Vector, filled: int) -> None:
     pass
 
 
 @compiled
-def nothing_spoilt(k: int, lane: int, faults: Any, place: int, values: Vector) -> None:
+def no_reading_change(k: int, member: int, faults: Any, place: int, values: Vector) -> None:
     """Leave the readings as they are."""
 
 
 @compiled
-def _nothing_breaks(k: int, i: int, faults: Any, w: Vector, filled: int) -> None:
+def _no_effort_faults(k: int, i: int, faults: Any, w: Vector, filled: int) -> None:
     pass

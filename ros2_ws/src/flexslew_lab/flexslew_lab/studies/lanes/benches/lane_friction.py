@@ -6,15 +6,15 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import BatchTrial
 from flexslew_plant.arrays import Indices, Matrix, Vector, compiled, put, vectorised
-from flexslew_plant.hardware.friction import CLOSE, ROUNDS, coefficients, next_friction
+from flexslew_plant.hardware.friction import CLOSE, MAX_ITERATIONS, coefficients, next_friction
 from flexslew_plant.testbeds.compiled import interface, mass
-from flexslew_plant.testbeds.compiled.lanes import LANES, Advance
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH, Advance
 from flexslew_plant.testbeds.kernels import Kernels
 
 
-class LaneFriction(NamedTuple):
+class BatchFriction(NamedTuple):
     """What the friction of every lane reads; see hardware.friction."""
 
     packed: Matrix  # numbers of the equations, (lanes, size)
@@ -27,24 +27,24 @@ class LaneFriction(NamedTuple):
     sign: Vector
 
 
-def movement_of(lanes: Sequence[LaneTrial]) -> tuple[Callable[..., None], LaneFriction | None]:
+def motion_of(members: Sequence[BatchTrial]) -> tuple[Callable[..., None], BatchFriction | None]:
     """Return what takes the lanes of a group one tick on, and the friction that it reads."""
-    first, model = lanes[0], lanes[0].model
-    if not first.rubs:
-        return moving(first.kernel.advance), None
-    motors = [lane.model.own_motors for lane in lanes]
-    actuators = [lane.trial.actuator for lane in lanes]
-    pairs = [coefficients(one, given) for one, given in zip(motors, actuators, strict=True)]
+    first, model = members[0], members[0].model
+    if not first.has_friction:
+        return step_without_friction(first.kernel.advance), None
+    motors = [member.model.resolved_motors for member in members]
+    actuator_settings = [member.trial.actuator for member in members]
+    pairs = [coefficients(one, given) for one, given in zip(motors, actuator_settings, strict=True)]
     viscous, coulomb = (np.array(rows) for rows in zip(*pairs, strict=True))
-    speed = np.array([given.coulomb_speed for given in actuators])
-    packed = np.array([lane.model.packed for lane in lanes])
+    speed = np.array([given.coulomb_speed for given in actuator_settings])
+    packed = np.array([member.model.packed for member in members])
     sizes = model.coordinates, model.before_modes, model.efforts
-    slide = sliding(first.kernel.advance, model.kernels, *sizes)
-    return slide, LaneFriction(packed, viscous, coulomb, speed, *motors[0][1:])
+    friction_step = step_with_friction(first.kernel.advance, model.kernels, *sizes)
+    return friction_step, BatchFriction(packed, viscous, coulomb, speed, *motors[0][1:])
 
 
 @lru_cache
-def moving(advance: Advance) -> Callable[..., None]:
+def step_without_friction(advance: Advance) -> Callable[..., None]:
     """Return what takes lanes without friction one tick on, called as `sliding` is."""
 
     @vectorised
@@ -55,10 +55,12 @@ def moving(advance: Advance) -> Callable[..., None]:
 
 
 @lru_cache
-def sliding(advance: Advance, kernels: Kernels, n: int, before: int, m: int) -> Callable[..., None]:
+def step_with_friction(
+    advance: Advance, kernels: Kernels, n: int, before: int, m: int
+) -> Callable[..., None]:
     """Return what takes lanes one tick on, with the friction of their motors.
 
-    It takes (t, dt, steps, LaneFriction, number of lanes in use, w).
+    It takes (t, dt, steps, BatchFriction, number of lanes in use, w).
 
     Args:
         advance: of the lanes without friction.
@@ -70,39 +72,41 @@ def sliding(advance: Advance, kernels: Kernels, n: int, before: int, m: int) -> 
     states, mobility = 2 * n + kernels.extra_positions, _mobility(kernels, n, before, m)
 
     @compiled
-    def slide(
-        t: float, dt: float, steps: int, friction: LaneFriction, filled: int, w: Vector
+    def friction_step(
+        t: float, dt: float, steps: int, friction: BatchFriction, filled: int, w: Vector
     ) -> None:
-        motors, start = friction.sign.size, w[: (states + m) * LANES].copy()
+        motors, start = friction.sign.size, w[: (states + m) * BATCH_WIDTH].copy()
         r, done = np.zeros((filled, motors)), np.zeros(filled, np.bool_)
         mobilities = np.empty((filled, m, m))
-        for lane in range(filled):
-            mobility(friction.packed[lane], t, start, lane, mobilities[lane])
-        for _ in range(ROUNDS):
+        for member in range(filled):
+            mobility(friction.packed[member], t, start, member, mobilities[member])
+        for _ in range(MAX_ITERATIONS):
             for i in range(start.size):
                 w[i] = start[i]
-            for lane in range(filled):
+            for member in range(filled):
                 for i in range(motors):
-                    w[(states + friction.efforts[i]) * LANES + lane] += r[lane, i]
+                    w[(states + friction.efforts[i]) * BATCH_WIDTH + member] += r[member, i]
             advance(t, dt, steps, filled, w)
-            for lane in range(filled):
-                if not done[lane]:
-                    done[lane] = _agreed(friction, mobilities[lane], start, w, lane, dt, r[lane])
+            for member in range(filled):
+                if not done[member]:
+                    done[member] = _has_converged(
+                        friction, mobilities[member], start, w, member, dt, r[member]
+                    )
             if done.all():
                 break
-        for i in range(states * LANES, start.size):
+        for i in range(states * BATCH_WIDTH, start.size):
             w[i] = start[i]
 
-    return cast(Callable[..., None], slide)
+    return cast(Callable[..., None], friction_step)
 
 
 @compiled
-def _agreed(
-    friction: LaneFriction,
+def _has_converged(
+    friction: BatchFriction,
     mobility: Matrix,
     start: Vector,
     w: Vector,
-    lane: int,
+    member: int,
     dt: float,
     r: Vector,
 ) -> bool:
@@ -113,23 +117,23 @@ def _agreed(
         mobility: of all actuators, B^T M^-1 B.
         start: states before the tick, flat.
         w: states after it, flat.
-        lane: index of the lane.
+        member: index of the lane.
         dt: one tick [s].
         r: friction, (motors,), in and out [N m or N].
     """
     motors = r.size
-    v, after, way, own = r.copy(), r.copy(), r.copy(), np.empty((motors, motors))
+    v, after, way, motor_matrix = r.copy(), r.copy(), r.copy(), np.empty((motors, motors))
     for i in range(motors):
-        sign, at = friction.sign[i], friction.position[i] * LANES + lane
-        rate = friction.rate[i] * LANES + lane
+        sign, at = friction.sign[i], friction.position[i] * BATCH_WIDTH + member
+        rate = friction.rate[i] * BATCH_WIDTH + member
         v[i], after[i], way[i] = sign * start[rate], sign * w[rate], sign * (w[at] - start[at])
         for j in range(motors):
-            own[i, j] = mobility[friction.efforts[i], friction.efforts[j]]
+            motor_matrix[i, j] = mobility[friction.efforts[i], friction.efforts[j]]
     if not np.isfinite(after).all():
         return True
-    viscous, coulomb = friction.viscous[lane], friction.coulomb[lane]
-    speed = friction.speed[lane]
-    found = next_friction(r, v, after, way, own, viscous, coulomb, speed, dt)
+    viscous, coulomb = friction.viscous[member], friction.coulomb[member]
+    speed = friction.speed[member]
+    found = next_friction(r, v, after, way, motor_matrix, viscous, coulomb, speed, dt)
     if np.abs(found - r).max() <= CLOSE * np.abs(found).max():
         return True
     put(found, r)
@@ -142,10 +146,10 @@ def _mobility(kernels: Kernels, n: int, before: int, m: int) -> Callable[..., No
     states, square = 2 * n + kernels.extra_positions, n if kernels.full_mass else before
 
     @compiled
-    def mobility(packed: Vector, t: float, w: Vector, lane: int, out: Matrix) -> None:
+    def mobility(packed: Vector, t: float, w: Vector, member: int, out: Matrix) -> None:
         x, unit = np.zeros(states), np.zeros(m)
         for i in range(states - n):
-            x[i] = w[i * LANES + lane]
+            x[i] = w[i * BATCH_WIDTH + member]
         joints, coupling = np.empty((square, square)), np.empty((square, n - square))
         modal, bias, columns = np.empty(n - square), np.empty(n), np.zeros((m, n))
         interface.terms(kernels, packed, t, x, joints, coupling, modal, bias)
@@ -155,11 +159,11 @@ def _mobility(kernels: Kernels, n: int, before: int, m: int) -> Callable[..., No
             interface.actuation(kernels, packed, t, x, unit, columns[j])
             unit[j] = 0.0
         for j in range(m):
-            moved = columns[j].copy()
-            mass.solve(joints, coupling, modal, moved)
+            response = columns[j].copy()
+            mass.solve(joints, coupling, modal, response)
             for i in range(m):
                 out[i, j] = 0.0
                 for k in range(n):
-                    out[i, j] += columns[i, k] * moved[k]
+                    out[i, j] += columns[i, k] * response[k]
 
     return cast(Callable[..., None], mobility)

@@ -6,41 +6,41 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from flexslew_lab.studies.lanes.groups.lane_trial import LaneTrial
+from flexslew_lab.studies.lanes.groups.lane_trial import BatchTrial
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 from flexslew_plant.testbeds.compiled.push import Push, push_of
 
 
-class LanePushes(NamedTuple):
+class BatchForces(NamedTuple):
     """What a push reads, a row for each lane; no rows where nothing acts from outside."""
 
     packed: Matrix  # numbers of the equations
     outside: Matrix  # numbers of the forces, see Outside
 
 
-def pushes_of(lanes: Sequence[LaneTrial]) -> tuple[Callable[..., None], LanePushes]:
+def forces_of(members: Sequence[BatchTrial]) -> tuple[Callable[..., None], BatchForces]:
     """Return what pushes the lanes of a group (see `_pushing`), and what it reads."""
-    model = lanes[0].model
+    model = members[0].model
     if model.outside is None:
-        return _nothing, LanePushes(np.zeros((0, 0)), np.zeros((0, 0)))
-    packed = np.array([lane.model.packed for lane in lanes])
-    numbers = np.array([lane.model.outside.numbers for lane in lanes if lane.model.outside])
+        return _no_forces, BatchForces(np.zeros((0, 0)), np.zeros((0, 0)))
+    packed = np.array([member.model.packed for member in members])
+    numbers = np.array([member.model.outside.numbers for member in members if member.model.outside])
     sizes = model.positions + model.coordinates, model.coordinates, model.before_modes
     push = push_of(model.kernels, model.outside.add)
-    return _pushing(push, *sizes), LanePushes(packed, numbers)
+    return _force_step(push, *sizes), BatchForces(packed, numbers)
 
 
 @compiled
-def _nothing(t: float, span: float, pushes: LanePushes, filled: int, w: Vector) -> None:
+def _no_forces(t: float, span: float, forces: BatchForces, filled: int, w: Vector) -> None:
     pass
 
 
 @lru_cache
-def _pushing(push: Push, states: int, coordinates: int, before: int) -> Callable[..., None]:
+def _force_step(push: Push, states: int, coordinates: int, before: int) -> Callable[..., None]:
     """Return what gives lanes the impulse between t and t + span; see Model.pushed.
 
-    It takes (t, span, LanePushes, number of lanes in use, w).
+    It takes (t, span, BatchForces, number of lanes in use, w).
 
     Args:
         push: of the testbed.
@@ -50,13 +50,13 @@ def _pushing(push: Push, states: int, coordinates: int, before: int) -> Callable
     """
 
     @compiled
-    def pushing(t: float, span: float, pushes: LanePushes, filled: int, w: Vector) -> None:
+    def apply_forces(t: float, span: float, forces: BatchForces, filled: int, w: Vector) -> None:
         x = np.empty(states)
-        for lane in range(filled):
+        for member in range(filled):
             for i in range(states):
-                x[i] = w[i * LANES + lane]
-            push(pushes.packed[lane], pushes.outside[lane], t, span, before, x)
+                x[i] = w[i * BATCH_WIDTH + member]
+            push(forces.packed[member], forces.outside[member], t, span, before, x)
             for i in range(states - coordinates, states):
-                w[i * LANES + lane] = x[i]
+                w[i * BATCH_WIDTH + member] = x[i]
 
-    return cast(Callable[..., None], pushing)
+    return cast(Callable[..., None], apply_forces)

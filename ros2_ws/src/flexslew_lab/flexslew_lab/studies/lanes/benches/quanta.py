@@ -12,7 +12,7 @@ import numpy as np
 
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_plant.arrays import Vector, called, vectorised
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 
 # of a reading, or of one where it is smaller, and of the limit of an effort; lanes differ from the
 # bench by 1e-13 of them at most
@@ -26,7 +26,7 @@ def quantising(rows: Rows, sizes: Sizes) -> Callable[[Vector], None]:
         rows: of the group.
         sizes: of the group.
     """
-    reading, quantum, doubt, count = rows.reading, rows.quantum, rows.doubt, sizes.outputs
+    reading, quantum, flag_row, count = rows.reading, rows.quantum, rows.doubt, sizes.outputs
     quantised = sizes.quantised
 
     @vectorised
@@ -34,14 +34,14 @@ def quantising(rows: Rows, sizes: Sizes) -> Callable[[Vector], None]:
         if not quantised:  # known to the compiler
             return
         for i in range(count):
-            for lane in range(LANES):
-                at = reading + i * LANES + lane
-                step, value = w[quantum + i * LANES + lane], w[at]
+            for member in range(BATCH_WIDTH):
+                at = reading + i * BATCH_WIDTH + member
+                step, value = w[quantum + i * BATCH_WIDTH + member], w[at]
                 parts = value / (step if step > 0.0 else 1.0)
                 whole = np.round(parts)
                 far = abs(abs(parts - whole) - 0.5) * step
                 near = step > 0.0 and far < GUARD * max(1.0, abs(value))
-                w[doubt + lane] = 1.0 if near else w[doubt + lane]
+                w[flag_row + member] = 1.0 if near else w[flag_row + member]
                 w[at] = step * whole if step > 0.0 else value
 
     return cast(Callable[[Vector], None], quantise)

@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_control.allocation import sharing
 from flexslew_control.estimators.attitude_tick import AttitudeNumbers
 from flexslew_control.estimators.flexible_attitude_tick import FlexibleForm
-from flexslew_control.estimators.gained_filter import GainedFilter
+from flexslew_control.estimators.gained_filter import GainFilter
 from flexslew_control.linear_form import (
     KalmanForm,
     LawForm,
@@ -19,21 +19,21 @@ from flexslew_control.linear_form import (
     SteadyForm,
 )
 from flexslew_plant.arrays import Tensor
-from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
-from flexslew_plant.testbeds.compiled.lanes import LaneKernel
+from flexslew_plant.testbeds.compiled.lanes import BatchKernel
+from flexslew_plant.testbeds.compiled.scalar_kernel import scalar_kernel
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 
 _MOST = 400_000  # numbers of an observer, tick by tick, that each lane may have for itself
 
 
-class Beside(NamedTuple):
+class BatchLaws(NamedTuple):
     """The laws of a group, and what they know: one for all lanes, or one for each."""
 
     laws: list[LawForm]
     observers: list[Any]
     allocation: Any  # sharing.AllocationNumbers of all; None: there is none
     filters: list[AttitudeNumbers]  # of the attitude; none: there is none
-    crafts: list[FlexibleForm]  # what these believe besides; none: nothing
+    spacecraft_models: list[FlexibleForm]  # what these believe besides; none: nothing
 
 
 def kind_of(form: LinearForm) -> Hashable:
@@ -44,45 +44,50 @@ def kind_of(form: LinearForm) -> Hashable:
     law, shared = form.law, form.shared
     shapes = tuple(np.shape(part) for part in law)
     integrand = law.integrand.tobytes() if law.integral else b""
-    follows = () if shared is None else (shared.position.tobytes(), shared.velocity.tobytes())
+    reference = () if shared is None else (shared.position.tobytes(), shared.velocity.tobytes())
     kind = shared and sharing.kind_of(shared.allocation)
-    integral = law.integral, law.unwinding, law.limit.tobytes(), integrand
-    return known, shapes, *integral, follows, kind, _kind_of_filters(form)
+    integral = law.integral, law.tracking_rate, law.limit.tobytes(), integrand
+    return known, shapes, *integral, reference, kind, _kind_of_filters(form)
 
 
 def _kind_of_observer(found: Observer) -> Hashable:
     """Return what is equal for observers side by side; None: there is one for all lanes.
 
-    What a GainedFilter computes by tick is that of all lanes.
+    What a GainFilter computes by tick is that of all lanes.
     """
-    if isinstance(found, GainedFilter):
+    if isinstance(found, GainFilter):
         return None
     if isinstance(found, LinearObserver):
         return tuple(part.shape for part in found)
-    believed = found.model.kernels, found.model.before_modes, found.model.packed.shape
+    model_kind = found.model.kernels, found.model.before_modes, found.model.packed.shape
     if isinstance(found, KalmanForm):
-        return believed, tuple(part.shape for part in found.matrices)
+        return model_kind, tuple(part.shape for part in found.matrices)
     if isinstance(found, SteadyForm):
-        return believed, found.gain.shape
+        return model_kind, found.gain.shape
     if isinstance(found, SmallMotionForm):
-        behind = tuple(part.shape for part in found.behind)
-        return believed, tuple(part.shape for part in found.belief), behind
+        output_shapes = tuple(part.shape for part in found.behind)
+        return model_kind, tuple(part.shape for part in found.belief), output_shapes
     known = _kind_of_observer(found.observer)
-    return known and (believed, known, found.demand.shape)
+    return known and (model_kind, known, found.demand.shape)
 
 
-def craft_kernel(form: FlexibleForm) -> LaneKernel:
+def spacecraft_kernel(form: FlexibleForm) -> BatchKernel:
     """Return how the craft flies in lanes that a filter believes in."""
-    return traced_kernel(form.model, False) or lane_by_lane(form.model)
+    return traced_kernel(form.model, False) or scalar_kernel(form.model)
 
 
 def _kind_of_filters(form: LinearForm) -> Hashable:
     """Return what is equal for filters of the attitude that may go side by side."""
-    numbers, craft = form.attitude, form.flexible
-    if numbers is None or craft is None:
+    numbers, spacecraft = form.attitude, form.flexible
+    if numbers is None or spacecraft is None:
         return tuple(part.shape for part in numbers or ())
-    shapes = tuple(part.shape for part in (*numbers, *craft.numbers))
-    return shapes, craft_kernel(craft).advance, craft.steps, numbers.tracker.tobytes()
+    shapes = tuple(part.shape for part in (*numbers, *spacecraft.numbers))
+    return (
+        shapes,
+        spacecraft_kernel(spacecraft).advance,
+        spacecraft.steps,
+        numbers.tracker.tobytes(),
+    )
 
 
 def is_large(form: LinearForm) -> bool:
@@ -105,18 +110,18 @@ def outputs_of(form: LinearForm, joints: int) -> int:
     return 2 * joints + (int(tips.max()) + 1 if tips.size else 0)
 
 
-def beside(forms: Sequence[LinearForm]) -> Beside:
+def batch_laws(forms: Sequence[LinearForm]) -> BatchLaws:
     """Return the laws of all lanes of a group."""
-    lanes = forms[:1] if all(form is forms[0] for form in forms) else forms
-    shared = [form.shared.allocation for form in lanes if form.shared is not None]
+    members = forms[:1] if all(form is forms[0] for form in forms) else forms
+    shared = [form.shared.allocation for form in members if form.shared is not None]
     allocation = sharing.side_by_side(shared) if shared else None
-    filters = [form.attitude for form in lanes if form.attitude is not None]
-    crafts = [form.flexible for form in lanes if form.flexible is not None]
-    laws, observers = [form.law for form in lanes], [form.observer for form in lanes]
-    return Beside(laws, observers, allocation, filters, crafts)
+    filters = [form.attitude for form in members if form.attitude is not None]
+    spacecraft_list = [form.flexible for form in members if form.flexible is not None]
+    laws, observers = [form.law for form in members], [form.observer for form in members]
+    return BatchLaws(laws, observers, allocation, filters, spacecraft_list)
 
 
-def by_lane(parts: Sequence[Any], name: str, dimensions: int) -> Tensor:
+def by_member(parts: Sequence[Any], name: str, dimensions: int) -> Tensor:
     """Return an array of laws or observers with an axis for ticks in front, one for lanes behind.
 
     Either has one entry where all ticks, or all lanes, have the same.

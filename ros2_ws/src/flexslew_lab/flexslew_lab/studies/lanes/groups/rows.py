@@ -6,7 +6,7 @@ overlap, and loops over lanes become vector instructions without a look.
 
 from typing import NamedTuple
 
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 
 
 class Sizes(NamedTuple):
@@ -20,23 +20,31 @@ class Sizes(NamedTuple):
     axes: int  # that the law has efforts for: joints, or body axes
     quadratic: bool  # the law has products of rates
     shared: bool  # its torque is shared out among the joints' drives
-    pulsed: bool  # drives are on or off
-    slewed: bool  # torques of motors ramp
+    has_pulse: bool  # drives are on or off
+    has_slew_rate: bool  # torques of motors ramp
     lagged: bool  # torques of motors lag
-    stepped: bool  # they are multiples of a quantum
+    discrete_effort: bool  # they are multiples of a quantum
     quantised: bool  # readings are
-    remembered: bool  # observers ask for the readings of the tick before, and for demands
-    judged: bool  # joint readings are compared
-    watched: int  # innovations that a monitor tests
+    needs_previous: bool  # observers ask for the readings of the tick before, and for demands
+    checks_joints: bool  # joint readings are compared
+    monitored: int  # innovations that a monitor tests
     taken: bool  # the law took over from another one
-    broken: bool  # there are faults
-    apart: bool  # each lane has disturbances of its own
-    spun: tuple[int, ...]  # entries of the state with the speed of each joint's wheel; -1: none
+    has_faults: bool  # there are faults
+    per_member: bool  # each lane has disturbances of its own
+    wheel_rates: tuple[
+        int, ...
+    ]  # entries of the state with the speed of each joint's wheel; -1: none
 
     @property
     def doubtful(self) -> bool:
         """Whether a last digit may turn into a whole quantum, a pulse, or a finding."""
-        return self.quantised or self.stepped or self.pulsed or self.judged or self.watched > 0
+        return (
+            self.quantised
+            or self.discrete_effort
+            or self.has_pulse
+            or self.checks_joints
+            or self.monitored > 0
+        )
 
 
 class Rows(NamedTuple):
@@ -44,15 +52,15 @@ class Rows(NamedTuple):
 
     applied: int  # effort of the drives
     own: int  # demand of the law within their limits
-    asked: int  # demand that faults may hold
+    request: int  # demand that faults may hold
     reading: int  # of this tick
-    earlier: int  # reading of the one before
+    previous: int  # reading of the one before
     seen: int  # what a law on body axes takes for its joints, then rates
     demand: int  # torque that it demands
     products: int  # of rates
     held: int  # efforts that were applied when it took over
     offset: int  # of them from its own, which is blended out
-    owed: int  # impulse that drives owe which are on or off
+    residual_impulse: int  # impulse that drives owe which are on or off
     ramp: int  # torque of motors at the end of the last tick
     torque: int  # the same behind their lag
     integral: int
@@ -72,12 +80,12 @@ class Rows(NamedTuple):
     quantum: int  # of each reading; 0: none
     doubt: int  # 1: something was too near to an edge, see quanta; 2: see judge and watch
     squares: int  # of innovations over their variances, added up in a window
-    bent: int  # a tip's deflection at this tick
+    deflection: int  # a tip's deflection at this tick
     full: int  # last time at which a drive was at its limit
     residual_tip: int  # from here on: what the metrics count
     peak_tip: int
     residual: int
-    beyond: int
+    limit_excess: int
     outside: int  # last time outside of the band
     terminal: int
     peak_effort: int
@@ -92,8 +100,8 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     m, read, tip, n = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes, sizes.axes
     seen, products, taken = n * sizes.shared, n * n * sizes.quadratic, m * sizes.taken
     law = (read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
-    doubts = read * sizes.quantised, int(sizes.doubtful), sizes.watched
-    drives = (tip, m, m, m, n, m, m, m, 5, 2 * m, *doubts)  # to squares
+    check_rows = read * sizes.quantised, int(sizes.doubtful), sizes.monitored
+    drives = (tip, m, m, m, n, m, m, m, 5, 2 * m, *check_rows)  # to squares
     measured = (1, 1, 1, 1, m, m, m, 1, m, m, 1)  # to saturated
-    counts = (m, m, m * sizes.broken, *law, *drives, *measured, tip)
-    return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))
+    counts = (m, m, m * sizes.has_faults, *law, *drives, *measured, tip)
+    return Rows(*(kernel_size + BATCH_WIDTH * sum(counts[:k]) for k in range(len(counts) + 1)))

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_plant.faults import Timed
-from flexslew_plant.faults.chance import all_drawn, key_of
+from flexslew_plant.faults.chance import key_of, random_numbers
 
 
-def struck(timed: Timed, seed: int, ticks: int) -> NDArray[np.bool_]:
+def active_ticks(timed: Timed, seed: int, ticks: int) -> NDArray[np.bool_]:
     """Return at which of the first ticks of a trial a fault strikes, shape (ticks,).
 
     Args:
@@ -24,5 +24,5 @@ def struck(timed: Timed, seed: int, ticks: int) -> NDArray[np.bool_]:
     probability = getattr(fault, "probability", 1.0)
     if probability < 1.0:
         key = key_of(seed, 0, timed.start, fault.kind, fault.seed)  # epoch 0
-        found[first:last] = all_drawn(key, first, last) < probability
+        found[first:last] = random_numbers(key, first, last) < probability
     return found

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.estimators.gained_filter import GainedFilter
-from flexslew_control.estimators.kalman_tick import FilterBelief
-from flexslew_control.estimators.small_motion_observer import MotionBelief
+from flexslew_control.estimators.gained_filter import GainFilter
+from flexslew_control.estimators.kalman_tick import FilterConstants
+from flexslew_control.estimators.small_motion_observer import MotionConstants
 from flexslew_control.linear_form import (
     KalmanForm,
     LinearObserver,
@@ -15,18 +15,18 @@ from flexslew_control.linear_form import (
     SmallMotionForm,
     SteadyForm,
 )
-from flexslew_lab.studies.lanes.groups.lane_laws import by_lane
-from flexslew_lab.studies.lanes.laws.observers import Observe, gained, kalman, linear
+from flexslew_lab.studies.lanes.groups.lane_laws import by_member
+from flexslew_lab.studies.lanes.laws.observers import ObserverStep, gain_filter, kalman, linear
 from flexslew_lab.studies.lanes.laws.on_model import (
-    LaneEfforts,
-    LaneSteady,
-    observed_and_acted,
+    BatchEfforts,
+    BatchSteady,
+    observer_with_law,
     on_model,
     steady,
 )
-from flexslew_lab.studies.lanes.laws.small_motions import LaneMotions, small_motions
+from flexslew_lab.studies.lanes.laws.small_motions import BatchMotion, small_motion_observer
 from flexslew_plant.arrays import Indices, Vector
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
@@ -34,11 +34,11 @@ from flexslew_plant.testbeds.model import Model
 class Beginning(NamedTuple):
     """An observer before its first tick."""
 
-    observe: Observe
+    observe: ObserverStep
     constants: tuple[Any, ...]
     z: Vector  # flat
     memory: Vector  # what it keeps besides, flat
-    begun: Indices | None = None  # tick at which it began, (1,); None: it cannot start again
+    started: Indices | None = None  # tick at which it began, (1,); None: it cannot start again
 
 
 def beginning(found: Observer, observers: Sequence[Any]) -> Beginning:
@@ -46,34 +46,36 @@ def beginning(found: Observer, observers: Sequence[Any]) -> Beginning:
 
     Args:
         found: of the first lane.
-        observers: one for all lanes, or one for each, which no GainedFilter is.
+        observers: one for all lanes, or one for each, which no GainFilter is.
     """
     if isinstance(found, LinearObserver):
         k = found.constant.shape[-1]
-        begun, whole = _at_first(), found.state.ndim == 2  # else each tick has its own gains
-        given = begun, _linear(observers)
-        return Beginning(linear(k), given, _room(k), _room(k), begun if whole else None)
+        start_tick, whole = _at_first(), found.state.ndim == 2  # else each tick has its own gains
+        given = start_tick, _linear(observers)
+        return Beginning(linear(k), given, _zeros(k), _zeros(k), start_tick if whole else None)
     if isinstance(found, SmallMotionForm):
-        return _small_motions(found, observers)
-    if isinstance(found, GainedFilter):
+        return _small_motion(found, observers)
+    if isinstance(found, GainFilter):
         outputs, k = found.output.shape
-        filtered = GainedFilter(*map(np.ascontiguousarray, found))
-        room, begun = (_room(k + outputs), _room(k + outputs)), _at_first()
-        return Beginning(gained(k), (begun, filtered), *room, begun)
+        filtered = GainFilter(*map(np.ascontiguousarray, found))
+        buffer, start_tick = (_zeros(k + outputs), _zeros(k + outputs)), _at_first()
+        return Beginning(gain_filter(k), (start_tick, filtered), *buffer, start_tick)
     if isinstance(found, KalmanForm):
         k, outputs = len(found.matrices.origin), len(found.matrices.c)
-        belief = FilterBelief(*_stacked((one.model.packed, *one.matrices) for one in observers))
-        memory = _room(k + k * k + outputs)
-        return Beginning(kalman(*_of(found.model)), belief, _room(k + outputs), memory)
+        design_model = FilterConstants(
+            *_stacked((one.model.packed, *one.matrices) for one in observers)
+        )
+        memory = _zeros(k + k * k + outputs)
+        return Beginning(kalman(*_of(found.model)), design_model, _zeros(k + outputs), memory)
     if isinstance(found, SteadyForm):
-        gains = LaneSteady(*_stacked((one.model.packed, *one[1:]) for one in observers))
-        room = _room(sum(found.gain.shape)), _room(len(found.output))
-        return Beginning(steady(*_of(found.model)), gains, *room)
+        gains = BatchSteady(*_stacked((one.model.packed, *one[1:]) for one in observers))
+        buffer = _zeros(sum(found.gain.shape)), _zeros(len(found.output))
+        return Beginning(steady(*_of(found.model)), gains, *buffer)
     first = beginning(found.observer, [one.observer for one in observers])
-    efforts = LaneEfforts(*_stacked((one.model.packed, *one[2:]) for one in observers))
-    observe = observed_and_acted(first.observe, first.z.size, on_model(*_of(found.model)))
-    z = np.concatenate((first.z, _room(len(found.surface))))
-    return Beginning(observe, (first.constants, efforts), z, first.memory)
+    efforts = BatchEfforts(*_stacked((one.model.packed, *one[2:]) for one in observers))
+    observer_step = observer_with_law(first.observe, first.z.size, on_model(*_of(found.model)))
+    z = np.concatenate((first.z, _zeros(len(found.surface))))
+    return Beginning(observer_step, (first.constants, efforts), z, first.memory)
 
 
 def _of(model: Model) -> tuple[Kernels, int, int]:
@@ -84,8 +86,8 @@ def _at_first() -> Indices:
     return np.zeros(1, np.int64)
 
 
-def _room(rows: int) -> Vector:
-    return np.zeros(rows * LANES)
+def _zeros(rows: int) -> Vector:
+    return np.zeros(rows * BATCH_WIDTH)
 
 
 def _stacked(parts: Iterable[tuple[Any, ...]]) -> list[Any]:
@@ -93,19 +95,19 @@ def _stacked(parts: Iterable[tuple[Any, ...]]) -> list[Any]:
     return [np.array(arrays, dtype=float) for arrays in zip(*parts, strict=True)]
 
 
-def _small_motions(first: SmallMotionForm, forms: Sequence[SmallMotionForm]) -> Beginning:
-    model, behind = first.model, first.behind.constant.shape[-1]
+def _small_motion(first: SmallMotionForm, forms: Sequence[SmallMotionForm]) -> Beginning:
+    model, output_states = first.model, first.behind.constant.shape[-1]
     n = model.coordinates
     parts = zip(*(form.belief for form in forms), strict=True)
-    beliefs = MotionBelief(*(np.array(part) for part in parts))
-    motions = LaneMotions(beliefs, _linear([form.behind for form in forms]))
-    observe = small_motions(model.kernels, n, model.before_modes, behind)
-    memory = np.zeros((model.positions + 3 * n + behind) * LANES)
-    room = np.zeros((2 * n + behind) * LANES)
-    return Beginning(observe, (_at_first(), motions), room, memory)
+    design_models = MotionConstants(*(np.array(part) for part in parts))
+    batch_motion = BatchMotion(design_models, _linear([form.behind for form in forms]))
+    observer_step = small_motion_observer(model.kernels, n, model.before_modes, output_states)
+    memory = np.zeros((model.positions + 3 * n + output_states) * BATCH_WIDTH)
+    buffer = np.zeros((2 * n + output_states) * BATCH_WIDTH)
+    return Beginning(observer_step, (_at_first(), batch_motion), buffer, memory)
 
 
 def _linear(observers: Sequence[LinearObserver]) -> LinearObserver:
     """Return the matrices of linear observers by lane."""
     sizes = zip(LinearObserver._fields, (2, 2, 2, 2, 1, 2), strict=True)
-    return LinearObserver(*(by_lane(observers, name, d) for name, d in sizes))
+    return LinearObserver(*(by_member(observers, name, d) for name, d in sizes))

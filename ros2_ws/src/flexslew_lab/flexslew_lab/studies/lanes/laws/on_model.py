@@ -6,14 +6,14 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from flexslew_lab.studies.lanes.laws.observers import LaneSignals, Observe
+from flexslew_lab.studies.lanes.laws.observers import BatchSignals, ObserverStep
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled
 from flexslew_plant.testbeds.compiled.bound import bound
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 from flexslew_plant.testbeds.kernels import Kernels
 
 
-class LaneSteady(NamedTuple):
+class BatchSteady(NamedTuple):
     """linear_form.SteadyForm of the lanes side by side; one entry: the same in all."""
 
     packed: Matrix  # the model's numbers, (lanes, size)
@@ -22,7 +22,7 @@ class LaneSteady(NamedTuple):
     variance: Matrix  # of y - C x, (lanes, l)
 
 
-class LaneEfforts(NamedTuple):
+class BatchEfforts(NamedTuple):
     """linear_form.OnModelForm without its observer, of the lanes side by side."""
 
     packed: Matrix  # (lanes, size)
@@ -33,7 +33,7 @@ class LaneEfforts(NamedTuple):
 
 
 @lru_cache
-def steady(kernels: Kernels, before: int, n: int) -> Observe:
+def steady(kernels: Kernels, before: int, n: int) -> ObserverStep:
     """Return the observer of linear_form.SteadyForm.
 
     Args:
@@ -44,32 +44,32 @@ def steady(kernels: Kernels, before: int, n: int) -> Observe:
     step = _step(kernels, before, n)
 
     @compiled
-    def observe(
+    def observer_step(
         k: int,
         t: float,
         dt: float,
-        lanes: LaneSteady,
-        signals: LaneSignals,
+        batch: BatchSteady,
+        signals: BatchSignals,
         z: Vector,
         memory: Vector,
         filled: int,
     ) -> None:
-        count, states, outputs = lanes.gain.shape
+        count, states, outputs = batch.gain.shape
         m = outputs // 2  # the tip, if it is read, is one more
-        x, y, held = np.zeros(states), np.empty(outputs), np.empty(m)
-        for lane in range(filled):
-            one = lane if count > 1 else 0
-            gain, output = lanes.gain[one], lanes.output[one]
+        x, y, effort = np.zeros(states), np.empty(outputs), np.empty(m)
+        for member in range(filled):
+            one = member if count > 1 else 0
+            gain, output = batch.gain[one], batch.output[one]
             for i in range(states):
-                x[i] = z[i * LANES + lane]
+                x[i] = z[i * BATCH_WIDTH + member]
             if k > 0 and np.isfinite(x).all():
                 for i in range(outputs):
-                    y[i] = signals.earlier[i * LANES + lane]
+                    y[i] = signals.previous[i * BATCH_WIDTH + member]
                 for i in range(m):
-                    held[i] = signals.effort[i * LANES + lane]
-                step(lanes.packed[one], gain, output, y, held, dt, x)
+                    effort[i] = signals.effort[i * BATCH_WIDTH + member]
+                step(batch.packed[one], gain, output, y, effort, dt, x)
             for i in range(outputs):
-                y[i] = signals.y[i * LANES + lane]
+                y[i] = signals.y[i * BATCH_WIDTH + member]
             # after a reading that was no number it starts again, with one that is
             if k == 0 or (not np.isfinite(x).all() and np.isfinite(y).all()):
                 x[:] = 0.0
@@ -77,12 +77,12 @@ def steady(kernels: Kernels, before: int, n: int) -> Observe:
                     x[i], x[n + i] = y[i], y[m + i]
             innovation = y - output @ x
             for i in range(states):
-                z[i * LANES + lane] = x[i]
+                z[i * BATCH_WIDTH + member] = x[i]
             for i in range(outputs):
-                z[(states + i) * LANES + lane] = innovation[i]
-                memory[i * LANES + lane] = lanes.variance[one, i]
+                z[(states + i) * BATCH_WIDTH + member] = innovation[i]
+                memory[i * BATCH_WIDTH + member] = batch.variance[one, i]
 
-    return cast(Observe, observe)
+    return cast(ObserverStep, observer_step)
 
 
 def _step(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
@@ -101,14 +101,14 @@ def _step(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
         gain: Matrix,
         output: Matrix,
         y: Vector,
-        held: Vector,
+        effort: Vector,
         dt: float,
         x: Vector,
     ) -> None:
-        k1 = slope(packed, x, held, gain, output, y)
-        k2 = slope(packed, x + 0.5 * dt * k1, held, gain, output, y)
-        k3 = slope(packed, x + 0.5 * dt * k2, held, gain, output, y)
-        k4 = slope(packed, x + dt * k3, held, gain, output, y)
+        k1 = slope(packed, x, effort, gain, output, y)
+        k2 = slope(packed, x + 0.5 * dt * k1, effort, gain, output, y)
+        k3 = slope(packed, x + 0.5 * dt * k2, effort, gain, output, y)
+        k4 = slope(packed, x + dt * k3, effort, gain, output, y)
         x += dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
 
     return cast(Callable[..., None], step)
@@ -127,35 +127,35 @@ def on_model(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
     derivative, jacobian, states = model.derivative, model.jacobian, 2 * n
 
     @compiled
-    def act(k: int, lanes: LaneEfforts, z: Vector, filled: int) -> None:
-        count, m, outputs = lanes.innovation.shape
-        x, innovation, nothing = np.empty(states), np.empty(outputs), np.zeros(m)
+    def act(k: int, batch: BatchEfforts, z: Vector, filled: int) -> None:
+        count, m, outputs = batch.innovation.shape
+        x, innovation, zero_effort = np.empty(states), np.empty(outputs), np.zeros(m)
         dx, du = np.empty((states, states)), np.empty((states, m))
-        tick = min(k, lanes.demand.shape[1] - 1)
-        for lane in range(filled):
-            one = lane if count > 1 else 0
-            packed, surface = lanes.packed[one], lanes.surface[one]
+        tick = min(k, batch.demand.shape[1] - 1)
+        for member in range(filled):
+            one = member if count > 1 else 0
+            packed, surface = batch.packed[one], batch.surface[one]
             for i in range(states):
-                x[i] = z[i * LANES + lane]
+                x[i] = z[i * BATCH_WIDTH + member]
             for i in range(outputs):
-                innovation[i] = z[(states + i) * LANES + lane]
+                innovation[i] = z[(states + i) * BATCH_WIDTH + member]
             if not (np.isfinite(x).all() and np.isfinite(innovation).all()):
                 for i in range(m):
-                    z[(states + outputs + i) * LANES + lane] = np.nan
+                    z[(states + outputs + i) * BATCH_WIDTH + member] = np.nan
                 continue
-            drift = derivative(packed, 0.0, x, nothing)
-            jacobian(packed, 0.0, x, nothing, dx, du)
-            asked = lanes.demand[one, tick] - surface @ drift
-            asked -= lanes.reaching[one] @ x + lanes.innovation[one] @ innovation
-            given = np.linalg.solve(surface @ du, asked)
+            drift = derivative(packed, 0.0, x, zero_effort)
+            jacobian(packed, 0.0, x, zero_effort, dx, du)
+            required_rate = batch.demand[one, tick] - surface @ drift
+            required_rate -= batch.reaching[one] @ x + batch.innovation[one] @ innovation
+            given = np.linalg.solve(surface @ du, required_rate)
             for i in range(m):
-                z[(states + outputs + i) * LANES + lane] = given[i]
+                z[(states + outputs + i) * BATCH_WIDTH + member] = given[i]
 
     return cast(Callable[..., None], act)
 
 
 @lru_cache
-def observed_and_acted(first: Observe, known: int, act: Callable[..., None]) -> Observe:
+def observer_with_law(first: ObserverStep, known: int, act: Callable[..., None]) -> ObserverStep:
     """Return an observer and what acts on its estimate as one.
 
     Args:
@@ -165,17 +165,17 @@ def observed_and_acted(first: Observe, known: int, act: Callable[..., None]) -> 
     """
 
     @compiled
-    def observe(
+    def observer_step(
         k: int,
         t: float,
         dt: float,
-        both: tuple[LaneSteady, LaneEfforts],
-        signals: LaneSignals,
+        constants: tuple[BatchSteady, BatchEfforts],
+        signals: BatchSignals,
         z: Vector,
         memory: Vector,
         filled: int,
     ) -> None:
-        first(k, t, dt, both[0], signals, z[:known], memory, filled)
-        act(k, both[1], z, filled)
+        first(k, t, dt, constants[0], signals, z[:known], memory, filled)
+        act(k, constants[1], z, filled)
 
-    return cast(Observe, observe)
+    return cast(ObserverStep, observer_step)

@@ -6,13 +6,13 @@ A lane in which they are not is the bench's to fly.
 from collections.abc import Callable
 from typing import NamedTuple, cast
 
-from flexslew_control.estimators.gained_filter import GainedFilter
+from flexslew_control.estimators.gained_filter import GainFilter
 from flexslew_control.estimators.monitor import Monitor, MonitorNumbers, innovation_tests
 from flexslew_control.linear_form import KalmanForm, Observer, OnModelForm, SteadyForm
-from flexslew_lab.studies.lanes.benches.judge import DISTRUSTED
+from flexslew_lab.studies.lanes.benches.judge import SENSOR_ERROR
 from flexslew_lab.studies.lanes.groups.rows import Rows, Sizes
 from flexslew_plant.arrays import Vector, vectorised
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
 
 _SAFE = 1.0 - 1e-6  # of a limit: innovations are small differences, and lanes round otherwise
 
@@ -31,7 +31,7 @@ def _innovations_of(observer: Observer) -> tuple[int, int] | None:
         return _innovations_of(observer.observer)
     if isinstance(observer, KalmanForm):
         outputs, states = observer.matrices.c.shape
-    elif isinstance(observer, GainedFilter | SteadyForm):
+    elif isinstance(observer, GainFilter | SteadyForm):
         outputs, states = observer.output.shape
     else:
         return None
@@ -45,28 +45,28 @@ def watch_of(monitor: Monitor | None, observer: Observer) -> Watch | None:
         return None
     first, count = found
     exact = monitor.numbers(count)
-    safe = exact._replace(single=_SAFE * exact.single, several=_SAFE * exact.several)
-    return Watch(first * LANES, count, safe)
+    safe = exact._replace(single=_SAFE * exact.single, window_limit=_SAFE * exact.window_limit)
+    return Watch(first * BATCH_WIDTH, count, safe)
 
 
-def watching(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+def innovation_monitor(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what marks lanes in which a test of this tick fails.
 
     It takes (k, Watch, z, memory, w): variances stand at the end of the memory.
     """
-    squares, doubt, count = rows.squares, rows.doubt, sizes.watched * LANES
-    watched = sizes.watched > 0
+    squares, flags, count = rows.squares, rows.doubt, sizes.monitored * BATCH_WIDTH
+    is_monitored = sizes.monitored > 0
 
     @vectorised
     def watch(k: int, limits: Watch, z: Vector, memory: Vector, w: Vector) -> None:
-        if not watched:  # known to the compiler
+        if not is_monitored:  # known to the compiler
             return
         variances = memory.size - count
         for i in range(count):
-            at, innovation = doubt + i % LANES, z[limits.first + i]
+            at, innovation = flags + i % BATCH_WIDTH, z[limits.first + i]
             variance = memory[variances + i]
             one = innovation_tests(limits.numbers, w[squares + i], k, innovation, variance)
             w[squares + i] = one.total
-            w[at] = w[at] if one.passed else DISTRUSTED
+            w[at] = w[at] if one.passed else SENSOR_ERROR
 
     return cast(Callable[..., None], watch)

@@ -9,10 +9,10 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import (
     orthonormal,
     rigid_body,
-    turn,
+    rotation_matrix,
     unit_direction,
 )
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, PrescribedTurn
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, PrescribedRotation
 from flexslew_plant.testbeds.spacecraft.assembly.flexible import flexible_shape
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import (
@@ -22,7 +22,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     Motion,
 )
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals, second_of
-from flexslew_plant.testbeds.spacecraft.shapes.selected import chosen_modes
+from flexslew_plant.testbeds.spacecraft.shapes.selected import select_modes
 from flexslew_plant.testbeds.spacecraft.units import Units
 
 _PROFILES = {"smooth": at.SMOOTH, "bang_bang": at.BANG_BANG, "table": at.TABLE}
@@ -45,7 +45,7 @@ _ONLY = {
     "motion": ("prescribed",),
 }
 
-_SIGHT = 1e-6  # between a target and where a hinge can point [rad]
+_POINTING_TOLERANCE = 1e-6  # between a target and where a hinge can point [rad]
 
 
 def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> Appendage:
@@ -56,20 +56,23 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
     if shape is not None and a.only_modes is not None:
         if max(a.only_modes, default=0) > shape.modes:
             raise BadInput(f"1 to {shape.modes}", key=f"{key}.only_modes", value=max(a.only_modes))
-        shape = chosen_modes(shape, [k - 1 for k in a.only_modes])
+        shape = select_modes(shape, [k - 1 for k in a.only_modes])
     n = 0 if shape is None else shape.modes
-    integrals = _nothing(n) if shape is None else shape.integrals
+    integrals = _zero_integrals(n) if shape is None else shape.integrals
     _require_known(a, integrals, key)
     if a.geometric_stiffness is False:
         integrals = replace(integrals, shortening=None)
     if a.body is not None:
         mass, first, inertia = rigid_body(a.body, units, f"{key}.body")
-        integrals = _joined(integrals, mass, first, second_of(inertia))
+        integrals = _with_rigid_body(integrals, mass, first, second_of(inertia))
     h = a.hinge
     axes = orthonormal(h.axes, f"{key}.hinge.axes")
     if h.turned is not None:
         axes = (
-            turn(unit_direction(h.turned.axis, f"{key}.hinge.turned.axis"), h.turned.angle) @ axes
+            rotation_matrix(
+                unit_direction(h.turned.axis, f"{key}.hinge.turned.axis"), h.turned.angle
+            )
+            @ axes
         )
     axis = unit_direction(h.axis, f"{key}.hinge.axis")
     manoeuvres = _manoeuvres(h, axis, axes, f"{key}.hinge")
@@ -82,13 +85,15 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
             )
     modal_mass = np.zeros(0) if shape is None else shape.mass
     stiffness = np.zeros(0) if shape is None else a.stiffness * shape.stiffness
-    own = None if shape is None or shape.damping is None else shape.damping * a.stiffness**0.5
+    shape_damping = (
+        None if shape is None or shape.damping is None else shape.damping * a.stiffness**0.5
+    )
     return Appendage(
         name,
         integrals if a.second_order else integrals.first_order(),
         modal_mass,
         stiffness,
-        _damping(a.damping, modal_mass, stiffness, own, f"{key}.damping"),
+        _damping(a.damping, modal_mass, stiffness, shape_damping, f"{key}.damping"),
         np.array(h.place) * units.length,
         axes,
         _HINGES[kind],
@@ -114,7 +119,7 @@ def _require_known(a: AppendageSettings, integrals: Integrals, key: str) -> None
         )
 
 
-def _nothing(n: int) -> Integrals:
+def _zero_integrals(n: int) -> Integrals:
     return Integrals(
         0.0,
         np.zeros(3),
@@ -127,7 +132,7 @@ def _nothing(n: int) -> Integrals:
     )
 
 
-def _joined(i: Integrals, mass: float, first: Vector, second: Matrix) -> Integrals:
+def _with_rigid_body(i: Integrals, mass: float, first: Vector, second: Matrix) -> Integrals:
     """Return the sums with a rigid body at the root, which no mode moves."""
     return Integrals(
         i.mass + mass,
@@ -142,20 +147,22 @@ def _joined(i: Integrals, mass: float, first: Vector, second: Matrix) -> Integra
     )
 
 
-def _damping(d: Damping, mass: Vector, stiffness: Vector, own: Matrix | None, key: str) -> Matrix:
+def _damping(
+    d: Damping, mass: Vector, stiffness: Vector, shape_damping: Matrix | None, key: str
+) -> Matrix:
     """Return the modal damping matrix, shape (n, n)."""
     ratios = np.broadcast_to(d.ratio, (len(mass),)) if np.ndim(d.ratio) == 0 else np.array(d.ratio)
     if len(ratios) != len(mass):
         raise BadInput(f"{key}.ratio: {len(ratios)} numbers for {len(mass)} modes")
     modal = 2.0 * ratios * np.sqrt(mass * stiffness)
-    both: Matrix = np.diag(d.alpha * mass + d.beta * stiffness + modal)
-    return both if own is None else both + own
+    matrix: Matrix = np.diag(d.alpha * mass + d.beta * stiffness + modal)
+    return matrix if shape_damping is None else matrix + shape_damping
 
 
-def _manoeuvres(h: Hinge, axis: Vector, axes: Matrix, key: str) -> tuple[PrescribedTurn, ...]:
+def _manoeuvres(h: Hinge, axis: Vector, axes: Matrix, key: str) -> tuple[PrescribedRotation, ...]:
     """Return the prescribed motions of a hinge, checked against its range and each other."""
     given = (h.motion,) if isinstance(h.motion, Motion) else (h.motion or ())
-    found: list[PrescribedTurn] = []
+    found: list[PrescribedRotation] = []
     angle, end = 0.0, 0.0
     for k, m in sorted(enumerate(given), key=lambda pair: pair[1].at):
         to = _target(m, axis, axes, f"{key}.motion.{k}")
@@ -168,12 +175,14 @@ def _manoeuvres(h: Hinge, axis: Vector, axes: Matrix, key: str) -> tuple[Prescri
             raise BadInput(
                 f"{key}.motion.{k}.at: begins at {m.at:g} s, before the last one ends at {end:g} s"
             )
-        about = axis if m.axis is None else unit_direction(m.axis, f"{key}.motion.{k}.axis")
+        rotation_axis = axis if m.axis is None else unit_direction(m.axis, f"{key}.motion.{k}.axis")
         table = np.array(m.table, dtype=float).reshape(-1, 4)
         if m.profile == "table":
             _require_table(table, f"{key}.motion.{k}.table")
         found.append(
-            PrescribedTurn(m.at, m.duration, to - angle, about, _PROFILES[m.profile], table)
+            PrescribedRotation(
+                m.at, m.duration, to - angle, rotation_axis, _PROFILES[m.profile], table
+            )
         )
         angle, end = to, m.at + m.duration
     return tuple(found)
@@ -198,12 +207,14 @@ def _target(m: Motion, axis: Vector, axes: Matrix, key: str) -> float:
     assert m.line_of_sight is not None
     requested = axes @ unit_direction(m.line_of_sight, f"{key}.line_of_sight")
     z = np.array([0.0, 0.0, 1.0])
-    across, there = z - (z @ axis) * axis, requested - (requested @ axis) * axis
-    angle = float(np.arctan2(axis @ np.cross(across, there), across @ there))
-    away = float(np.arccos(np.clip(turn(axis, angle).T @ z @ requested, -1.0, 1.0)))
-    if away > _SIGHT:
+    normal, target = z - (z @ axis) * axis, requested - (requested @ axis) * axis
+    angle = float(np.arctan2(axis @ np.cross(normal, target), normal @ target))
+    angle_error = float(
+        np.arccos(np.clip(rotation_matrix(axis, angle).T @ z @ requested, -1.0, 1.0))
+    )
+    if angle_error > _POINTING_TOLERANCE:
         raise BadInput(
-            f"the hinge turns about {axis.round(6).tolist()} and comes within {away:.4g} "
+            f"the hinge turns about {axis.round(6).tolist()} and comes within {angle_error:.4g} "
             "rad of it at best",
             key=f"{key}.line_of_sight",
             value=list(m.line_of_sight),

@@ -29,8 +29,8 @@ def require_physical(mass: float, first: Vector, inertia: Matrix, key: str) -> N
     if not mass > 0.0:
         raise BadInput(f"{key}: mass {mass:g} kg is not positive")
     centre = first / mass
-    own = inertia - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    a, b, c = np.linalg.eigvalsh(own)
+    central_inertia = inertia - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    a, b, c = np.linalg.eigvalsh(central_inertia)
     rounding = 1e-12 * abs(inertia).max()  # of a point mass, which has no inertia of its own
     if a < -1e-9 * abs(c) - rounding or a + b < c * (1.0 - 1e-5) - rounding:
         raise BadInput(
@@ -72,7 +72,7 @@ def orthonormal(rows: Rows, key: str) -> Matrix:
     return e
 
 
-def turn(axis: Vector, angle: float) -> Matrix:
+def rotation_matrix(axis: Vector, angle: float) -> Matrix:
     """Return the direction cosines of a frame turned by angle about axis, shape (3, 3)."""
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

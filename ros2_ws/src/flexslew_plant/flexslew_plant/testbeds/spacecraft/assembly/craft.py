@@ -8,13 +8,13 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
-from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
+from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint, FlexibleShape
 
 _ROUNDED = 0.01  # of a mass, by which the effective mass of modes may be above it in a file
 
 
 @dataclass(frozen=True)
-class PrescribedTurn:
+class PrescribedRotation:
     """A turn of a prescribed hinge.
 
     Args:
@@ -66,7 +66,7 @@ class Appendage:
     spring: float = 0.0
     damper: float = 0.0
     second_order: bool = True
-    manoeuvres: tuple[PrescribedTurn, ...] = ()
+    manoeuvres: tuple[PrescribedRotation, ...] = ()
     shape: FlexibleShape | None = None
     alpha: float = 0.0
     beta: float = 0.0
@@ -100,7 +100,7 @@ class MomentGyro(NamedTuple):
         return np.cross(self.axis, self.rotor)
 
 
-def mass_doubt(a: Appendage) -> str:
+def mass_warning(a: Appendage) -> str:
     """Return a warning if the modes of an appendage move more than its mass; else "".
 
     The effective masses L^2 / m of all modes of a structure add up to at most its mass, along every
@@ -109,24 +109,25 @@ def mass_doubt(a: Appendage) -> str:
     if not a.mass.size:
         return ""
     effective = np.sum(a.integrals.translation**2 / a.mass, axis=-1)
-    worst, mass = int(np.argmax(effective)), a.integrals.mass
-    if effective[worst] <= (1.0 + _ROUNDED) * mass:
+    max_axis, mass = int(np.argmax(effective)), a.integrals.mass
+    if effective[max_axis] <= (1.0 + _ROUNDED) * mass:
         return ""
     return (
-        f"appendage {a.name}: the effective mass of its modes along {'xyz'[worst]} is "
-        f"{effective[worst]:,.6g} kg, its mass is {mass:,.6g} kg; look at the units of its modal "
+        f"appendage {a.name}: the effective mass of its modes along {'xyz'[max_axis]} is "
+        f"{effective[max_axis]:,.6g} kg, its mass is {mass:,.6g} kg; look at the units of its "
+        "modal "
         "data, unless the platform holds the rest of its mass"
     )
 
 
-class CraftDrive(NamedTuple):
+class SpacecraftActuator(NamedTuple):
     """An actuator; its effort is a force [N] or a torque [N m]."""
 
     name: str
     what: int  # layout.FORCE ...
     owner: int = -1  # appendage, wheel or gyro; -1: the platform
     direction: Vector = np.zeros(3)  # unit vector in the owner's axes
-    spot: Spot | None = None  # where it acts
+    point: AppendagePoint | None = None  # where it acts
     limit: float = np.inf
 
     @property
@@ -154,7 +155,7 @@ class Spacecraft:
     inertia: Matrix
     appendages: tuple[Appendage, ...] = ()
     wheels: tuple[Wheel, ...] = ()
-    drives: tuple[CraftDrive, ...] = ()
+    drives: tuple[SpacecraftActuator, ...] = ()
     motion: int = at.FREE
     pivot_axis: Vector = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     pivot_place: Vector = field(default_factory=lambda: np.zeros(3))
@@ -174,8 +175,8 @@ class Spacecraft:
     def sizes(self) -> tuple[int, int]:
         """How many entries q and v have."""
         others = len(self.hinged) + len(self.wheels) + len(self.gyros) + self.modes
-        own = {at.FREE: (7, 6), at.HELD: (0, 0), at.PIVOT: (1, 1)}[self.motion]
-        return own[0] + others, own[1] + others
+        platform_sizes = {at.FREE: (7, 6), at.HELD: (0, 0), at.PIVOT: (1, 1)}[self.motion]
+        return platform_sizes[0] + others, platform_sizes[1] + others
 
     def first_mode(self, index: int) -> int:
         """Return where the modes of an appendage begin among all modes."""

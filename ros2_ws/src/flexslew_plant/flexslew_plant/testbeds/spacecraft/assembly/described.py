@@ -12,7 +12,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
 from flexslew_plant.testbeds.spacecraft.units import UnitSystem
 
 
-class Described(Protocol):
+class SpacecraftSection(Protocol):
     """What of a `testbed` section the physics needs."""
 
     @property

@@ -4,27 +4,27 @@ import numpy as np
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, CraftDrive
-from flexslew_plant.testbeds.spacecraft.assembly.described import Described
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, SpacecraftActuator
+from flexslew_plant.testbeds.spacecraft.assembly.described import SpacecraftSection
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.retargeting import modal_effort
 from flexslew_plant.testbeds.spacecraft.settings import (
     ActuatorPlace,
     SensorPlace,
 )
-from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
+from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint
 from flexslew_plant.testbeds.spacecraft.units import Units
 
 _ON_PLATFORM = {"force": at.FORCE, "torque": at.TORQUE, "thruster": at.THRUSTER}
 
 
-def drives_of(
-    described: Described, parts: tuple[Appendage, ...], units: Units
-) -> tuple[CraftDrive, ...]:
+def make_actuator_list(
+    section: SpacecraftSection, parts: tuple[Appendage, ...], units: Units
+) -> tuple[SpacecraftActuator, ...]:
     """Return the actuators as listed, then the hinges' motors, the wheels' and the gyros'."""
     names = [a.name for a in parts]
     found = []
-    for name, d in described.actuators.items():
+    for name, d in section.actuators.items():
         key = f"testbed.actuators.{name}"
         if d.kind == "modal":
             found.append(_modal(name, d, parts, units, key))
@@ -40,8 +40,8 @@ def drives_of(
         if d.appendage is None:
             what = _ON_PLATFORM[d.kind]
             empty = np.zeros((3, 0))
-            spot = Spot(np.array(d.place) * units.length, empty, empty, empty)
-            found.append(CraftDrive(name, what, -1, direction, spot, limit))
+            point = AppendagePoint(np.array(d.place) * units.length, empty, empty, empty)
+            found.append(SpacecraftActuator(name, what, -1, direction, point, limit))
             continue
         if d.appendage not in names:
             raise BadInput(
@@ -50,51 +50,57 @@ def drives_of(
         index = names.index(d.appendage)
         what = at.POINT_FORCE if d.kind == "force" else at.TIP_TORQUE
         found.append(
-            CraftDrive(name, what, index, direction, spot_on(parts[index], d, units, key), limit)
+            SpacecraftActuator(
+                name, what, index, direction, point_on(parts[index], d, units, key), limit
+            )
         )
-    for k, (name, part) in enumerate(described.appendages.items()):
+    for k, (name, part) in enumerate(section.appendages.items()):
         if part.hinge.kind == "driven":
             limit = part.hinge.limit * units.torque
-            found.append(CraftDrive(f"{name}_hinge", at.HINGE, k, np.zeros(3), None, limit))
-    for k, (name, w) in enumerate(described.wheels.items()):
-        found.append(CraftDrive(name, at.WHEEL, k, np.zeros(3), None, w.limit * units.torque))
-    for k, (name, g) in enumerate(described.control_moment_gyros.items()):
+            found.append(SpacecraftActuator(f"{name}_hinge", at.HINGE, k, np.zeros(3), None, limit))
+    for k, (name, w) in enumerate(section.wheels.items()):
+        found.append(
+            SpacecraftActuator(name, at.WHEEL, k, np.zeros(3), None, w.limit * units.torque)
+        )
+    for k, (name, g) in enumerate(section.control_moment_gyros.items()):
         limit = g.momentum * g.rate_limit * units.torque
-        found.append(CraftDrive(name, at.GYRO, k, np.zeros(3), None, limit))
-    twice = sorted({d.name for d in found if sum(e.name == d.name for e in found) > 1})
-    if twice:
-        raise BadInput(f"testbed: two actuators are called {twice[0]}")
+        found.append(SpacecraftActuator(name, at.GYRO, k, np.zeros(3), None, limit))
+    duplicates = sorted({d.name for d in found if sum(e.name == d.name for e in found) > 1})
+    if duplicates:
+        raise BadInput(f"testbed: two actuators are called {duplicates[0]}")
     return tuple(found)
 
 
 def _modal(
     name: str, d: ActuatorPlace, parts: tuple[Appendage, ...], units: Units, key: str
-) -> CraftDrive:
+) -> SpacecraftActuator:
     """Return a modal force; the displacement of its spot is the coordinate that it drives."""
-    flexible = {a.name: k for k, a in enumerate(parts) if a.modes}
-    if d.appendage not in flexible:
-        known = ", ".join(flexible)
+    index_by_name = {a.name: k for k, a in enumerate(parts) if a.modes}
+    if d.appendage not in index_by_name:
+        known = ", ".join(index_by_name)
         raise BadInput(f"{key}.appendage: {d.appendage} has no modes; allowed: {known}")
-    index = flexible[d.appendage]
+    index = index_by_name[d.appendage]
     n = parts[index].modes
     if parts[index].hinge == at.DRIVEN:
         raise BadInput(f"{key}.appendage: {d.appendage} is on a driven hinge; give a force")
     if d.mode is None or d.mode > n:
         raise BadInput(f"1 to {n}", key=f"{key}.mode", value=d.mode)
-    chosen, none = np.zeros((3, n)), np.zeros((3, n))
-    chosen[0, d.mode - 1] = 1.0
-    spot = Spot(np.zeros(3), chosen, none, none)
+    unit_mode, none = np.zeros((3, n)), np.zeros((3, n))
+    unit_mode[0, d.mode - 1] = 1.0
+    point = AppendagePoint(np.zeros(3), unit_mode, none, none)
     limit = d.limit * modal_effort(parts[index], d.mode - 1, units)
-    return CraftDrive(name, at.MODAL, index, np.zeros(3), spot, limit)
+    return SpacecraftActuator(name, at.MODAL, index, np.zeros(3), point, limit)
 
 
-def spot_on(a: Appendage, d: ActuatorPlace | SensorPlace, units: Units, key: str) -> Spot:
+def point_on(
+    a: Appendage, d: ActuatorPlace | SensorPlace, units: Units, key: str
+) -> AppendagePoint:
     """Return where an actuator or a sensor sits on an appendage."""
     if a.shape is None:
         empty = np.zeros((3, 0))
-        return Spot(np.array(d.place) * units.length, empty, empty, empty)
+        return AppendagePoint(np.array(d.place) * units.length, empty, empty, empty)
     if d.at is None:
         return a.shape.tip
     if a.shape.along is None:
         raise BadInput(f"{key}.at: {a.name} is not a beam; leave it out for the tip")
-    return a.shape.along.spot(d.at * units.length)
+    return a.shape.along.point(d.at * units.length)

@@ -24,7 +24,11 @@ from flexslew_plant.testbeds.spacecraft.shapes.beam import (
 )
 from flexslew_plant.testbeds.spacecraft.shapes.membrane import membrane
 from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
-from flexslew_plant.testbeds.spacecraft.shapes.selected import Turned, chosen_modes, turned_spot
+from flexslew_plant.testbeds.spacecraft.shapes.selected import (
+    TransformedShape,
+    select_modes,
+    transform_point,
+)
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.units import Units
 
@@ -47,7 +51,7 @@ def flexible_shape(shape: object, units: Units, key: str) -> FlexibleShape:
     kept = shape.modes  # type: ignore[attr-defined]
     if kept is not None and kept > found.modes:
         raise BadInput(f"the file has {found.modes}", key=f"{key}.shape.modes", value=kept)
-    return found if kept is None else chosen_modes(found, list(range(kept)))
+    return found if kept is None else select_modes(found, list(range(kept)))
 
 
 @lru_cache(maxsize=64)  # the same in every trial of a study
@@ -86,10 +90,10 @@ def _beam(b: BeamSettings, units: Units, key: str) -> FlexibleShape:
         shape.integrals.seen_from(np.zeros(3), r.T),
         shape.mass,
         shape.stiffness,
-        turned_spot(r, shape.tip),
+        transform_point(r, shape.tip),
         shape.line @ r.T,
         np.einsum("ab,kbn->kan", r, shape.line_shape),
-        None if shape.along is None else Turned(r, shape.along),
+        None if shape.along is None else TransformedShape(r, shape.along),
         None,
         shape.tip_scaled,
     )

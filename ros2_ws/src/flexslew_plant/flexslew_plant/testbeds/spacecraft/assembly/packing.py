@@ -3,24 +3,32 @@
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, CraftDrive, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import rotation_matrix
+from flexslew_plant.testbeds.spacecraft.assembly.craft import (
+    Appendage,
+    Spacecraft,
+    SpacecraftActuator,
+)
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
-from flexslew_plant.testbeds.spacecraft.shapes.integrals import SIX, Integrals, inertia_of
-from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
+    SYMMETRIC_ENTRIES,
+    Integrals,
+    inertia_of,
+)
+from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint
 
 
-def packed(craft: Spacecraft) -> Vector:
+def packed(spacecraft: Spacecraft) -> Vector:
     """Return the numbers of a spacecraft in the order of layout.
 
     Raises:
         BadInput: an appendage is heavier in motion than it is as a whole: its modal masses and
             participation are not positive definite with the platform.
     """
-    mass, first, inertia = craft.mass, craft.first.copy(), craft.inertia.copy()
+    mass, first, inertia = spacecraft.mass, spacecraft.first.copy(), spacecraft.inertia.copy()
     blocks: list[Vector] = []
     hinge = start = 0
-    for a in craft.appendages:
+    for a in spacecraft.appendages:
         i = a.integrals
         if a.hinge == at.FIXED:  # in body axes once and for all
             i = i.seen_from(a.place, a.axes)
@@ -29,29 +37,29 @@ def packed(craft: Spacecraft) -> Vector:
         start += a.modes
         hinge += a.hinge == at.DRIVEN
     head = np.zeros(at.HEAD)
-    head[at.MOTION], head[at.HINGES] = craft.motion, hinge
-    head[at.WHEELS], head[at.MODES] = len(craft.wheels) + len(craft.gyros), start
-    head[at.APPENDAGES], head[at.ACTUATORS] = len(blocks), len(craft.drives)
-    axis = craft.pivot_axis
-    head[at.PIVOT_AXES : at.PIVOT_AXES + 6] = [*np.cross(craft.pivot_place, axis), *axis]
+    head[at.MOTION], head[at.HINGES] = spacecraft.motion, hinge
+    head[at.WHEELS], head[at.MODES] = len(spacecraft.wheels) + len(spacecraft.gyros), start
+    head[at.APPENDAGES], head[at.ACTUATORS] = len(blocks), len(spacecraft.drives)
+    axis = spacecraft.pivot_axis
+    head[at.PIVOT_AXES : at.PIVOT_AXES + 6] = [*np.cross(spacecraft.pivot_place, axis), *axis]
     head[at.MASS], head[at.FIRST : at.FIRST + 3] = mass, first
-    head[at.INERTIA : at.INERTIA + 6] = [inertia[k] for k in SIX]
-    wheels = [np.array([*w.axis, w.inertia, 0.0, 0.0, 0.0, 0.0]) for w in craft.wheels]
-    wheels += [np.array([*g.axis, 0.0, g.momentum, *g.rotor]) for g in craft.gyros]
+    head[at.INERTIA : at.INERTIA + 6] = [inertia[k] for k in SYMMETRIC_ENTRIES]
+    wheels = [np.array([*w.axis, w.inertia, 0.0, 0.0, 0.0, 0.0]) for w in spacecraft.wheels]
+    wheels += [np.array([*g.axis, 0.0, g.momentum, *g.rotor]) for g in spacecraft.gyros]
     # tables first, then what they point to
     head[at.APPENDAGE_TABLE] = at.HEAD
     head[at.ACTUATOR_TABLE] = at.HEAD + len(blocks)
-    head[at.WHEEL_TABLE] = head[at.ACTUATOR_TABLE] + len(craft.drives)
+    head[at.WHEEL_TABLE] = head[at.ACTUATOR_TABLE] + len(spacecraft.drives)
     position = int(head[at.WHEEL_TABLE]) + at.WHEEL_SIZE * len(wheels)
     places = []
-    for block, a in zip(blocks, craft.appendages, strict=True):
+    for block, a in zip(blocks, spacecraft.appendages, strict=True):
         places.append(position)
         _place_manoeuvres(block, a, position)
         position += len(block)
-    drives = [_drive(craft, d, places) for d in craft.drives]
-    ends = np.cumsum([position, *map(len, drives)])
+    actuator_blocks = [_actuator_block(spacecraft, d, places) for d in spacecraft.drives]
+    ends = np.cumsum([position, *map(len, actuator_blocks)])
     tables = np.array([*places, *ends[:-1]], dtype=float)
-    p: Vector = np.concatenate((head, tables, *wheels, *blocks, *drives))
+    p: Vector = np.concatenate((head, tables, *wheels, *blocks, *actuator_blocks))
     return p
 
 
@@ -67,18 +75,24 @@ def _block(a: Appendage, i: Integrals, start: int, hinge: int) -> Vector:
     head[at.AXIS : at.AXIS + 3] = a.axis
     head[at.HINGE_STIFFNESS], head[at.HINGE_DAMPING] = a.spring, a.damper
     if a.hinge != at.FIXED:
-        head[at.OWN_MASS], head[at.OWN_FIRST : at.OWN_FIRST + 3] = i.mass, i.first
-        head[at.OWN_INERTIA : at.OWN_INERTIA + 6] = [i.inertia[k] for k in SIX]
+        head[at.BODY_MASS], head[at.BODY_FIRST : at.BODY_FIRST + 3] = i.mass, i.first
+        head[at.BODY_INERTIA : at.BODY_INERTIA + 6] = [i.inertia[k] for k in SYMMETRIC_ENTRIES]
     one, two = inertia_of(i.second_1), inertia_of(i.second_2)
     extra: tuple[Vector, ...] = ()
     if i.shortening is not None:
         two = two + i.shortening.inertia
-        drawn = (i.shortening.first, i.shortening.rotation)
-        columns = [part[:, :, k] for part in drawn for k in range(3)]
+        parts = (i.shortening.first, i.shortening.rotation)
+        columns = [part[:, :, k] for part in parts for k in range(3)]
         extra = (np.concatenate(columns, axis=1).ravel(),)
-    base = np.concatenate([*(one[:, r, c] for r, c in SIX), *i.rotation]).reshape(9 * n)
+    base = np.concatenate([*(one[:, r, c] for r, c in SYMMETRIC_ENTRIES), *i.rotation]).reshape(
+        9 * n
+    )
     rows = np.concatenate(
-        [*(two[:, :, r, c] for r, c in SIX), *(i.gyroscopic[:, :, k] for k in range(3))], axis=1
+        [
+            *(two[:, :, r, c] for r, c in SYMMETRIC_ENTRIES),
+            *(i.gyroscopic[:, :, k] for k in range(3)),
+        ],
+        axis=1,
     )
     if not a.second_order:
         rows = np.zeros_like(rows)
@@ -91,10 +105,10 @@ def _manoeuvres(a: Appendage) -> list[Vector]:
     axes, rows = a.axes, []
     for m in a.manoeuvres:
         row = np.zeros(at.MANOEUVRE_SIZE)
-        row[: at.TURN_AXIS] = m.begin, m.duration, m.angle, m.profile, 0.0, len(m.table)
-        row[at.TURN_AXIS : at.TURN_AXIS + 3] = m.axis
+        row[: at.ROTATION_AXIS] = m.begin, m.duration, m.angle, m.profile, 0.0, len(m.table)
+        row[at.ROTATION_AXIS : at.ROTATION_AXIS + 3] = m.axis
         row[at.FROM_AXES :] = axes.ravel()
-        axes = turn(m.axis, m.angle) @ axes
+        axes = rotation_matrix(m.axis, m.angle) @ axes
         rows.append(row)
     return rows + [m.table.ravel() for m in a.manoeuvres]
 
@@ -110,52 +124,52 @@ def _place_manoeuvres(block: Vector, a: Appendage, position: int) -> None:
         table += m.table.size
 
 
-def _drive(craft: Spacecraft, d: CraftDrive, places: list[int]) -> Vector:
+def _actuator_block(spacecraft: Spacecraft, d: SpacecraftActuator, places: list[int]) -> Vector:
     """Return the block of an actuator; see layout."""
     head = np.zeros(at.SHAPES)
     direction = np.asarray(d.direction, dtype=float)
-    spot = d.spot
-    head[at.WHAT], head[at.WHOSE] = d.what, -1
+    point = d.point
+    head[at.WHAT], head[at.OWNER_BLOCK] = d.what, -1
     if d.what == at.WHEEL:
-        head[at.INDEX], direction = d.owner, craft.wheels[d.owner].axis
+        head[at.INDEX], direction = d.owner, spacecraft.wheels[d.owner].axis
     elif d.what == at.GYRO:
-        head[at.INDEX] = len(craft.wheels) + d.owner
-        direction = craft.gyros[d.owner].across
+        head[at.INDEX] = len(spacecraft.wheels) + d.owner
+        direction = spacecraft.gyros[d.owner].across
     elif d.what == at.HINGE:
-        before = craft.appendages[: d.owner]
+        before = spacecraft.appendages[: d.owner]
         head[at.INDEX] = sum(a.hinge == at.DRIVEN for a in before)
-    elif spot is not None and d.owner >= 0:
-        a = craft.appendages[d.owner]
-        head[at.WHOSE] = places[d.owner]
+    elif point is not None and d.owner >= 0:
+        a = spacecraft.appendages[d.owner]
+        head[at.OWNER_BLOCK] = places[d.owner]
         if a.hinge == at.FIXED:  # its numbers are in body axes
             r = a.axes.T
             direction = r @ direction
-            spot = Spot(
-                a.place + r @ spot.place, r @ spot.displacement, r @ spot.turn, spot.curvature
+            point = AppendagePoint(
+                a.place + r @ point.place, r @ point.displacement, r @ point.turn, point.curvature
             )
-    if spot is not None:
-        head[at.AT : at.AT + 3] = spot.place
+    if point is not None:
+        head[at.AT : at.AT + 3] = point.place
     head[at.DIRECTION : at.DIRECTION + 3] = direction
-    if spot is None or d.owner < 0 or d.what in (at.WHEEL, at.GYRO, at.HINGE):
+    if point is None or d.owner < 0 or d.what in (at.WHEEL, at.GYRO, at.HINGE):
         return head
-    if d.what == at.MODAL and d.spot is not None:
-        a, share = craft.appendages[d.owner], d.spot.displacement[0]
+    if d.what == at.MODAL and d.point is not None:
+        a, share = spacecraft.appendages[d.owner], d.point.displacement[0]
         i = a.integrals.seen_from(a.place, a.axes) if a.hinge == at.FIXED else a.integrals
         head[at.DIRECTION : at.DIRECTION + 3] = i.translation @ share
         head[at.AT : at.AT + 3] = i.rotation @ share
         return np.concatenate((head, np.zeros(3 * share.size), share))
-    works = spot.turn if d.what == at.TIP_TORQUE else spot.displacement
-    return np.concatenate((head, spot.displacement.ravel(), works.T @ direction))
+    effort_rows = point.turn if d.what == at.TIP_TORQUE else point.displacement
+    return np.concatenate((head, point.displacement.ravel(), effort_rows.T @ direction))
 
 
-def stiffened(craft: Spacecraft, p: Vector, factor: float) -> Vector:
+def scale_stiffness(spacecraft: Spacecraft, p: Vector, factor: float) -> Vector:
     """Return packed numbers with the modes' stiffness times factor.
 
     Damping ratios are kept, and so are alpha and beta of damping by alpha M + beta K.
     """
     out = p.copy()
     table = int(p[at.APPENDAGE_TABLE])
-    for k, a in enumerate(craft.appendages):
+    for k, a in enumerate(spacecraft.appendages):
         b = int(p[table + k])
         n = int(p[b + at.COUNT])
         rest = b + at.SUMS + 3 * n + 9 * n * (n + 1)
@@ -168,11 +182,11 @@ def stiffened(craft: Spacecraft, p: Vector, factor: float) -> Vector:
     return out
 
 
-def begun_at(craft: Spacecraft, p: Vector, time: float) -> Vector:
+def shift_time(spacecraft: Spacecraft, p: Vector, time: float) -> Vector:
     """Return packed numbers with their time zero at this time [s]: hinges turn so much earlier."""
     out = p.copy()
     table = int(p[at.APPENDAGE_TABLE])
-    for k in range(len(craft.appendages)):
+    for k in range(len(spacecraft.appendages)):
         b = int(p[table + k])
         first = int(p[b + at.MOTION_AT])
         for m in range(int(p[b + at.MANOEUVRES])):

@@ -7,8 +7,8 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.assembly.appendages import appendage_of
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import rigid_body, unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import MomentGyro, Spacecraft, Wheel
-from flexslew_plant.testbeds.spacecraft.assembly.described import Described
-from flexslew_plant.testbeds.spacecraft.assembly.drives import drives_of
+from flexslew_plant.testbeds.spacecraft.assembly.described import SpacecraftSection
+from flexslew_plant.testbeds.spacecraft.assembly.drives import make_actuator_list
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import (
     Body,
@@ -17,23 +17,23 @@ from flexslew_plant.testbeds.spacecraft.settings import (
 )
 from flexslew_plant.testbeds.spacecraft.units import UNITS, Units
 
-_MOTIONS = {"free": at.FREE, "held": at.HELD, "pivot": at.PIVOT}
+_MOTION_CODES = {"free": at.FREE, "held": at.HELD, "pivot": at.PIVOT}
 
 
-def spacecraft(described: Described) -> Spacecraft:
+def build_spacecraft(section: SpacecraftSection) -> Spacecraft:
     """Return the spacecraft in SI.
 
     Raises:
         BadInput: a body that cannot exist, directions that are not orthonormal, modes of the
             wrong shape, or a mass matrix that is not positive definite; with the numbers.
     """
-    units, p = UNITS[described.units], described.platform
+    units, p = UNITS[section.units], section.platform
     mass, first, inertia = rigid_body(
         Body(mass=p.mass, centre=p.centre, inertia=p.inertia), units, "testbed.platform"
     )
     parts = tuple(
         appendage_of(name, a, units, f"testbed.appendages.{name}")
-        for name, a in described.appendages.items()
+        for name, a in section.appendages.items()
     )
     wheels = tuple(
         Wheel(
@@ -42,53 +42,55 @@ def spacecraft(described: Described) -> Spacecraft:
             w.inertia * units.torque,
             _largest_speed(w, units),
         )
-        for name, w in described.wheels.items()
+        for name, w in section.wheels.items()
     )
-    gyros = described.control_moment_gyros
+    gyros = section.control_moment_gyros
     if gyros and p.motion != "free":
         raise BadInput(
             "turn a free platform alone; use motion: free", key="testbed.control_moment_gyros"
         )
-    craft = Spacecraft(
+    spacecraft = Spacecraft(
         mass,
         first,
         inertia,
         parts,
         wheels,
-        drives_of(described, parts, units),
-        _MOTIONS[p.motion],
+        make_actuator_list(section, parts, units),
+        _MOTION_CODES[p.motion],
         unit_direction(p.axis, "testbed.platform.axis"),
         np.array(p.place) * units.length,
         tuple(_gyro(name, g, units) for name, g in gyros.items()),
     )
-    require_positive_definite(craft)
-    return craft
+    require_positive_definite(spacecraft)
+    return spacecraft
 
 
-def require_positive_definite(craft: Spacecraft) -> None:
+def require_positive_definite(spacecraft: Spacecraft) -> None:
     """Check the mass matrix at rest, one appendage after another.
 
     Raises:
         BadInput: names the appendage and the lowest eigenvalue, masses scaled to one.
     """
-    mass, first, inertia = craft.mass, craft.first.copy(), craft.inertia.copy()
-    for w in craft.wheels:
+    mass, first, inertia = spacecraft.mass, spacecraft.first.copy(), spacecraft.inertia.copy()
+    for w in spacecraft.wheels:
         inertia = inertia - w.inertia * np.outer(w.axis, w.axis)
     blocks, modal = [np.zeros((6, 0))], np.zeros(0)
-    for a in (None, *craft.appendages):
+    for a in (None, *spacecraft.appendages):
         if a is not None:
             seen = a.integrals.seen_from(a.place, a.axes)
             mass, first, inertia = mass + seen.mass, first + seen.first, inertia + seen.inertia
             blocks.append(np.vstack((seen.translation, seen.rotation)))
             modal = np.concatenate((modal, a.mass))
-        across = np.hstack(blocks)
-        full = np.block([[_rigid_block(mass, first, inertia), across], [across.T, np.diag(modal)]])
+        modal_block = np.hstack(blocks)
+        full = np.block(
+            [[_rigid_block(mass, first, inertia), modal_block], [modal_block.T, np.diag(modal)]]
+        )
         scale = 1.0 / np.sqrt(abs(np.diag(full)))
         lowest = float(np.linalg.eigvalsh(scale[:, None] * full * scale).min())
         if not lowest > 1e-12:
-            culprit = "wheels" if a is None else f"appendages.{a.name}"
+            part = "wheels" if a is None else f"appendages.{a.name}"
             raise BadInput(
-                f"testbed.{culprit}: the mass matrix with the platform is not positive definite: "
+                f"testbed.{part}: the mass matrix with the platform is not positive definite: "
                 f"lowest eigenvalue {lowest:.3g} (diagonal scaled to one); "
                 "check its masses, inertias and participation factors"
             )

@@ -17,7 +17,7 @@ from flexslew_plant.testbeds.spacecraft.equations.rigid_block import put
 
 @called
 def _platform_force(
-    p: Vector, t: float, x: Vector, d: int, u: float, own_q: int, own_v: int, nq: int
+    p: Vector, t: float, x: Vector, d: int, u: float, platform_q: int, platform_v: int, nq: int
 ) -> tuple[Triple, Triple, float]:
     """Return force and moment on the platform in body axes and the moment about the hinge.
 
@@ -28,7 +28,7 @@ def _platform_force(
         own_q, own_v, nq: see frames.offsets.
     """
     direction, place = scaled(u, triple(p, d + at.DIRECTION)), triple(p, d + at.AT)
-    what, b = p[d + at.WHAT], int(p[d + at.WHOSE])
+    what, b = p[d + at.WHAT], int(p[d + at.OWNER_BLOCK])
     none = (0.0, 0.0, 0.0)
     if what == at.FORCE or what == at.THRUSTER:
         return direction, cross(place, direction), 0.0
@@ -43,19 +43,19 @@ def _platform_force(
         arm = cross(triple(p, b + at.PLACE), pull)
         return pull, plus(arm, apply_transposed(e, moment)), 0.0
     n = int(p[b + at.COUNT])
-    q = own_q + int(p[at.HINGES]) + int(p[at.WHEELS]) + int(p[b + at.START])
+    q = platform_q + int(p[at.HINGES]) + int(p[at.WHEELS]) + int(p[b + at.START])
     shape = d + at.SHAPES
     force, moment = none, direction
     if what == at.POINT_FORCE:
         for i in range(n):
-            moved = (p[shape + i], p[shape + n + i], p[shape + 2 * n + i])
-            place = plus(place, scaled(x[q + i], moved))
+            mode_column = (p[shape + i], p[shape + n + i], p[shape + 2 * n + i])
+            place = plus(place, scaled(x[q + i], mode_column))
         force, moment = direction, cross(place, direction)
     if p[b + at.KIND] == at.FIXED:
         return force, moment, 0.0
     angle, rate = 0.0, 0.0
     if p[b + at.KIND] == at.DRIVEN:
-        angle = x[own_q + int(p[b + at.HINGE_INDEX])]
+        angle = x[platform_q + int(p[b + at.HINGE_INDEX])]
     e, _, _ = hinge_frame(p, b, t, angle, rate)
     pull = apply_transposed(e, force)
     arm = cross(triple(p, b + at.PLACE), pull)
@@ -76,9 +76,9 @@ def _platform_share(p: Vector, force: Triple, moment: Triple, out: Vector) -> No
 @compiled_once("out")
 def actuation(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> None:
     """Add B(q, t) u to the generalised forces `out`, shape (nv,)."""
-    own_q, own_v, nq, _ = offsets(p)
+    platform_q, platform_v, nq, _ = offsets(p)
     hinges, wheels = int(p[at.HINGES]), int(p[at.WHEELS])
-    mode = own_v + hinges + wheels
+    mode = platform_v + hinges + wheels
     table = int(p[at.ACTUATOR_TABLE])
     for k in range(int(p[at.ACTUATORS])):
         u = effort[k]
@@ -87,21 +87,21 @@ def actuation(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> No
         d = int(p[table + k])
         index = int(p[d + at.INDEX])
         if p[d + at.WHAT] == at.HINGE:
-            out[own_v + index] += u
+            out[platform_v + index] += u
             continue
         if p[d + at.WHAT] == at.WHEEL:
-            out[own_v + hinges + index] -= u
+            out[platform_v + hinges + index] -= u
             continue
         if p[d + at.WHAT] == at.GYRO:
-            gimbal = own_v + hinges + index
+            gimbal = platform_v + hinges + index
             out[gimbal] -= u
             row = int(p[at.WHEEL_TABLE]) + at.WHEEL_SIZE * index
-            across = rotor(p, row, x[nq + gimbal])[1]
-            _platform_share(p, (0.0, 0.0, 0.0), scaled(u, across), out)
+            torque_axis = rotor(p, row, x[nq + gimbal])[1]
+            _platform_share(p, (0.0, 0.0, 0.0), scaled(u, torque_axis), out)
             continue
-        force, moment, about_hinge = _platform_force(p, t, x, d, u, own_q, own_v, nq)
+        force, moment, hinge_moment = _platform_force(p, t, x, d, u, platform_q, platform_v, nq)
         _platform_share(p, force, moment, out)
-        b = int(p[d + at.WHOSE])
+        b = int(p[d + at.OWNER_BLOCK])
         if b < 0:
             continue
         n, first = int(p[b + at.COUNT]), mode + int(p[b + at.START])
@@ -109,4 +109,4 @@ def actuation(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> No
         for i in range(n):
             out[first + i] += u * p[share + i]
         if p[b + at.KIND] == at.DRIVEN:
-            out[own_v + int(p[b + at.HINGE_INDEX])] += about_hinge
+            out[platform_v + int(p[b + at.HINGE_INDEX])] += hinge_moment

@@ -5,30 +5,30 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector, called, compiled
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import (
-    deflected,
+    geometric_rate_terms,
+    geometric_rows,
     hinge_frame,
     offsets,
     platform_velocity,
-    shortening,
-    shortening_rates,
+    write_modal_sums,
 )
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
-    Nine,
+    Matrix3,
     Triple,
     apply,
     apply_transposed,
     cross,
     dot,
-    nine,
     plus,
+    read_matrix3,
     scaled,
     symmetric,
     triple,
 )
 from flexslew_plant.testbeds.spacecraft.equations.sums import (
     row_of,
-    six_of_row,
-    six_sums,
+    symmetric_row,
+    symmetric_sums,
     three_sums,
     unit_vector,
 )
@@ -53,44 +53,44 @@ def add_appendage(
         dx: in and out, columns of (R, attitude as six, hinges, wheels, modes).
         dv: in and out, columns of (V, w, hinges, wheels, modes).
     """
-    own_q, own_v, nq, _ = offsets(p)
+    platform_q, platform_v, nq, _ = offsets(p)
     before = int(p[at.HINGES]) + int(p[at.WHEELS])
     n, first = int(p[b + at.COUNT]), int(p[b + at.START])
-    q, v, row = own_q + before + first, nq + own_v + before + first, 6 + before + first
-    fixed, driven = p[b + at.KIND] == at.FIXED, p[b + at.KIND] == at.DRIVEN
+    q, v, row = platform_q + before + first, nq + platform_v + before + first, 6 + before + first
+    fixed, has_motor = p[b + at.KIND] == at.FIXED, p[b + at.KIND] == at.DRIVEN
     hinge = int(p[b + at.HINGE_INDEX])
     body_velocity, body_spin = platform_velocity(p, x, nq)
-    body_push, body_turn = triple(a, 0), triple(a, 3)
-    place, axis, e = triple(p, b + at.PLACE), triple(p, b + at.AXIS), nine(p, b + at.AXES)
+    body_push, body_alpha = triple(a, 0), triple(a, 3)
+    place, axis, e = triple(p, b + at.PLACE), triple(p, b + at.AXIS), read_matrix3(p, b + at.AXES)
     none = (0.0, 0.0, 0.0)
-    velocity, spin, push, turning = body_velocity, body_spin, body_push, body_turn
-    relative, carried, felt = none, none, none
+    velocity, spin, push, alpha = body_velocity, body_spin, body_push, body_alpha
+    relative, base_spin, hinge_push = none, none, none
     if not fixed:
         angle, rate = 0.0, 0.0
-        if driven:
-            angle, rate = x[own_q + hinge], x[nq + own_v + hinge]
+        if has_motor:
+            angle, rate = x[platform_q + hinge], x[nq + platform_v + hinge]
         e, relative, relative_rate = hinge_frame(p, b, t, angle, rate)
-        if driven:
+        if has_motor:
             relative_rate = scaled(a[6 + hinge], axis)
         velocity = apply(e, plus(body_velocity, cross(body_spin, place)))
-        carried = apply(e, body_spin)
-        spin = plus(carried, relative)
-        felt = apply(e, plus(body_push, cross(body_turn, place)))
-        push = plus(felt, cross(velocity, relative))
-        turning = plus(plus(apply(e, body_turn), relative_rate), cross(carried, relative))
+        base_spin = apply(e, body_spin)
+        spin = plus(base_spin, relative)
+        hinge_push = apply(e, plus(body_push, cross(body_alpha, place)))
+        push = plus(hinge_push, cross(velocity, relative))
+        alpha = plus(plus(apply(e, body_alpha), relative_rate), cross(base_spin, relative))
     w = np.empty(12 * n)
-    deflected(p, b, x, q, w)
+    write_modal_sums(p, b, x, q, w)
     sums = b + at.SUMS
     base = sums + 3 * n
     rows, rest = base + 9 * n, base + 9 * n * (n + 1)
-    second, shortens = p[b + at.SECOND_ORDER] > 0.5, p[b + at.GEOMETRIC] > 0.5
-    short = shortening(b, n)
-    m = p[b + at.OWN_MASS]
-    twice = plus(three_sums(p, n, x, q, sums), three_sums(w, n, x, q, 9 * n))
-    s = plus(triple(p, b + at.OWN_FIRST), scaled(0.5, twice))
+    second, has_geometric = p[b + at.SECOND_ORDER] > 0.5, p[b + at.GEOMETRIC] > 0.5
+    short = geometric_rows(b, n)
+    m = p[b + at.BODY_MASS]
+    double_sum = plus(three_sums(p, n, x, q, sums), three_sums(w, n, x, q, 9 * n))
+    s = plus(triple(p, b + at.BODY_FIRST), scaled(0.5, double_sum))
     ds = three_sums(w, n, x, v, 9 * n)
-    half_1, half_2 = six_sums(p, n, x, q, base), six_sums(w, n, x, q, 0)
-    o = b + at.OWN_INERTIA
+    half_1, half_2 = symmetric_sums(p, n, x, q, base), symmetric_sums(w, n, x, q, 0)
+    o = b + at.BODY_INERTIA
     j = (
         p[o] + 0.5 * (half_1[0] + half_2[0]),
         p[o + 1] + 0.5 * (half_1[1] + half_2[1]),
@@ -99,15 +99,15 @@ def add_appendage(
         p[o + 4] + 0.5 * (half_1[4] + half_2[4]),
         p[o + 5] + 0.5 * (half_1[5] + half_2[5]),
     )
-    dj = six_sums(w, n, x, v, 0)
+    dj = symmetric_sums(w, n, x, v, 0)
     linear = plus(plus(scaled(m, velocity), cross(spin, s)), ds)
     angular = plus(plus(cross(s, velocity), symmetric(j, spin)), three_sums(w, n, x, v, 6 * n))
     # one column a variable; the last 6 + n entries of work hold dr_V, dr_w, dr_q
     out = np.empty(6 + n)
     for k in range(8):
-        if k >= 6 and not driven:
+        if k >= 6 and not has_motor:
             break
-        d_velocity, d_spin, d_push, d_turning = none, none, none, none
+        d_velocity, d_spin, d_push, d_alpha = none, none, none, none
         if k < 3:
             d_velocity = unit_vector(k)
             if not fixed:
@@ -119,30 +119,30 @@ def add_appendage(
                 d_velocity = apply(e, cross(d_spin, place))
                 d_spin = apply(e, d_spin)
                 d_push = cross(d_velocity, relative)
-                d_turning = cross(d_spin, relative)
+                d_alpha = cross(d_spin, relative)
         elif k == 6:  # the angle
             d_velocity = cross(velocity, axis)
-            d_spin = cross(carried, axis)
-            d_push = plus(cross(felt, axis), cross(d_velocity, relative))
-            d_turning = plus(cross(apply(e, body_turn), axis), cross(d_spin, relative))
+            d_spin = cross(base_spin, axis)
+            d_push = plus(cross(hinge_push, axis), cross(d_velocity, relative))
+            d_alpha = plus(cross(apply(e, body_alpha), axis), cross(d_spin, relative))
         else:  # the rate
             d_spin = axis
             d_push = cross(velocity, axis)
-            d_turning = cross(carried, axis)
+            d_alpha = cross(base_spin, axis)
         d_linear = plus(scaled(m, d_velocity), cross(d_spin, s))
         d_angular = plus(cross(s, d_velocity), symmetric(j, d_spin))
-        force = plus(scaled(m, d_push), cross(d_turning, s))
+        force = plus(scaled(m, d_push), cross(d_alpha, s))
         force = plus(force, plus(cross(d_spin, ds), cross(d_spin, linear)))
         force = plus(force, cross(spin, d_linear))
-        torque = plus(cross(s, d_push), symmetric(j, d_turning))
+        torque = plus(cross(s, d_push), symmetric(j, d_alpha))
         torque = plus(torque, plus(cross(ds, d_velocity), symmetric(dj, d_spin)))
         torque = plus(torque, plus(cross(d_spin, angular), cross(spin, d_angular)))
         torque = plus(torque, plus(cross(d_velocity, linear), cross(velocity, d_linear)))
-        swept = plus(cross(d_velocity, spin), cross(velocity, d_spin))
+        cross_velocity = plus(cross(d_velocity, spin), cross(velocity, d_spin))
         for i in range(n):
-            along, about = row_of(w, n, 9 * n, i), row_of(w, n, 6 * n, i)
-            out[6 + i] = dot(along, d_push) + dot(about, d_turning) - dot(along, swept)
-            out[6 + i] -= dot(spin, symmetric(six_of_row(w, n, 0, i), d_spin))
+            along, moment_row = row_of(w, n, 9 * n, i), row_of(w, n, 6 * n, i)
+            out[6 + i] = dot(along, d_push) + dot(moment_row, d_alpha) - dot(along, cross_velocity)
+            out[6 + i] -= dot(spin, symmetric(symmetric_row(w, n, 0, i), d_spin))
         if second:
             for k2 in range(n):
                 rate_2 = 2.0 * x[v + k2]
@@ -175,56 +175,56 @@ def add_appendage(
                 velocity,
                 spin,
                 push,
-                turning,
+                alpha,
             )
             pull = apply_transposed(e, cross(axis, all_force))
-            about_body = plus(cross(place, pull), apply_transposed(e, cross(axis, all_torque)))
+            body_torque = plus(cross(place, pull), apply_transposed(e, cross(axis, all_torque)))
             for c in range(3):
                 dx[c, 6 + hinge] += pull[c]
-                dx[3 + c, 6 + hinge] += about_body[c]
+                dx[3 + c, 6 + hinge] += body_torque[c]
     for k in range(n):
         # modal rate k
-        along, about = row_of(w, n, 9 * n, k), row_of(w, n, 6 * n, k)
-        grown = symmetric(six_of_row(w, n, 0, k), spin)
+        along, moment_row = row_of(w, n, 9 * n, k), row_of(w, n, 6 * n, k)
+        inertia_term = symmetric(symmetric_row(w, n, 0, k), spin)
         force = scaled(2.0, cross(spin, along))
-        torque = plus(grown, cross(spin, about))
-        own = short + 6 * n * k
-        if shortens:
-            force = plus(force, scaled(2.0, three_sums(p, n, x, v, own)))
-            torque = plus(torque, scaled(2.0, three_sums(p, n, x, v, own + 3 * n)))
+        torque = plus(inertia_term, cross(spin, moment_row))
+        mode_start = short + 6 * n * k
+        if has_geometric:
+            force = plus(force, scaled(2.0, three_sums(p, n, x, v, mode_start)))
+            torque = plus(torque, scaled(2.0, three_sums(p, n, x, v, mode_start + 3 * n)))
         for i in range(n):
             out[6 + i] = p[rest + 2 * n + i * n + k]
             if second:
                 out[6 + i] += 2.0 * dot(row_of(p, n, rows + 9 * n * k + 6 * n, i), spin)
         _place(p, b, e, fixed, force, torque, dv, row + k, out, row, n)
         # modal coordinate k
-        force = plus(cross(turning, along), cross(spin, cross(spin, along)))
-        inner = plus(cross(along, velocity), grown)
-        torque = plus(cross(along, push), symmetric(six_of_row(w, n, 0, k), turning))
+        force = plus(cross(alpha, along), cross(spin, cross(spin, along)))
+        inner = plus(cross(along, velocity), inertia_term)
+        torque = plus(cross(along, push), symmetric(symmetric_row(w, n, 0, k), alpha))
         out[6:] = 0.0
         if second:
             t_row = rows + 9 * n * k
             torque = plus(torque, three_sums(p, n, a, row, t_row + 6 * n))
-            torque = plus(torque, symmetric(six_sums(p, n, x, v, t_row), spin))
+            torque = plus(torque, symmetric(symmetric_sums(p, n, x, v, t_row), spin))
             inner = plus(inner, three_sums(p, n, x, v, t_row + 6 * n))
             for i in range(n):
-                out[6 + i] = dot(row_of(p, n, t_row + 6 * n, i), turning)
-                out[6 + i] -= 0.5 * dot(spin, symmetric(six_of_row(p, n, t_row, i), spin))
-        if shortens:
-            drawn_in = three_sums(p, n, x, v, own)
-            force = plus(force, three_sums(p, n, a, row, own))
-            force = plus(force, scaled(2.0, cross(spin, drawn_in)))
-            torque = plus(torque, three_sums(p, n, a, row, own + 3 * n))
-            inner = plus(inner, three_sums(p, n, x, v, own + 3 * n))
-            felt_here = plus(push, cross(spin, velocity))
+                out[6 + i] = dot(row_of(p, n, t_row + 6 * n, i), alpha)
+                out[6 + i] -= 0.5 * dot(spin, symmetric(symmetric_row(p, n, t_row, i), spin))
+        if has_geometric:
+            geometric_velocity = three_sums(p, n, x, v, mode_start)
+            force = plus(force, three_sums(p, n, a, row, mode_start))
+            force = plus(force, scaled(2.0, cross(spin, geometric_velocity)))
+            torque = plus(torque, three_sums(p, n, a, row, mode_start + 3 * n))
+            inner = plus(inner, three_sums(p, n, x, v, mode_start + 3 * n))
+            frame_acceleration = plus(push, cross(spin, velocity))
             for i in range(n):
-                out[6 + i] += dot(row_of(p, n, own, i), felt_here)
-                out[6 + i] += dot(row_of(p, n, own + 3 * n, i), turning)
+                out[6 + i] += dot(row_of(p, n, mode_start, i), frame_acceleration)
+                out[6 + i] += dot(row_of(p, n, mode_start + 3 * n, i), alpha)
         out[6 + k] += p[rest + n + k]
         torque = plus(torque, cross(spin, inner))
         torque = plus(torque, cross(velocity, cross(spin, along)))
         _place(p, b, e, fixed, force, torque, dx, row + k, out, row, n)
-    if driven:
+    if has_motor:
         dx[6 + hinge, 6 + hinge] += p[b + at.HINGE_STIFFNESS]
         dv[6 + hinge, 6 + hinge] += p[b + at.HINGE_DAMPING]
 
@@ -249,25 +249,25 @@ def _residual(
     velocity: Triple,
     spin: Triple,
     push: Triple,
-    turning: Triple,
+    alpha: Triple,
 ) -> tuple[Triple, Triple]:
     """Return r_V and r_w of an appendage in its own axes."""
     n = int(p[b + at.COUNT])
-    force = plus(plus(scaled(m, push), cross(turning, s)), three_sums(w, n, a, row, 9 * n))
+    force = plus(plus(scaled(m, push), cross(alpha, s)), three_sums(w, n, a, row, 9 * n))
     force = plus(force, plus(cross(spin, ds), cross(spin, linear)))
-    torque = plus(cross(s, push), symmetric(j, turning))
+    torque = plus(cross(s, push), symmetric(j, alpha))
     torque = plus(torque, three_sums(w, n, a, row, 6 * n))
     torque = plus(torque, plus(cross(ds, velocity), symmetric(dj, spin)))
     torque = plus(torque, plus(cross(spin, angular), cross(velocity, linear)))
-    pulled_in, turned_in = shortening_rates(p, b, x, v)
-    return plus(force, pulled_in), plus(torque, turned_in)
+    rate_force, rate_torque = geometric_rate_terms(p, b, x, v)
+    return plus(force, rate_force), plus(torque, rate_torque)
 
 
 @called
 def _place(
     p: Vector,
     b: int,
-    e: Nine,
+    e: Matrix3,
     fixed: bool,
     force: Triple,
     torque: Triple,

@@ -5,14 +5,14 @@ import numpy as np
 from flexslew_plant.arrays import Vector, called
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
-    Nine,
+    Matrix3,
     Triple,
     cross,
-    nine,
     plus,
+    read_matrix3,
+    rotate_frame,
     scaled,
     triple,
-    turned,
 )
 from flexslew_plant.testbeds.spacecraft.equations.hinge_motion import prescribed
 
@@ -33,9 +33,9 @@ def platform_velocity(p: Vector, x: Vector, v: int) -> tuple[Triple, Triple]:
     """Return V and w along body axes; v is where the velocities begin."""
     if p[at.MOTION] == at.FREE:
         return triple(x, v), triple(x, v + 3)
-    still = (0.0, 0.0, 0.0)
+    rest = (0.0, 0.0, 0.0)
     if p[at.MOTION] == at.HELD:
-        return still, still
+        return rest, rest
     rate = x[v]
     return (
         scaled(rate, triple(p, at.PIVOT_AXES)),
@@ -52,16 +52,16 @@ def rotor(p: Vector, table: int, angle: float) -> tuple[Triple, Triple]:
         table: where its numbers lie.
         angle: of its gimbal [rad].
     """
-    axis, still = triple(p, table), triple(p, table + at.ROTOR_AXIS)
-    across = cross(axis, still)
+    axis, rest = triple(p, table), triple(p, table + at.ROTOR_AXIS)
+    normal = cross(axis, rest)
     c, s = np.cos(angle), np.sin(angle)
-    return plus(scaled(c, still), scaled(s, across)), plus(scaled(c, across), scaled(-s, still))
+    return plus(scaled(c, rest), scaled(s, normal)), plus(scaled(c, normal), scaled(-s, rest))
 
 
 @called
 def hinge_frame(
     p: Vector, b: int, t: float, angle: float, rate: float
-) -> tuple[Nine, Triple, Triple]:
+) -> tuple[Matrix3, Triple, Triple]:
     """Return E, the relative rate and its derivative without the hinge's own acceleration.
 
     Args:
@@ -73,13 +73,13 @@ def hinge_frame(
     """
     if p[b + at.KIND] == at.DRIVEN:
         axis = triple(p, b + at.AXIS)
-        e = turned(axis, np.cos(angle), np.sin(angle), nine(p, b + at.AXES))
+        e = rotate_frame(axis, np.cos(angle), np.sin(angle), read_matrix3(p, b + at.AXES))
         return e, scaled(rate, axis), (0.0, 0.0, 0.0)
     return prescribed(p, b, t)
 
 
 @called
-def deflected(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
+def write_modal_sums(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
     """Write [D, C, P] of an appendage at the deflected shape, component by component, (12 n,).
 
     D_j = dJ/dq_j in the order xx, yy, zz, xy, xz, yz; C = sum m x~ Phi; P = sum m Phi. Where the
@@ -106,7 +106,7 @@ def deflected(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
                 w[c] += qi * p[row + c]
             row += 9 * n
     if p[b + at.GEOMETRIC] > 0.5:
-        row = shortening(b, n)
+        row = geometric_rows(b, n)
         for i in range(n):
             qi = x[q + i]
             for c in range(3 * n):
@@ -116,7 +116,7 @@ def deflected(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
 
 
 @called
-def shortening(b: int, n: int) -> int:
+def geometric_rows(b: int, n: int) -> int:
     """Return where the rows [S_i (3 n), R_i (3 n)] of an appendage begin.
 
     S_ij = sum m s_ij and R_ij = sum m r x s_ij, with s_ij the displacement of second order.
@@ -125,12 +125,12 @@ def shortening(b: int, n: int) -> int:
 
 
 @called
-def shortening_rates(p: Vector, b: int, x: Vector, v: int) -> tuple[Triple, Triple]:
+def geometric_rate_terms(p: Vector, b: int, x: Vector, v: int) -> tuple[Triple, Triple]:
     """Return sum q'_i q'_j S_ij and sum q'_i q'_j R_ij, (0, 0, 0) where nothing shortens."""
     fx, fy, fz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if p[b + at.GEOMETRIC] > 0.5:
         n = int(p[b + at.COUNT])
-        row = shortening(b, n)
+        row = geometric_rows(b, n)
         for i in range(n):
             for j in range(n):
                 square = x[v + i] * x[v + j]

@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 from flexslew_plant.arrays import Vector, called
 
 Triple: TypeAlias = tuple[float, float, float]
-Nine: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+Matrix3: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 
 
 @called
@@ -39,7 +39,7 @@ def triple(p: Vector, at: int) -> Triple:
 
 
 @called
-def nine(p: Vector, at: int) -> Nine:
+def read_matrix3(p: Vector, at: int) -> Matrix3:
     """Return the nine numbers of p from `at` on: a matrix, row by row."""
     return (
         p[at],
@@ -55,7 +55,7 @@ def nine(p: Vector, at: int) -> Nine:
 
 
 @called
-def apply(e: Nine, a: Triple) -> Triple:
+def apply(e: Matrix3, a: Triple) -> Triple:
     """Return E a."""
     return (
         e[0] * a[0] + e[1] * a[1] + e[2] * a[2],
@@ -65,7 +65,7 @@ def apply(e: Nine, a: Triple) -> Triple:
 
 
 @called
-def apply_transposed(e: Nine, a: Triple) -> Triple:
+def apply_transposed(e: Matrix3, a: Triple) -> Triple:
     """Return E^T a."""
     return (
         e[0] * a[0] + e[3] * a[1] + e[6] * a[2],
@@ -85,7 +85,7 @@ def symmetric(j: Any, a: Triple) -> Triple:
 
 
 @called
-def rotation(x: float, y: float, z: float, w: float) -> Nine:
+def rotation(x: float, y: float, z: float, w: float) -> Matrix3:
     """Return the rotation from inertial axes to those that a unit quaternion has turned."""
     return (
         w * w + x * x - y * y - z * z,
@@ -101,7 +101,7 @@ def rotation(x: float, y: float, z: float, w: float) -> Nine:
 
 
 @called
-def turned(axis: Triple, c: float, s: float, e: Nine) -> Nine:
+def rotate_frame(axis: Triple, c: float, s: float, e: Matrix3) -> Matrix3:
     """Return Rot(axis, -angle) E: the direction cosines after a turn about axis (both frames').
 
     Args:

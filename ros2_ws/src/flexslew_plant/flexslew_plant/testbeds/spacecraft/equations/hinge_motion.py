@@ -5,12 +5,12 @@ import numpy as np
 from flexslew_plant.arrays import Vector, called, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
-    Nine,
+    Matrix3,
     Triple,
-    nine,
+    read_matrix3,
+    rotate_frame,
     scaled,
     triple,
-    turned,
 )
 
 
@@ -66,23 +66,23 @@ def next_jump(p: Vector, t: float) -> float:
         p: packed spacecraft.
         t: time [s].
     """
-    soonest, table = np.inf, int(p[at.APPENDAGE_TABLE])
+    first_jump, table = np.inf, int(p[at.APPENDAGE_TABLE])
     for k in range(int(p[at.APPENDAGES])):
         b = int(p[table + k])
         for i in range(int(p[b + at.MANOEUVRES])):
             m = int(p[b + at.MOTION_AT]) + i * at.MANOEUVRE_SIZE
             if p[m + at.PROFILE] == at.SMOOTH:
                 continue
-            halves = 2 if p[m + at.PROFILE] == at.BANG_BANG else 1
-            for half in range(halves + 1):
-                jump = p[m + at.BEGIN] + p[m + at.LENGTH] * half / halves
-                if t < jump < soonest:
-                    soonest = jump
-    return float(soonest)
+            parts = 2 if p[m + at.PROFILE] == at.BANG_BANG else 1
+            for half in range(parts + 1):
+                jump = p[m + at.BEGIN] + p[m + at.LENGTH] * half / parts
+                if t < jump < first_jump:
+                    first_jump = jump
+    return float(first_jump)
 
 
 @called
-def prescribed(p: Vector, b: int, t: float) -> tuple[Nine, Triple, Triple]:
+def prescribed(p: Vector, b: int, t: float) -> tuple[Matrix3, Triple, Triple]:
     """Return E, w_e and w_e' of a prescribed hinge at time t; the rates in appendage axes.
 
     Args:
@@ -95,15 +95,17 @@ def prescribed(p: Vector, b: int, t: float) -> tuple[Nine, Triple, Triple]:
     for k in range(count):
         if t >= p[m + k * at.MANOEUVRE_SIZE + at.BEGIN]:
             last = k
-    still = (0.0, 0.0, 0.0)
+    zero = (0.0, 0.0, 0.0)
     if last < 0:
-        return nine(p, b + at.AXES), still, still
+        return read_matrix3(p, b + at.AXES), zero, zero
     m += last * at.MANOEUVRE_SIZE
-    length, angle, axis = p[m + at.LENGTH], p[m + at.ANGLE], triple(p, m + at.TURN_AXIS)
+    length, angle, axis = p[m + at.LENGTH], p[m + at.ANGLE], triple(p, m + at.ROTATION_AXIS)
     s = (t - p[m + at.BEGIN]) / length
     if s >= 1.0:
         done, rate, acceleration = 1.0, 0.0, 0.0
     else:
         done, rate, acceleration = share(p, m, s)
-    e = turned(axis, np.cos(angle * done), np.sin(angle * done), nine(p, m + at.FROM_AXES))
+    e = rotate_frame(
+        axis, np.cos(angle * done), np.sin(angle * done), read_matrix3(p, m + at.FROM_AXES)
+    )
     return e, scaled(angle * rate / length, axis), scaled(angle * acceleration / length**2, axis)

@@ -23,13 +23,13 @@ from flexslew_plant.testbeds.spacecraft.equations.sums import unit_vector
 @compiled_once("dq", "dv")
 def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
     """Write dr/dq, shape (nv, nq), and dr/dv, shape (nv, nv), of r = M a + h at fixed a."""
-    own_q, own_v, nq, nv = offsets(p)
+    platform_q, platform_v, nq, nv = offsets(p)
     hinges, wheels = int(p[at.HINGES]), int(p[at.WHEELS])
-    others = nv - own_v
+    others = nv - platform_v
     size = 6 + others
     acceleration = np.zeros(size)
     for k in range(others):
-        acceleration[6 + k] = a[own_v + k]
+        acceleration[6 + k] = a[platform_v + k]
     if p[at.MOTION] == at.FREE:
         for k in range(6):
             acceleration[k] = a[k]
@@ -44,18 +44,18 @@ def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv:
     angular = plus(cross(s, velocity), symmetric(j, spin))
     table = int(p[at.WHEEL_TABLE])
     for k in range(wheels):
-        own = scaled(p[table + at.WHEEL_INERTIA], triple(p, table))
-        rate = x[nq + own_v + hinges + k]
+        momentum_slope = scaled(p[table + at.WHEEL_INERTIA], triple(p, table))
+        rate = x[nq + platform_v + hinges + k]
         momentum = p[table + at.ROTOR_MOMENTUM]
         if momentum > 0.0:
-            spun, across = rotor(p, table, rate)
-            angular = plus(angular, scaled(momentum, spun))
-            own = scaled(momentum, across)
+            spin_axis, torque_axis = rotor(p, table, rate)
+            angular = plus(angular, scaled(momentum, spin_axis))
+            momentum_slope = scaled(momentum, torque_axis)
         else:
-            angular = plus(angular, scaled(rate, own))
-        turned_by = cross(spin, own)
+            angular = plus(angular, scaled(rate, momentum_slope))
+        gyro_torque = cross(spin, momentum_slope)
         for c in range(3):
-            by_v[3 + c, 6 + hinges + k] += turned_by[c]
+            by_v[3 + c, 6 + hinges + k] += gyro_torque[c]
         table += at.WHEEL_SIZE
     for k in range(6):
         d_velocity, d_spin = unit_vector(k), unit_vector(k - 3)
@@ -73,8 +73,8 @@ def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv:
     dq[:] = 0.0
     for i in range(others):
         for k in range(others):
-            dv[own_v + i, own_v + k] = by_v[6 + i, 6 + k]
-            dq[own_v + i, own_q + k] = by_q[6 + i, 6 + k]
+            dv[platform_v + i, platform_v + k] = by_v[6 + i, 6 + k]
+            dq[platform_v + i, platform_q + k] = by_q[6 + i, 6 + k]
     if p[at.MOTION] == at.FREE:
         for i in range(6):
             for k in range(size):

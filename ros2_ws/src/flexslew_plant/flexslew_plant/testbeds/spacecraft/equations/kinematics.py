@@ -12,8 +12,8 @@ from flexslew_plant.testbeds.spacecraft.equations.geometry import (
 def potential(p: Vector, t: float, q: Vector) -> float:
     """Return the strain energy of appendages and sprung hinges [J]."""
     energy = 0.0
-    own_q = offsets(p)[0]
-    mode_q = own_q + int(p[at.HINGES]) + int(p[at.WHEELS])
+    platform_q = offsets(p)[0]
+    mode_q = platform_q + int(p[at.HINGES]) + int(p[at.WHEELS])
     table = int(p[at.APPENDAGE_TABLE])
     for k in range(int(p[at.APPENDAGES])):
         b = int(p[table + k])
@@ -22,7 +22,7 @@ def potential(p: Vector, t: float, q: Vector) -> float:
         for i in range(n):
             energy += 0.5 * p[stiffness + i] * q[first + i] ** 2
         if p[b + at.KIND] == at.DRIVEN:
-            angle = q[own_q + int(p[b + at.HINGE_INDEX])]
+            angle = q[platform_q + int(p[b + at.HINGE_INDEX])]
             energy += 0.5 * p[b + at.HINGE_STIFFNESS] * angle * angle
     return energy
 
@@ -30,9 +30,9 @@ def potential(p: Vector, t: float, q: Vector) -> float:
 @compiled_once("rate")
 def kinematics(p: Vector, t: float, x: Vector, rate: Vector) -> None:
     """Write q' = N(q) v, shape (nq,): R' = A V, quaternion' = quaternion (w, 0) / 2."""
-    own_q, own_v, nq, nv = offsets(p)
-    for i in range(nv - own_v):
-        rate[own_q + i] = x[nq + own_v + i]
+    platform_q, platform_v, nq, nv = offsets(p)
+    for i in range(nv - platform_v):
+        rate[platform_q + i] = x[nq + platform_v + i]
     if p[at.MOTION] == at.PIVOT:
         rate[0] = x[nq]
     if p[at.MOTION] == at.FREE:
@@ -54,11 +54,11 @@ def kinematics(p: Vector, t: float, x: Vector, rate: Vector) -> None:
 @compiled
 def kinematics_jacobian(p: Vector, t: float, x: Vector, dq: Matrix, dv: Matrix) -> None:
     """Write d(N v)/dq, shape (nq, nq), and N, shape (nq, nv), of q' = N(q) v."""
-    own_q, own_v, nq, nv = offsets(p)
+    platform_q, platform_v, nq, nv = offsets(p)
     dq[:] = 0.0
     dv[:] = 0.0
-    for i in range(nv - own_v):
-        dv[own_q + i, own_v + i] = 1.0
+    for i in range(nv - platform_v):
+        dv[platform_q + i, platform_v + i] = 1.0
     if p[at.MOTION] == at.PIVOT:
         dv[0, 0] = 1.0
     if p[at.MOTION] != at.FREE:

@@ -30,14 +30,14 @@ WHEEL_SIZE = 8
 
 # an appendage's block
 KIND, COUNT, START, HINGE_INDEX, SECOND_ORDER, MOTION_AT, MANOEUVRES = 0, 1, 2, 3, 4, 5, 6
-PLACE, AXES, AXIS, OWN_MASS, OWN_FIRST, OWN_INERTIA = 7, 10, 19, 22, 23, 26
+PLACE, AXES, AXIS, BODY_MASS, BODY_FIRST, BODY_INERTIA = 7, 10, 19, 22, 23, 26
 HINGE_STIFFNESS, HINGE_DAMPING = 32, 33
 GEOMETRIC = 34  # whether rows [S (3 n), R (3 n)] of every mode follow the damping
 SUMS = 35  # P (3 n), then [J1 (6 n), H (3 n)], T (n, 9 n), mass, stiffness (n), damping (n, n)
 
 # a manoeuvre of a prescribed hinge
-BEGIN, LENGTH, ANGLE, PROFILE, TABLE_AT, ROWS, TURN_AXIS, FROM_AXES = 0, 1, 2, 3, 4, 5, 6, 9
+BEGIN, LENGTH, ANGLE, PROFILE, TABLE_AT, ROWS, ROTATION_AXIS, FROM_AXES = 0, 1, 2, 3, 4, 5, 6, 9
 MANOEUVRE_SIZE = 18
 
 # an actuator: kind, appendage's block, index, place, direction; then Phi (3 n), share (n)
-WHAT, WHOSE, INDEX, AT, DIRECTION, SHAPES = 0, 1, 2, 3, 6, 9
+WHAT, OWNER_BLOCK, INDEX, AT, DIRECTION, SHAPES = 0, 1, 2, 3, 6, 9

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexslew_plant.arrays import Vector, called, compiled_once
-from flexslew_plant.testbeds.kernels import chosen
+from flexslew_plant.testbeds.kernels import select
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import (
     hinge_frame,
@@ -11,7 +11,7 @@ from flexslew_plant.testbeds.spacecraft.equations.frames import (
     platform_velocity,
 )
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
-    Nine,
+    Matrix3,
     Triple,
     cross,
     dot,
@@ -22,7 +22,7 @@ from flexslew_plant.testbeds.spacecraft.equations.geometry import (
 
 
 @called
-def turn_vector(p: Vector, x: Vector) -> Triple:
+def rotation_vector(p: Vector, x: Vector) -> Triple:
     """Return the platform's turn as axis times angle along body axes [rad].
 
     It grows without a jump through 180 deg, up to a whole turn, as the quaternion does.
@@ -33,7 +33,7 @@ def turn_vector(p: Vector, x: Vector) -> Triple:
         a = triple(p, at.PIVOT_AXES + 3)
         return x[0] * a[0], x[0] * a[1], x[0] * a[2]
     size = np.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
-    ratio = chosen(size > 1e-9, 2.0 * np.arctan2(size, x[6]) / size, 2.0)
+    ratio = select(size > 1e-9, 2.0 * np.arctan2(size, x[6]) / size, 2.0)
     return ratio * x[3], ratio * x[4], ratio * x[5]
 
 
@@ -47,11 +47,11 @@ def _place(p: Vector, x: Vector) -> Triple:
     r, v, w = triple(x, 0), triple(x, 3), x[6]
     # A^T R = R - 2 w v x R + 2 v x (v x R)
     once = cross(v, r)
-    twice = cross(v, once)
+    double_cross = cross(v, once)
     return (
-        r[0] - 2.0 * w * once[0] + 2.0 * twice[0],
-        r[1] - 2.0 * w * once[1] + 2.0 * twice[1],
-        r[2] - 2.0 * w * once[2] + 2.0 * twice[2],
+        r[0] - 2.0 * w * once[0] + 2.0 * double_cross[0],
+        r[1] - 2.0 * w * once[1] + 2.0 * double_cross[1],
+        r[2] - 2.0 * w * once[2] + 2.0 * double_cross[2],
     )
 
 
@@ -70,43 +70,43 @@ def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
         position: out, shape (actuators,).
         velocity: out, shape (actuators,).
     """
-    own_q, own_v, nq, _ = offsets(p)
+    platform_q, platform_v, nq, _ = offsets(p)
     before = int(p[at.HINGES]) + int(p[at.WHEELS])
     speed, spin = platform_velocity(p, x, nq)
-    turn, place = turn_vector(p, x), _place(p, x)
+    rotation, place = rotation_vector(p, x), _place(p, x)
     table = int(p[at.ACTUATOR_TABLE])
     for k in range(int(p[at.ACTUATORS])):
         d = int(p[table + k])
         what, direction = p[d + at.WHAT], triple(p, d + at.DIRECTION)
         if what == at.FORCE:
             arm = triple(p, d + at.AT)
-            position[k] = dot(direction, plus(place, cross(turn, arm)))
+            position[k] = dot(direction, plus(place, cross(rotation, arm)))
             velocity[k] = dot(direction, plus(speed, cross(spin, arm)))
         elif what == at.THRUSTER:
-            lever = cross(triple(p, d + at.AT), direction)
-            position[k] = dot(lever, turn)
-            velocity[k] = dot(lever, spin)
+            torque_arm = cross(triple(p, d + at.AT), direction)
+            position[k] = dot(torque_arm, rotation)
+            velocity[k] = dot(torque_arm, spin)
         elif what == at.TORQUE or what == at.WHEEL or what == at.GYRO:
-            position[k] = dot(direction, turn)
+            position[k] = dot(direction, rotation)
             velocity[k] = dot(direction, spin)
         elif what == at.HINGE:
             index = int(p[d + at.INDEX])
-            position[k], velocity[k] = x[own_q + index], x[nq + own_v + index]
+            position[k], velocity[k] = x[platform_q + index], x[nq + platform_v + index]
         else:
-            b = int(p[d + at.WHOSE])
+            b = int(p[d + at.OWNER_BLOCK])
             n, first = int(p[b + at.COUNT]), int(p[b + at.START])
             share = d + at.SHAPES + 3 * n
             q, v = 0.0, 0.0
             for i in range(n):
-                q += p[share + i] * x[own_q + before + first + i]
-                v += p[share + i] * x[nq + own_v + before + first + i]
+                q += p[share + i] * x[platform_q + before + first + i]
+                v += p[share + i] * x[nq + platform_v + before + first + i]
             position[k], velocity[k] = q, v
 
 
 @compiled_once()
 def hinge_state(
     p: Vector, k: int, x: Vector, slope: Vector, t: float
-) -> tuple[Nine, Triple, Triple]:
+) -> tuple[Matrix3, Triple, Triple]:
     """Return E of an appendage, its rate relative to the platform, and the rate's derivative.
 
     Args:
@@ -116,11 +116,11 @@ def hinge_state(
         slope: its derivative.
         t: time [s].
     """
-    own_q, own_v, nq, _ = offsets(p)
+    platform_q, platform_v, nq, _ = offsets(p)
     b = int(p[int(p[at.APPENDAGE_TABLE]) + k])
     if p[b + at.KIND] != at.DRIVEN:
         return hinge_frame(p, b, t, 0.0, 0.0)
     hinge = int(p[b + at.HINGE_INDEX])
-    rate = nq + own_v + hinge
-    e, relative, _ = hinge_frame(p, b, t, x[own_q + hinge], x[rate])
+    rate = nq + platform_v + hinge
+    e, relative, _ = hinge_frame(p, b, t, x[platform_q + hinge], x[rate])
     return e, relative, scaled(slope[rate], triple(p, b + at.AXIS))

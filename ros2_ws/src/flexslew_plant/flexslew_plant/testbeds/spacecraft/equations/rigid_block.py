@@ -2,7 +2,7 @@
 
 from flexslew_plant.arrays import Matrix, Vector, called
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
-    Nine,
+    Matrix3,
     Triple,
     apply_transposed,
     dot,
@@ -41,8 +41,8 @@ def put(a: Vector, i: int, f: Triple) -> None:
 
 
 @called
-def inertia_about_body(
-    e: Nine,
+def inertia_at_origin(
+    e: Matrix3,
     j: tuple[float, float, float, float, float, float],
     s: Triple,
     r: Triple,
@@ -60,11 +60,11 @@ def inertia_about_body(
     x = apply_transposed(e, symmetric(j, (e[0], e[3], e[6])))
     y = apply_transposed(e, symmetric(j, (e[1], e[4], e[7])))
     z = apply_transposed(e, symmetric(j, (e[2], e[5], e[8])))
-    both = m * dot(r, r) + 2.0 * dot(r, s)
+    diagonal = m * dot(r, r) + 2.0 * dot(r, s)
     return (
-        x[0] + both - m * r[0] * r[0] - 2.0 * r[0] * s[0],
-        y[1] + both - m * r[1] * r[1] - 2.0 * r[1] * s[1],
-        z[2] + both - m * r[2] * r[2] - 2.0 * r[2] * s[2],
+        x[0] + diagonal - m * r[0] * r[0] - 2.0 * r[0] * s[0],
+        y[1] + diagonal - m * r[1] * r[1] - 2.0 * r[1] * s[1],
+        z[2] + diagonal - m * r[2] * r[2] - 2.0 * r[2] * s[2],
         y[0] - m * r[0] * r[1] - r[0] * s[1] - s[0] * r[1],
         z[0] - m * r[0] * r[2] - r[0] * s[2] - s[0] * r[2],
         z[1] - m * r[1] * r[2] - r[1] * s[2] - s[1] * r[2],

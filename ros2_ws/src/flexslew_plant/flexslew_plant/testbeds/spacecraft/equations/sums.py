@@ -7,7 +7,7 @@ from flexslew_plant.testbeds.spacecraft.equations.geometry import (
 
 
 @called
-def six_sums(a: Vector, n: int, q: Vector, at_q: int, row: int) -> tuple[float, ...]:
+def symmetric_sums(a: Vector, n: int, q: Vector, at_q: int, row: int) -> tuple[float, ...]:
     """Return sum_i q_i a[component n + i] for six components that begin at `row`."""
     xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
@@ -40,7 +40,7 @@ def row_of(a: Vector, n: int, row: int, i: int) -> Triple:
 
 
 @called
-def six_of_row(a: Vector, n: int, row: int, i: int) -> tuple[float, ...]:
+def symmetric_row(a: Vector, n: int, row: int, i: int) -> tuple[float, ...]:
     """Return six components of entry i that begin at `row`."""
     return (
         a[row + i],

@@ -19,33 +19,33 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector, compiled, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import (
-    deflected,
+    geometric_rate_terms,
     hinge_frame,
     offsets,
     platform_velocity,
     rotor,
-    shortening_rates,
+    write_modal_sums,
 )
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     apply,
     apply_transposed,
     cross,
     dot,
-    nine,
     plus,
+    read_matrix3,
     scaled,
     symmetric,
     triple,
 )
 from flexslew_plant.testbeds.spacecraft.equations.rigid_block import (
     add_point_mass_row,
-    inertia_about_body,
+    inertia_at_origin,
     put,
 )
 
 
 @compiled
-def unprojected(
+def free_platform_terms(
     p: Vector, t: float, x: Vector, mass: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:
     """Write M and h for nu = (V, w, hinges, wheels, modes), as of a free platform.
@@ -60,13 +60,13 @@ def unprojected(
         bias: out, shape (r + modes,).
     """
     hinges, wheels, modes = int(p[at.HINGES]), int(p[at.WHEELS]), int(p[at.MODES])
-    own_q, own_v, nq, _ = offsets(p)
+    platform_q, platform_v, nq, _ = offsets(p)
     mass[:] = 0.0
     coupling[:] = 0.0
     bias[:] = 0.0
     velocity, spin = platform_velocity(p, x, nq)
-    hinge_q, hinge_v = own_q, nq + own_v
-    mode_q, mode_v = own_q + hinges + wheels, nq + own_v + hinges + wheels
+    hinge_q, hinge_v = platform_q, nq + platform_v
+    mode_q, mode_v = platform_q + hinges + wheels, nq + platform_v + hinges + wheels
     mode_row = 6 + hinges + wheels
     # the rigid part
     m, s = p[at.MASS], triple(p, at.FIRST)
@@ -83,10 +83,10 @@ def unprojected(
             mass[row, row] = momentum
             angular = plus(angular, scaled(momentum, rotor(p, table, rate)[0]))
         else:
-            own = scaled(inertia, axis)
+            platform_part = scaled(inertia, axis)
             mass[row, row] = inertia
-            mass[3, row], mass[4, row], mass[5, row] = own
-            angular = plus(angular, scaled(rate, own))
+            mass[3, row], mass[4, row], mass[5, row] = platform_part
+            angular = plus(angular, scaled(rate, platform_part))
         table += at.WHEEL_SIZE
     put(bias, 0, cross(spin, linear))
     put(bias, 3, plus(cross(spin, angular), cross(velocity, linear)))
@@ -97,31 +97,31 @@ def unprojected(
         n, first = int(p[b + at.COUNT]), int(p[b + at.START])
         q, v, row = mode_q + first, mode_v + first, mode_row + first
         fixed = p[b + at.KIND] == at.FIXED
-        driven = p[b + at.KIND] == at.DRIVEN
+        has_motor = p[b + at.KIND] == at.DRIVEN
         hinge = int(p[b + at.HINGE_INDEX])
-        e = nine(p, b + at.AXES)
-        own_velocity, own_spin = velocity, spin
-        drift, turn_drift = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        e = read_matrix3(p, b + at.AXES)
+        frame_velocity, frame_spin = velocity, spin
+        drift, angular_drift = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         place = triple(p, b + at.PLACE)
         if not fixed:
             angle, rate = 0.0, 0.0
-            if driven:
+            if has_motor:
                 angle, rate = x[hinge_q + hinge], x[hinge_v + hinge]
             e, relative, relative_rate = hinge_frame(p, b, t, angle, rate)
-            own_velocity = apply(e, plus(velocity, cross(spin, place)))
-            carried = apply(e, spin)
-            own_spin = plus(carried, relative)
-            drift = cross(own_velocity, relative)
-            turn_drift = plus(relative_rate, cross(carried, relative))
+            frame_velocity = apply(e, plus(velocity, cross(spin, place)))
+            base_spin = apply(e, spin)
+            frame_spin = plus(base_spin, relative)
+            drift = cross(frame_velocity, relative)
+            angular_drift = plus(relative_rate, cross(base_spin, relative))
         # sums at the deflected shape
-        deflected(p, b, x, q, work)
+        write_modal_sums(p, b, x, q, work)
         sums = b + at.SUMS
         base = sums + 3 * n
         rest = base + 9 * n * (n + 1)
-        s, m = triple(p, b + at.OWN_FIRST), p[b + at.OWN_MASS]
+        s, m = triple(p, b + at.BODY_FIRST), p[b + at.BODY_MASS]
         sx, sy, sz = s
         dx, dy, dz = 0.0, 0.0, 0.0
-        o = b + at.OWN_INERTIA
+        o = b + at.BODY_INERTIA
         jxx, jyy, jzz, jxy, jxz, jyz = p[o], p[o + 1], p[o + 2], p[o + 3], p[o + 4], p[o + 5]
         ixx, iyy, izz, ixy, ixz, iyz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # dJ/dt
         cx, cy, cz = 0.0, 0.0, 0.0  # C q'
@@ -152,18 +152,18 @@ def unprojected(
         s, ds = (sx, sy, sz), (dx, dy, dz)
         j = (jxx, jyy, jzz, jxy, jxz, jyz)
         dj = (ixx, iyy, izz, ixy, ixz, iyz)
-        linear = plus(plus(scaled(m, own_velocity), cross(own_spin, s)), ds)
-        angular = plus(plus(cross(s, own_velocity), symmetric(j, own_spin)), (cx, cy, cz))
-        force = plus(cross(own_spin, ds), cross(own_spin, linear))
-        torque = plus(cross(ds, own_velocity), symmetric(dj, own_spin))
-        torque = plus(torque, plus(cross(own_spin, angular), cross(own_velocity, linear)))
-        pulled_in, turned_in = shortening_rates(p, b, x, v)
-        force, torque = plus(force, pulled_in), plus(torque, turned_in)
-        turned_velocity = cross(own_velocity, own_spin)
-        a, c, d = own_spin
+        linear = plus(plus(scaled(m, frame_velocity), cross(frame_spin, s)), ds)
+        angular = plus(plus(cross(s, frame_velocity), symmetric(j, frame_spin)), (cx, cy, cz))
+        force = plus(cross(frame_spin, ds), cross(frame_spin, linear))
+        torque = plus(cross(ds, frame_velocity), symmetric(dj, frame_spin))
+        torque = plus(torque, plus(cross(frame_spin, angular), cross(frame_velocity, linear)))
+        rate_force, rate_torque = geometric_rate_terms(p, b, x, v)
+        force, torque = plus(force, rate_force), plus(torque, rate_torque)
+        cross_velocity = cross(frame_velocity, frame_spin)
+        a, c, d = frame_spin
         if not fixed:  # accelerations of the frame itself
-            force = plus(force, plus(scaled(m, drift), cross(turn_drift, s)))
-            torque = plus(torque, plus(cross(s, drift), symmetric(j, turn_drift)))
+            force = plus(force, plus(scaled(m, drift), cross(angular_drift, s)))
+            torque = plus(torque, plus(cross(s, drift), symmetric(j, angular_drift)))
         # the modes' rows: M_q and 2 (q'^T G) w - P^T (V x w) - w^T D w / 2 + K q + D_q q'
         for i in range(n):
             centrifugal = (
@@ -173,19 +173,19 @@ def unprojected(
                 + 2.0 * (work[3 * n + i] * a * c + work[4 * n + i] * a * d)
                 + 2.0 * work[5 * n + i] * c * d
             )
-            carried_along = (
-                work[9 * n + i] * turned_velocity[0]
-                + work[10 * n + i] * turned_velocity[1]
-                + work[11 * n + i] * turned_velocity[2]
+            velocity_term = (
+                work[9 * n + i] * cross_velocity[0]
+                + work[10 * n + i] * cross_velocity[1]
+                + work[11 * n + i] * cross_velocity[2]
             )
-            h = p[rest + n + i] * x[q + i] - 0.5 * centrifugal - carried_along
+            h = p[rest + n + i] * x[q + i] - 0.5 * centrifugal - velocity_term
             for k2 in range(n):
                 h += p[rest + 2 * n + i * n + k2] * x[v + k2]
             if not fixed:
                 h += work[9 * n + i] * drift[0] + work[10 * n + i] * drift[1]
                 h += work[11 * n + i] * drift[2]
-                h += work[6 * n + i] * turn_drift[0] + work[7 * n + i] * turn_drift[1]
-                h += work[8 * n + i] * turn_drift[2]
+                h += work[6 * n + i] * angular_drift[0] + work[7 * n + i] * angular_drift[1]
+                h += work[8 * n + i] * angular_drift[2]
             bias[row + i] += h
             modal[first + i] = p[rest + i]
         if p[b + at.SECOND_ORDER] > 0.5:
@@ -211,22 +211,22 @@ def unprojected(
         put(bias, 0, pull)
         put(bias, 3, plus(cross(place, pull), apply_transposed(e, torque)))
         total = plus(at_body, scaled(m, place))
-        add_point_mass_row(mass, total, inertia_about_body(e, j, at_body, place, m), m)
+        add_point_mass_row(mass, total, inertia_at_origin(e, j, at_body, place, m), m)
         for i in range(n):
             along = apply_transposed(e, (work[9 * n + i], work[10 * n + i], work[11 * n + i]))
-            about = apply_transposed(e, (work[6 * n + i], work[7 * n + i], work[8 * n + i]))
-            about = plus(about, cross(place, along))
+            moment_row = apply_transposed(e, (work[6 * n + i], work[7 * n + i], work[8 * n + i]))
+            moment_row = plus(moment_row, cross(place, along))
             coupling[0, first + i], coupling[1, first + i], coupling[2, first + i] = along
-            coupling[3, first + i], coupling[4, first + i], coupling[5, first + i] = about
-        if driven:
+            coupling[3, first + i], coupling[4, first + i], coupling[5, first + i] = moment_row
+        if has_motor:
             axis, to = triple(p, b + at.AXIS), 6 + hinge
-            pulled = apply_transposed(e, cross(axis, s))
-            turned_by = symmetric(j, axis)
-            mass[0, to], mass[1, to], mass[2, to] = pulled
+            hinge_force = apply_transposed(e, cross(axis, s))
+            axis_inertia = symmetric(j, axis)
+            mass[0, to], mass[1, to], mass[2, to] = hinge_force
             mass[3, to], mass[4, to], mass[5, to] = plus(
-                apply_transposed(e, turned_by), cross(place, pulled)
+                apply_transposed(e, axis_inertia), cross(place, hinge_force)
             )
-            mass[to, to] = dot(axis, turned_by)
+            mass[to, to] = dot(axis, axis_inertia)
             bias[to] = dot(axis, torque) + p[b + at.HINGE_STIFFNESS] * x[hinge_q + hinge]
             bias[to] += p[b + at.HINGE_DAMPING] * x[hinge_v + hinge]
             for i in range(n):
@@ -254,27 +254,27 @@ def terms(
     """
     m, n = coupling.shape
     free = p[at.MOTION] == at.FREE
-    own = 1 if p[at.MOTION] == at.PIVOT else 0
-    mass, across, h = joints, coupling, bias
+    platform_part = 1 if p[at.MOTION] == at.PIVOT else 0
+    mass, full_coupling, h = joints, coupling, bias
     if not free:
-        k = m + 6 - own
-        mass, across, h = np.empty((k, k)), np.empty((k, n)), np.empty(k + n)
-    unprojected(p, t, x, mass, across, modal, h)
+        k = m + 6 - platform_part
+        mass, full_coupling, h = np.empty((k, k)), np.empty((k, n)), np.empty(k + n)
+    free_platform_terms(p, t, x, mass, full_coupling, modal, h)
     if free:
         for i in range(m):
             for j in range(i):
                 joints[i, j] = joints[j, i]
         return
-    k = m + 6 - own
+    k = m + 6 - platform_part
     for i in range(6, k + n):
-        bias[i - 6 + own] = h[i]
+        bias[i - 6 + platform_part] = h[i]
     for i in range(6, k):
         for j in range(n):
-            coupling[i - 6 + own, j] = across[i, j]
+            coupling[i - 6 + platform_part, j] = full_coupling[i, j]
         for j in range(i, k):
-            joints[i - 6 + own, j - 6 + own] = mass[i, j]
-            joints[j - 6 + own, i - 6 + own] = mass[i, j]
-    if own == 1:
+            joints[i - 6 + platform_part, j - 6 + platform_part] = mass[i, j]
+            joints[j - 6 + platform_part, i - 6 + platform_part] = mass[i, j]
+    if platform_part == 1:
         joints[0] = 0.0
         coupling[0] = 0.0
         bias[0] = 0.0
@@ -287,6 +287,6 @@ def terms(
             for j in range(6, k):
                 joints[0, j - 5] += a * mass[i, j]
             for j in range(n):
-                coupling[0, j] += a * across[i, j]
+                coupling[0, j] += a * full_coupling[i, j]
         for j in range(1, m):
             joints[j, 0] = joints[0, j]

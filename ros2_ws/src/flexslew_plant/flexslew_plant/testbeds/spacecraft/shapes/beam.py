@@ -17,15 +17,15 @@ from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
     Points,
     integrals_of,
     rigid_points,
-    turned_twice,
+    second_order_rotation,
 )
-from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
+from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint, FlexibleShape
 
 DOF = 5  # of a node: u, u', v, v', twist
 GAUSS = 4  # points of an element: exact for products of two cubics and for their moments
-BETWEEN = 4  # points between two of these, for what is summed along the beam
-DRAWN = 21  # points along a drawn beam
-_FEW = 26  # elements up to which K q = omega^2 M q has its digits
+SUM_POINTS = 4  # points between two of these, for what is summed along the beam
+LINE_POINTS = 21  # points along a drawn beam
+_MAX_DIRECT_ELEMENTS = 26  # elements up to which K q = omega^2 M q has its digits
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,10 @@ class TipBody:
 
     def matrices(self) -> tuple[Matrix, Matrix]:
         """Return what the last node's five freedoms move and turn it, each of shape (3, 5)."""
-        move, turn = np.zeros((3, DOF)), np.zeros((3, DOF))
+        move, rotation = np.zeros((3, DOF)), np.zeros((3, DOF))
         move[0, 0] = move[1, 2] = 1.0
-        turn[1, 1], turn[0, 3], turn[2, 4] = 1.0, -1.0, 1.0
-        return move - np.cross(self.offset[:, None], turn, axis=0), turn
+        rotation[1, 1], rotation[0, 3], rotation[2, 4] = 1.0, -1.0, 1.0
+        return move - np.cross(self.offset[:, None], rotation, axis=0), rotation
 
 
 def _hermite(x: float, h: float, derivative: int) -> Vector:
@@ -104,14 +104,14 @@ class FiniteElementModes:
         e = min(int(s / h), elements - 1)
         return e, s / h - e, h
 
-    def spot(self, s: float) -> Spot:
+    def point(self, s: float) -> AppendagePoint:
         """Return what the modes do at the distance s from the clamp."""
         e, x, h = self._element(s)
-        bend = self.nodal[e : e + 2, :4]  # (2, 4, n)
-        u, v = (bend[:, k : k + 2].reshape(4, -1) for k in (0, 2))
+        deflection = self.nodal[e : e + 2, :4]  # (2, 4, n)
+        u, v = (deflection[:, k : k + 2].reshape(4, -1) for k in (0, 2))
         twist = (1.0 - x) * self.nodal[e, 4] + x * self.nodal[e + 1, 4]
         n0, n1, n2 = (_hermite(x, h, k) for k in range(3))
-        return Spot(
+        return AppendagePoint(
             np.array([0.0, 0.0, s]),
             np.stack([n0 @ u, n0 @ v, np.zeros_like(twist)]),
             np.stack([-n1 @ v, n1 @ u, twist]),
@@ -119,7 +119,7 @@ class FiniteElementModes:
         )
 
 
-def _assembled(beam: ClampedBeam, tip: TipBody | None, elements: int) -> tuple[Matrix, Matrix]:
+def _assemble(beam: ClampedBeam, tip: TipBody | None, elements: int) -> tuple[Matrix, Matrix]:
     """Return the mass and stiffness matrices of the free nodes, shape (5 elements, 5 elements)."""
     h = beam.length / elements
     size = DOF * (elements + 1)
@@ -140,12 +140,12 @@ def _assembled(beam: ClampedBeam, tip: TipBody | None, elements: int) -> tuple[M
         mass[np.ix_(i, i)] += beam.polar_inertia * twist_mass
         stiffness[np.ix_(i, i)] += beam.torsion_stiffness * twist
     if tip is not None:
-        move, turn = tip.matrices()
-        mass[-DOF:, -DOF:] += tip.mass * move.T @ move + turn.T @ tip.inertia @ turn
+        move, rotation = tip.matrices()
+        mass[-DOF:, -DOF:] += tip.mass * move.T @ move + rotation.T @ tip.inertia @ rotation
     return mass[DOF:, DOF:], stiffness[DOF:, DOF:]
 
 
-def _by_deformations(
+def _solve_by_elements(
     beam: ClampedBeam, mass: Matrix, elements: int, kept: Indices, modes: int
 ) -> tuple[Vector, Matrix]:
     """Return squares of the lowest frequencies, rising, and mode shapes of modal mass one.
@@ -162,12 +162,14 @@ def _by_deformations(
         modes: how many modes.
     """
     h = beam.length / elements
-    forward, own = np.eye(DOF), np.zeros((DOF, DOF))
+    forward, element_stiffness = np.eye(DOF), np.zeros((DOF, DOF))
     forward[0, 1] = forward[2, 3] = h
     for first, ei in ((0, beam.stiffness_x), (2, beam.stiffness_y)):
         of = slice(first, first + 2)
-        own[of, of] = ei / h**3 * np.array([[12.0, -6.0 * h], [-6.0 * h, 4.0 * h * h]])
-    own[4, 4] = beam.torsion_stiffness / h
+        element_stiffness[of, of] = (
+            ei / h**3 * np.array([[12.0, -6.0 * h], [-6.0 * h, 4.0 * h * h]])
+        )
+    element_stiffness[4, 4] = beam.torsion_stiffness / h
     nodes = np.zeros((DOF * elements, DOF * elements))
     for k in range(elements):
         rows = slice(DOF * k, DOF * (k + 1))
@@ -175,13 +177,13 @@ def _by_deformations(
             nodes[rows] = forward @ nodes[DOF * (k - 1) : DOF * k]
         nodes[rows, rows] = np.eye(DOF)
     of_kept = np.ix_(kept, kept)
-    chain, stiffness = nodes[of_kept], np.kron(np.eye(elements), own)[of_kept]
+    chain, stiffness = nodes[of_kept], np.kron(np.eye(elements), element_stiffness)[of_kept]
     last = len(kept) - 1
-    softness, bent = eigh(
+    compliance, eigenvectors = eigh(
         chain.T @ mass @ chain, stiffness, subset_by_index=(last - modes + 1, last)
     )
-    softness, bent = softness[::-1], bent[:, ::-1]
-    return 1.0 / softness, chain @ bent / np.sqrt(softness)
+    compliance, eigenvectors = compliance[::-1], eigenvectors[:, ::-1]
+    return 1.0 / compliance, chain @ eigenvectors / np.sqrt(compliance)
 
 
 def finite_element_beam(
@@ -197,15 +199,15 @@ def finite_element_beam(
         elements: how many of equal length.
         modes: how many modes, the slowest first.
     """
-    mass, stiffness = _assembled(beam, tip, elements)
+    mass, stiffness = _assemble(beam, tip, elements)
     kept = np.arange(len(mass))
     if beam.torsion_stiffness == 0.0:
         kept = kept[kept % DOF != 4]
     elif beam.polar_inertia == 0.0:  # massless in twist but for the tip: condense it out
         raise ValueError("a beam that twists needs a polar inertia")
     of = np.ix_(kept, kept)
-    if elements > _FEW:
-        squares, vectors = _by_deformations(beam, mass[of], elements, kept, modes)
+    if elements > _MAX_DIRECT_ELEMENTS:
+        squares, vectors = _solve_by_elements(beam, mass[of], elements, kept, modes)
     else:
         squares, vectors = eigh(stiffness[of], mass[of], subset_by_index=(0, modes - 1))
     nodal = np.zeros((len(mass), modes))
@@ -232,20 +234,20 @@ class ClosedFormModes:
     y: ClampedFreeBeam
     twists: int
 
-    def spot(self, s: float) -> Spot:
+    def point(self, s: float) -> AppendagePoint:
         """Return what the modes do at the distance s from the clamp."""
         a, b = self.x.modes, self.y.modes
         n = a + b + self.twists
         at = np.array([s])
-        displacement, turn, curvature = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n))
+        displacement, rotation, curvature = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n))
         for row, beam, modes in ((0, self.x, slice(0, a)), (1, self.y, slice(a, a + b))):
             if beam.modes:
                 displacement[row, modes] = beam.shape(at)[:, 0]
-                turn[1 - row, modes] = (1.0, -1.0)[row] * beam.shape(at, 1)[:, 0]
+                rotation[1 - row, modes] = (1.0, -1.0)[row] * beam.shape(at, 1)[:, 0]
                 curvature[row, modes] = beam.shape(at, 2)[:, 0]
         numbers = (np.arange(self.twists) + 0.5) * np.pi / self.x.length
-        turn[2, a + b :] = np.sin(numbers * s)
-        return Spot(np.array([0.0, 0.0, s]), displacement, turn, curvature)
+        rotation[2, a + b :] = np.sin(numbers * s)
+        return AppendagePoint(np.array([0.0, 0.0, s]), displacement, rotation, curvature)
 
 
 def closed_form_beam(beam: ClampedBeam, modes_x: int, modes_y: int, twists: int) -> FlexibleShape:
@@ -256,20 +258,20 @@ def closed_form_beam(beam: ClampedBeam, modes_x: int, modes_y: int, twists: int)
         modes_x, modes_y: how many of each deflection.
         twists: how many torsional modes.
     """
-    both = [
+    beams = [
         ClampedFreeBeam(beam.length, beam.linear_density, ei, modes)
         for ei, modes in ((beam.stiffness_x, modes_x), (beam.stiffness_y, modes_y))
     ]
-    line = ClosedFormModes(both[0], both[1], twists)
+    line = ClosedFormModes(beams[0], beams[1], twists)
     panels = 4 * max(modes_x, modes_y, twists, 1)
     x, w = np.polynomial.legendre.leggauss(16)
     h = beam.length / panels
     s = ((np.arange(panels)[:, None] + (1.0 + x) / 2.0) * h).ravel()
     weights = np.tile(w * h / 2.0, panels)
     numbers = (np.arange(twists) + 0.5) * np.pi / beam.length
-    mass: list[Vector] = [beam.linear_density * b.integral(0, 2, 0) for b in both if b.modes]
+    mass: list[Vector] = [beam.linear_density * b.integral(0, 2, 0) for b in beams if b.modes]
     stiffness = [
-        m * b.frequencies**2 for m, b in zip(mass, [b for b in both if b.modes], strict=True)
+        m * b.frequencies**2 for m, b in zip(mass, [b for b in beams if b.modes], strict=True)
     ]
     mass.append(np.full(twists, beam.polar_inertia * beam.length / 2.0))
     half = 0.5 * beam.torsion_stiffness * beam.length
@@ -297,31 +299,33 @@ def _shape(
     stiffness: Vector,
 ) -> FlexibleShape:
     """Sum over the mass points at the distances s, and over those of the tip body."""
-    spots = [line.spot(float(at)) for at in s]
+    sections = [line.point(float(at)) for at in s]
     ends = np.append(s, beam.length)
     shortening = _shortening(line, ends)
     points = Points(
-        np.stack([spot.place for spot in spots]),
+        np.stack([point.place for point in sections]),
         weights,
-        np.stack([spot.displacement for spot in spots]),
+        np.stack([point.displacement for point in sections]),
         shortening[:-1],
     )
-    end = line.spot(beam.length)
+    end = line.point(beam.length)
     if tip is not None:
         move = end.displacement - np.cross(tip.offset[:, None], end.turn, axis=0)
-        place, drawn_in = (
+        place, second_order = (
             end.place + tip.offset,
-            shortening[-1] + turned_twice(end.turn, tip.offset),
+            shortening[-1] + second_order_rotation(end.turn, tip.offset),
         )
-        points = points.joined(rigid_points(tip.mass, place, tip.inertia, move, end.turn, drawn_in))
-    drawn = [line.spot(float(at)) for at in np.linspace(0.0, beam.length, DRAWN)]
+        points = points.extend(
+            rigid_points(tip.mass, place, tip.inertia, move, end.turn, second_order)
+        )
+    line_points = [line.point(float(at)) for at in np.linspace(0.0, beam.length, LINE_POINTS)]
     return FlexibleShape(
         integrals_of(points),
         mass,
         stiffness,
         end,
-        np.stack([spot.place for spot in drawn]),
-        np.stack([spot.displacement for spot in drawn]),
+        np.stack([point.place for point in line_points]),
+        np.stack([point.displacement for point in line_points]),
         line,
     )
 
@@ -335,12 +339,12 @@ def _shortening(line: FiniteElementModes | ClosedFormModes, s: Vector) -> Matrix
         line: the modes.
         s: rising distances from the clamp, shape (places,) [m].
     """
-    x, w = np.polynomial.legendre.leggauss(BETWEEN)
+    x, w = np.polynomial.legendre.leggauss(SUM_POINTS)
     edges = np.concatenate(([0.0], s))
     total, rows = 0.0, []
     for first, last in pairwise(edges):
         for a, weight in zip(x, w, strict=True):
-            turn = line.spot(float(0.5 * (first + last) + 0.5 * (last - first) * a)).turn[:2]
-            total = total + 0.5 * (last - first) * weight * turn.T @ turn
+            rotation = line.point(float(0.5 * (first + last) + 0.5 * (last - first) * a)).turn[:2]
+            total = total + 0.5 * (last - first) * weight * rotation.T @ rotation
         rows.append(np.multiply.outer([0.0, 0.0, -1.0], total))
     return np.stack(rows)

@@ -12,7 +12,14 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 
-SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # entries of a symmetric matrix, as packed
+SYMMETRIC_ENTRIES = (
+    (0, 0),
+    (1, 1),
+    (2, 2),
+    (0, 1),
+    (0, 2),
+    (1, 2),
+)  # entries of a symmetric matrix, as packed
 
 
 @dataclass(frozen=True)
@@ -32,7 +39,7 @@ class Points:
     shape: Matrix
     shortening: Matrix
 
-    def joined(self, other: "Points") -> "Points":
+    def extend(self, other: "Points") -> "Points":
         """Return the points of both, which share their modes."""
         return Points(
             np.concatenate((self.place, other.place)),
@@ -66,10 +73,10 @@ class Shortening(NamedTuple):
     def seen_from(self, place: Vector, axes: Matrix) -> "Shortening":
         """Return it about another origin, in its axes; see Integrals.seen_from."""
         first = self.first @ axes
-        turned = np.einsum("ba,ijbc,cd->ijad", axes, self.second, axes)
-        return Shortening(first, turned + np.einsum("a,ijb->ijab", place, first))
+        second_moment = np.einsum("ba,ijbc,cd->ijad", axes, self.second, axes)
+        return Shortening(first, second_moment + np.einsum("a,ijb->ijab", place, first))
 
-    def chosen(self, n: list[int]) -> "Shortening":
+    def select_modes(self, n: list[int]) -> "Shortening":
         """Return it of some modes."""
         return Shortening(self.first[np.ix_(n, n)], self.second[np.ix_(n, n)])
 
@@ -127,17 +134,17 @@ class Integrals:
             axes: E, direction cosines from the other frame to this one, shape (3, 3).
         """
         r = axes.T
-        first, moved = r @ self.first, np.outer(place, r @ self.first)
+        first, cross_term = r @ self.first, np.outer(place, r @ self.first)
         translation = r @ self.translation
-        arms = np.einsum("a,bj->jab", place, translation)
+        offset_moment = np.einsum("a,bj->jab", place, translation)
         second_1 = np.einsum("ab,jbc,dc->jad", r, self.second_1, r)
         return Integrals(
             self.mass,
             self.mass * place + first,
-            r @ self.second @ r.T + moved + moved.T + self.mass * np.outer(place, place),
+            r @ self.second @ r.T + cross_term + cross_term.T + self.mass * np.outer(place, place),
             translation,
             r @ self.rotation + np.cross(place, translation, axisb=0, axisc=0),
-            second_1 + arms + arms.transpose(0, 2, 1),
+            second_1 + offset_moment + offset_moment.transpose(0, 2, 1),
             np.einsum("ab,ijbc,dc->ijad", r, self.second_2, r),
             np.einsum("ab,ijb->ija", r, self.gyroscopic),
             None if self.shortening is None else self.shortening.seen_from(place, axes),
@@ -195,7 +202,7 @@ def rigid_points(
     place: Vector,
     inertia: Matrix,
     modes_at: Matrix,
-    turn_at: Matrix,
+    rotation_at: Matrix,
     shortening_at: Matrix,
 ) -> Points:
     """Return six points that weigh and turn like a rigid body at the end of an appendage.
@@ -208,27 +215,29 @@ def rigid_points(
         place: of its centre of mass, undeformed, shape (3,) [m].
         inertia: about its centre of mass, shape (3, 3) [kg m^2].
         modes_at: Phi of its centre, shape (3, n) [-].
-        turn_at: Psi, the turn of each mode, shape (3, n) [rad/m].
+        rotation_at: Psi, the turn of each mode, shape (3, n) [rad/m].
         shortening_at: of its centre, shape (3, n, n) [1/m].
     """
     moments, directions = np.linalg.eigh(second_of(inertia))
     # a plate has no moment across itself; rounding must not make it imaginary
-    arms = np.sqrt(3.0 * np.maximum(moments, 0.0) / mass) * directions
-    offsets = np.concatenate((arms.T, -arms.T))
-    shape = modes_at[None] - np.cross(offsets[:, :, None], turn_at[None], axis=1)
-    drawn = np.stack([shortening_at + turned_twice(turn_at, d) for d in offsets])
-    return Points(place + offsets, np.full(6, mass / 6.0), shape, drawn)
+    offset_moment = np.sqrt(3.0 * np.maximum(moments, 0.0) / mass) * directions
+    offsets = np.concatenate((offset_moment.T, -offset_moment.T))
+    shape = modes_at[None] - np.cross(offsets[:, :, None], rotation_at[None], axis=1)
+    second_order = np.stack(
+        [shortening_at + second_order_rotation(rotation_at, d) for d in offsets]
+    )
+    return Points(place + offsets, np.full(6, mass / 6.0), shape, second_order)
 
 
-def turned_twice(turn: Matrix, arm: Vector) -> Matrix:
+def second_order_rotation(rotation: Matrix, arm: Vector) -> Matrix:
     """Return (psi_i x (psi_j x d) + psi_j x (psi_i x d)) / 2, shape (3, n, n).
 
     Args:
-        turn: Psi, shape (3, n).
+        rotation: Psi, shape (3, n).
         arm: d, shape (3,).
     """
-    along = arm @ turn
-    one_way = np.einsum("ai,j->aij", turn, along)
+    along = arm @ rotation
+    one_way = np.einsum("ai,j->aij", rotation, along)
     square: Matrix = 0.5 * (one_way + one_way.transpose(0, 2, 1))
-    square -= np.einsum("a,bi,bj->aij", arm, turn, turn)
+    square -= np.einsum("a,bi,bj->aij", arm, rotation, rotation)
     return square

@@ -13,7 +13,7 @@ from scipy.special import jn_zeros, jv, jvp
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, Shortening, integrals_of
-from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
+from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint, FlexibleShape
 
 RADIAL, ANGULAR = 24, 32  # points of the quadrature: exact to rounding for the first modes
 
@@ -55,25 +55,25 @@ def membrane(
     place = np.stack((rr * np.cos(angle), rr * np.sin(angle), np.full(rr.size, height)), axis=1)
     shape = np.zeros((rr.size, 3, len(modes)))
     shape[:, 2] = deflection
-    nothing = np.zeros((rr.size, 3, len(modes), len(modes)))
-    sums = integrals_of(Points(place, weights.ravel(), shape, nothing))
+    zeros = np.zeros((rr.size, 3, len(modes), len(modes)))
+    sums = integrals_of(Points(place, weights.ravel(), shape, zeros))
     stress = _stress(place[:, :2], radius, poisson_ratio)
     slopes = _slopes(modes, rr, angle, radius, density)
-    pulled = -np.einsum("k,klab,kai,kbj->ijl", weights.ravel(), stress, slopes, slopes)
-    drawn = _shortening(pulled, height)
+    load_sums = -np.einsum("k,klab,kai,kbj->ijl", weights.ravel(), stress, slopes, slopes)
+    geometric = _shortening(load_sums, height)
     frequencies = np.array([wave_speed * zero / radius for _, zero, _ in modes])
     centre = np.zeros((3, len(modes)))
     centre[2] = _deflection(modes, np.zeros(1), np.zeros(1), radius, density)[0]
-    still = np.zeros((3, len(modes)))
+    zero_slope = np.zeros((3, len(modes)))
     s = np.linspace(-radius, radius, 21)
     line = np.stack((s, np.zeros_like(s), np.full_like(s, height)), axis=1)
     line_shape = np.zeros((len(s), 3, len(modes)))
     line_shape[:, 2] = _deflection(modes, abs(s), np.where(s < 0.0, np.pi, 0.0), radius, density)
     return FlexibleShape(
-        replace(sums, shortening=drawn),
+        replace(sums, shortening=geometric),
         np.ones(len(modes)),
         frequencies**2,
-        Spot(np.array([0.0, 0.0, height]), centre, still, still),
+        AppendagePoint(np.array([0.0, 0.0, height]), centre, zero_slope, zero_slope),
         line,
         line_shape,
     )
@@ -92,8 +92,8 @@ def _deflection(
         size = (1.0 if k == 0 else np.sqrt(2.0)) / (
             np.sqrt(np.pi * density) * radius * jv(k + 1, zero)
         )
-        around = np.sin(k * angle) if part else np.cos(k * angle)
-        columns.append(size * jv(k, zero * r / radius) * around)
+        angular_part = np.sin(k * angle) if part else np.cos(k * angle)
+        columns.append(size * jv(k, zero * r / radius) * angular_part)
     deflections: Vector = np.stack(columns, axis=1)
     return deflections
 
@@ -107,15 +107,17 @@ def _slopes(
         size = (1.0 if k == 0 else np.sqrt(2.0)) / (
             np.sqrt(np.pi * density) * radius * jv(k + 1, zero)
         )
-        around, turned = (
+        angular_part, angular_slope = (
             (np.sin(k * angle), k * np.cos(k * angle))
             if part
             else (np.cos(k * angle), -k * np.sin(k * angle))
         )
-        along = size * zero / radius * jvp(k, zero * r / radius) * around
-        across = size * jv(k, zero * r / radius) / r * turned
+        along = size * zero / radius * jvp(k, zero * r / radius) * angular_part
+        azimuth_slope = size * jv(k, zero * r / radius) / r * angular_slope
         cos, sin = np.cos(angle), np.sin(angle)
-        columns.append(np.stack((along * cos - across * sin, along * sin + across * cos), axis=1))
+        columns.append(
+            np.stack((along * cos - azimuth_slope * sin, along * sin + azimuth_slope * cos), axis=1)
+        )
     return np.stack(columns, axis=2)
 
 
@@ -132,16 +134,19 @@ def _stress(place: Matrix, radius: float, poisson_ratio: float) -> Matrix:
         radius: a of the rim, where u = 0 [m].
         poisson_ratio: nu [-].
     """
-    k, room = (1.0 + poisson_ratio) / (1.0 - poisson_ratio), radius**2 - (place**2).sum(axis=1)
+    k, edge_factor = (
+        (1.0 + poisson_ratio) / (1.0 - poisson_ratio),
+        radius**2 - (place**2).sum(axis=1),
+    )
     one, columns = np.eye(2), []
     loads = [(f, np.zeros((2, 2))) for f in one]
-    loads += [(np.zeros(2), np.outer(f, grows)) for grows in one for f in one]
+    loads += [(np.zeros(2), np.outer(f, gradient_axis)) for gradient_axis in one for f in one]
     for f, a in loads:
         even, mean = 0.5 * (a + a.T), 0.5 * np.trace(a)
         linear = 0.125 * (a - even) + (even - mean * one) / (8.0 + 4.0 * k)
         linear += mean / (8.0 + 8.0 * k) * one
         push = f / (4.0 + 2.0 * k) + place @ linear.T
-        gradient = room[:, None, None] * linear - 2.0 * push[:, :, None] * place[:, None, :]
+        gradient = edge_factor[:, None, None] * linear - 2.0 * push[:, :, None] * place[:, None, :]
         strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
         trace = np.trace(strain, axis1=1, axis2=2)[:, None, None]
         more = poisson_ratio / (1.0 - poisson_ratio)
@@ -149,10 +154,10 @@ def _stress(place: Matrix, radius: float, poisson_ratio: float) -> Matrix:
     return np.stack(columns, axis=1)
 
 
-def _shortening(pulled: Matrix, height: float) -> Shortening:
+def _shortening(load_sums: Matrix, height: float) -> Shortening:
     """Return the sums from those of the six loads of _stress, shape (n, n, 6)."""
-    n = len(pulled)
-    even = 0.5 * (pulled + pulled.transpose(1, 0, 2))
+    n = len(load_sums)
+    even = 0.5 * (load_sums + load_sums.transpose(1, 0, 2))
     first, second = np.zeros((n, n, 3)), np.zeros((n, n, 3, 3))
     first[..., :2] = even[..., :2]
     second[..., 0, :2], second[..., 1, :2] = even[..., 2:4], even[..., 4:]

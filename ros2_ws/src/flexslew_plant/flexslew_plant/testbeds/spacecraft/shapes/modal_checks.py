@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
 from flexslew_plant.testbeds.spacecraft.units import hint
 
@@ -20,7 +20,7 @@ def require_known(given: Iterable[str], known: Sequence[str], path: Path, key: s
     """Refuse the first name that is not a known key of a mapping of a file."""
     for name in map(str, given):
         if name not in known:
-            words = f"unknown key; {did_you_mean(name, known)}allowed here: {', '.join(known)}"
+            words = f"unknown key; {spelling_hint(name, known)}allowed here: {', '.join(known)}"
             raise BadInput(words, path, ".".join(filter(None, (key, name))))
 
 
@@ -36,8 +36,8 @@ def array_of(data: dict[str, Any], key: str, shape: tuple[int | None, ...], path
         b is None or a == b for a, b in zip(values.shape, shape, strict=True)
     )
     if not fits:
-        asked = " x ".join("any" if b is None else str(b) for b in shape)
-        raise BadInput(f"{key}: has shape {values.shape}; it must be {asked}", path)
+        required = " x ".join("any" if b is None else str(b) for b in shape)
+        raise BadInput(f"{key}: has shape {values.shape}; it must be {required}", path)
     if not np.isfinite(values).all():
         raise BadInput(f"{key}: holds a number that is not finite", path)
     return values
@@ -50,9 +50,9 @@ def modal_masses(data: dict[str, Any], n: int, path: Path) -> Vector | None:
     full = np.ndim(np.array(data["modal_mass"], dtype=object)) == 2
     values = array_of(data, "modal_mass", (n, n) if full else (n,), path)
     matrix = values if full else np.diag(values)
-    worst = float(abs(matrix - matrix.T).max(initial=0.0))
-    if worst > 1e-6 * float(abs(matrix).max()):
-        raise BadInput(f"modal_mass: is not symmetric: entries differ by {worst:.3g}", path)
+    largest = float(abs(matrix - matrix.T).max(initial=0.0))
+    if largest > 1e-6 * float(abs(matrix).max()):
+        raise BadInput(f"modal_mass: is not symmetric: entries differ by {largest:.3g}", path)
     lowest = float(np.linalg.eigvalsh(matrix).min())
     if lowest <= 0.0:
         raise BadInput(f"modal_mass: is not positive definite: eigenvalue {lowest:.3g}", path)
@@ -65,9 +65,9 @@ def require_orthogonal(matrix: Matrix, key: str, path: Path) -> None:
     size = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     off = abs(matrix / size - np.eye(len(matrix)))
     np.fill_diagonal(off, 0.0)
-    worst = np.unravel_index(int(np.argmax(off)), off.shape)
+    largest = np.unravel_index(int(np.argmax(off)), off.shape)
     if off.max(initial=0.0) > _ORTHOGONAL:
-        i, j = (int(k) + 1 for k in worst)
+        i, j = (int(k) + 1 for k in largest)
         raise BadInput(
             f"{key}: modes {i} and {j} are not orthogonal in mass: {off.max():.3g} of "
             f"their modal masses; allowed: {_ORTHOGONAL:g}",
@@ -92,8 +92,8 @@ def compare_rigid(integrals: Integrals, rigid: tuple[float, Vector, Matrix], pat
             f"is {found:.6g}{hint(size / found, 'length')}",
             path,
         )
-    worst = float(np.linalg.norm(integrals.first - first))
-    if worst > MASS_TOLERANCE * mass * size:
+    largest = float(np.linalg.norm(integrals.first - first))
+    if largest > MASS_TOLERANCE * mass * size:
         raise BadInput(
             f"rigid.first_moment: {first} is given, that of the points is {integrals.first}", path
         )

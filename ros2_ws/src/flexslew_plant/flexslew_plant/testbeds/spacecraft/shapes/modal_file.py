@@ -53,7 +53,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.modal_checks import (
     require_known,
     require_orthogonal,
 )
-from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
+from flexslew_plant.testbeds.spacecraft.shapes.shape import AppendagePoint, FlexibleShape
 from flexslew_plant.testbeds.spacecraft.units import UNITS, hint
 from flexslew_plant.yaml_data import load_yaml
 
@@ -73,7 +73,7 @@ _KEYS = (
 )
 _RIGID = ("mass", "first_moment", "inertia")
 _GEOMETRIC = ("uniform", "linear")
-_SHIPPED = Path(str(resources.files("flexslew_plant.testbeds.spacecraft"))) / "data"
+_DATA_FOLDER = Path(str(resources.files("flexslew_plant.testbeds.spacecraft"))) / "data"
 
 
 def modal_shape(path: Path) -> FlexibleShape:
@@ -83,8 +83,8 @@ def modal_shape(path: Path) -> FlexibleShape:
         BadInput: the file cannot be read, a number is missing, of the wrong shape or out of
             range, or its rigid sums contradict its points.
     """
-    if not os.path.exists(path) and os.path.exists(_SHIPPED / path):
-        path = _SHIPPED / path
+    if not os.path.exists(path) and os.path.exists(_DATA_FOLDER / path):
+        path = _DATA_FOLDER / path
     return _shape_of(path, given_bytes(path))
 
 
@@ -94,11 +94,11 @@ def allowed_file(path: Path, trust: Trust) -> Path:
     Raises:
         Untrusted: if it may not.
     """
-    if trust.allows_file(str(path)):
+    if trust.is_file_allowed(str(path)):
         return path
-    shipped = (_SHIPPED / path).resolve()
-    if shipped.is_relative_to(_SHIPPED.resolve()) and shipped.is_file():
-        return shipped
+    data_file = (_DATA_FOLDER / path).resolve()
+    if data_file.is_relative_to(_DATA_FOLDER.resolve()) and data_file.is_file():
+        return data_file
     require_file(trust, str(path), "modal data")
     return path
 
@@ -125,7 +125,7 @@ def _shape_of(path: Path, content: bytes) -> FlexibleShape:
         integrals, mass, tip, line, line_shape = _from_points(data, n, mass, rigid, path)
     elif "translation" in data:
         integrals, mass = _from_participation(data, n, mass, rigid, path)
-        tip = Spot(np.zeros(3), np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n)))
+        tip = AppendagePoint(np.zeros(3), np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n)))
         line, line_shape = np.zeros((2, 3)), np.zeros((2, 3, n))
     else:
         raise BadInput("points or translation: missing; give mode shapes or participation", path)
@@ -137,7 +137,7 @@ def _shape_of(path: Path, content: bytes) -> FlexibleShape:
         integrals,
         mass * units.mass,
         mass * units.mass * omega**2,
-        Spot(
+        AppendagePoint(
             tip.place * units.length,
             tip.displacement,
             tip.turn / units.length,
@@ -212,7 +212,7 @@ def _from_points(
     mass: Vector | None,
     rigid: tuple[float, Vector, Matrix] | None,
     path: Path,
-) -> tuple[Integrals, Vector, Spot, Matrix, Matrix]:
+) -> tuple[Integrals, Vector, AppendagePoint, Matrix, Matrix]:
     """Return sums, modal masses, tip and a line to draw, from mass points and mode shapes."""
     points = array_of(data, "points", (None, 3), path)
     k = len(points)
@@ -220,23 +220,23 @@ def _from_points(
     if not (masses > 0.0).all():
         raise BadInput(f"masses: {masses.min():g} is not positive", path)
     shapes = array_of(data, "shapes", (n, k, 3), path).transpose(1, 2, 0)
-    straight = np.zeros((k, 3, n, n))
-    integrals = integrals_of(Points(points, masses, shapes, straight))
-    own = np.einsum("ijaa->ij", integrals.second_2) / 2.0
-    lowest = float(np.linalg.eigvalsh(own).min())
-    if lowest <= 1e-12 * float(abs(own).max()):
+    zeros = np.zeros((k, 3, n, n))
+    integrals = integrals_of(Points(points, masses, shapes, zeros))
+    mass_matrix = np.einsum("ijaa->ij", integrals.second_2) / 2.0
+    lowest = float(np.linalg.eigvalsh(mass_matrix).min())
+    if lowest <= 1e-12 * float(abs(mass_matrix).max()):
         raise BadInput(
             f"shapes: are not independent: their mass matrix has eigenvalue {lowest:.3g}", path
         )
     if mass is None:
-        require_orthogonal(own, "shapes", path)
-        mass = np.diag(own).copy()
-    elif not np.allclose(np.diag(own), mass, rtol=MASS_TOLERANCE):
-        worst = int(np.argmax(abs(np.diag(own) / mass - 1.0)))
-        ratio = float(mass[worst] / own[worst, worst])
+        require_orthogonal(mass_matrix, "shapes", path)
+        mass = np.diag(mass_matrix).copy()
+    elif not np.allclose(np.diag(mass_matrix), mass, rtol=MASS_TOLERANCE):
+        largest = int(np.argmax(abs(np.diag(mass_matrix) / mass - 1.0)))
+        ratio = float(mass[largest] / mass_matrix[largest, largest])
         raise BadInput(
-            f"modal_mass: mode {worst + 1} has {mass[worst]:.6g}, its points sum to "
-            f"{own[worst, worst]:.6g}{hint(ratio, 'mass')}",
+            f"modal_mass: mode {largest + 1} has {mass[largest]:.6g}, its points sum to "
+            f"{mass_matrix[largest, largest]:.6g}{hint(ratio, 'mass')}",
             path,
         )
     if rigid is not None:
@@ -246,7 +246,7 @@ def _from_points(
     if not (number and 0 <= at < k and float(at).is_integer()):
         raise BadInput(f"a whole number from 0 to {k - 1}", path, "tip", at)
     at = int(at)
-    tip = Spot(points[at], shapes[at], np.zeros((3, n)), np.zeros((3, n)))
+    tip = AppendagePoint(points[at], shapes[at], np.zeros((3, n)), np.zeros((3, n)))
     line, line_shape = _centre_line(points, masses, shapes)
     return integrals, mass, tip, line, line_shape
 
@@ -266,8 +266,8 @@ def _centre_line(points: Matrix, masses: Vector, shapes: Matrix) -> tuple[Matrix
     np.add.at(line, group, points)
     np.add.at(line_shape, group, shapes)
     line = np.vstack((np.zeros(3), line / count[:, None]))
-    still = np.zeros((1, *shapes.shape[1:]))
-    return line, np.concatenate((still, line_shape / count[:, None, None]))
+    zero_row = np.zeros((1, *shapes.shape[1:]))
+    return line, np.concatenate((zero_row, line_shape / count[:, None, None]))
 
 
 def _from_participation(

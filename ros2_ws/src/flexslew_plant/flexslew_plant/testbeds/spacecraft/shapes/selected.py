@@ -6,25 +6,31 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
-from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, PlacedShape, Spot
+from flexslew_plant.testbeds.spacecraft.shapes.shape import (
+    AppendagePoint,
+    DeflectionLine,
+    FlexibleShape,
+)
 
 
-class _Chosen(NamedTuple):
+class _ModeSubset(NamedTuple):
     """Places along a shape of which some modes count."""
 
-    along: PlacedShape
+    along: DeflectionLine
     modes: list[int]
 
-    def spot(self, s: float) -> Spot:
+    def point(self, s: float) -> AppendagePoint:
         """Return what these modes do at the distance s."""
-        return _chosen(self.along.spot(s), self.modes)
+        return _mode_subset(self.along.point(s), self.modes)
 
 
-def _chosen(spot: Spot, n: list[int]) -> Spot:
-    return Spot(spot.place, spot.displacement[:, n], spot.turn[:, n], spot.curvature[:, n])
+def _mode_subset(point: AppendagePoint, n: list[int]) -> AppendagePoint:
+    return AppendagePoint(
+        point.place, point.displacement[:, n], point.turn[:, n], point.curvature[:, n]
+    )
 
 
-def chosen_modes(shape: FlexibleShape, n: list[int]) -> FlexibleShape:
+def select_modes(shape: FlexibleShape, n: list[int]) -> FlexibleShape:
     """Return a shape with some of its modes, counted from 0."""
     i = shape.integrals
     return FlexibleShape(
@@ -37,30 +43,32 @@ def chosen_modes(shape: FlexibleShape, n: list[int]) -> FlexibleShape:
             i.second_1[n],
             i.second_2[np.ix_(n, n)],
             i.gyroscopic[np.ix_(n, n)],
-            None if i.shortening is None else i.shortening.chosen(n),
+            None if i.shortening is None else i.shortening.select_modes(n),
         ),
         shape.mass[n],
         shape.stiffness[n],
-        _chosen(shape.tip, n),
+        _mode_subset(shape.tip, n),
         shape.line,
         shape.line_shape[:, :, n],
-        None if shape.along is None else _Chosen(shape.along, n),
+        None if shape.along is None else _ModeSubset(shape.along, n),
         None if shape.damping is None else shape.damping[np.ix_(n, n)],
         shape.tip_scaled,
     )
 
 
-class Turned(NamedTuple):
+class TransformedShape(NamedTuple):
     """Places along a beam, in appendage axes."""
 
     axes: Matrix  # beam to appendage
-    along: PlacedShape
+    along: DeflectionLine
 
-    def spot(self, s: float) -> Spot:
+    def point(self, s: float) -> AppendagePoint:
         """Return what the modes do at the distance s."""
-        return turned_spot(self.axes, self.along.spot(s))
+        return transform_point(self.axes, self.along.point(s))
 
 
-def turned_spot(r: Matrix, spot: Spot) -> Spot:
+def transform_point(r: Matrix, point: AppendagePoint) -> AppendagePoint:
     """Return a spot in other axes."""
-    return Spot(r @ spot.place, r @ spot.displacement, r @ spot.turn, r @ spot.curvature)
+    return AppendagePoint(
+        r @ point.place, r @ point.displacement, r @ point.turn, r @ point.curvature
+    )

@@ -9,7 +9,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
 
 
-class Spot(NamedTuple):
+class AppendagePoint(NamedTuple):
     """A place on an appendage and what its modes do there."""
 
     place: Vector  # undeformed, shape (3,) [m]
@@ -18,10 +18,10 @@ class Spot(NamedTuple):
     curvature: Matrix  # d^2/ds^2 of the displacement, shape (3, n) [1/m^2]
 
 
-class PlacedShape(Protocol):
+class DeflectionLine(Protocol):
     """The deflection of the modes of an appendage along it."""
 
-    def spot(self, s: float) -> Spot:
+    def point(self, s: float) -> AppendagePoint:
         """Return what the modes do at the distance s from the root [m]."""
 
 
@@ -44,10 +44,10 @@ class FlexibleShape:
     integrals: Integrals
     mass: Vector
     stiffness: Vector
-    tip: Spot
+    tip: AppendagePoint
     line: Matrix
     line_shape: Matrix
-    along: PlacedShape | None = None
+    along: DeflectionLine | None = None
     damping: Matrix | None = None
     tip_scaled: bool = False
 

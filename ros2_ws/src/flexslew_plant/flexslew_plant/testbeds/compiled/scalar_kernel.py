@@ -10,12 +10,12 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds.compiled.bound import bound
-from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel, nothing_to_read, rows_of
+from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH, BatchKernel, rows_of, skip_reading
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 
-def lane_by_lane(model: Model) -> LaneKernel:
+def scalar_kernel(model: Model) -> BatchKernel:
     """Return how a testbed flies in lanes."""
     sizes = model.coordinates, model.before_modes, model.efforts, model.joints, model.modes
     return _kernel(model.kernels, *sizes, model.packed.size)
@@ -24,7 +24,7 @@ def lane_by_lane(model: Model) -> LaneKernel:
 @lru_cache
 def _kernel(
     kernels: Kernels, n: int, m: int, efforts: int, joints: int, modes: int, numbers: int
-) -> LaneKernel:
+) -> BatchKernel:
     """Return the kernel of testbeds with these equations.
 
     Args:
@@ -36,45 +36,45 @@ def _kernel(
         modes: how many.
         numbers: how many are packed.
     """
-    own, take = kernels.compiled.get("reading"), bound(kernels, n, m).advance
+    read_joints, take = kernels.compiled.get("reading"), bound(kernels, n, m).advance
     states = 2 * n + kernels.extra_positions
-    rows = rows_of(states, efforts, joints, modes, own is not None)
+    rows = rows_of(states, efforts, joints, modes, read_joints is not None)
     constants, position, rate = rows.end, rows.position, rows.rate
 
     @compiled
     def advance(t: float, dt: float, steps: int, filled: int, w: Vector) -> None:
         p, x, effort = np.empty(numbers), np.empty(states), np.empty(efforts)
-        for lane in range(filled):
+        for member in range(filled):
             for i in range(states):
-                x[i] = w[i * LANES + lane]
+                x[i] = w[i * BATCH_WIDTH + member]
             for i in range(efforts):
-                effort[i] = w[(states + i) * LANES + lane]
+                effort[i] = w[(states + i) * BATCH_WIDTH + member]
             for i in range(numbers):
-                p[i] = w[constants + i * LANES + lane]
+                p[i] = w[constants + i * BATCH_WIDTH + member]
             take(p, t, effort, dt, steps, m, x)
             for i in range(states):
-                w[i * LANES + lane] = x[i]
+                w[i * BATCH_WIDTH + member] = x[i]
 
-    read = nothing_to_read
-    if own is not None:
+    read = skip_reading
+    if read_joints is not None:
 
         @compiled
         def read(filled: int, w: Vector) -> None:
             p, x = np.empty(numbers), np.empty(states)
-            at, turning = np.empty(joints), np.empty(joints)
-            for lane in range(filled):
+            at, joint_rate = np.empty(joints), np.empty(joints)
+            for member in range(filled):
                 for i in range(states):
-                    x[i] = w[i * LANES + lane]
+                    x[i] = w[i * BATCH_WIDTH + member]
                 for i in range(numbers):
-                    p[i] = w[constants + i * LANES + lane]
-                own(p, x, at, turning)
+                    p[i] = w[constants + i * BATCH_WIDTH + member]
+                read_joints(p, x, at, joint_rate)
                 for i in range(joints):
-                    w[position + i * LANES + lane] = at[i]
-                    w[rate + i * LANES + lane] = turning[i]
+                    w[position + i * BATCH_WIDTH + member] = at[i]
+                    w[rate + i * BATCH_WIDTH + member] = joint_rate[i]
 
     def place(packed: Matrix) -> Vector:
-        w = np.zeros(constants + numbers * LANES)
+        w = np.zeros(constants + numbers * BATCH_WIDTH)
         w[constants:] = packed.ravel()
         return w
 
-    return LaneKernel(advance, read, rows, constants + numbers * LANES, place, np.inf)
+    return BatchKernel(advance, read, rows, constants + numbers * BATCH_WIDTH, place, np.inf)

@@ -3,7 +3,7 @@
 from dataclasses import fields
 from typing import Any
 
-from flexslew_control.controllers import DERIVED
+from flexslew_control.controllers import COMPUTED_KEYS
 from flexslew_lab.console.view import BenchView
 from flexslew_lab.trial.trial import Trial, trial_of_values
 from flexslew_plant.bench.records import BenchSettings
@@ -11,7 +11,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.yaml_data import load_yaml
 
 
-def flown_trial(view: BenchView, controller: str) -> Trial:
+def current_trial(view: BenchView, controller: str) -> Trial:
     """Return the trial of one controller of a bench, tuned as it is, without a plan.
 
     What was injected by hand is left out; the schedule's disturbances and faults are included.
@@ -32,11 +32,11 @@ def flown_trial(view: BenchView, controller: str) -> Trial:
     kept = {item.name for item in fields(BenchSettings)}
     values = {key: value for key, value in bench.items() if key in kept}
     schedule = [entry for entry in values.get("schedule") or () if not entry.get("switch")]
-    own = settings_of(known.settings)
+    settings = settings_of(known.settings)
     values |= {
         "schedule": schedule,
         "fallback": [],
-        "controllers": {controller: {"law": known.law, **own}},
+        "controllers": {controller: {"law": known.law, **settings}},
         "active": controller,
     }
     duration = values.get("duration") or Trial.duration
@@ -46,4 +46,4 @@ def flown_trial(view: BenchView, controller: str) -> Trial:
 def settings_of(text: str) -> dict[str, Any]:
     """Return the settings that a controller announces, without what was computed from them."""
     found = load_yaml(text, "settings") or {}
-    return {key: value for key, value in found.items() if key not in DERIVED}
+    return {key: value for key, value in found.items() if key not in COMPUTED_KEYS}

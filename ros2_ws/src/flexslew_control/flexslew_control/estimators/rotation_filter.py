@@ -8,15 +8,15 @@ import numpy as np
 from flexslew_control.estimators.kalman import (
     FilterSettings,
     KalmanFilter,
-    corrected,
     gain_of,
     innovation_variance,
+    measurement_update,
 )
 from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate, PlantDescription, Reference
-from flexslew_control.turning_platform import TurningPlatform
+from flexslew_control.rate_dependent_platform import RateDependentPlatform
 from flexslew_control.zero_order_hold import zero_order_hold
-from flexslew_plant.arrays import NOTHING, Matrix, Tensor, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 
@@ -25,7 +25,7 @@ _SECOND = 1.0  # times the square of that limit is the density of the noise on j
 
 
 class FilterAlong(NamedTuple):
-    """A TurningFilter's matrices at the ticks of a plan; the first gain is that of its reset."""
+    """A RotationFilter's matrices at the ticks of a plan; the first gain is that of its reset."""
 
     states: Tensor  # F of the tick that begins, (ticks, k, k)
     efforts: Tensor  # G, (ticks, k, joints)
@@ -33,12 +33,13 @@ class FilterAlong(NamedTuple):
 
 
 @dataclass
-class TurningFilter:
+class RotationFilter:
     """The estimator of [e, e', d]: the deviation of joints and modes, and effort disturbances.
 
     The joints' part of e is the rotation from the plan to the measurement, in body axes, and that
     of e' the difference of body rates, so it is the same from every inertial frame. Over a tick
-    [e, e'] follows A(w) (see turning_platform) about the rates w of the plan, exactly for a held
+    [e, e'] follows A(w) (see rate_dependent_platform) about the rates w of the plan, exactly for a
+    held
     effort, driven by what the effort was beyond the plan's; d is a random walk. The estimate is
     the reference plus e: of the modes, what they have beyond those of the plan. It starts with
     none of that.
@@ -46,20 +47,20 @@ class TurningFilter:
     Args:
         platform: the small motions about any rates.
         period: one tick [s].
-        still: the filter about rest, with the constants that this one shares.
+        static: the filter about rest, with the constants that this one shares.
     """
 
-    platform: TurningPlatform
+    platform: RateDependentPlatform
     period: float
-    still: KalmanFilter
-    _x: Vector = field(init=False, default_factory=lambda: NOTHING)
+    static: KalmanFilter
+    _x: Vector = field(init=False, default_factory=lambda: EMPTY)
     _p: Matrix = field(init=False)
     _prior: Matrix = field(init=False)  # P before the last measurement
     _tick: int = field(init=False, default=-1)
     _now: Reference | None = field(init=False, default=None)  # of the tick that comes
     _before: Reference | None = field(init=False, default=None)  # of the last one
     _last: Estimate = field(init=False)
-    _held: tuple[Vector, Matrix, Matrix] | None = field(init=False, default=None)  # w, F, G
+    _step_cache: tuple[Vector, Matrix, Matrix] | None = field(init=False, default=None)  # w, F, G
 
     def expect(self, reference: Reference) -> None:
         """Set the reference for the next tick."""
@@ -69,7 +70,7 @@ class TurningFilter:
         """Start from the measured joints, the modes of the plan and no disturbance."""
         reference = self._reference(measurement)
         n, m = self.platform.small.coordinates, self.platform.small.joints
-        self._p = self._prior = self.still.matrices.first.copy()
+        self._p = self._prior = self.static.matrices.first.copy()
         self._x = np.zeros(len(self._p))
         self._x[:m] = measurement.joint_position - reference.position
         self._x[n : n + m] = measurement.joint_velocity - reference.velocity
@@ -84,15 +85,15 @@ class TurningFilter:
         assert before is not None
         f, g = self._step(before.velocity)
         x = f @ self._x + g @ (measurement.applied_effort - before.effort)
-        p = f @ self._p @ f.T + self.still.matrices.q
+        p = f @ self._p @ f.T + self.static.matrices.q
         y = np.concatenate(
             (
                 measurement.joint_position - reference.position,
                 measurement.joint_velocity - reference.velocity,
             )
         )
-        constant = self.still.matrices
-        self._x, self._p, innovation, nis = corrected(x, p, y, constant.c, constant.r)
+        constant = self.static.matrices
+        self._x, self._p, innovation, nis = measurement_update(x, p, y, constant.c, constant.r)
         self._prior, self._tick, self._before = p, measurement.tick, reference
         self._last = self._estimate(reference, innovation, nis)
         return self._last
@@ -101,22 +102,22 @@ class TurningFilter:
         """Return the filter of a plan from a reset on: no measurement changes its covariance."""
         c, q, r = self._noise
         (outputs, k), m, n = c.shape, self.platform.small.joints, self.platform.small.coordinates
-        ticks, p = len(references), self.still.matrices.first
+        ticks, p = len(references), self.static.matrices.first
         found = FilterAlong(
             np.empty((ticks, k, k)), np.empty((ticks, k, m)), np.zeros((ticks, k, outputs))
         )
         found.gains[0, :m, :m], found.gains[0, n : n + m, m:] = np.eye(m), np.eye(m)
         velocities = np.array([reference.velocity for reference in references])
-        turns = np.flatnonzero((velocities[1:] != velocities[:-1]).any(axis=1))
-        stands_from = int(turns[-1]) + 1 if turns.size else 0  # the rates are those of the end
+        changes = np.flatnonzero((velocities[1:] != velocities[:-1]).any(axis=1))
+        last_change = int(changes[-1]) + 1 if changes.size else 0  # the rates are those of the end
         for tick, rates in enumerate(velocities):
             f, found.efforts[tick] = self._step(rates)
             found.states[tick] = f
             if tick + 1 == ticks:
                 break
-            ahead = f @ p @ f.T + q
-            found.gains[tick + 1], after = gain_of(ahead, c, r)
-            if tick > stands_from and np.array_equal(after, p):
+            prior = f @ p @ f.T + q
+            found.gains[tick + 1], after = gain_of(prior, c, r)
+            if tick > last_change and np.array_equal(after, p):
                 found.states[tick:], found.efforts[tick:] = f, found.efforts[tick]
                 found.gains[tick + 1 :] = found.gains[tick + 1]
                 break
@@ -127,7 +128,7 @@ class TurningFilter:
         """Let the covariance become that of 2^doublings ticks later at rest, and return it."""
         f, c, q, r = self._step(np.zeros(self.platform.small.joints))[0], *self._noise
         self._prior = later_covariance(f, q, c, r, self._prior, doublings)
-        self._p = corrected(self._x, self._prior, c @ self._x, c, r)[1]
+        self._p = measurement_update(self._x, self._prior, c @ self._x, c, r)[1]
         self._last = self._last._replace(covariance=self._p)
         return self._p
 
@@ -138,25 +139,25 @@ class TurningFilter:
 
     @property
     def _noise(self) -> tuple[Matrix, Matrix, Vector]:
-        return self.still.matrices.c, self.still.matrices.q, self.still.matrices.r
+        return self.static.matrices.c, self.static.matrices.q, self.static.matrices.r
 
     def _step(self, rates: Vector) -> tuple[Matrix, Matrix]:
         """Return F and G of [e, e', d] over a tick about these rates."""
-        if self._held is None or not np.array_equal(self._held[0], rates):
+        if self._step_cache is None or not np.array_equal(self._step_cache[0], rates):
             b = self.platform.input_matrix
-            (k, m), states = b.shape, len(self.still.matrices.first)
+            (k, m), states = b.shape, len(self.static.matrices.first)
             f, g = np.eye(states), np.zeros((states, m))
             f[:k, :k], g[:k] = zero_order_hold(self.platform.state_matrix(rates), b, self.period)
             f[:k, k:] = g[:k, : states - k]
-            self._held = rates, f, g
-        return self._held[1:]
+            self._step_cache = rates, f, g
+        return self._step_cache[1:]
 
     def _reference(self, measurement: Measurement) -> Reference:
         """Return the plan's reference; rest at the measured joints if there is none."""
         if self._now is not None:
             return self._now
-        still = np.zeros_like(measurement.joint_velocity)
-        return Reference(measurement.joint_position, still, still, NOTHING)
+        static = np.zeros_like(measurement.joint_velocity)
+        return Reference(measurement.joint_position, static, static, EMPTY)
 
     def _estimate(self, reference: Reference, innovation: Vector, nis: float) -> Estimate:
         n, m = self.platform.small.coordinates, self.platform.small.joints
@@ -166,13 +167,13 @@ class TurningFilter:
         return Estimate(position, velocity, self._x[2 * n :], self._p, innovation, nis)
 
 
-def turning_filter(
-    platform: TurningPlatform,
+def rotation_filter(
+    platform: RateDependentPlatform,
     settings: FilterSettings,
     plant: PlantDescription,
     noise: Matrix | None = None,
     key: str = "filter.tip_sigma",
-) -> TurningFilter:
+) -> RotationFilter:
     """Return the filter of a craft that turns in three axes.
 
     By default the settings assume white noise on each joint's equation as large as the drives over
@@ -199,8 +200,10 @@ def turning_filter(
         )
     small = platform.small
     most = float(plant.effort_limit.max())
-    walk, chosen = settings.disturbance_walk, settings.effort_noise
-    noises = replace(settings, disturbance_walk=_WALK * most if walk is None else walk)
-    usual = _SECOND * most**2 if chosen is None else 0.0
-    still = KalmanFilter(small, np.zeros(small.coordinates), noises, plant.period, noise, usual)
-    return TurningFilter(platform, plant.period, still)
+    walk, effort_noise = settings.disturbance_walk, settings.effort_noise
+    filter_settings = replace(settings, disturbance_walk=_WALK * most if walk is None else walk)
+    joint_noise = _SECOND * most**2 if effort_noise is None else 0.0
+    static = KalmanFilter(
+        small, np.zeros(small.coordinates), filter_settings, plant.period, noise, joint_noise
+    )
+    return RotationFilter(platform, plant.period, static)

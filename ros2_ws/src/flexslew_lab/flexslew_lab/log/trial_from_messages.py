@@ -9,7 +9,7 @@ _OF_PLANT = ("rate_factor", "answer_timeout", "display_rate")  # next to those o
 _FAULTS_BEFORE = "faults_enabled"  # how logs of before name allow_faults
 
 
-def described_trial(testbed: Any, statuses: dict[str, Any], end: float, source: str) -> str:
+def trial_from_messages(testbed: Any, statuses: dict[str, Any], end: float, source: str) -> str:
     """Return the trial that testbed and statuses of a log describe, as YAML; "" where they do not.
 
     The plan is no part of this trial: the log gives each plan and the tick at which it was taken.

@@ -2,17 +2,17 @@
 
 from collections.abc import Sequence
 
-from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackTookOver
+from flexslew_plant.events import BrakeActivated, ControllerNotReady, Event, FallbackActivated
 
 
-def told_takeovers(events: Sequence[Event]) -> list[str]:
+def handover_lines(events: Sequence[Event]) -> list[str]:
     """Return the silent controllers with time and successor, and the reason if the bench has it."""
     words, reasons = [], {}
     for event in events:
         match event.what:
-            case BecameUnready(controller=name, reason=reason):
+            case ControllerNotReady(controller=name, reason=reason):
                 reasons[name] = reason
-            case FallbackTookOver(from_=name) | BrakeTookOver(from_=name):
+            case FallbackActivated(from_=name) | BrakeActivated(from_=name):
                 why = f" ({reasons[name]})" if reasons.get(name) else ""
                 words.append(f"{event.time:.2f} s: {event.message}{why}")
     return words

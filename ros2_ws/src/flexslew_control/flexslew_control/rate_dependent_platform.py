@@ -13,7 +13,12 @@ from itertools import combinations
 import numpy as np
 from scipy.linalg import block_diag
 
-from flexslew_control.free_platform import Independent, LinearModel, independent, small_motions
+from flexslew_control.free_platform import (
+    JointCoordinates,
+    LinearModel,
+    joint_coordinates,
+    reduced_model,
+)
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds.model import Model
 
@@ -21,7 +26,7 @@ _STEP = 0.1  # rates at which the terms are taken [rad/s]
 
 
 @dataclass(frozen=True)
-class TurningPlatform:
+class RateDependentPlatform:
     """The small motions of a free platform about any rates of its joints.
 
     Args:
@@ -44,11 +49,11 @@ class TurningPlatform:
         if not rates.any():
             return self.small.linear.state_matrix
         by_rate = self.linear + np.tensordot(rates, self.quadratic, axes=1)
-        turning: Matrix = np.tensordot(rates, by_rate, axes=1)
-        return self.small.linear.state_matrix + turning
+        at_rates: Matrix = np.tensordot(rates, by_rate, axes=1)
+        return self.small.linear.state_matrix + at_rates
 
 
-def turning_platform(model: Model, rest: Vector) -> TurningPlatform | None:
+def rate_dependent_platform(model: Model, rest: Vector) -> RateDependentPlatform | None:
     """Return the small motions of a craft about its plans; None: no joints measure its attitude.
 
     Args:
@@ -60,23 +65,23 @@ def turning_platform(model: Model, rest: Vector) -> TurningPlatform | None:
     """
     if model.attitude is None or model.leading is None:
         return None
-    found = independent(model, rest)
+    found = joint_coordinates(model, rest)
     m, size = model.joints, 2 * found.basis.shape[1]
     linear, quadratic = np.zeros((m, size, size)), np.zeros((m, m, size, size))
-    still, one = _turning(model, rest, found, np.zeros(m)), _STEP * np.eye(m)
+    at_rest, one = _rates_matrix(model, rest, found, np.zeros(m)), _STEP * np.eye(m)
     for i in range(m):
-        ahead, back = (_turning(model, rest, found, s * one[i]) - still for s in (1.0, -1.0))
-        linear[i] = (ahead - back) / (2.0 * _STEP)
-        quadratic[i, i] = (ahead + back) / (2.0 * _STEP**2)
+        plus, minus = (_rates_matrix(model, rest, found, s * one[i]) - at_rest for s in (1.0, -1.0))
+        linear[i] = (plus - minus) / (2.0 * _STEP)
+        quadratic[i, i] = (plus + minus) / (2.0 * _STEP**2)
     for i, j in combinations(range(m), 2):
-        both = _turning(model, rest, found, one[i] + one[j]) - still
-        both = both - _STEP * (linear[i] + linear[j])
-        both = both / _STEP**2 - quadratic[i, i] - quadratic[j, j]
-        quadratic[i, j] = quadratic[j, i] = 0.5 * both
-    return TurningPlatform(small_motions(model, found), linear, quadratic)
+        cross = _rates_matrix(model, rest, found, one[i] + one[j]) - at_rest
+        cross = cross - _STEP * (linear[i] + linear[j])
+        cross = cross / _STEP**2 - quadratic[i, i] - quadratic[j, j]
+        quadratic[i, j] = quadratic[j, i] = 0.5 * cross
+    return RateDependentPlatform(reduced_model(model, found), linear, quadratic)
 
 
-def free_platform(model: Model, rest: Vector) -> TurningPlatform:
+def free_platform(model: Model, rest: Vector) -> RateDependentPlatform:
     """Return the small motions of any free craft about plans; of one axis they are those of rest.
 
     Args:
@@ -86,20 +91,20 @@ def free_platform(model: Model, rest: Vector) -> TurningPlatform:
     Raises:
         BadInput: the joints do not move independently of each other.
     """
-    turning = turning_platform(model, rest)
-    if turning is not None:
-        return turning
-    small, m = small_motions(model, independent(model, rest)), model.joints
+    at_rates = rate_dependent_platform(model, rest)
+    if at_rates is not None:
+        return at_rates
+    small, m = reduced_model(model, joint_coordinates(model, rest)), model.joints
     size = 2 * small.coordinates
-    return TurningPlatform(small, np.zeros((m, size, size)), np.zeros((m, m, size, size)))
+    return RateDependentPlatform(small, np.zeros((m, size, size)), np.zeros((m, m, size, size)))
 
 
-def _turning(model: Model, rest: Vector, found: Independent, rates: Vector) -> Matrix:
+def _rates_matrix(model: Model, rest: Vector, found: JointCoordinates, rates: Vector) -> Matrix:
     """Return A about these rates of the joints, without deflections."""
-    basis, readings = found.basis, found.readings
+    basis, outputs = found.basis, found.outputs
     elastic = np.linalg.pinv(found.elastic(model.modes))
     rigid = np.zeros((len(elastic), model.before_modes))
-    left = np.vstack((readings, np.hstack((rigid, elastic))))  # of z' = L v
-    turning = np.concatenate((rest, basis[:, : rates.size] @ rates))
-    slopes, _ = model.jacobian(turning, np.zeros(model.efforts))
+    left = np.vstack((outputs, np.hstack((rigid, elastic))))  # of z' = L v
+    at_rates = np.concatenate((rest, basis[:, : rates.size] @ rates))
+    slopes, _ = model.jacobian(at_rates, np.zeros(model.efforts))
     return np.asarray(block_diag(left, left) @ slopes @ block_diag(basis, basis))
