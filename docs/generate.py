@@ -158,7 +158,7 @@ def keys(module: str, node: ast.ClassDef) -> list[Field]:
         name = ast.unparse(item.target) if isinstance(item, ast.AnnAssign) else ""
         if isinstance(item, ast.AnnAssign) and name in told:
             default = ast.unparse(item.value) if item.value else ""
-            found.append(Field(name, ast.unparse(item.annotation), default, told[name].told))
+            found.append(Field(name, ast.unparse(item.annotation), default, told[name].description))
     return found
 
 

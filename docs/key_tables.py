@@ -102,7 +102,7 @@ def in_brackets(words: str) -> str:
 
 def told(item: Field[Any], meaning: FieldDescription) -> str:
     """Return what a key means and what is allowed; one that is fixed selects its section."""
-    text = meaning.told or f"selects this {item.name}"
+    text = meaning.description or f"selects this {item.name}"
     return text.replace("|", "\\|")
 
 

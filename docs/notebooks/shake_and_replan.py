@@ -58,7 +58,7 @@ print(f"truth     {true:.5f} rad/s; inertia {found.model.inertia[0][0].value:.4f
 # Plan on the identified model, and run the same bench.
 
 # %%
-second = fs.fly(fs.trial("replan_oscillator", BENCH | {"plan.model": found.believed}))
+second = fs.fly(fs.trial("replan_oscillator", BENCH | {"plan.model": found.model_section}))
 known = fs.fly(fs.trial("replan_oscillator", BENCH))
 for label, flight in (("nominal", first), ("identified", second), ("truth", known)):
     print(f"plan on {label:10} {flight.metrics['residual_tip_deflection']:.5f} m after the end")

@@ -10,14 +10,14 @@ from flexslew_plant.settings import NonNegative, Positive
 DesignModel: TypeAlias = Annotated[
     dict[str, Any] | None,
     Field(
-        description="keys in which the model that is believed differs from the testbed with one "
+        description="keys in which the design model differs from the testbed with one "
         "mode; null: none"
     ),
 ]
 WholeModel: TypeAlias = Annotated[
     dict[str, Any] | None,
     Field(
-        description="keys in which the model that is believed differs from the testbed; null: none"
+        description="keys in which the design model differs from the testbed; null: none"
     ),
 ]
 Initial: TypeAlias = Annotated[

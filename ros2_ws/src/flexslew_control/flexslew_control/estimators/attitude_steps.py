@@ -35,7 +35,7 @@ def carry(
     walk: float,
     dt: float,
 ) -> None:
-    """Take attitude and covariance to a tick later; see attitude_filter.propagated."""
+    """Take attitude and covariance to a tick later; see RigidFilter.propagate."""
     p = covariance
     x, y, z = (reading[0] - bias[0]) * dt, (reading[1] - bias[1]) * dt, (reading[2] - bias[2]) * dt
     a, b, c, w = quaternion_of(x, y, z)

@@ -26,7 +26,7 @@ def paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]
     """Return, for each metric, every variant against the first on the same samples.
 
     A trial that failed counts as the worse of its pair, and two that failed as alike; a pair is
-    left out where a trial has no such number. The test is that of Population.differs, and the
+    left out where a trial has no such number. The test is that of Population.sign_p_value, and the
     variants share its error, and that of the bounds of each number (Bonferroni).
     """
     lines = []

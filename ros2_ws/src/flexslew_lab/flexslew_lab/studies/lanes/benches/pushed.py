@@ -20,7 +20,7 @@ class BatchForces(NamedTuple):
 
 
 def forces_of(members: Sequence[BatchTrial]) -> tuple[Callable[..., None], BatchForces]:
-    """Return what pushes the lanes of a group (see `_pushing`), and what it reads."""
+    """Return what pushes the lanes of a group (see `_force_step`), and what it reads."""
     model = members[0].model
     if model.outside is None:
         return _no_forces, BatchForces(np.zeros((0, 0)), np.zeros((0, 0)))

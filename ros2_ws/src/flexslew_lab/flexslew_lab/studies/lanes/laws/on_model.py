@@ -86,7 +86,7 @@ def steady(kernels: Kernels, before: int, n: int) -> ObserverStep:
 
 
 def _step(kernels: Kernels, before: int, n: int) -> Callable[..., None]:
-    """Return what takes x one tick on; see JointsAndModes.advanced."""
+    """Return what takes x one tick on; see JointsAndModes.propagate."""
     derivative = bound(kernels, n, before).derivative
 
     @compiled
