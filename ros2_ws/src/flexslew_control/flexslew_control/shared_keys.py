@@ -16,9 +16,7 @@ DesignModel: TypeAlias = Annotated[
 ]
 WholeModel: TypeAlias = Annotated[
     dict[str, Any] | None,
-    Field(
-        description="keys in which the design model differs from the testbed; null: none"
-    ),
+    Field(description="keys in which the design model differs from the testbed; null: none"),
 ]
 Initial: TypeAlias = Annotated[
     ByJoint[float] | None,
