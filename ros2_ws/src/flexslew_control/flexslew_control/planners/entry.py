@@ -23,8 +23,8 @@ class PlanSection(Protocol):
         """When the manoeuvre begins [s]."""
 
 
-# section, bench, gains of the active controller (None: it has none), listener, its law
-# (None: not known)
+# section, plant, gains of the active controller (None without), progress report, active law
+# (None if it is not known)
 Make: TypeAlias = Callable[
     [Any, PlantDescription, Feedback | None, Progress, ActiveLaw | None], Plan
 ]
@@ -52,8 +52,8 @@ class PlannerEntry:
         compared: keys of its section where it is compared with other methods.
         variants: compared too.
         example: keys of its section for a plan that is made quickly, where its defaults take long.
-        by_law: keys that each law of a comparison sets as it needs them (LawEntry.plans), as they
-            are for a law that needs none; None: one plan serves every law.
+        by_law: keys that each law of a comparison sets as it needs them (LawEntry.plans), with the
+            values for a law that sets none; None if one plan serves every law.
     """
 
     settings: type[Any]
@@ -68,5 +68,5 @@ class PlannerEntry:
 
     @property
     def name(self) -> str:
-        """What `plan.method` calls it."""
+        """The name in `plan.method`."""
         return default_of(self.settings, "method")

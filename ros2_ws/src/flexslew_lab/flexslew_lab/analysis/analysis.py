@@ -65,7 +65,7 @@ class Pole:
 
 @dataclass(frozen=True)
 class OtherPlant:
-    """What the loop keeps on a plant that the law does not believe in."""
+    """Margins of the loop on a plant that differs from the design model."""
 
     stiffness: float  # factor [-]
     payload: float  # factor [-]

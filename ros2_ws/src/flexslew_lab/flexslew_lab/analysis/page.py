@@ -70,7 +70,7 @@ def tables(analysis: Analysis) -> list[Table]:
         ]  # fmt: skip
         head = ("stiffness, payload", "stable", "disk margin", "delay margin [s]")
         words = "Factors on the plant, the law as it is."
-        found.append(Table("Plants that the law does not believe in", words, head, rows))
+        found.append(Table("Plants that differ from the design model", words, head, rows))
     return found
 
 
@@ -215,7 +215,7 @@ def _residual(analysis: Analysis) -> Group:
     top = 2.0 * max((mode.frequency for mode in modes), default=10.0)
     w = np.geomspace(0.01 * top, top, 800)
     curves, has_feedforward = residual_curve(plan, w)
-    panel = Panel("what is left in an oscillator", "-", log=True, height=220)
+    panel = Panel("residual amplitude of an oscillator", "-", log=True, height=220)
     for k, (name, curve) in enumerate(curves.items()):
         panel.line(w, np.maximum(curve, 1e-6), name, style(k))
     panel.y_range = (1e-4, 1.0)
@@ -223,8 +223,8 @@ def _residual(analysis: Analysis) -> Group:
     what = "feedforward" if has_feedforward else "acceleration of the reference"
     frequencies = ", ".join(f"{mode.frequency:.4g}" for mode in modes)
     words = (
-        f"Of the plan's {what}, for an oscillator of every frequency, as a part of the worst that "
-        f"as much effort could leave. The plant's own: {frequencies} rad/s."
+        f"Of the plan's {what}, for an oscillator of every frequency, relative to the "
+        f"largest residual of the same effort. The plant's own: {frequencies} rad/s."
     )
     return Group("Residual over frequency", words, [panel], legend(list(curves)))
 
