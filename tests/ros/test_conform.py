@@ -154,7 +154,7 @@ def test_each_broken_rule_is_told(examine: Examine, tmp_path: Path) -> None:
     assert {rule for rule, words in wrong.items() if words} == {
         "heartbeat", "repeat", "swap", "pause", "reset", "backlog", "start",
     }  # fmt: skip
-    assert wrong["repeat"].endswith("asked again: another effort than the first time")
+    assert wrong["repeat"].endswith("repeated: another effort than the first time")
     assert "no heartbeat of any_language" in wrong["heartbeat"]
     assert "name another controller" in wrong["swap"]
     assert "it has tick 0 of epoch 0" in wrong["reset"]

@@ -62,7 +62,7 @@ def _allocator(plant: PlantDescription, law: ActiveLaw | None) -> Allocator:
     if allocation is None:
         raise BadInput(
             f"{plant.joint_names[plant.testbed.model().one_way[0]]} is a thruster, which pushes "
-            "one way; give the active controller an `allocation`, which says what turns the "
+            "one way; give the active controller an `allocation`, which selects what turns the "
             "craft",
             key="plan",
         )

@@ -247,7 +247,7 @@ class InterfaceTest:
             if not np.array_equal(command.effort, first.effort):
                 raise Wrong(f"tick {self._tick} repeated: another effort than the first time")
         if len(self._commands) > 1:
-            raise Wrong(f"tick {self._tick} asked again: {len(self._commands)} answers")
+            raise Wrong(f"tick {self._tick} repeated: {len(self._commands)} answers")
 
     def _swap(self) -> None:
         self._commands.clear()
@@ -276,7 +276,7 @@ class InterfaceTest:
         for command, at in self._commands:
             self._check(command, at, command.tick)
         if ticks != sorted(set(ticks)) or not set(ticks) <= set(range(begin, last + 1)):
-            raise Wrong(f"ticks {begin} to {last} were asked, {ticks} answered")
+            raise Wrong(f"ticks {begin} to {last} were sent, {ticks} answered")
 
     def _check_wrong_tick(self) -> None:
         self._commands.clear()
@@ -306,7 +306,7 @@ class InterfaceTest:
             if tick < len(self._before) and not np.array_equal(effort, self._before[tick]):
                 raise Wrong(
                     f"tick {tick} of the new epoch: another effort than at the start, where the "
-                    "question was the same; a controller begins anew"
+                    "question was the same; a controller restarts"
                 )
         self._check_last_tick(0)
 

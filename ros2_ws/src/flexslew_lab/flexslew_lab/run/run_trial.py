@@ -110,8 +110,8 @@ def run_trial(
     tips = trial.testbed.model().appendages.tip
     if tips.shape[1] and not tips.any():
         warned(
-            f"no tip shows any mode, of {tips.shape[1]}: all tip deflections are told as 0, "
-            "whatever rings; see the modes in the report"
+            f"no tip shows any mode, of {tips.shape[1]}: all tip deflections are 0 in the log, "
+            "also while modes vibrate; see the modes in the report"
         )
     if prepared.bench.fast_mode is not None:
         warned(message_of(prepared.bench.fast_mode))

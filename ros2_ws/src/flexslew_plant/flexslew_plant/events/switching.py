@@ -167,7 +167,7 @@ class ControllerReady:
     "implausible",
     Level.FAULT,
     "the sensors of {joint} contradict each other: it moves by {difference:.3g} per "
-    "second more than its rate sensor says",
+    "second more than its rate sensor reads",
 )
 class SensorsInconsistent:
     """The joint sensors contradict each other; the controller in charge loses the bench."""
