@@ -44,7 +44,7 @@ WAIT = 200.0  # on a busy machine, which may have to compile first
 PATIENT = f"""
 from flexslew_lab.cli import main, operate
 from flexslew_lab.ros import operator
-operator.PATIENCE = operate._BY_HAND = {WAIT}
+operator.PATIENCE = operate._FALLBACK_TIMEOUT = {WAIT}
 main.main()
 """  # a command that waits as long for the bench
 
@@ -609,7 +609,7 @@ def test_a_dead_controller_is_not_ready_and_no_switch_to_it_is_taken(operator: O
 def test_the_command_line_operates_the_bench(
     operator: Operator, monkeypatch: pytest.MonkeyPatch, call: Callable[..., tuple[Any, str]]
 ) -> None:
-    for patience in ("ros.operator.PATIENCE", "cli.operate._BY_HAND"):
+    for patience in ("ros.operator.PATIENCE", "cli.operate._FALLBACK_TIMEOUT"):
         monkeypatch.setattr(f"flexslew_lab.{patience}", WAIT)
     rclpy.shutdown()  # a command is a process of its own
     try:

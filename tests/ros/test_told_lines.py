@@ -8,9 +8,9 @@ import pytest
 
 TOLD = """
 import sys
-from flexslew_plant.ros.told_lines import tell
+from flexslew_plant.ros.told_lines import write_line
 for k in range(3):
-    tell(str(k), {wrong})
+    write_line(str(k), {wrong})
 sys.exit(7)
 """
 

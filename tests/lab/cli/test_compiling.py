@@ -11,10 +11,10 @@ from flexslew_lab.cli import compiling
 
 OWN = """
 import sys
-from flexslew_lab.cli.compiling import say_when_compiling
-say_when_compiling()
-from flexslew_plant.hardware.friction import slid
-print(slid(0.7, 0.3, 4.0, 0.0, 1e-4, 0.5))
+from flexslew_lab.cli.compiling import print_compile_progress
+print_compile_progress()
+from flexslew_plant.hardware.friction import friction_velocity
+print(friction_velocity(0.7, 0.3, 4.0, 0.0, 1e-4, 0.5))
 """
 
 

@@ -127,7 +127,7 @@ from typing import Literal
 
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.reference import NoPlan, plan_none
-from flexslew_control.planners.slewing import Slewing
+from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_plant.settings import NonNegative, section
 
 
@@ -143,7 +143,7 @@ def plan_half(settings, slew, progress):
     return replace(plan_none(NoPlan(start=settings.start), middle, progress), method="half")
 
 
-HALF = PlannerEntry(Half, Slewing(plan_half), feedforward=False)
+HALF = PlannerEntry(Half, SlewPlanner(plan_half), feedforward=False)
 """,
     ),
     "flexslew_lab.metrics": (

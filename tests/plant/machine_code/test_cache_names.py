@@ -11,7 +11,7 @@ MODULE = """
 import json
 import sys
 import numpy as np
-from flexslew_plant.arrays import compiled, inlined, merged, vectorised
+from flexslew_plant.arrays import compiled, inline, merged, vectorised
 
 def made(decorated, factor):
     @decorated
@@ -24,7 +24,7 @@ def made(decorated, factor):
 
     return outer
 
-kinds = (compiled, vectorised, inlined, merged())
+kinds = (compiled, vectorised, inline, merged())
 factors = [json.loads(text) for text in sys.argv[1:]]
 factors = [np.array(each) if isinstance(each, list) else each for each in factors]
 found = [made(kind, factor) for kind in kinds for factor in factors]

@@ -19,11 +19,11 @@ from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import load_study
-from flexslew_plant.machine_code.compile_news import tell_of_compiling
+from flexslew_plant.machine_code.compile_news import add_compile_listener
 
 ready = prepare(load_study(Path(sys.argv[1])))
 compiled = []
-tell_of_compiling(compiled.append)
+add_compile_listener(compiled.append)
 flown = Lanes(ready.study, ready.plans).fly([case_of(ready.study, ready.samples, 0)])
 print(len([result for some, _ in flown for result in some]), compiled)
 """

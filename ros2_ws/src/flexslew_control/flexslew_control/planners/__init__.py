@@ -191,7 +191,7 @@ def planner_of(settings: PlanSettings) -> PlannerEntry:
 
 
 def is_single_axis(settings: PlanSettings, plant: PlantDescription) -> bool:
-    """Return whether a section is planned about one axis; see Slewing.is_single_axis."""
+    """Return whether a section is planned about one axis; see SlewPlanner.is_single_axis."""
     make = planner_of(settings).make
     return isinstance(make, SlewPlanner) and make.is_single_axis(settings, plant)
 

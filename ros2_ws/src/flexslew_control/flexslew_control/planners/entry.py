@@ -44,7 +44,7 @@ class PlannerEntry:
 
     Args:
         settings: its `plan` section; the default of `method` is its name.
-        make: returns the plan of a section; see slewing.Slewing.
+        make: returns the plan of a section; see slewing.SlewPlanner.
         slews: whether it takes joints to a goal.
         feedforward: whether its plans have one.
         takes_duration: whether the slew takes the `duration` of its section; else the planner
