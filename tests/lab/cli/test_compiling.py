@@ -32,7 +32,7 @@ def test_a_first_use_says_that_it_compiles(tmp_path: Path) -> None:
         assert float(done.stdout) > 0.0
         said.append(done.stderr)
     assert said[0].startswith("compiling machine code for a first use")
-    assert "friction.slid" in said[0]
+    assert "friction.friction_velocity" in said[0]
     assert said[0].count("\n") == 1
     assert said[1] == ""
 

@@ -81,12 +81,16 @@ def ended(*arguments: str, everything: bool = False) -> int:
 @pytest.mark.usefixtures("tree")
 def test_the_whole_suite_runs_in_groups_each_test_in_one() -> None:
     default = "not (ros or browser or campaign or matrix or slow)"
-    *plain, shared, alone = parts(Selection(), all_tests=False)
-    assert [part[-1] for part in plain] == ["tests", *GROUPS]
-    assert all(part[4:6] == ("-m", default) for part in plain)
+    plain, shared, alone = parts(Selection(), all_tests=False)
+    assert plain[4:6] == ("-m", default)
+    assert {part for part in plain if part.startswith("--ignore")} == {
+        f"--ignore={folder}" for folder in OVER_ROS
+    }
+    assert plain[-1] == "tests"
     assert shared[4:] == ("-m", f"{default} and not alone", *OVER_ROS)
     assert alone == ("-m", f"{default} and alone", *OVER_ROS)
     *plain, shared, alone = parts(Selection(), all_tests=True)
+    assert [part[-1] for part in plain] == ["tests", *GROUPS]
     assert all("-m" not in part for part in plain)
     assert (shared[4:6], alone[:2]) == (("-m", "not alone"), ("-m", "alone"))
     for folder in (*OVER_ROS, *GROUPS):
@@ -99,10 +103,7 @@ def test_the_whole_suite_runs_in_groups_each_test_in_one() -> None:
 @pytest.mark.parametrize(
     ("arguments", "paths"),
     [
-        (
-            ("-k", "energy", "--durations=3"),
-            [["tests"], *([group] for group in GROUPS), OVER_ROS, OVER_ROS],
-        ),
+        (("-k", "energy", "--durations=3"), [["tests"], OVER_ROS, OVER_ROS]),
         (("tests/plant", "-x"), [["tests/plant"]]),
         (("-k", "tests", "tests"), [["tests"], OVER_ROS, OVER_ROS]),
         (("tests/campaigns",), [["tests/campaigns"], OVER_ROS[1:], OVER_ROS[1:]]),

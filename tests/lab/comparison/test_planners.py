@@ -42,7 +42,7 @@ def yaw() -> Any:
 
 @pytest.mark.slow
 def test_every_method_flies_the_same_yaw_slew(yaw: Any) -> None:
-    flown = {entry.name: entry for entry in yaw.flown}
+    flown = {entry.name: entry for entry in yaw.simulated_entries}
     slews = {name for name, entry in PLANNERS.items() if entry.slews}
     assert {name.partition(",")[0] for name in flown} == slews
     variants = {f"{name}, {v.name}" for name, entry in PLANNERS.items() for v in entry.variants}
@@ -58,14 +58,14 @@ def test_every_method_flies_the_same_yaw_slew(yaw: Any) -> None:
 
 def test_no_row_of_a_method_is_there_twice(yaw: Any) -> None:
     plans = [(e.name.partition(",")[0], e.plan.position.tobytes(), e.plan.effort.tobytes(),
-              e.plan.gains.tobytes()) for e in yaw.flown]  # fmt: skip
+              e.plan.gains.tobytes()) for e in yaw.simulated_entries]  # fmt: skip
     assert len(set(plans)) == len(plans) > len(PLANNERS) // 2
 
 
 def test_the_rigid_body_is_the_lower_bound(yaw: Any) -> None:
     limits = slew_comparison(parse_trial(YAW, "yaw.yaml"), yaw.entries, (-0.2, 0.0))
     assert limits.lower_bound == pytest.approx(2.0 * np.sqrt((4000.0 + 3972.0) / 150.0))
-    planned = [entry.plan.duration for entry in yaw.flown if entry.plan.duration > 0.0]
+    planned = [entry.plan.duration for entry in yaw.simulated_entries if entry.plan.duration > 0.0]
     assert min(planned) > limits.lower_bound
 
 
@@ -150,7 +150,9 @@ def test_the_swing_of_every_joint_is_told(yaw: Any) -> None:
         assert row["overshoot"]["base_yaw"] >= 0.0
         over = 1.0 + row["overshoot"]["base_yaw"]
         assert row["peak_position"]["base_yaw"] == pytest.approx(over, abs=1e-3)
-    assert [name for name, _ in yaw.table(yaw.short)] == [entry.name for entry in yaw.flown]
+    assert [name for name, _ in yaw.table(yaw.short)] == [
+        entry.name for entry in yaw.simulated_entries
+    ]
     titles = [column.title for column in yaw.short]
     assert titles[-2:] == ["base_yaw over [%]", "hub_pitch over [%]"]
     assert [column.title for column in yaw.filled(yaw.short)] == titles[:-1]  # none for hub_pitch
@@ -182,7 +184,7 @@ def test_nothing_is_below_the_convex_optimum_of_a_linear_plant(oscillator: Any) 
     assert limit.least_time == pytest.approx(4.218, rel=5e-3)
     assert found.lower_bound == pytest.approx(2.0 * np.sqrt(2.0))
     assert list(limit.residual) == sorted(limit.residual, reverse=True)
-    for entry in oscillator.flown:
+    for entry in oscillator.simulated_entries:
         if limit.duration[0] < entry.plan.duration < limit.duration[-1]:
             below = np.interp(entry.plan.duration, limit.duration, np.log(limit.residual))
             assert np.log(worst_residual(entry) + 1e-9) > below - 0.05

@@ -102,6 +102,9 @@ def test_few_functions_hand_on_the_file_of_a_comparison(
     with stops(str(file)) as found:
         result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
-    ends = {"flexslew_lab/cli/compare.py:compare", "flexslew_lab/comparison/comparison.py:_flown"}
+    ends = {
+        "flexslew_lab/cli/compare.py:compare",
+        "flexslew_lab/comparison/comparison.py:_simulate",
+    }
     assert ends <= found
     assert len(found) < BOUND, "\n".join(sorted(found))

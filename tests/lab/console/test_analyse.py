@@ -78,7 +78,7 @@ def test_what_cannot_be_analysed_is_refused_in_words(hands: Hands) -> None:
     hands.set("Analysed controller", "linear")
     assert "refused: the bench: linear listens to no sensor there" in analyse(hands)
     hands.link.view.bench_settings = ""
-    assert "refused: the bench has not said yet" in analyse(hands)
+    assert "refused: the bench has not published" in analyse(hands)
 
 
 def test_a_law_is_loaded_from_a_file_and_its_content_is_sent(hands: Hands, tmp_path: Path) -> None:

@@ -173,7 +173,7 @@ def test_a_page_that_came_too_late_says_where_the_ticks_are(hands: Hands) -> Non
     hands.refresh()
     link.receive(START + 60.0)
     hands.click("Identify")
-    assert "has not heard every tick of the experiment: ./flexslew identify" in hands.texts()
+    assert "has not received every tick of the experiment: ./flexslew identify" in hands.texts()
 
 
 @pytest.mark.parametrize("batch", [1, 3, 100])
