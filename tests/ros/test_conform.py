@@ -145,7 +145,7 @@ def integrating(when: str) -> tuple[tuple[str, str], ...]:
 
 @pytest.mark.ros
 def test_each_broken_rule_is_told(examine: Examine, tmp_path: Path) -> None:
-    dumb = ("self.create_timer(0.25, lambda: self.alive.publish(self.beat))", "pass")
+    dumb = ("self.create_timer(0.25, lambda: self.alive.publish(self.heartbeat))", "pass")
     deaf_to_epochs = ("epoch=m.epoch,\n", "epoch=0,\n")
     answers_for_all = ("m.controller != self.get_name() or not self.limit", "not self.limit")
     changes = dumb, deaf_to_epochs, answers_for_all, INTEGRAL, *integrating("")
@@ -173,8 +173,8 @@ def test_who_would_hold_up_a_bench_or_answers_nobody_s_questions_is_told(
     rare = ("create_timer(0.25", "create_timer(1.9")
     code, wrong = examine(*of_example(tmp_path, silent, to_nobody, rare))
     assert code == 1
-    assert "says tick 0 of epoch 0; a bench waits for who is" in wrong["lock-step"]
-    assert "says tick 0 of epoch 0; a bench waits for who is" in wrong["reset"]
+    assert "says tick 0 of epoch 0; a bench waits for a controller that is" in wrong["lock-step"]
+    assert "says tick 0 of epoch 0; a bench waits for a controller that is" in wrong["reset"]
     assert wrong["swap"] == "5 answers to questions that name no controller"
     assert wrong["heartbeat"].startswith("silent for 1.")
 
@@ -266,11 +266,11 @@ HEARD = "self.on_measurement, LOOP"
     ("effort=effort", "effort=[*effort, 0.0]", "first tick", "3 efforts; the bench has 2"),
     ("effort=effort", "effort=[float('nan')] * 2", "first tick", "an effort is not finite"),
     ("stamp=m.header.stamp", LATER, "first tick", "its stamp is 7 s"),
-    ("=self.beat.instance", "=3", "first tick", "its instance is 3, on alive"),
+    ("=self.heartbeat.instance", "=3", "first tick", "its instance is 3, on alive"),
     (TOLD, TOLD.replace("self", "for _ in '12': self"), "lock-step", "is answered twice"),
     (TOLD, TOLD + "bytes(44) or ", "first tick", "no EffortCommand in little-endian"),
     (READY, "pass", "status", "not ready: no testbed"),
-    ('reason="no testbed yet"', "ready=True", "status", "ready before there is a testbed"),
+    ('reason="no testbed yet"', "ready=True", "status", "ready before a testbed is announced"),
     ('status", LATCHED', 'status", LOOP', "status", "offers controller_status as volatile"),
     (HEARD, HEARD.replace("LOOP", "BEST_EFFORT"), "status", "as best effort"),
 ])  # fmt: skip
