@@ -82,7 +82,7 @@ def brake(page: Page) -> None:
     page.browser.press(" ", "Space")
     page.state("LATCHED")
     page.click("Release the brake")
-    page.state("nobody is in charge")
+    page.state("no controller is active")
     page.choose("Controller", "pd_feedforward")
     page.click("Switch")
     page.state("in charge\tpd_feedforward")

@@ -124,7 +124,7 @@ def test_a_profile_that_says_nothing_ends_the_node_before_it_serves_anybody(tmp_
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 3
-    assert "error: DDS listens beyond this machine, on udp 00000000:" in done.stderr
+    assert "error: DDS accepts connections from other machines, on udp 00000000:" in done.stderr
 
 
 @pytest.mark.ros
