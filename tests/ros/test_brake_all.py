@@ -44,7 +44,7 @@ def _two_benches(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def test_every_bench_is_braked_in_whatever_namespace(
     monkeypatch: pytest.MonkeyPatch, call: Callable[..., tuple[Any, str]]
 ) -> None:
-    for patience in ("ros.operator._OTHERS", "cli.operate._BY_HAND"):
+    for patience in ("ros.operator._OTHERS", "cli.operate._FALLBACK_TIMEOUT"):
         monkeypatch.setattr(f"flexslew_lab.{patience}", 5.0)  # of a busy machine
     monkeypatch.setattr("flexslew_lab.cli.operate.running_benches", list)
     monkeypatch.setattr("flexslew_lab.run.domain.running_benches", lambda everybody=False: [])

@@ -167,7 +167,7 @@ def test_without_operate_a_client_only_watches(servers: Servers) -> None:
     assert told(client, {"op": "getParameters", "parameterNames": [name]}) == before
 
 
-@pytest.mark.parametrize("who", ["operated", "watched"])
+@pytest.mark.parametrize("who", ["operated", "monitored"])
 def test_a_foreign_page_a_wrong_host_or_no_token_is_not_let_in(servers: Servers, who: str) -> None:
     address = getattr(servers, who)
     where = urlsplit(address)
