@@ -16,7 +16,7 @@ FLIGHT = """
 import sys
 from pathlib import Path
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.lanes.fleet import BatchRunner
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import load_study
 from flexslew_plant.machine_code.compile_news import add_compile_listener
@@ -24,7 +24,7 @@ from flexslew_plant.machine_code.compile_news import add_compile_listener
 ready = prepare(load_study(Path(sys.argv[1])))
 compiled = []
 add_compile_listener(compiled.append)
-flown = Lanes(ready.study, ready.plans).fly([case_of(ready.study, ready.samples, 0)])
+flown = BatchRunner(ready.study, ready.plans).fly([case_of(ready.study, ready.samples, 0)])
 print(len([result for some, _ in flown for result in some]), compiled)
 """
 KP = {"controllers.pd_feedforward.kp": {"uniform": [100.0, 200.0]}}
