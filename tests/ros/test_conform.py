@@ -173,8 +173,8 @@ def test_who_would_hold_up_a_bench_or_answers_nobody_s_questions_is_told(
     rare = ("create_timer(0.25", "create_timer(1.9")
     code, wrong = examine(*of_example(tmp_path, silent, to_nobody, rare))
     assert code == 1
-    assert "says tick 0 of epoch 0; a bench waits for a controller that is" in wrong["lock-step"]
-    assert "says tick 0 of epoch 0; a bench waits for a controller that is" in wrong["reset"]
+    assert "has tick 0 of epoch 0; a bench waits for a controller that is" in wrong["lock-step"]
+    assert "has tick 0 of epoch 0; a bench waits for a controller that is" in wrong["reset"]
     assert wrong["swap"] == "5 answers to questions that name no controller"
     assert wrong["heartbeat"].startswith("silent for 1.")
 
