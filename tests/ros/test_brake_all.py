@@ -47,7 +47,7 @@ def test_every_bench_is_braked_in_whatever_namespace(
     for patience in ("ros.operator._OTHERS", "cli.operate._FALLBACK_TIMEOUT"):
         monkeypatch.setattr(f"flexslew_lab.{patience}", 5.0)  # of a busy machine
     monkeypatch.setattr("flexslew_lab.cli.operate.running_benches", list)
-    monkeypatch.setattr("flexslew_lab.run.domain.running_benches", lambda everybody=False: [])
+    monkeypatch.setattr("flexslew_lab.run.domain.running_benches", lambda all_users=False: [])
     code, words = call("brake", "--all")
     assert code == 0
     assert {line.rpartition(" ")[2] for line in words.splitlines()} == {"/bench1)", "/bench2)"}
