@@ -12,7 +12,7 @@ from math import log
 from pathlib import Path
 
 QUESTIONS = Path(__file__).with_name("questions.md")
-PLACES = 5  # results that a reader sees without scrolling
+PLACES = 10  # results of the first screens
 _K1, _B, _TITLE = 1.2, 0.75, 5  # constants of BM25; occurrences that one in a title counts for
 _COMMON = {"how", "the", "and", "its", "for", "does", "are", "with", "that", "which", "why"}
 
