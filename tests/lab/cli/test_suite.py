@@ -81,12 +81,12 @@ def ended(*arguments: str, everything: bool = False) -> int:
 @pytest.mark.usefixtures("tree")
 def test_the_whole_suite_runs_in_groups_each_test_in_one() -> None:
     default = "not (ros or browser or campaign or matrix or slow)"
-    plain, shared, alone = parts(Selection(), all_tests=False)
-    assert plain[4:6] == ("-m", default)
-    assert {part for part in plain if part.startswith("--ignore")} == {
+    whole, shared, alone = parts(Selection(), all_tests=False)
+    assert whole[4:6] == ("-m", default)
+    assert {part for part in whole if part.startswith("--ignore")} == {
         f"--ignore={folder}" for folder in OVER_ROS
     }
-    assert plain[-1] == "tests"
+    assert whole[-1] == "tests"
     assert shared[4:] == ("-m", f"{default} and not alone", *OVER_ROS)
     assert alone == ("-m", f"{default} and alone", *OVER_ROS)
     *plain, shared, alone = parts(Selection(), all_tests=True)
