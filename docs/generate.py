@@ -152,13 +152,15 @@ def sections() -> Iterator[tuple[str, str, str, list[Field]]]:
 
 def keys(module: str, node: ast.ClassDef) -> list[Field]:
     """Return the keys of a section with their types and defaults as the code has them."""
-    told = describe_section(getattr(importlib.import_module(module), node.name))
+    meanings = describe_section(getattr(importlib.import_module(module), node.name))
     found = []
     for item in node.body:
         name = ast.unparse(item.target) if isinstance(item, ast.AnnAssign) else ""
-        if isinstance(item, ast.AnnAssign) and name in told:
+        if isinstance(item, ast.AnnAssign) and name in meanings:
             default = ast.unparse(item.value) if item.value else ""
-            found.append(Field(name, ast.unparse(item.annotation), default, told[name].description))
+            found.append(
+                Field(name, ast.unparse(item.annotation), default, meanings[name].description)
+            )
     return found
 
 

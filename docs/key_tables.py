@@ -57,7 +57,7 @@ def table(kind: type[Any]) -> str:
     own = set(vars(kind).get("__annotations__", ()))
     items = sorted((f for f in fields(kind) if f.repr), key=lambda f: f.name not in own)
     meanings = describe_section(kind)
-    rows = [f"| {f.name} | {default(f)} | {told(f, meanings[f.name])} |\n" for f in items]
+    rows = [f"| {f.name} | {default(f)} | {meaning_text(f, meanings[f.name])} |\n" for f in items]
     return HEAD + "".join(rows)
 
 
@@ -79,7 +79,7 @@ def keys_of_kind(settings: type[Any]) -> dict[str, str]:
     """Return the keys of a kind with their meanings, except the key that selects it."""
     meanings = describe_section(settings)
     own = [f for f in fields(settings) if f.repr and f.name != "kind"]
-    return {f.name: told(f, meanings[f.name]) for f in own}
+    return {f.name: meaning_text(f, meanings[f.name]) for f in own}
 
 
 def events_table(kinds: Mapping[str, type[Any]]) -> str:
@@ -100,7 +100,7 @@ def in_brackets(words: str) -> str:
     return f" ({words})".replace("None:", "left out:").replace("|", "\\|") if words else ""
 
 
-def told(item: Field[Any], meaning: FieldDescription) -> str:
+def meaning_text(item: Field[Any], meaning: FieldDescription) -> str:
     """Return what a key means and what is allowed; one that is fixed selects its section."""
     text = meaning.description or f"selects this {item.name}"
     return text.replace("|", "\\|")
