@@ -127,7 +127,7 @@ def require_reserve(plan: Plan, name: str, reserve: float) -> None:
 @pytest.mark.parametrize(
     ("method", "name", "goal"),
     representatives(
-        product(METHODS, CRAFT, (0, 1)),
+        ((m, n, (i + j) % 2) for (i, m), (j, n) in product(enumerate(METHODS), enumerate(CRAFT))),
         ("minimax_feedforward", "torques", 0),
         ("minimax_feedforward", "thrusters", 0),
         ("robust_feedforward", "wheels", 1),

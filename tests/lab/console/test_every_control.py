@@ -20,9 +20,8 @@ from flexslew_plant.events.event import event_of
 @pytest.mark.parametrize(
     ("width", "webgl"),
     [
-        pytest.param(1440, True, marks=pytest.mark.browser),
-        (1024, False),  # the one walk of every run of the tests
-        pytest.param(390, False, marks=pytest.mark.browser),
+        (1440, True),
+        (390, False),
     ],
 )
 def test_every_control_does_what_it_is_for(

@@ -13,7 +13,7 @@ from flexslew_lab.identification.unknown_effort import PulseResponses, estimates
 
 LOSSES = [(0.0, 1), (0.001, 1), (0.001, 20), (0.01, 1), (0.01, 20), (0.05, 1), (0.05, 20)]
 CLOCKS = ["regular", "jitter", "irregular", "apart"]
-RECORDS = 2  # of each loss; --cases sets more
+RECORDS = 1  # of each loss; --cases sets more
 
 
 def away(found: ModalModel) -> np.ndarray:
