@@ -1,4 +1,4 @@
-"""How many trials a second fly: in lanes and on the bench, beside a SciPy loop of the same run."""
+"""Trials per second in a batch and on the bench, beside a SciPy loop of the same run."""
 
 import shutil
 import subprocess
@@ -11,10 +11,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from flexslew_lab.run.pool import Pool
+from flexslew_lab.studies.batch.fleet import BatchRunner
 from flexslew_lab.studies.cases import Cases, case_of, case_trial
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.flight import simulate_case
-from flexslew_lab.studies.lanes.fleet import BatchRunner
 from flexslew_lab.studies.run import PreparedStudy, prepare
 from flexslew_lab.studies.study import parse_study
 from flexslew_plant.arrays import Vector
@@ -24,7 +24,7 @@ study: benchmark
 trial: m1
 seed: 7
 sampling: {method: random, n: 1024}
-lanes: %s
+batch: %s
 vary:
   testbed.parameters.bending_stiffness: {relative: {uniform: [-0.2, 0.2]}}
 """
@@ -68,23 +68,23 @@ _FLAGS = "-O3 -march=native -mprefer-vector-width=512 -ffast-math -fopenmp-simd"
 def figures() -> dict[str, float]:
     """Return trials of 100 s with 3 modes under PD + feedforward, per second of wall time.
 
-    studies_lane_kernel: in lanes on one core, from trial to metrics.
-    studies_other_lanes: 40 s of the floating oscillator in lanes, over the same on the bench.
-    studies_lanes_2: in lanes on two processes, from the first chunk to the last result.
-    studies_spacecraft_lanes: own_spacecraft in lanes, over the same on the bench.
-    studies_three_axes_lanes: 40 s of a craft in three axes in lanes, over the same on the bench.
+    studies_batch_kernel: in a batch on one core, from trial to metrics.
+    studies_other_batch: 40 s of the floating oscillator in a batch, over the same on the bench.
+    studies_batch_2: in a batch on two processes, from the first chunk to the last result.
+    studies_spacecraft_batch: own_spacecraft in a batch, over the same on the bench.
+    studies_three_axes_batch: 40 s of a craft in three axes in a batch, over the same on the bench.
     studies_bench_1, studies_bench_2: by the ordinary bench on one and on two processes.
     studies_bench_speed_up: of two processes over one.
     studies_machine_speed_up: the floor for that, two processes that only count over one.
     studies_scipy: the floor, the closed loop by solve_ivp, DOP853 with its default tolerances, tick
         by tick, in one process.
-    studies_lanes_over_scipy: on two processes, over two of these.
-    studies_c, studies_lane_kernel_over_c: where gcc is there, csa_flights.c on one core, the same
+    studies_batch_over_scipy: on two processes, over two of these.
+    studies_c, studies_batch_kernel_over_c: where gcc is there, csa_flights.c on one core, the same
         equations in a loop that it makes vectors of, without sensors and all but two metrics, by
-        a scheme of order 4; and studies_lane_kernel over it.
+        a scheme of order 4; and studies_batch_kernel over it.
     """
     with TemporaryDirectory() as folder:
-        lanes = prepare(parse_study(_STUDY % "true", "benchmark", Path(folder)))
+        batch = prepare(parse_study(_STUDY % "true", "benchmark", Path(folder)))
         bench = prepare(parse_study(_STUDY % "false", "benchmark", Path(folder)))
         (Path(folder) / "other.yaml").write_text(_OTHER)
         other = (_STUDY % "true").replace("m1", "other.yaml").replace(
@@ -99,21 +99,21 @@ def figures() -> dict[str, float]:
         three = prepare(
             parse_study(other.replace("other.yaml", "three.yaml"), "benchmark", Path(folder))
         )
-    found = {"studies_lane_kernel": _kernel(lanes)}
-    found["studies_other_lanes"] = _kernel(others) / _one_by_one(others)
-    found["studies_spacecraft_lanes"] = _kernel(craft) / _one_by_one(craft)
-    found["studies_three_axes_lanes"] = _kernel(three) / _one_by_one(three)
-    found["studies_lanes_2"] = _processes(lanes, 2, 1024)
+    found = {"studies_batch_kernel": _kernel(batch)}
+    found["studies_other_batch"] = _kernel(others) / _one_by_one(others)
+    found["studies_spacecraft_batch"] = _kernel(craft) / _one_by_one(craft)
+    found["studies_three_axes_batch"] = _kernel(three) / _one_by_one(three)
+    found["studies_batch_2"] = _processes(batch, 2, 1024)
     found["studies_bench_1"] = _processes(bench, 1, _ON_BENCH)
     found["studies_bench_2"] = _processes(bench, 2, 2 * _ON_BENCH)
     found["studies_bench_speed_up"] = found["studies_bench_2"] / found["studies_bench_1"]
     found["studies_machine_speed_up"] = _counting(2) / _counting(1)
     found["studies_scipy"] = _scipy(bench)
-    found["studies_lanes_over_scipy"] = found["studies_lanes_2"] / (2.0 * found["studies_scipy"])
+    found["studies_batch_over_scipy"] = found["studies_batch_2"] / (2.0 * found["studies_scipy"])
     in_c = _in_c()
     if in_c is not None:
         found["studies_c"] = in_c
-        found["studies_lane_kernel_over_c"] = found["studies_lane_kernel"] / in_c
+        found["studies_batch_kernel_over_c"] = found["studies_batch_kernel"] / in_c
     return found
 
 
@@ -132,12 +132,12 @@ def _in_c() -> float | None:
 
 
 def _kernel(ready: PreparedStudy) -> float:
-    lanes = BatchRunner(ready.study, ready.plans)
+    batch = BatchRunner(ready.study, ready.plans)
     cases = list(Cases(ready.study, ready.samples, range(256)))
     best = np.inf
     for _ in range(_ROUNDS + 1):
         start = perf_counter()
-        count = sum(len(results) for results, _ in lanes.fly(cases))
+        count = sum(len(results) for results, _ in batch.fly(cases))
         best = min(best, perf_counter() - start)
     return count / best
 

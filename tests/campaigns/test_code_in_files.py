@@ -38,7 +38,7 @@ trial: trial.yaml
 sampling: {method: random, n: 2}
 vary: {testbed.parameters.bending_stiffness: {relative: {uniform: [-0.2, 0.2]}}}
 keep: {bags: none}
-lanes: false
+batch: false
 """
 EVIL = """
 from pathlib import Path

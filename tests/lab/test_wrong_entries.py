@@ -46,7 +46,7 @@ STUDY: dict[str, Any] = {
     "stop": {"metric": "peak_effort.base_yaw", "quantile": 0.9, "half_width": 1.0},
     "keep": {"bags": "worst 5"},
     "limit": 60.0,
-    "lanes": True,
+    "batch": True,
 }
 LAW: dict[str, Any] = {
     "A": [[-1.0, 0.0], [0.0, -2.0]],

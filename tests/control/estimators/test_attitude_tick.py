@@ -154,12 +154,12 @@ def test_the_compiled_tick_believes_what_the_estimator_believes(
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
-def test_lanes_beside_each_other_have_constants_of_their_own() -> None:
+def test_members_beside_each_other_have_constants_of_their_own() -> None:
     crafts = [craft(np.random.default_rng(5), 2, 1, delays)[0] for delays in ((0, 2), (1, 3))]
     each = [attitude_numbers(it) for it in crafts]
     both = AttitudeNumbers(*(np.array(parts) for parts in zip(*each, strict=True)))
-    for lane, own in enumerate(each):
-        for part, expected in zip(numbers_of(both, lane), own, strict=True):
+    for member, own in enumerate(each):
+        for part, expected in zip(numbers_of(both, member), own, strict=True):
             assert part.dtype == expected.dtype
             np.testing.assert_array_equal(part, expected)
 

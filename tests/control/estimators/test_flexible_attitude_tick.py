@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.lab.studies.lanes.both_ways import CRAFT
+from tests.lab.studies.batch.both_ways import CRAFT
 from tests.representatives import representatives
 
 from flexslew_control.estimators.attitude_estimator import (
@@ -32,7 +32,7 @@ from flexslew_control.law import PlantDescription, Reference
 from flexslew_plant.arrays import EMPTY, Matrix
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
+from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 from flexslew_plant.testbeds.compiled.scalar_kernel import scalar_kernel
 from flexslew_plant.testbeds.instruments import BodyState
 from flexslew_plant.testbeds.instruments.instrument import TickReader, channels
@@ -158,8 +158,10 @@ def ticked(crafts: list[AttitudeEstimator], flights: list[Flight]) -> Matrix:
         told = np.array([np.concatenate((one.tips[k], one.effort[k])) for one in flights])
         reference = flights[0].reference[k]
         tick(k, both, them, told, reference, memory, place, believed, count)
-        for lane in range(count):
-            write_joints(sensors[lane], believed[lane], np.zeros(6), reference, found[lane, k])
+        for member in range(count):
+            write_joints(
+                sensors[member], believed[member], np.zeros(6), reference, found[member, k]
+            )
     return found
 
 

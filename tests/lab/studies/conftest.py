@@ -27,7 +27,7 @@ STUDY: dict[str, Any] = {
         "sensors.joint_velocity.noise": {"loguniform": [1e-5, 1e-3]},
     },
     "keep": {"bags": "none"},
-    "lanes": False,
+    "batch": False,
 }
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from tests.lab.studies.lanes.both_ways import CRAFT
+from tests.lab.studies.batch.both_ways import CRAFT
 
 from flexslew_lab.studies.flight import plan_key
 from flexslew_lab.trial.trial import Trial, trial_of_values

@@ -305,7 +305,7 @@ def test_the_library_does_what_the_command_does(
     study_of: Callable[..., Study], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("flexslew_lab.run.pool.Pool", lambda job, workers: InThisProcess(job))
-    study_of(lanes=True, keep={"bags": "worst 1"}, sampling={"method": "random", "n": 2})
+    study_of(batch=True, keep={"bags": "worst 1"}, sampling={"method": "random", "n": 2})
     found = fs.study(tmp_path / "study.yaml", tmp_path / "s")
     assert found["check"]["ok"]
     assert found["check"]["trials"] == 2
@@ -390,13 +390,13 @@ class Settles:
 """
 
 
-@pytest.mark.parametrize("lanes", [False, True])
+@pytest.mark.parametrize("batch", [False, True])
 def test_what_a_metric_of_one_s_own_says_of_its_keys_holds_in_a_study(
-    study_of: Callable[..., Study], tmp_path: Path, lanes: bool
+    study_of: Callable[..., Study], tmp_path: Path, batch: bool
 ) -> None:
     (tmp_path / "settles.py").write_text(SETTLES)
     keys = {"metrics": [f"{tmp_path}/settles.py:Settles"]}
-    ready = prepare(study_of(keys, lanes=lanes, sampling={"method": "random", "n": 3}))
+    ready = prepare(study_of(keys, batch=batch, sampling={"method": "random", "n": 3}))
     store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     assert not [name for name in store.columns if name.startswith("drift_by_rate")]
     found = finished(ready.study, store)["metrics"]

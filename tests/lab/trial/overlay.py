@@ -49,9 +49,9 @@ class _Overlay(importlib.abc.MetaPathFinder):
 
 def both_ways(trial: Any, path: Path) -> list[dict[str, Any]]:
     """Return for each case how the batch flew it, its metrics, and those of the bench."""
+    from flexslew_lab.studies.batch.fleet import BatchRunner
     from flexslew_lab.studies.cases import case_of
     from flexslew_lab.studies.flight import simulate_case
-    from flexslew_lab.studies.lanes.fleet import BatchRunner
     from flexslew_lab.studies.run import prepare
     from flexslew_lab.studies.study import study_of_values
     from flexslew_plant.yaml_data import load_yaml

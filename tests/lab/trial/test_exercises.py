@@ -248,13 +248,13 @@ def test_a_batch_flies_what_it_knows_as_the_bench_does_and_leaves_it_the_rest(fl
     assert [case["way"] for case in cases] == 2 * [
         *3 * [Way.LAW],
         Way.FAULT,
-        Way.LANES,
-        Way.LANES,
+        Way.BATCH,
+        Way.BATCH,
     ]
     assert not any(case["reason"] for case in cases)
     for case in cases:
         assert case["bench"]["farthest"] > 0.35
-        if case["way"] == Way.LANES:
+        if case["way"] == Way.BATCH:
             for key, value in case["bench"].items():
                 batch = case["batch"][key]
                 assert batch == value or batch == pytest.approx(value, rel=1e-9, abs=1e-9), key

@@ -100,7 +100,7 @@ def test_every_law_flies_its_plan(method: str) -> None:
 def test_a_study_flies_it_and_a_received_one_does_not(method: str, tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text(trial_text(method))
     text = yaml_text({
-        "study": "own", "trial": "own.yaml", "seed": 1, "lanes": False,
+        "study": "own", "trial": "own.yaml", "seed": 1, "batch": False,
         "sampling": {"method": "random", "n": 2}, "keep": {"bags": "none"},
         "vary": {"testbed.parameters.stiffness": {"relative": {"uniform": [-0.1, 0.1]}}},
     })  # fmt: skip

@@ -11,7 +11,7 @@ from numba.core import codegen
 
 from flexslew_plant.machine_code import processor
 
-_LANES = """
+_MEMBERS = """
 import numpy as np
 from flexslew_plant.arrays import vectorised
 from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine
@@ -29,13 +29,13 @@ print(w.tobytes().hex())
 
 
 @pytest.mark.slow
-def test_lanes_have_the_same_bits_by_vectors_of_every_width(tmp_path: Path) -> None:
-    (tmp_path / "lanes.py").write_text(_LANES)
+def test_members_have_the_same_bits_by_vectors_of_every_width(tmp_path: Path) -> None:
+    (tmp_path / "members.py").write_text(_MEMBERS)
     own: dict[str, str] = {}
     narrow = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma"}
     found = {
         subprocess.run(
-            [sys.executable, "-P", str(tmp_path / "lanes.py")],
+            [sys.executable, "-P", str(tmp_path / "members.py")],
             env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / str(k))} | given,
             check=True,
             capture_output=True,

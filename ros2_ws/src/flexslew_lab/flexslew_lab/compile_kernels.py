@@ -61,9 +61,9 @@ def shipped_trial(name: str) -> None:
 
 
 def shipped_study(name: str) -> None:
-    """Plan a shipped study and fly its first sample in lanes where it can."""
+    """Plan a shipped study and fly its first sample in a batch where it can."""
+    from flexslew_lab.studies.batch.fleet import BatchRunner
     from flexslew_lab.studies.cases import case_of
-    from flexslew_lab.studies.lanes.fleet import BatchRunner
     from flexslew_lab.studies.run import prepare
     from flexslew_lab.studies.study import load_study, study_path
 

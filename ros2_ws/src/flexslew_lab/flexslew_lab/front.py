@@ -191,7 +191,7 @@ def study(
 ) -> dict[str, Any]:
     """Return what a study shows, after flying what is missing of it; what --json prints.
 
-    As the command does, it flies some trials of the lanes again by the ordinary bench, and the
+    As the command does, it flies some trials of the batches again by the ordinary bench, and the
     worst ones again with their logs where the file has `keep`.
 
     Args:
@@ -206,8 +206,8 @@ def study(
     """
     required("pyarrow")
     from flexslew_lab.run.pool import Pool
+    from flexslew_lab.studies.batch.check import bench_job, check_batch
     from flexslew_lab.studies.finish import finished, keep_worst
-    from flexslew_lab.studies.lanes.check import bench_job, check_batch
     from flexslew_lab.studies.run import default_folder, prepare, run_study
     from flexslew_lab.trial.outputs import check_output_folder
 
@@ -217,7 +217,7 @@ def study(
     ready = prepare(request)
     with closing(Pool(ready.job, workers)) as executor:
         store = run_study(ready, kept, executor)
-    if request.settings.lanes:
+    if request.settings.batch:
         with closing(Pool(bench_job(ready), workers)) as executor:
             check_batch(ready, store, executor)
     found = finished(request, store)

@@ -117,10 +117,10 @@ def put(values: Vector, out: Vector) -> None:
 
 
 def vectorised(function: _Function) -> _Function:
-    """Return function as machine code for loops over lanes, kept on disk between runs.
+    """Return function as machine code for loops over members, kept on disk between runs.
 
     A product may be fused with the sum that it goes into, which the processor rounds once; every
-    lane is still computed alike, wherever it stands.
+    member is still computed alike, wherever it stands.
     """
     options = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
     return cast(_Function, one_at_a_time(set_cache_name(numba.njit(**options)(function))))

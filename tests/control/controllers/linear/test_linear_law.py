@@ -1,4 +1,4 @@
-"""Law `linear`: from every kind of file, checked, flown as what it is, in lanes."""
+"""Law `linear`: from every kind of file, checked, flown as what it is, in a batch."""
 
 import os
 from pathlib import Path
@@ -186,7 +186,7 @@ def test_a_law_with_a_state_takes_over_without_a_step_and_does_not_wind_up() -> 
     assert law._x[0] + 460.0 < 150.0 + 1.0 * 15.0 + 460.0 * 0.02
 
 
-def test_its_form_for_lanes_gives_its_own_efforts() -> None:
+def test_its_form_for_batches_gives_its_own_efforts() -> None:
     rng = np.random.default_rng(5)
     system = {"a": (0.9 * np.eye(3)).tolist(), "b": rng.standard_normal((3, 5)).tolist(),
               "c": (50.0 * rng.standard_normal((2, 3))).tolist(),

@@ -19,7 +19,7 @@ from flexslew_lab.studies.flight import FlightResult
 from flexslew_lab.studies.run import PreparedStudy, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_plant.errors import RunFault
-from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
+from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 
 LAW = '''
 import os, signal
@@ -183,7 +183,7 @@ def test_a_job_travels_with_classes_of_the_users_own_that_its_receiver_has_not_l
     assert {result.status for result in here.values()} == {"ok"}
 
 
-def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:
+def test_workers_share_a_short_study_in_chunks_of_whole_batches() -> None:
     chunks, rate = Chunks(BATCH_WIDTH), 2000.0  # trials / s
     endless = (Case(k, k, 0, 0, ()) for k in count())
     for _ in range(8):  # it learns that a chunk of seconds holds thousands

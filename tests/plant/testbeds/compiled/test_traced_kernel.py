@@ -11,7 +11,7 @@ from tests.representatives import representatives
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds import Model, read_testbed
-from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH, BatchKernel
+from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, BatchKernel
 from flexslew_plant.testbeds.compiled.nystrom import NYSTROM
 from flexslew_plant.testbeds.compiled.scalar_kernel import scalar_kernel
 from flexslew_plant.testbeds.compiled.tape import Tape, TraceError
@@ -38,7 +38,7 @@ def some(model: Model, rng: np.random.Generator) -> tuple[Vector, Vector]:
 
 
 def require_steps_of_the_model(model: Model, kernel: BatchKernel) -> None:
-    """Step random states in all lanes and compare some with the model's own step."""
+    """Step random states in all members and compare some with the model's own step."""
     rng = np.random.default_rng(2)
     states, efforts = zip(*(some(model, rng) for _ in range(BATCH_WIDTH)), strict=True)
     x, u = np.array(states).T, np.array(efforts).T
@@ -62,7 +62,7 @@ def require_steps_of_the_model(model: Model, kernel: BatchKernel) -> None:
 
 
 @pytest.mark.parametrize("name", representatives(SECTIONS, "hub"))
-def test_a_step_of_all_lanes_is_that_of_the_model(name: str) -> None:
+def test_a_step_of_all_members_is_that_of_the_model(name: str) -> None:
     model = read_testbed(SECTIONS[name], "test").model()
     kernel = traced_kernel(model, SECTIONS[name]["kind"] == "csa")
     assert kernel is not None
@@ -173,7 +173,7 @@ def pendulum(t: float, q: float, v: float) -> float:
 
 
 @pytest.mark.slow
-def test_equations_that_branch_on_time_step_lane_by_lane() -> None:
+def test_equations_that_branch_on_time_step_member_by_member() -> None:
     model = read_trial("antenna_1")[0].testbed.model()
     assert traced_kernel(model, False) is None
     require_steps_of_the_model(model, scalar_kernel(model))
@@ -185,7 +185,7 @@ def halfway(p: Vector, t: float) -> float:
 
 
 @pytest.mark.slow
-def test_steps_that_do_not_go_across_jumps_go_lane_by_lane() -> None:
+def test_steps_that_do_not_go_across_jumps_go_member_by_member() -> None:
     smooth = read_testbed(SECTIONS["varying oscillator"], "test").model()
     assert traced_kernel(smooth, False) is not None
     model = replace(smooth, kernels=replace(smooth.kernels, next_jump=halfway))
@@ -205,7 +205,7 @@ def test_a_tape_folds_what_is_known_and_notes_nothing_twice() -> None:
         bool(x < p[0] * x)
 
 
-def test_what_depends_on_packed_numbers_alone_is_evaluated_for_every_lane() -> None:
+def test_what_depends_on_packed_numbers_alone_is_evaluated_for_every_member() -> None:
     rng = np.random.default_rng(5)
     tape = Tape(rng.uniform(1.5, 2.5, 3))
     a, b, c = tape.parameters()

@@ -121,7 +121,7 @@ class Allocator:
 
     @cached_property
     def numbers(self) -> AllocationNumbers:
-        """The same for machine code, in one lane."""
+        """The same for machine code, in a batch of one."""
         drives, torque = ActuatorIndices(), np.ascontiguousarray(self.torque)[None]
         found = AllocationNumbers(drives, torque, np.array([self.unloading]))
         if self.wheels is not None:

@@ -15,13 +15,13 @@ _PHASES = np.array([0.0, 0.5 * np.pi, np.pi])  # of the dither about x, y, z
 
 
 class GyroNumbers(NamedTuple):
-    """Sets of gyros side by side for machine code, a lane each; none: no gyros."""
+    """Sets of gyros side by side for machine code, a row each; none: no gyros."""
 
-    gimbals: Tensor  # (lanes, gyros, 2, 3)
-    limit: Matrix  # (lanes, gyros) [N m]
-    momentum: Matrix  # (lanes, gyros) [N m s]
-    chosen: Matrix  # l_0, e, w [rad/s] and k [1/s], (lanes, 4)
-    preferred: Matrix  # p, (lanes, gyros) [rad]
+    gimbals: Tensor  # (members, gyros, 2, 3)
+    limit: Matrix  # (members, gyros) [N m]
+    momentum: Matrix  # (members, gyros) [N m s]
+    chosen: Matrix  # l_0, e, w [rad/s] and k [1/s], (members, 4)
+    preferred: Matrix  # p, (members, gyros) [rad]
 
 
 NO_GYROS = GyroNumbers(
@@ -71,7 +71,7 @@ class GyroSet:
 
     @cached_property
     def numbers(self) -> GyroNumbers:
-        """The set for machine code, in one lane."""
+        """The set for machine code, in a batch of one."""
         parameters = np.array([self.robustness, self.dither, self.frequency, self.gain])
         values = self.gimbals, self.limit, self.momentum, parameters, self.preferred
         return GyroNumbers(*(np.ascontiguousarray(part)[None] for part in values))
@@ -118,7 +118,7 @@ def gyro_efforts(
     """Write the efforts of a set of gyros; see GyroSet.efforts.
 
     Args:
-        gyros: of some lanes.
+        gyros: of some members.
         member: which of them counts.
         torque: shape (3,).
         angles: shape (gyros,).

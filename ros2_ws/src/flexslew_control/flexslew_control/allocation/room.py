@@ -8,7 +8,7 @@ def scale_to(limit: Matrix, member: int, effort: Vector) -> None:
     """Scale efforts alike where one is beyond its limit.
 
     Args:
-        limit: shape (lanes, drives).
+        limit: shape (members, drives).
         member: which of them counts.
         effort: in and out, shape (drives,).
     """
@@ -24,7 +24,7 @@ def add_null_motion(limit: Matrix, member: int, effort: Vector, null: Vector) ->
     """Add as much of efforts that give no torque as the limits leave room for.
 
     Args:
-        limit: shape (lanes, drives).
+        limit: shape (members, drives).
         member: which of them counts.
         effort: within the limits, in and out, shape (drives,).
         null: shape (drives,).

@@ -18,7 +18,7 @@ NONE: Indices = np.zeros(0, dtype=np.int64)
 
 
 class ActuatorIndices(NamedTuple):
-    """Which joints take part, and the readings of their states; the same in all lanes."""
+    """Which joints take part, and the readings of their states; the same in all members."""
 
     wheels: Indices = NONE
     speeds: Indices = NONE  # of the wheels, among the readings of the tips; none: not measured
@@ -28,18 +28,18 @@ class ActuatorIndices(NamedTuple):
 
 
 class AllocationNumbers(NamedTuple):
-    """The data of an Allocator for several spacecraft, a lane each."""
+    """The data of an Allocator for several spacecraft, a row each."""
 
     drives: ActuatorIndices
-    torque: Tensor  # of a unit effort of each joint, (lanes, 3, joints)
-    unloading: Vector  # (lanes,) [1/s]
+    torque: Tensor  # of a unit effort of each joint, (members, 3, joints)
+    unloading: Vector  # (members,) [1/s]
     wheels: WheelNumbers = NO_WHEELS
     thrusters: ThrusterNumbers = NO_THRUSTERS
     gyros: GyroNumbers = NO_GYROS
 
 
 def side_by_side(members: Sequence[Any]) -> Any:
-    """Return numbers of one lane each as those of all lanes; whole numbers are the first's."""
+    """Return numbers of one member each as those of all members; whole numbers are the first's."""
     first = members[0]
     if isinstance(first, tuple):
         return type(first)(*map(side_by_side, zip(*members, strict=True)))
@@ -66,8 +66,8 @@ def share(
     """Write the efforts of all joints that give a torque; see Allocator.efforts.
 
     Args:
-        n: data of some lanes.
-        member: index of the lane.
+        n: data of some members.
+        member: index of the member.
         torque: about the centre of mass, in body axes, shape (3,) [N m].
         measurements: tip readings; empty: none are known, and gimbals stand at zero.
         time: simulated time [s].

@@ -16,11 +16,11 @@ _FLAT = 1e-6  # determinant of three unit levers that count as in one plane
 
 
 class ThrusterNumbers(NamedTuple):
-    """Sets of thrusters side by side for machine code, a lane each; none: no thrusters."""
+    """Sets of thrusters side by side for machine code, a row each; none: no thrusters."""
 
-    limit: Matrix  # (lanes, thrusters) [N]
-    thruster_indices: Indices  # which three push together, (sets, 3), the same in all lanes
-    inverse: Tensor  # of their levers, (lanes, sets, 3, 3) [1/m]
+    limit: Matrix  # (members, thrusters) [N]
+    thruster_indices: Indices  # which three push together, (sets, 3), the same in all members
+    inverse: Tensor  # of their levers, (members, sets, 3, 3) [1/m]
 
 
 NO_THRUSTERS = ThrusterNumbers(
@@ -69,7 +69,7 @@ class ThrusterSet:
 
     @cached_property
     def numbers(self) -> ThrusterNumbers:
-        """The set for machine code, in one lane."""
+        """The set for machine code, in a batch of one."""
         inverse = np.ascontiguousarray(self._inverse)
         return ThrusterNumbers(self.limit[None], self._thruster_indices, inverse[None])
 
@@ -106,7 +106,7 @@ def thruster_efforts(thrusters: ThrusterNumbers, member: int, torque: Vector, ou
     """Write the pushes of a set of thrusters; see ThrusterSet.pushes.
 
     Args:
-        thrusters: of some lanes.
+        thrusters: of some members.
         member: which of them counts.
         torque: shape (3,).
         out: shape (thrusters,).

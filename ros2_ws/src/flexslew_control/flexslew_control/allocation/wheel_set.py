@@ -12,14 +12,14 @@ from flexslew_plant.errors import BadInput
 
 
 class WheelNumbers(NamedTuple):
-    """Sets of wheels side by side for machine code, a lane each; none: no wheels."""
+    """Sets of wheels side by side for machine code, a row each; none: no wheels."""
 
-    torque: Tensor  # A, (lanes, 3, wheels)
-    inverse: Tensor  # A^+, (lanes, wheels, 3)
-    null: Tensor  # k P, (lanes, wheels, wheels) [1/s]
-    limit: Matrix  # (lanes, wheels) [N m]
-    inertia: Matrix  # I, (lanes, wheels) [kg m^2]
-    bias: Matrix  # b, (lanes, wheels) [N m s]
+    torque: Tensor  # A, (members, 3, wheels)
+    inverse: Tensor  # A^+, (members, wheels, 3)
+    null: Tensor  # k P, (members, wheels, wheels) [1/s]
+    limit: Matrix  # (members, wheels) [N m]
+    inertia: Matrix  # I, (members, wheels) [kg m^2]
+    bias: Matrix  # b, (members, wheels) [N m s]
 
 
 NO_WHEELS = WheelNumbers(
@@ -63,7 +63,7 @@ class WheelSet:
 
     @cached_property
     def numbers(self) -> WheelNumbers:
-        """The set for machine code, in one lane."""
+        """The set for machine code, in a batch of one."""
         inverse = np.asarray(np.linalg.pinv(self.torque))
         null = self.gain * (np.eye(self.limit.size) - inverse @ self.torque)
         values = self.torque, inverse, null, self.limit, self.inertia, self.bias
@@ -96,8 +96,8 @@ def wheel_efforts(
     """Write the efforts of a set of wheels; see WheelSet.efforts.
 
     Args:
-        wheels: data of some lanes.
-        member: index of the lane.
+        wheels: data of some members.
+        member: index of the member.
         torque: shape (3,).
         speeds: shape (wheels,); empty: not measured.
         out: shape (wheels,).

@@ -27,7 +27,7 @@ class LawEntry:
             refuses such a plan (see Law.objection).
         linear: returns estimator and law as matrices for these references, tick by tick, where
             they are linear (None: these settings are not); None: it never is.
-        batch_gains: keys of its section in which the lanes of a batch may differ; the law has
+        batch_gains: keys of its section in which the members of a batch may differ; the law has
             nothing else of its testbed, unless a key of `of_testbed` is set.
         of_testbed: keys of its section that make it depend on the testbed.
         checked: whether these gains are checked against its design model; on a free platform all

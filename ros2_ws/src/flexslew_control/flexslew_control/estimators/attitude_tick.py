@@ -69,7 +69,7 @@ def attitude_memory(numbers: AttitudeNumbers, tips: int) -> int:
 
 @called
 def numbers_of(batch: AttitudeNumbers, member: int) -> AttitudeNumbers:
-    """Return the constants of one lane, from arrays with a row for each."""
+    """Return the constants of one member, from arrays with a row for each."""
     return AttitudeNumbers(
         batch.axes[member],
         batch.inverse[member],

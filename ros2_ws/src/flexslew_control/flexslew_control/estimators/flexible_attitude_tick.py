@@ -30,7 +30,7 @@ from flexslew_control.estimators.flexible_attitude_steps import (
 )
 from flexslew_plant.arrays import Matrix, Vector, called, compiled
 from flexslew_plant.testbeds.attitude import joint_rotation_vector
-from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH, BatchKernel
+from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, BatchKernel
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.quaternions import quaternion_of
 
@@ -154,7 +154,7 @@ def _place(
     mode: int,
     here: Vector,
 ) -> None:
-    """Write a craft as it is believed, and its efforts; here: every LANES-th number is its own."""
+    """Write the estimated spacecraft and its efforts to every BATCH_WIDTH-th number of `here`."""
     v, modes, rest = len(data.start), len(data.moved) - len(data.start), data.rest
     for i in range(rest.size):
         here[i * BATCH_WIDTH] = rest[i]

@@ -82,8 +82,8 @@ def run(
             store = run_study(ready, folder, executor, part, retry is not None, update)
     finally:
         executor.close()
-    if part.of == 1 and requested.settings.lanes:
-        _check_lanes(ready, store, workers)
+    if part.of == 1 and requested.settings.batch:
+        _check_batch(ready, store, workers)
     if part.of > 1:
         print_message(
             ": join all shards with ./flexslew study merge", head=str(folder), head_style="bold"
@@ -290,13 +290,13 @@ def _executor(
     return Pool(ready.job, workers or os.cpu_count() or 1)
 
 
-def _check_lanes(ready: "PreparedStudy", store: "Store", workers: int | None) -> None:
+def _check_batch(ready: "PreparedStudy", store: "Store", workers: int | None) -> None:
     from flexslew_lab.run.pool import Pool
-    from flexslew_lab.studies.lanes.check import bench_job, check_batch
+    from flexslew_lab.studies.batch.check import bench_job, check_batch
 
     pool = Pool(bench_job(ready), workers or os.cpu_count() or 1)
     try:
-        with for_people.status("flying some trials of the lanes again by the ordinary bench"):
+        with for_people.status("flying some trials of the batches again by the ordinary bench"):
             check_batch(ready, store, pool)
     finally:
         pool.close()

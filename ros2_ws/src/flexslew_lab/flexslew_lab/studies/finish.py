@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from flexslew_lab.run.run_trial import Result, run_trial
+from flexslew_lab.studies.batch.tolerance import TOLERANCE, relative_difference
 from flexslew_lab.studies.cases import case_of, case_trial
 from flexslew_lab.studies.disk import checked_folder
 from flexslew_lab.studies.findings.columns import column, worst_of
 from flexslew_lab.studies.findings.summary import summary
 from flexslew_lab.studies.flight import FlightResult, PlanCache, columns_of, simulate_case
-from flexslew_lab.studies.lanes.tolerance import TOLERANCE, relative_difference
 from flexslew_lab.studies.run import flight_records
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -72,7 +72,7 @@ def _difference(store: Store, number: int, metrics: dict[str, Any]) -> str:
     for name in store.identity["columns"]:
         before = rows[name][0].as_py()
         if not relative_difference(before, repeated.get(name)) <= TOLERANCE:
-            return f"its {name} was {before} in the study, flown in lanes"
+            return f"its {name} was {before} in the study, flown in a batch"
     return ""
 
 

@@ -28,7 +28,7 @@ _CODE = (
     "flexslew_plant",
     "flexslew_control",
     "flexslew_lab/metrics",
-    "flexslew_lab/studies/lanes",
+    "flexslew_lab/studies/batch",
 )
 _IDENTIFICATION = "flexslew_lab/identification"  # decides, too, where samples are shaken
 _LIBRARIES = ("pyarrow", "pydantic", "llvmlite")

@@ -78,4 +78,4 @@ class StudySettings:
     stop: Stop | None = None
     keep: Keep = Keep()  # `bags: worst N` flies the worst trials again with their logs; `none`
     limit: Positive = 600.0  # a trial that takes longer is ended and counts as failed [wall s]
-    lanes: bool = True  # whether one kernel may fly many trials at once
+    batch: bool = True  # whether one kernel may fly many trials at once

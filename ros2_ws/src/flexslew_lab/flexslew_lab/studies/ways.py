@@ -1,4 +1,4 @@
-"""By which way a trial of a study was flown: in lanes, or by the bench and why."""
+"""By which way a trial of a study was flown: in a batch, or by the bench and why."""
 
 from enum import StrEnum
 
@@ -6,8 +6,8 @@ from enum import StrEnum
 class Way(StrEnum):
     """How a trial was flown, as its row in the table has it."""
 
-    LANES = "lanes"
-    BENCH = "bench"  # lanes were not requested
+    BATCH_WIDTH = "batch"
+    BENCH = "bench"  # batches were not requested
     NOT_ALLOWED = "bench: refused"  # with the reason of the refusal
     METRICS = "bench: a metric of its own raises"
     EDGE = "bench: a value at the edge of a quantum or a pulse"

@@ -11,7 +11,7 @@ def configure_compiler() -> None:
     Loops that are written out cost a sixth of its time, and no kernel is faster for them. Where
     vectors of 512 bits are to be had, LLVM takes half of one on most processors, as older ones slow
     down for whole ones; and two vectors at a time hide how long an operation takes. Both change
-    how many lanes are computed at once, and no lane's bits; the two are a third of a lane's time.
+    how many members are computed at once, but no bits; the two save a third of the time.
     """
     options = ["--unroll-threshold=0", "--unroll-partial-threshold=0"]
     features = codegen.get_host_cpu_features()

@@ -52,7 +52,7 @@ class Kernels:
     reading(p, x, position, rate): writes where each joint is and how fast, each (joints,); left
         out, the first entries of q and v.
     acceleration(p, t, x, effort, a): writes M^-1 (B u - h), shape (n,), in fewer operations than
-        from the terms: the same but for rounding, and for lanes alone.
+        from the terms: the same but for rounding, and for members alone.
     next_jump(p, t): returns the first time after t at which an acceleration that is a function of
         time jumps, infinity where none does [s]; no step goes across. Left out, none does.
 
@@ -123,7 +123,7 @@ def known(token: str) -> Kernels:
 
 @called
 def select(condition: bool, yes: float, no: float) -> float:
-    """Return `yes` where the condition holds, else `no`: a branch that lanes can take, too."""
+    """Return `yes` where the condition holds, else `no`: a branch that batches can take, too."""
     return yes if condition else no
 
 

@@ -74,12 +74,12 @@ class Model:
             what the efforts act on.
         spins: the wheels among them.
         attitude: the joints that read a platform's attitude; None: all errors are differences.
-        outside: the forces that bench and lanes alone apply; None: there are none.
+        outside: the forces that bench and members alone apply; None: there are none.
         one_way: the actuators that push in their positive direction alone.
         gimbals: the entries of v that are angles of gimbals, on which B depends.
         gyros: the actuators that turn them.
         highest_frequency: maps packed of many such testbeds, (P, k), to a bound of the frequencies
-            of their modes with the joints free, (k,) [rad/s], found cheaply: lanes then take
+            of their modes with the joints free, (k,) [rad/s], found cheaply: members then take
             steps of a lower order; None: there is none.
     """
 

@@ -1,4 +1,4 @@
-"""Forces that no effort of a testbed gives, which bench and lanes alone apply."""
+"""Forces that no effort of a testbed gives, which bench and members alone apply."""
 
 from collections.abc import Callable
 from typing import NamedTuple

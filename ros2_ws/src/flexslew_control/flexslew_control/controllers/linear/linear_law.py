@@ -312,7 +312,7 @@ def _require_stable(settings: LinearSettings, plant: PlantDescription, system: L
 
 
 def linear(estimator: Estimator, law: LinearLaw, references: list[Reference]) -> LinearForm | None:
-    """Return the law as matrices; see LawEntry. None: it listens to what lanes do not know.
+    """Return the law as matrices; see LawEntry. None: it listens to what batches do not know.
 
     x(k) is split into what the references do, known beforehand, and an observer of the rest with
     A - back C, driven by its own demand within the limit: the anti-windup is in it.

@@ -1,15 +1,15 @@
-"""Flights of the trials of a chunk in any process: by lanes or one by one."""
+"""Flights of the trials of a chunk in any process: by batches or one by one."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from flexslew_lab.studies.batch.fleet import BatchRunner, ForBench
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import FlightResult, PlanCache, failed, simulate_case
-from flexslew_lab.studies.lanes.fleet import BatchRunner, ForBench
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
-from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH
+from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 
 Report = Callable[[list[FlightResult]], None]
 Begin = Callable[[int], None]
@@ -55,8 +55,8 @@ class StudyRunner:
     _batch_runner: BatchRunner | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        """Open the lanes, if the study uses them."""
-        if self.job.study.settings.lanes:
+        """Open the batch, if the study uses them."""
+        if self.job.study.settings.batch:
             self._batch_runner = BatchRunner(self.job.study, self.job.plans)
 
     def fly(

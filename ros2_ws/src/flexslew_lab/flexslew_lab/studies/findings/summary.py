@@ -30,7 +30,7 @@ def summary(study: Study, store: Store, run_facts: dict[str, Any]) -> dict[str, 
     Args:
         study: its file.
         store: its folder.
-        run_facts: wall_time, trials_per_second, lanes check and the other facts of the run.
+        run_facts: wall_time, trials_per_second, batch check and the other facts of the run.
     """
     columns = store.identity["columns"]
     rows = store.table(["status", "reason", "way"])
@@ -82,7 +82,7 @@ def summary(study: Study, store: Store, run_facts: dict[str, Any]) -> dict[str, 
 
 
 def passed(found: dict[str, Any]) -> bool:
-    """Return whether every criterion is shown and every check of the lanes agreed."""
+    """Return whether every criterion is shown and every check of the batches agreed."""
     check = found["check"]
     return all(row["passed"] for row in found["criteria"]) and (check is None or check["ok"])
 

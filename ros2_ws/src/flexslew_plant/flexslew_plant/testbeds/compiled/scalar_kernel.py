@@ -1,7 +1,7 @@
-"""Any testbed in lanes: one after the other by the integrator of the bench.
+"""Any testbed in a batch: one after the other by the integrator of the bench.
 
 No vector instructions, but nothing of Python between two ticks either: for equations that branch
-on what differs from lane to lane, as on the time of a prescribed turn.
+on what differs from member to member, as on the time of a prescribed turn.
 """
 
 from functools import lru_cache
@@ -9,14 +9,19 @@ from functools import lru_cache
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.testbeds.compiled.batch_kernel import (
+    BATCH_WIDTH,
+    BatchKernel,
+    rows_of,
+    skip_reading,
+)
 from flexslew_plant.testbeds.compiled.bound import bound
-from flexslew_plant.testbeds.compiled.lanes import BATCH_WIDTH, BatchKernel, rows_of, skip_reading
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 
 def scalar_kernel(model: Model) -> BatchKernel:
-    """Return how a testbed flies in lanes."""
+    """Return how a testbed flies in a batch."""
     sizes = model.coordinates, model.before_modes, model.efforts, model.joints, model.modes
     return _kernel(model.kernels, *sizes, model.packed.size)
 

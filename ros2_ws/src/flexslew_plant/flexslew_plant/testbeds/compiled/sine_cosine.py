@@ -1,4 +1,4 @@
-"""Sine and cosine without a branch, for loops over lanes that become vector instructions."""
+"""Sine and cosine without a branch, for loops over members that become vector instructions."""
 
 from flexslew_plant.arrays import vectorised
 

@@ -1,6 +1,6 @@
 """Equations written down as one list of operations, by running them on numbers that take notes.
 
-What every lane has alike is decided while the list is made: sizes, kinds and zeros of packed
+What every member has alike is decided while the list is made: sizes, kinds and zeros of packed
 numbers are taken as they are, branches on them are gone, products with zero as well. What depends
 on packed numbers alone is computed once per trial, and not in every step.
 """
@@ -33,7 +33,7 @@ _EVALUATED: dict[str, Callable[..., Any]] = {
 
 
 class TraceError(Exception):
-    """The equations branch on what differs from lane to lane."""
+    """The equations branch on what differs from member to member."""
 
 
 @dataclass
@@ -79,10 +79,10 @@ class Tape:
         return self._node((name, *parts), parametric)
 
     def evaluated(self, packed: Matrix, wanted: list[int]) -> Matrix:
-        """Return nodes that depend on packed numbers alone, shape (wanted, lanes).
+        """Return nodes that depend on packed numbers alone, shape (wanted, members).
 
         Args:
-            packed: of every lane, shape (P, lanes).
+            packed: of every member, shape (P, members).
             wanted: their places on the tape.
         """
         found: dict[int, Any] = {}
@@ -208,7 +208,7 @@ class Number:
         return self.tape.operation("&", self, other)
 
     def __eq__(self, other: object) -> bool:
-        """Return False for any other value: no lane is taken to be idle."""
+        """Return False for any other value: no member is taken to be idle."""
         return self is other
 
     __hash__ = None  # type: ignore[assignment]
@@ -219,11 +219,11 @@ class Number:
         Raises:
             Untraceable: always.
         """
-        raise TraceError("a branch on what differs from lane to lane")
+        raise TraceError("a branch on what differs from member to member")
 
 
 class PackedNumber(Number):
-    """A packed number: reading its value makes it a constant, the same in all lanes."""
+    """A packed number: reading its value makes it a constant, the same in all members."""
 
     __slots__ = ("at", "value")
 

@@ -1,12 +1,12 @@
-"""Testbeds in lanes by vector instructions, from their equations as they stand.
+"""Testbeds in a batch by vector instructions, from their equations as they stand.
 
 The equations run once on numbers that take notes (tape, trace); what comes out is one loop over
-lanes without a branch (written). Short equations are written as whole steps, all numbers of which
-stay in registers or near them; long ones stage by stage, for a block of lanes that fits into the
+members without a branch (written). Short equations are written as whole steps, all numbers of which
+stay in registers or near them; long ones stage by stage, for a block of members that fits into the
 first cache. Where a testbed bounds its frequencies the scheme of short equations is Nystrom's of
 order 5 (see nystrom), in steps short enough for metrics good to 1e-11, else that of the bench, of
-order 8. A step of Nystrom's is a loop for each stage: while one lane's stage waits for its results
-the processor works on the next lane's, which a whole step is too long for.
+order 8. A step of Nystrom's is a loop for each stage: while one member's stage waits for its
+results the processor works on the next member's, which a whole step is too long for.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,13 +18,13 @@ from scipy.integrate import DOP853
 
 from flexslew_plant.arrays import Matrix, Vector, vectorised
 from flexslew_plant.machine_code.frame import aligned_frame
-from flexslew_plant.testbeds.compiled.generated import generated
-from flexslew_plant.testbeds.compiled.lanes import (
+from flexslew_plant.testbeds.compiled.batch_kernel import (
     BATCH_WIDTH,
     BatchKernel,
     rows_of,
     skip_reading,
 )
+from flexslew_plant.testbeds.compiled.generated import generated
 from flexslew_plant.testbeds.compiled.nystrom import NYSTROM
 from flexslew_plant.testbeds.compiled.sine_cosine import angle_sum, sine_cosine
 from flexslew_plant.testbeds.compiled.tape import Number, Tape, TraceError
@@ -34,7 +34,7 @@ from flexslew_plant.testbeds.model import Model
 
 _REACH = 0.1  # largest frequency times step at which order 5 is good for 1e-11 [-]
 _WHOLE = 2000  # operations of a step that is written as a whole
-_BLOCK = 16  # lanes of a block
+_BLOCK = 16  # members of a block
 
 
 class _Scheme(NamedTuple):
@@ -57,7 +57,7 @@ _KNOWN: dict[Any, tuple[list[int], dict[bytes, BatchKernel | None]]] = {}
 
 
 def traced_kernel(model: Model, bounded: bool) -> BatchKernel | None:
-    """Return how a testbed flies in lanes; None where its equations branch from lane to lane.
+    """Return how a testbed flies in a batch; None where its equations branch from member to member.
 
     So do steps that may not go across jumps of accelerations: see next_jump of Kernels.
 
@@ -71,7 +71,7 @@ def traced_kernel(model: Model, bounded: bool) -> BatchKernel | None:
 def traced_kernels(
     models: Sequence[Model], packed: Matrix, bounded: bool
 ) -> list[BatchKernel | None]:
-    """Return how each of many testbeds flies in lanes; see traced_kernel.
+    """Return how each of many testbeds flies in a batch; see traced_kernel.
 
     Args:
         models: with equal kernels and sizes.
@@ -221,12 +221,12 @@ def _whole_steps(step: Callable[..., None]) -> Any:
 
 
 class _Work(NamedTuple):
-    """Where a block of lanes is worked on: sizes in rows, places in the flat array."""
+    """Where a block of members is worked on: sizes in rows, places in the flat array."""
 
     states: int
     given: int  # states and efforts
     constants: int
-    constants_from: int  # rows of LANES
+    constants_from: int  # rows of BATCH_WIDTH
     x: int  # from here on rows of _BLOCK: states, efforts and constants
     at: int  # state of a stage
     slope: int  # of a stage, and behind it those of all

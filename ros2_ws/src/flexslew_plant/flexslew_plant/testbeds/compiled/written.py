@@ -1,4 +1,4 @@
-"""A tape as text for the compiler: loops over lanes without a branch, which it vectorises."""
+"""A tape as text for the compiler: loops over members without a branch, which it vectorises."""
 
 from collections.abc import Container, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -26,7 +26,7 @@ class BlockLayout(NamedTuple):
 
     rows: Mapping[str, int]  # of the inputs "x" and "u", and of the constants
     constants: Sequence[int]  # places on the tape, in the order of their rows
-    width: int  # lanes of a block, next to each other in w
+    width: int  # members of a block, next to each other in w
     given: str = "t, h, w"  # its arguments
 
 
@@ -55,9 +55,9 @@ def sine_numbers_of(tape: Tape, results: Sequence[Value]) -> list[Number]:
 def written(
     name: str, tape: Tape, loops: Sequence[Mapping[int, Value]], layout: BlockLayout
 ) -> str:
-    """Return the text of a function that writes results for all lanes of a block.
+    """Return the text of a function that writes results for all members of a block.
 
-    Each pass is a loop over the lanes. What one has written the later ones read, so none but the
+    Each pass is a loop over the members. What one has written the later ones read, so none but the
     last may write over an input.
 
     Args:

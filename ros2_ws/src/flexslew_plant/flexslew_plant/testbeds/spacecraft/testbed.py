@@ -432,7 +432,7 @@ class _Same:
         return self.testbed is other.testbed or self.testbed == other.testbed
 
 
-@lru_cache(maxsize=128)  # more than fly in lanes at once
+@lru_cache(maxsize=128)  # more than fly in a batch at once
 def _spacecraft(same: _Same) -> Spacecraft:
     return build_spacecraft(same.testbed)
 

@@ -1,0 +1,385 @@
+"""From what the laws of all members know to the efforts of their drives, as machine code.
+
+The law and the drives are loops over members that become vector instructions. The torque of a law
+on body axes is shared out among drives member after member, by the function of the bench.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from flexslew_control.allocation.sharing import share
+from flexslew_lab.studies.batch.benches.batch_faults import (
+    BatchFaults,
+    motor_faults,
+    requested_effort_faults,
+)
+from flexslew_lab.studies.batch.benches.quanta import GUARD, near_edge
+from flexslew_lab.studies.batch.groups.rows import Rows, Sizes
+from flexslew_lab.studies.batch.laws.observers import add_products
+from flexslew_lab.studies.batch.laws.turned import RotationJoints
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
+from flexslew_plant.hardware.motor_step import (
+    first_order_effort,
+    first_order_slew_effort,
+    round_effort,
+    slew_limited_torque,
+    speed_limited_effort,
+)
+from flexslew_plant.hardware.motor_step import pulse_effort as pulsed_effort
+from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
+
+
+class LawNumbers(NamedTuple):
+    """The law of every member; tensors by batch_laws.by_member. See linear_form.LawForm."""
+
+    position: Tensor  # that it follows, (ticks, axes, 1), or one tick of every member's
+    velocity: Matrix  # (ticks, axes)
+    from_state: Tensor
+    from_output: Tensor
+    to_integral: Tensor
+    quadratic: Tensor
+    demand: Tensor
+    integrand: Tensor  # the same in all members
+    integral: bool
+    tracking_rate: float
+    since: int  # tick at which it took over; -1: it was in charge from the start
+    transition_ticks: int  # ticks in which the efforts of the one before are blended out
+    allocation: Any  # sharing.AllocationNumbers; None: its efforts are those of the joints
+
+
+class Disturbances(NamedTuple):
+    """What disturbs the members, and what breaks in them."""
+
+    disturbance: Tensor  # (ticks, joints, 1 or BATCH_WIDTH) [N m or N]
+    faults: BatchFaults | None  # None: there are none
+
+
+class LawTerms(NamedTuple):
+    """Which of the law's products there are; a loop computes no others."""
+
+    own: bool  # each member has a demand of its own
+    per_member: bool  # each member holds a position of its own
+    state: bool
+    output: bool
+    integral: bool
+
+    @classmethod
+    def of(cls, law: LawNumbers) -> "LawTerms":
+        """Return those of a law."""
+        products = (law.from_state, law.from_output, law.to_integral)
+        per_member = law.position.shape[2] > 1
+        return cls(
+            law.demand.shape[2] > 1, per_member, *(bool(product.any()) for product in products)
+        )
+
+
+def efforts_of(total: int, rows: Rows, sizes: Sizes, terms: LawTerms) -> Callable[..., None]:
+    """Return what writes the efforts of a tick and takes the integral to the next one.
+
+    It takes (k, t, dt, Troubles, LawNumbers, RotationJoints, z, w, number of members in use).
+
+    Args:
+        total: where the efforts stand that the kernel holds.
+        rows: of the group.
+        sizes: of the group.
+        terms: of the law.
+    """
+    m, n, shared, quadratic = sizes.joints, sizes.axes, sizes.shared, sizes.quadratic
+    member_demand, per_member, from_state, from_output, _ = terms
+    reading, products, kp, kd = rows.reading, rows.products, rows.kp, rows.kd
+    seen, effort = (rows.seen, rows.demand) if shared else (reading, rows.applied)
+    update_attitude, set_effort, drive = (
+        _attitude_update(rows, sizes),
+        _allocate(rows, sizes),
+        _drive(total, rows, sizes),
+    )
+    multiply, apply_transition = _multiply(seen, rows, sizes), _transition(rows, sizes)
+    integrate = _integrate(seen, effort, rows, sizes, terms)
+    applied, initial_effort, taken = rows.applied, rows.held, m * BATCH_WIDTH * sizes.taken
+
+    @vectorised
+    def efforts(
+        k: int,
+        t: float,
+        dt: float,
+        disturbances: Disturbances,
+        law: LawNumbers,
+        rotation_joints: RotationJoints,
+        z: Vector,
+        w: Vector,
+        filled: int,
+    ) -> None:
+        if k == law.since:
+            for at in range(taken):
+                w[initial_effort + at] = w[applied + at]
+        update_attitude(rotation_joints, w)
+        multiply(w)
+        demand_of = law.demand
+        for i in range(n):
+            row = i * BATCH_WIDTH
+            position, tick = law.position, 0 if per_member else k
+            base, requested, requested_rate = (
+                demand_of[k, i, 0],
+                position[tick, i, 0],
+                law.velocity[k, i],
+            )
+            for member in range(BATCH_WIDTH):
+                at = row + member
+                w[effort + at] = (
+                    (demand_of[k, i, member] if member_demand else base)
+                    + w[kp + at]
+                    * ((position[0, i, member] if per_member else requested) - w[seen + at])
+                    + w[kd + at] * (requested_rate - w[seen + n * BATCH_WIDTH + at])
+                )
+            if from_state:
+                add_products(law.from_state, k, i, z, 0, 1.0, w, effort + row)
+            if from_output:
+                add_products(law.from_output, k, i, w, reading, 1.0, w, effort + row)
+            if quadratic:
+                add_products(law.quadratic, 0, i, w, products, 1.0, w, effort + row)
+            if law.integral:
+                integrate(k, i, dt, law, z, w)
+            if not shared:
+                apply_transition(k, i, law, w)
+                drive(k, i, dt, disturbances, w, filled)
+        if shared:
+            set_effort(t, law.allocation, w, filled)
+            for i in range(m):
+                apply_transition(k, i, law, w)
+                drive(k, i, dt, disturbances, w, filled)
+
+    return cast(Callable[..., None], efforts)
+
+
+def _multiply(seen: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what writes the products of the rates that a law sees, two by two."""
+    n, products = sizes.axes * sizes.quadratic, rows.products
+    rates = seen + sizes.axes * BATCH_WIDTH
+
+    @vectorised
+    def multiply(w: Vector) -> None:
+        for i in range(n):
+            for j in range(n):
+                for member in range(BATCH_WIDTH):
+                    product = (
+                        w[rates + i * BATCH_WIDTH + member] * w[rates + j * BATCH_WIDTH + member]
+                    )
+                    w[products + (i * n + j) * BATCH_WIDTH + member] = product
+
+    return cast(Callable[..., None], multiply)
+
+
+def _transition(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what blends the efforts out that were applied before; see Controller."""
+    effort, initial_effort, offset, taken = rows.applied, rows.held, rows.offset, sizes.taken
+
+    @vectorised
+    def apply_transition(k: int, i: int, law: LawNumbers, w: Vector) -> None:
+        passed = k - law.since
+        if not taken or passed >= law.transition_ticks:  # the first is known to the compiler
+            return
+        left = 1.0 - passed / law.transition_ticks
+        for at in range(i * BATCH_WIDTH, (i + 1) * BATCH_WIDTH):
+            if passed == 0:
+                w[offset + at] = w[initial_effort + at] - w[effort + at]
+            w[effort + at] += left * w[offset + at]
+
+    return cast(Callable[..., None], apply_transition)
+
+
+def _integrate(
+    seen: int, effort: int, rows: Rows, sizes: Sizes, terms: LawTerms
+) -> Callable[..., None]:
+    """Return what adds the integral of an axis, within the limit, and takes it a tick on.
+
+    Where the law takes over, the integral begins such that the effort is the one before.
+    """
+    total, ki, limit, to_integral = rows.integral, rows.ki, rows.law_limit, terms.integral
+    m, initial_effort, taken, shared = sizes.joints, rows.held, sizes.taken, sizes.shared
+    per_member = terms.per_member
+
+    @vectorised
+    def begin(i: int, law: LawNumbers, w: Vector) -> None:
+        for member in range(BATCH_WIDTH):
+            given = 0.0 if shared else w[initial_effort + i * BATCH_WIDTH + member]
+            if shared:
+                torque = law.allocation.torque
+                for j in range(m):
+                    share = torque[member if torque.shape[0] > 1 else 0, i, j]
+                    given += share * w[initial_effort + j * BATCH_WIDTH + member]
+            w[total + i * BATCH_WIDTH + member] = given - w[effort + i * BATCH_WIDTH + member]
+
+    @vectorised
+    def integrate(k: int, i: int, dt: float, law: LawNumbers, z: Vector, w: Vector) -> None:
+        row, rate, position = i * BATCH_WIDTH, law.integrand[k, i, 0], law.position
+        requested = position[0 if per_member else k, i, 0]
+        if taken and k == law.since:
+            begin(i, law, w)
+        for member in range(BATCH_WIDTH):
+            at = row + member
+            demand = w[effort + at] + w[total + at]
+            given = min(max(demand, -w[limit + at]), w[limit + at])
+            anti_windup = law.tracking_rate * (given - demand)
+            error = (position[0, i, member] if per_member else requested) - w[seen + at]
+            w[effort + at] = given
+            w[total + at] += dt * (rate + w[ki + at] * error + anti_windup)
+        if to_integral:
+            add_products(law.to_integral, k, i, z, 0, dt, w, total + row)
+
+    return cast(Callable[..., None], integrate)
+
+
+def _attitude_update(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what writes the turn and the body rates of the joints; see AllocationLaw."""
+    m, shared, seen, reading = sizes.joints, sizes.shared, rows.seen, rows.reading
+
+    @vectorised
+    def update_attitude(rotation_joints: RotationJoints, w: Vector) -> None:
+        if not shared:  # known to the compiler
+            return
+        for i in range(6):
+            row = seen + i * BATCH_WIDTH
+            for member in range(BATCH_WIDTH):
+                w[row + member] = 0.0
+            for j in range(m):
+                weight, read = (
+                    rotation_joints.inverse[i % 3, j],
+                    reading + (i // 3 * m + j) * BATCH_WIDTH,
+                )
+                for member in range(BATCH_WIDTH):
+                    w[row + member] += weight * w[read + member]
+
+    return cast(Callable[..., None], update_attitude)
+
+
+def _allocate(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what shares the torques of the first members out; see allocation.Allocator."""
+    m, tips = sizes.joints, sizes.outputs - 2 * sizes.joints
+    demand, effort, reading = rows.demand, rows.applied, rows.reading + 2 * m * BATCH_WIDTH
+
+    def no_op(t: float, allocation: Any, w: Vector, filled: int) -> None:
+        pass
+
+    def set_effort(t: float, allocation: Any, w: Vector, filled: int) -> None:
+        torque, readings, out = np.empty(3), np.empty(tips), np.empty(m)
+        for member in range(filled):
+            for i in range(3):
+                torque[i] = w[demand + i * BATCH_WIDTH + member]
+            for i in range(tips):
+                readings[i] = w[reading + i * BATCH_WIDTH + member]
+            one = member if allocation.torque.shape[0] > 1 else 0
+            share(allocation, one, torque, readings, t, out)
+            for i in range(m):
+                w[effort + i * BATCH_WIDTH + member] = out[i]
+
+    return compiled(set_effort if sizes.shared else no_op)
+
+
+def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what a drive makes of a demand; see motor_step."""
+    effort, limit, least, member_demand = rows.applied, rows.limit, rows.least, rows.own
+    has_pulse, pulse, residual_impulse = sizes.has_pulse, rows.pulse, rows.residual_impulse
+    motor_response, discrete_effort, flags = (
+        _motor_dynamics(rows, sizes),
+        sizes.discrete_effort,
+        rows.doubt,
+    )
+    quantum = rows.motor
+    per_member, apply_faults, set_effort = (
+        sizes.per_member,
+        requested_effort_faults(rows, sizes),
+        motor_faults(rows, sizes),
+    )
+    spin, stored_count = _spin(rows, sizes), BATCH_WIDTH * sizes.needs_previous
+
+    @vectorised
+    def add_disturbance(k: int, i: int, disturbances: Disturbances, w: Vector) -> None:
+        row, disturbance = i * BATCH_WIDTH, disturbances.disturbance
+        base = disturbance[k, i, 0]
+        for member in range(BATCH_WIDTH):
+            external_effort = disturbance[k, i, member] if per_member else base
+            w[total + row + member] = w[effort + row + member] + external_effort
+
+    @vectorised
+    def drive(
+        k: int, i: int, dt: float, disturbances: Disturbances, w: Vector, filled: int
+    ) -> None:
+        for at in range(i * BATCH_WIDTH, i * BATCH_WIDTH + stored_count):
+            w[member_demand + at] = min(max(w[effort + at], -w[limit + at]), w[limit + at])
+        apply_faults(k, i, disturbances.faults, w, filled)
+        for at in range(i * BATCH_WIDTH, (i + 1) * BATCH_WIDTH):
+            applied = min(max(w[effort + at], w[least + at]), w[limit + at])
+            member = at - i * BATCH_WIDTH
+            if discrete_effort and w[quantum + member] > 0.0:
+                step = w[quantum + member]
+                near = near_edge(applied, w[limit + at], step)
+                w[flags + member] = 1.0 if near else w[flags + member]
+                applied = round_effort(applied, w[least + at], w[limit + at], step)
+            if has_pulse:
+                minimum_impulse, most = w[pulse + at], w[limit + at]
+                near = (
+                    abs(abs(applied * dt + w[residual_impulse + at]) - minimum_impulse)
+                    < GUARD * most * dt
+                )
+                w[flags + member] = 1.0 if near and minimum_impulse > 0.0 else w[flags + member]
+                given, remainder = pulsed_effort(
+                    applied, w[residual_impulse + at], most, minimum_impulse, dt
+                )
+                w[residual_impulse + at] = remainder if minimum_impulse > 0.0 else 0.0
+                applied = given if minimum_impulse > 0.0 else applied
+            w[effort + at] = applied
+        motor_response(i, dt, w)
+        set_effort(k, i, disturbances.faults, w, filled)
+        spin(i, w)
+        add_disturbance(k, i, disturbances, w)
+
+    return cast(Callable[..., None], drive)
+
+
+def _spin(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what bounds the efforts of wheels near their largest speed; see motor_step."""
+    effort, share, max_speed = rows.applied, rows.spin, rows.spin + sizes.joints * BATCH_WIDTH
+    wheel_rates = sizes.wheel_rates
+
+    def no_op(i: int, w: Vector) -> None:
+        pass
+
+    def limit_speed(i: int, w: Vector) -> None:
+        if wheel_rates[i] < 0:
+            return
+        for member in range(BATCH_WIDTH):
+            at, speed = i * BATCH_WIDTH + member, w[wheel_rates[i] * BATCH_WIDTH + member]
+            w[effort + at] = speed_limited_effort(
+                w[effort + at], speed, w[share + at], w[max_speed + at]
+            )
+
+    return vectorised(limit_speed if wheel_rates else no_op)
+
+
+def _motor_dynamics(rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what a motor's slew rate and lag make of an effort; see motor_step."""
+    effort, start, torque = rows.applied, rows.ramp, rows.torque
+    has_slew_rate, lagged = sizes.has_slew_rate, sizes.lagged
+    _, rate_of, lag_of, rise_of, mean_of = (rows.motor + k * BATCH_WIDTH for k in range(5))
+
+    @vectorised
+    def motor_response(i: int, dt: float, w: Vector) -> None:
+        if has_slew_rate:  # known to the compiler, as the other one
+            for member in range(BATCH_WIDTH):
+                at, before = i * BATCH_WIDTH + member, w[start + i * BATCH_WIDTH + member]
+                ramp = slew_limited_torque(w[effort + at], before, w[rate_of + member], dt)
+                w[effort + at], w[start + at] = ramp[0], ramp[1]
+                if lagged:
+                    w[effort + at], w[torque + at] = first_order_slew_effort(
+                        ramp, before, w[torque + at], w[lag_of + member], dt
+                    )
+        elif lagged:
+            for member in range(BATCH_WIDTH):
+                at = i * BATCH_WIDTH + member
+                w[effort + at], w[torque + at] = first_order_effort(
+                    w[effort + at], w[torque + at], w[rise_of + member], w[mean_of + member]
+                )
+
+    return cast(Callable[..., None], motor_response)

@@ -1,0 +1,280 @@
+"""The compiled loop that flies BATCH_WIDTH trials at once: readings, law, drive, testbed, metrics.
+
+It is the compiled form of Sensors, Controller, Drive, Actuator, Bench and the metrics
+for one run. What differs from member to member stands in one flat array, see rows.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexslew_lab.studies.batch.benches.batch_faults import setting_in
+from flexslew_lab.studies.batch.benches.judge import sensor_check_step
+from flexslew_lab.studies.batch.benches.quanta import quantising
+from flexslew_lab.studies.batch.benches.senses import Filter, sensor_step
+from flexslew_lab.studies.batch.groups.rows import Rows, Sizes, rows_of
+from flexslew_lab.studies.batch.laws.efforts import Disturbances, LawNumbers, LawTerms, efforts_of
+from flexslew_lab.studies.batch.laws.observers import BatchSignals, ObserverStep
+from flexslew_lab.studies.batch.laws.turned import relative_to_reference
+from flexslew_lab.studies.batch.laws.watch import innovation_monitor
+from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
+from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, BatchKernel, KernelRows
+
+MARGIN = 1.0 - 1e-12  # of the limit: an effort from there on is saturated, as in metrics.efforts
+
+
+class Schedule(NamedTuple):
+    """What is the same in every member, tick by tick."""
+
+    time: Vector  # stamps, (ticks + 1,) [s]
+    over: NDArray[np.bool_]  # the manoeuvre is, (ticks + 1,)
+    started: NDArray[np.bool_]  # it has, (ticks + 1,)
+    position: Matrix  # reference, (ticks, joints)
+    velocity: Matrix
+
+
+Loop = Callable[..., None]
+
+
+@lru_cache
+def batch_loop(
+    kernel: BatchKernel,
+    sizes: Sizes,
+    terms: LawTerms,
+    observer_step: ObserverStep,
+    push: Callable[..., None],
+    move: Callable[..., None],
+    recorded: bool,
+    reads_attitude: bool,
+    has_instruments: bool,
+    filtered: Filter | None,
+) -> Loop:
+    """Return the loop for a testbed and a law of these sizes.
+
+    It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, SensorCheck, Watch, turned,
+    Senses,
+    BatchForces, BatchFriction, observer, z, memory, filled, first, last, record, draws): w of
+    batch_kernel.Advance with the rows of `rows` behind; `error` of the readings, (ticks + 1 or 1,
+    outputs BATCH_WIDTH); RotationJoints, if `reads_attitude`; w, z and memory in and out;
+    `observer` as `observer_step` takes it, which serves the first `filled` members at least; ticks
+    from `first` to before `last`. If
+    `recorded`, the truth goes into `record`, (BATCH_WIDTH, ticks, states + joints), and is measured
+    afterwards; else the loop counts what the metrics need. `draws` are the instruments', (ticks,
+    members, draws).
+
+    Args:
+        kernel: of the testbed.
+        sizes: of the group.
+        terms: of the law.
+        observer_step: of the law.
+        push: what acts from outside; see pushed.forces_of.
+        move: what takes the testbed one tick on; see batch_friction.motion_of.
+        recorded: whether the truth is.
+        reads_attitude: whether the joints read an attitude.
+        has_instruments: whether there are instruments.
+        filtered: the filters that estimate the joints; None: there are none.
+    """
+    m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
+    rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
+    efforts = efforts_of(of_kernel.effort, rows, sizes, terms)
+    metrics = (
+        _recorded(of_kernel.effort, rows, sizes) if recorded else _measure(of_kernel, rows, sizes)
+    )
+    read_joints, position, velocity, mode = kernel.read, *of_kernel[1:4]
+    reading, previous, effort, member_demand = rows.reading, rows.previous, rows.applied, rows.own
+    tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
+    replace_positions = relative_to_reference(m, rows.reading, reads_attitude and filtered is None)
+    quantise = quantising(rows, sizes)
+    compare, watch = sensor_check_step(rows, sizes), innovation_monitor(rows, sizes)
+    kept = ny * BATCH_WIDTH * sizes.needs_previous
+    set_in, read_instruments = (
+        setting_in(rows, sizes, has_instruments),
+        sensor_step(rows, sizes, has_instruments, filtered),
+    )
+
+    @vectorised
+    def read(k: int, error: Matrix, w: Vector) -> None:
+        """Write the readings: joints, rates, the first of the tips."""
+        row, rates = k if error.shape[0] > 1 else 0, m * BATCH_WIDTH
+        for i in range(kept):
+            w[previous + i] = w[reading + i]
+        for i in range(m * BATCH_WIDTH):
+            w[reading + i] = w[position + i] + error[row, i]
+            w[reading + rates + i] = w[velocity + i] + error[row, rates + i]
+        for i in range(2 * m, ny):
+            for member in range(BATCH_WIDTH):
+                at = error[row, i * BATCH_WIDTH + member]
+                for j in range(modes):
+                    share = ((i - 2 * m) * modes + j) * BATCH_WIDTH + member
+                    at += w[tip + share] * w[mode + j * BATCH_WIDTH + member]
+                    at += w[tip_rate + share] * w[mode_rate + j * BATCH_WIDTH + member]
+                w[reading + i * BATCH_WIDTH + member] = at
+
+    @vectorised
+    def loop(
+        w: Vector,
+        dt: float,
+        steps: int,
+        schedule: Any,
+        disturbances: Disturbances,
+        law: LawNumbers,
+        error: Matrix,
+        sensor_check: Any,
+        monitor: Any,
+        rotation_joints: Any,
+        instruments: Any,
+        external_forces: Any,
+        friction: Any,
+        observer: Any,
+        z: Vector,
+        memory: Vector,
+        filled: int,
+        first: int,
+        last: int,
+        record: Tensor,
+        samples: Tensor,
+    ) -> None:
+        ticks = schedule.position.shape[0]
+        signals = BatchSignals(
+            w[reading : reading + ny * BATCH_WIDTH],
+            w[previous : previous + ny * BATCH_WIDTH],
+            w[effort : effort + m * BATCH_WIDTH],
+            w[member_demand : member_demand + m * BATCH_WIDTH],
+        )
+        for k in range(first, last):
+            read_joints(filled, w)
+            metrics(k, first, schedule, record, w)
+            if k == ticks:
+                break
+            read(k, error, w)
+            quantise(w)
+            set_in(k, disturbances.faults, w, filled)
+            compare(k, dt, sensor_check, w)
+            if has_instruments:
+                draw, reference = samples[k - first], schedule.position[k]
+                read_instruments(k, instruments, draw, reference, disturbances.faults, w, filled)
+            replace_positions(w, rotation_joints, schedule.position[k], filled)
+            observer_step(k, schedule.time[k], dt, observer, signals, z, memory, filled)
+            watch(k, monitor, z, memory, w)
+            efforts(k, schedule.time[k], dt, disturbances, law, rotation_joints, z, w, filled)
+            push(k * dt, 0.5 * dt, external_forces, filled, w)
+            move(k * dt, dt, steps, friction, filled, w)
+            push(k * dt + dt, -0.5 * dt, external_forces, filled, w)
+
+    return cast(Loop, loop)
+
+
+def _recorded(states: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what keeps states and applied efforts of a tick; states: entries times BATCH_WIDTH."""
+    applied, count, m = rows.applied, states // BATCH_WIDTH, sizes.joints
+
+    @vectorised
+    def keep(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
+        for member in range(BATCH_WIDTH):
+            for i in range(count):
+                record[member, k - first, i] = w[i * BATCH_WIDTH + member]
+            for i in range(m):
+                record[member, k - first, count + i] = w[applied + i * BATCH_WIDTH + member]
+
+    return cast(Callable[..., None], keep)
+
+
+class _Moment(NamedTuple):
+    """What a tick is to the metrics."""
+
+    time: float  # [s]
+    held: float  # how long the effort before it was [s]
+    over: float  # 1: the manoeuvre is
+    started: float  # 0: it has; else -inf
+    ends: bool  # it is over from here on
+
+
+@vectorised
+def _moment(k: int, schedule: Any) -> _Moment:
+    """Return what a tick is to the metrics.
+
+    By numbers alone, and no branch on the way to them: arrays that the compiler has to hold across
+    one are counted in and out at every tick, which takes as long as the metrics.
+    """
+    before = max(k - 1, 0)
+    time, over, was_over = schedule.time[k], schedule.over[k], schedule.over[before] & (k > 0)
+    hold_time, started = time - schedule.time[before], schedule.started[k]
+    return _Moment(
+        time, hold_time, 1.0 if over else 0.0, 0.0 if started else -np.inf, over and not was_over
+    )
+
+
+def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what counts the truth of a tick and the effort that was held before it.
+
+    Members are the innermost loop: only such loops become vector instructions.
+    """
+    m, modes, tips = sizes.joints, sizes.modes, sizes.measured
+    effort, tip, goal, sign, band = rows.applied, rows.tip, rows.goal, rows.sign, rows.band
+    limit, residual_tip, peak_tip = rows.limit, rows.residual_tip, rows.peak_tip
+    tip_deflection, full = rows.deflection, rows.full
+    residual, overshoot, outside = rows.residual, rows.limit_excess, rows.outside
+    peak_effort = rows.peak_effort
+    square_sum, saturated = rows.square_sum, rows.saturated
+    _, position, _, mode, _, _ = of_kernel
+    finish = _terminal(of_kernel, rows, sizes)
+
+    @vectorised
+    def count(now: _Moment, w: Vector) -> None:
+        time, hold_time, over, started = now.time, now.held, now.over, now.started
+        for i in range(tips):
+            first_share = tip + i * modes * BATCH_WIDTH
+            for member in range(BATCH_WIDTH):
+                w[tip_deflection + member] = w[first_share + member] * w[mode + member]
+            for j in range(1, modes):
+                share = first_share + j * BATCH_WIDTH
+                for member in range(BATCH_WIDTH):
+                    w[tip_deflection + member] += (
+                        w[share + member] * w[mode + j * BATCH_WIDTH + member]
+                    )
+            for member in range(BATCH_WIDTH):
+                deflection = abs(w[tip_deflection + member])
+                w[peak_tip + member] = max(w[peak_tip + member], deflection)
+                w[residual_tip + member] = max(w[residual_tip + member], over * deflection)
+        for i in range(m):
+            for member in range(BATCH_WIDTH):
+                at = i * BATCH_WIDTH + member
+                error, push = w[position + at] - w[goal + at], abs(w[effort + at])
+                w[residual + at] = max(w[residual + at], over * abs(error))
+                w[overshoot + at] = max(w[overshoot + at], error * w[sign + at] + started)
+                w[outside + at] = time if abs(error) > w[band + at] else w[outside + at]
+                w[peak_effort + at] = max(w[peak_effort + at], push)
+                w[square_sum + at] += hold_time * push * push
+                most = push >= w[limit + at] * MARGIN
+                w[saturated + member] += hold_time if most and w[full + member] < time else 0.0
+                w[full + member] = time if most else w[full + member]
+
+    @vectorised
+    def measure(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
+        now = _moment(k, schedule)
+        count(now, w)
+        if now.ends:
+            finish(w)
+
+    return cast(Callable[..., None], measure)
+
+
+def _terminal(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what writes the norm of the error at the end of the manoeuvre."""
+    m, modes, terminal, goal = sizes.joints, sizes.modes, rows.terminal, rows.goal
+    _, position, velocity, mode, mode_rate, _ = of_kernel
+
+    @vectorised
+    def finish(w: Vector) -> None:
+        for i in range(m * BATCH_WIDTH):
+            w[terminal + i % BATCH_WIDTH] += (w[position + i] - w[goal + i]) ** 2
+            w[terminal + i % BATCH_WIDTH] += w[velocity + i] ** 2
+        for i in range(modes * BATCH_WIDTH):
+            w[terminal + i % BATCH_WIDTH] += w[mode + i] ** 2 + w[mode_rate + i] ** 2
+        for member in range(BATCH_WIDTH):
+            w[terminal + member] = np.sqrt(w[terminal + member])
+
+    return cast(Callable[..., None], finish)
