@@ -69,6 +69,7 @@ def imported(tree: ast.Module) -> Iterator[Any]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
+@pytest.mark.slow
 def test_ros_is_imported_only_below_ros(trees: dict[Path, ast.Module]) -> None:
     wrong = [
         f"{path.relative_to(SOURCE)}: {name}"
@@ -80,6 +81,7 @@ def test_ros_is_imported_only_below_ros(trees: dict[Path, ast.Module]) -> None:
     assert not wrong
 
 
+@pytest.mark.slow
 def test_signatures_name_generic_classes_of_ros_in_quotes(trees: dict[Path, ast.Module]) -> None:
     """`Publisher[Any]` is an error where it is evaluated with the rclpy of Jazzy."""
     wrong = []

@@ -190,6 +190,7 @@ def test_no_command_runs_what_a_received_study_names(flown: Path, evil: Path, pl
         assert not evil.exists(), reader
 
 
+@pytest.mark.slow
 def test_any_reader_any_place_any_name(flown: Path, evil: Path, case: np.random.Generator) -> None:
     values = load_yaml(TRIAL, "test")
     name = str(case.choice(NAMES)).format(folder=evil.parent)

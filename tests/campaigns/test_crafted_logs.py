@@ -177,6 +177,7 @@ TEXTS = st.one_of(
 )
 
 
+@pytest.mark.slow
 def test_no_crafted_metadata_breaks_any_reader(
     short: list[Message], tmp_path: Path, case: np.random.Generator
 ) -> None:

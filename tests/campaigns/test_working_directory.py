@@ -37,6 +37,7 @@ def test_a_folder_full_of_modules_runs_none_of_them(command: list[str], tmp_path
     assert not marker.exists(), marker.read_text()
 
 
+@pytest.mark.slow
 def test_a_random_choice_of_modules_runs_none_either(
     case: np.random.Generator, tmp_path: Path
 ) -> None:

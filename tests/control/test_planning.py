@@ -74,6 +74,7 @@ def outcome(planning: PlanProcess, section: str, **begins: float) -> Plan | Refu
                 return news
 
 
+@pytest.mark.slow
 def test_a_joint_that_turns_is_asked_for_in_no_unit_of_one_that_slides(
     planning: PlanProcess,
 ) -> None:

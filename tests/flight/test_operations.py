@@ -89,6 +89,7 @@ def move(position: Any, start: float, joints: tuple[str, ...]) -> Plan:
     return Plan("none", joints, start, 0.01, places, still, still[1:], np.zeros((6, 0)), 0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "moment"), products(KALMAN, ["before the first measurement", "tick 0", "in flight"])
 )

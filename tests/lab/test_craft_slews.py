@@ -14,6 +14,7 @@ from flexslew_lab.trial.trial import feedback_of, plant_of
 QUICK = {"pieces": 20, "ensemble": {"count": 3}, "max_steps": 8}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(2))
 def test_random_slews_of_a_craft_keep_their_promise_on_members_and_between(seed: int) -> None:
     rng = np.random.default_rng([30, seed])

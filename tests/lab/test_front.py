@@ -72,6 +72,7 @@ def test_a_plan_that_was_made_elsewhere_is_flown(flight: fs.Flight) -> None:
     assert np.array_equal(flown["reference"][50:151], rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", representatives(["lqr", "output_feedback", "proportional_integral"], "lqr")
 )
@@ -481,6 +482,7 @@ def test_an_analysis_about_a_rest_is_short_to_look_at() -> None:
         fs.analyse(SHORT, hub=0.5)
 
 
+@pytest.mark.slow
 def test_studies_are_listed_without_what_reads_their_tables(tmp_path: Path) -> None:
     code = (
         "import sys; sys.modules['pyarrow'] = None\n"

@@ -75,6 +75,7 @@ def test_a_search_is_within_2_percent_of_a_grid_and_keeps_the_margin(
     assert "What the margin costs" in page
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_from_its_journal(
     bench: tuple[Trial, Gains, GainEnsemble], tmp_path: Path
 ) -> None:

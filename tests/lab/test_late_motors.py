@@ -31,6 +31,7 @@ def keys(testbed: dict[str, Any], period: float, lag: float, ticks: float, **pla
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(4))
 def test_a_linear_bench_with_late_motors_keeps_the_promise_on_members_and_between(
     seed: int,
@@ -51,6 +52,7 @@ def test_a_linear_bench_with_late_motors_keeps_the_promise_on_members_and_betwee
     assert 0.9 < max(left) / plan.summary["worst_residual"] < 1.1
 
 
+@pytest.mark.slow
 def test_a_bench_that_is_not_linear_keeps_it_too() -> None:
     goal = {"base_yaw": 0.4, "hub_pitch": -0.3}
     values = keys(CSA, 0.05, 0.3, 3.0, duration=22.0, goal=goal, **QUICK)

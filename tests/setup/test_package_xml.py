@@ -36,6 +36,7 @@ def imported(package: str) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_package_needs_what_it_imports_of_ros_and_of_the_bench(package: str) -> None:
     here = {"flexslew_msgs", *PACKAGES} - {package}

@@ -88,6 +88,7 @@ def flown(
     return np.array(states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "seed"), representatives(product(LAWS, range(4)), (next(iter(LAWS)), 0))
 )

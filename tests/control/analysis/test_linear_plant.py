@@ -108,7 +108,7 @@ def slopes(bench: Bench, rest: Rest) -> np.ndarray:
     return np.array(columns).T
 
 
-@pytest.mark.first(20)
+@pytest.mark.first(6)
 @pytest.mark.parametrize(("testbed", "period", "number"), CASES)
 def test_the_sampled_model_is_the_slope_of_a_tick_of_the_bench(
     testbed: Any, period: float, number: int

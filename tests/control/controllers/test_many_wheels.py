@@ -36,6 +36,7 @@ def with_wheels(axes: Matrix) -> PlantDescription:
     return PlantDescription(read_testbed(values, "here"), PERIOD, np.full(len(axes), 0.5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wheels", "seed", "law"),
     representatives(

@@ -22,6 +22,7 @@ def linearisation(pitch: Any, modes: int = 1) -> Any:
     return model.linearise(np.array([0.0, pitch] + [0.0] * modes))
 
 
+@pytest.mark.slow
 def test_gains_disturbance_rejection_and_anti_windup_match_the_public_table() -> None:
     wrong = [row for row in pi_rows() if not row["ok"]]
     assert not wrong

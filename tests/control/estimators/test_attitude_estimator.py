@@ -114,6 +114,7 @@ def band(share: float, degrees: float, count: int) -> tuple[float, float]:
     return chi2.ppf(outside, degrees) / count, chi2.ppf(1.0 - outside, degrees) / count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate", "sun"), [("rest", False), ("slew", True)])
 def test_errors_and_innovations_are_as_large_as_the_covariance_says(rate: str, sun: bool) -> None:
     runs = [sensed(RATES[rate], seed, sun) for seed in range(SEEDS)]

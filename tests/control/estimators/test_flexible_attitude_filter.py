@@ -109,6 +109,7 @@ def band(share: float, degrees: float, count: int) -> tuple[float, float]:
     return chi2.ppf(outside, degrees) / count, chi2.ppf(1.0 - outside, degrees) / count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slew", representatives([False, True], True), ids=["rest", "slew"])
 def test_errors_and_innovations_are_as_large_as_the_covariance_says(slew: bool) -> None:
     """At rest and slewing, modes and rates included, all through a dropout of the star tracker."""

@@ -43,6 +43,7 @@ def planned(method: str, start: float, at: float, **keys: Any) -> Plan:
     return make_plan(plan_settings(section, "here"), bench(at))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["input_shaping", "optimized_feedforward"])
 def test_a_slew_that_begins_as_much_later_as_the_dish_turns_is_the_same(method: str) -> None:
     now, later = planned(method, 0.0, 4.0), planned(method, 6.0, 10.0)

@@ -87,6 +87,7 @@ class Seen:
     answer = event = question
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bench", "law", "method"),
     [

@@ -87,6 +87,7 @@ def test_every_planner_is_in_one_of_the_campaigns() -> None:
     assert {*AT_REST, *OTHERS} == {name for name, entry in PLANNERS.items() if entry.slews}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "variant", "period"),
     products(AT_REST, ["printed", "complete"], [0.01, 0.05, 0.001]),

@@ -121,6 +121,7 @@ def wish(seed: int) -> Asked:
     return Asked(bench, Feedback(kp=(20.0,), kd=(80.0,)), goal)
 
 
+@pytest.mark.slow
 @pytest.mark.first(3)
 @pytest.mark.parametrize(("method", "seed"), products(METHODS, [0, 2]))
 def test_a_plan_flies_as_promised_or_warns(method: str, seed: int) -> None:

@@ -63,6 +63,7 @@ def test_the_frequencies_are_the_plant_s_and_every_mode_is_moved_and_seen() -> N
     assert all(max(map(abs, mode.shape.values())) == pytest.approx(1.0) for mode in found.modes)
 
 
+@pytest.mark.slow
 def test_a_step_of_the_reference_ends_there_and_a_disturbance_at_its_static_error() -> None:
     found = loop_analysis(trial("m1", {**M1, "testbed.modes": 1}), "m1")
     end = {name: answer[-1] for name, answer in responses(found, 40_000).items()}

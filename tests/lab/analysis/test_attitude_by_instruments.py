@@ -84,6 +84,7 @@ def test_the_gain_margin_of_a_law_with_instruments_is_that_of_the_flight(
     assert growth(tracker, 1.1 * up) > 2.0
 
 
+@pytest.mark.slow
 def test_slow_corrections_leave_the_margins_of_gyro_and_joints() -> None:
     """Corrections within minutes do not act at a crossover of seconds."""
     found = of(craft({"across": 1.0, "about": 1.0}, {"attitude": {}}))

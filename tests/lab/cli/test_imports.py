@@ -37,6 +37,7 @@ def test_every_command_that_operates_a_bench_joins_its_graph_early() -> None:
     assert set(early.OPERATING) == {command.__name__ for command in operate.COMMANDS}
 
 
+@pytest.mark.slow
 def test_a_trial_is_read_without_what_takes_longer_to_load_than_all_else() -> None:
     program = (
         "import sys\n"
@@ -49,6 +50,7 @@ def test_a_trial_is_read_without_what_takes_longer_to_load_than_all_else() -> No
     assert done.stdout == "loaded: []\n"
 
 
+@pytest.mark.slow
 def test_a_flight_and_its_nodes_load_nothing_of_the_design_side() -> None:
     program = (
         "import sys\n"

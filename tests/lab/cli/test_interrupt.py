@@ -53,6 +53,7 @@ def test_an_interrupted_import_ends_in_one_line(tmp_path: Path, moment: str) -> 
     assert interrupted(COMMANDS["trial"], moment, tmp_path) == (130, ["interrupted"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", representatives(COMMANDS, "trial"))
 def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -> None:
     moment = {"trial": "flexslew_lab.run.in_process", "plan": "flexslew_control.plan_file",

@@ -131,6 +131,7 @@ def test_an_expression_of_the_user_a_file_or_cases_replace_the_selection() -> No
     assert Selection(cases=True).expression(all_tests=False) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("tree")
 def test_what_pytest_answers_without_a_test_runs_none(capfd: pytest.CaptureFixture[str]) -> None:
     assert read_selection(["--markers"]) == 0
@@ -145,6 +146,7 @@ def test_an_empty_part_fails_only_if_all_are() -> None:
     assert exit_code([1, NO_TESTS_EXIT_CODE, 137]) == 137
 
 
+@pytest.mark.slow
 def test_the_parts_run_what_the_markers_select(tree: Path) -> None:
     assert ended("-n", "0") == 0
     assert ended("-n", "0", "-k", "nothing_has_this_name") == NO_TESTS_EXIT_CODE

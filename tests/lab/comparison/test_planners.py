@@ -56,6 +56,7 @@ def test_every_method_flies_the_same_yaw_slew(yaw: Any) -> None:
         assert max(entry.nominal.metrics["peak_effort"]) <= 150.0
 
 
+@pytest.mark.slow
 def test_no_row_of_a_method_is_there_twice(yaw: Any) -> None:
     plans = [(e.name.partition(",")[0], e.plan.position.tobytes(), e.plan.effort.tobytes(),
               e.plan.gains.tobytes()) for e in yaw.simulated_entries]  # fmt: skip
@@ -203,6 +204,7 @@ def test_where_the_plant_is_not_linear_the_line_says_that_it_is_no_bound(yaw: An
     assert list(y) == sorted(y, reverse=True)
 
 
+@pytest.mark.slow
 def test_a_variant_that_the_trial_asks_for_has_its_name(oscillator: Any) -> None:
     names = [entry.name for entry in oscillator.entries]
     assert names[:2] == ["time_optimal, robust", "time_optimal"]

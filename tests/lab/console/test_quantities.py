@@ -35,6 +35,7 @@ def test_charts_of_positions_and_rates_show_what_the_joints_read(bag: Path) -> N
         assert shown[:ticks] == pytest.approx(read[field], abs=1e-12), quantity
 
 
+@pytest.mark.slow
 def test_charts_of_errors_and_estimates_show_how_far_the_joints_are_off(bag: Path) -> None:
     log = Replay(bag)
     log.seek(log.last)

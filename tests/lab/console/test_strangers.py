@@ -23,6 +23,7 @@ def opened(tmp_path: Path, link: FakeLink, said: list[str]) -> Page:
     return page
 
 
+@pytest.mark.slow
 def test_what_is_no_message_ends_at_most_its_page(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

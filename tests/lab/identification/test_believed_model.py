@@ -46,6 +46,7 @@ def trial(file: str, **plan: Any) -> Any:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_plan_on_the_identified_model_is_the_plan_on_the_equations(tmp_path: Path) -> None:
     by_file = present(plan_of_trial(trial(written(tmp_path))))
     by_equations = present(plan_of_trial(trial(written(tmp_path), model={})))

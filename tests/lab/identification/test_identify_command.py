@@ -200,6 +200,7 @@ def test_what_cannot_be_identified_is_refused_in_one_line_and_leaves_nothing(
     assert not (tmp_path / "out" / "identified.yaml").exists()
 
 
+@pytest.mark.slow
 def test_a_saturated_experiment_is_refused_with_its_share(
     call: Any, run: Path, tmp_path: Path
 ) -> None:

@@ -53,6 +53,7 @@ def write_forever(folder: Path, messages: list[Message], pipe: Any) -> None:
                 pipe.send(count)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_killed_recorder_costs_one_chunk_at_most(tmp_path: Path, messages: list[Message]) -> None:
     rng = np.random.default_rng(7)

@@ -68,6 +68,7 @@ def test_pymcap_finds_no_fault_in_our_bags(files: dict[str, Path], name: str) ->
     assert set(pymcap_findings(files[name]).values()) == {"info"}  # no attachments, no messages
 
 
+@pytest.mark.slow
 @needs_pymcap
 def test_pymcap_finds_a_flipped_bit_and_a_cut(bag: Path, tmp_path: Path) -> None:
     whole = mcap_file(bag).read_bytes()

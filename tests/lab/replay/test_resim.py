@@ -202,6 +202,7 @@ def dropped(bag: Path) -> set[Cause]:
     return {e.what.cause for e in events if isinstance(e.what, SwitchDropped)}
 
 
+@pytest.mark.slow
 def test_a_log_in_other_words_flies_again_with_the_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -271,6 +272,7 @@ def told_later(bag: Path, folder: Path, tick: int, keep: bool = False, **status:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("heard", "taken"), products([0, 1, 100, 599, 1000], [0, 1, 2, 100, 599]))
 def test_a_plan_counts_from_the_question_at_which_it_was_taken_whenever_that_was_heard(
     tmp_path: Path, taken: int, heard: int
@@ -281,6 +283,7 @@ def test_a_plan_counts_from_the_question_at_which_it_was_taken_whenever_that_was
     assert resim(bag).identical
 
 
+@pytest.mark.slow
 def test_a_controller_that_is_built_anew_leaves_its_plans_in_their_order(tmp_path: Path) -> None:
     flown = record(tmp_path / "flown", text=PLANNED_LATER, taken=100)
     bag = told_later(flown, tmp_path / "bag", 100, plan_number=2, plan_tick=100)
@@ -289,6 +292,7 @@ def test_a_controller_that_is_built_anew_leaves_its_plans_in_their_order(tmp_pat
     assert resim(again).identical
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("taken", representatives([0, 2, 100, 599], 2))  # it does not tell 1 from 0
 def test_an_older_log_has_the_plan_from_the_tick_after_the_status(
     tmp_path: Path, taken: int
@@ -327,6 +331,7 @@ def test_one_bit_of_the_truth_is_found_with_its_tick_and_field(tmp_path: Path) -
     assert found.recorded == np.nextafter(found.ours, 1.0)
 
 
+@pytest.mark.slow
 def test_a_truth_that_changes_its_size_is_refused(tmp_path: Path) -> None:
     def change(truth: Any) -> None:
         truth.position, truth.velocity = np.zeros(9), np.zeros(9)

@@ -10,12 +10,14 @@ def test_every_constant_is_as_published() -> None:
     assert [row["item"] for row in rows if not row["ok"]] == []
 
 
+@pytest.mark.slow
 def test_the_oscillator_flies_as_published() -> None:
     rows = antennas._example_3()
     assert [row["item"] for row in rows if not row["ok"]] == []
     assert len(rows) == 7
 
 
+@pytest.mark.slow
 def test_the_planar_antenna_flies_as_published() -> None:
     rows = antennas._example_4()
     assert [row["item"] for row in rows if not row["ok"]] == []

@@ -32,6 +32,7 @@ def test_rows_are_plain_data() -> None:
         assert row["tolerance_is"] in ("absolute", "at most")
 
 
+@pytest.mark.slow
 def test_the_figures_are_those_of_the_paper() -> None:
     figures = csa_figures()
     assert list(figures) == ["figure_3", "figure_4", "figure_5", "figure_7"]
@@ -45,6 +46,7 @@ def test_every_reproduction_can_be_found(name: Any) -> None:
     assert figures is None or callable(figures)
 
 
+@pytest.mark.slow
 def test_the_figures_are_written_as_one_page(tmp_path: Path) -> None:
     page = tmp_path / "csa.html"
     write_figures("csa", page)
@@ -54,6 +56,7 @@ def test_the_figures_are_written_as_one_page(tmp_path: Path) -> None:
     assert 'src="http' not in text
 
 
+@pytest.mark.slow
 def test_figures_of_a_paper_without_any_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="pi has no figures; allowed: csa"):
         write_figures("pi", tmp_path / "pi.html")

@@ -15,6 +15,7 @@ def test_every_number_is_reproduced() -> None:
     assert [row for row in rows() if not row["ok"]] == []
 
 
+@pytest.mark.slow
 def test_every_slew_is_checked_by_the_gradient_method_too() -> None:
     assert len([row for row in rows() if "switching-time optimisation" in row["item"]]) == 6
 

@@ -315,6 +315,7 @@ def test_the_library_does_what_the_command_does(
         fs.study(tmp_path / "study.yaml", tmp_path / "s", workers=0)
 
 
+@pytest.mark.slow
 def test_failed_trials_are_results_and_are_flown_again_on_demand(
     ready: PreparedStudy, tmp_path: Path
 ) -> None:

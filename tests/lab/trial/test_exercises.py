@@ -243,6 +243,7 @@ def test_each_is_one_file_and_one_line_and_flies(flown: Any) -> None:
     assert set(flown["events"]) <= set(EVENTS)
 
 
+@pytest.mark.slow
 def test_a_batch_flies_what_it_knows_as_the_bench_does_and_leaves_it_the_rest(flown: Any) -> None:
     cases = flown["cases"]
     assert [case["way"] for case in cases] == 2 * [

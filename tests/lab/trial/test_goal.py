@@ -62,6 +62,7 @@ def test_a_law_that_only_holds_a_rest_is_not_ready_under_a_plan_that_moves(
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 def test_laws_refuse_plans_that_move_as_their_entries_say() -> None:
     for name in sorted(set(CONTROLLERS) - {"planned_gains"}):
         settings = dict(CONTROLLERS[name].compared)

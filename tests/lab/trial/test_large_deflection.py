@@ -30,6 +30,7 @@ def test_a_panel_that_bends_by_more_than_a_tenth_of_its_length_is_told_of(tmp_pa
         assert message_of(fact) in page
 
 
+@pytest.mark.slow
 def test_small_deflections_are_not_told_of(tmp_path: Path) -> None:
     facts, page = told(tmp_path, 1.0)
     assert facts == []

@@ -82,6 +82,7 @@ def test_the_command_plans_with_it(method: str, tmp_path: Path) -> None:
     assert load_plan(saved).method == method
 
 
+@pytest.mark.slow
 def test_compare_flies_it_beside_the_others(method: str) -> None:
     trial = parse_trial(trial_text(method), "own.yaml", ANY_CODE)
     found = compare_candidates(planners(trial, "own.yaml", (0.0,)))

@@ -108,6 +108,7 @@ def test_the_plans_of_this_file_are_those_of_the_table() -> None:
     assert {*PLANS, *REFUSED} == {name for name, entry in PLANNERS.items() if entry.slews}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", representatives(PLANS, "input_shaping", "optimized_feedforward"))
 def test_every_planner_plans_it_and_the_plan_flies(method: Any, tmp_path: Path) -> None:
     requested = trial(plan=PLANS[method], testbed=f"{{kind: {KIND}, modes: 1}}", duration=60.0)

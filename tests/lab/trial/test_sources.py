@@ -78,6 +78,7 @@ def test_a_saved_plan_flies_as_the_plan_it_was_saved_from(tmp_path: Path) -> Non
     assert hashes[0] == hashes[1]
 
 
+@pytest.mark.slow
 def test_a_saved_plan_for_another_bench_is_refused(tmp_path: Path) -> None:
     trial = read_trial("m1")[0]
     save_plan(present(plan_of_trial(trial)), tmp_path / "my.plan")

@@ -54,6 +54,7 @@ def flown(values: dict[str, Any], folder: Path, exit_code: int = 0) -> Any:
     return result.metrics
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(LAWS, "lqr"))
 def test_every_law_turns_a_free_platform(law: str, tmp_path: Path) -> None:
     values = example_values("scole_s_a") | {

@@ -24,6 +24,7 @@ def events(run: Any, *kinds: Any) -> list[Any]:
     return [event for event in run.overview.events if event.kind in kinds]
 
 
+@pytest.mark.slow
 def test_the_demo_ends_with_a_fault_and_a_whole_log(demo: tuple[Any, Any]) -> None:
     result, _ = demo
     assert result.exit_code == 3

@@ -133,6 +133,7 @@ def test_an_unsafe_choice_leads_to_the_cache_of_the_user(
     assert stat.S_IMODE((shared / "cache" / "flexslew").stat().st_mode) == 0o700
 
 
+@pytest.mark.slow
 @AS_ROOT
 def test_a_user_compiles_in_folders_of_his_own(shared: Path) -> None:
     found, words = folders_of_user(shared)
@@ -144,6 +145,7 @@ def test_a_user_compiles_in_folders_of_his_own(shared: Path) -> None:
     assert not words
 
 
+@pytest.mark.slow
 @AS_ROOT
 @pytest.mark.parametrize(
     ("place", "linked"), [("XDG_CACHE_HOME", True), ("NUMBA_CACHE_DIR", False)]

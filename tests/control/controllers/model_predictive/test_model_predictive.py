@@ -145,6 +145,7 @@ def test_too_few_iterations_repeat_the_last_answer_and_nobody_is_silent() -> Non
     assert [event for event in oscillator(tip_limit=0.05).events if event.kind == "repeated"] == []
 
 
+@pytest.mark.slow
 def test_m1_with_the_tips_held_below_half_of_what_the_planned_feedforward_needs() -> None:
     flight = fly(trial("predictive_m1", {"duration": 30.0}))
     tips = abs(flight["tip"]).max(axis=1)

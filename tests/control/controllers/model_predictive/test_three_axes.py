@@ -46,6 +46,7 @@ def flown(kind: str, goal: Vector, settings: dict[str, Any]) -> tuple[Matrix, Ma
     return read, efforts, it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "axes"),
     representatives(product(["wheels", "torques", "rigid"], [1, 3]), ("wheels", 3)),

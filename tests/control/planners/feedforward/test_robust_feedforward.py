@@ -72,6 +72,7 @@ def test_in_equal_time_it_leaves_a_third_of_the_plain_plan_within_the_torque_lim
     assert residual_tip(plain, 0.0) < 0.01 < residual_tip(robust, 0.0) < 0.06
 
 
+@pytest.mark.slow
 def test_an_ensemble_with_payload_errors_suits_both() -> None:
     errors = (-0.2, 0.0, 0.2)
     corners = list(product(errors, errors))
@@ -217,6 +218,7 @@ def test_what_cannot_be_is_said_in_one_line() -> None:
             validated(RobustFeedforward, wrong, "trial.yaml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration", representatives([5.0, 7.8, 8.0, 8.15, 8.5, 12.5], 7.8, 8.15))
 def test_a_weak_drive_keeps_to_its_limit_whatever_the_duration(duration: float) -> None:
     # a price of effort that suits 150 N m bought vibration with more than 1 N, and where the first

@@ -175,6 +175,7 @@ def hub(stiffness: float, pieces: int, held: int) -> Any:
     return ca.Function("hub", [efforts], [bent, motion[0, :]])
 
 
+@pytest.mark.slow
 def test_the_hub_is_no_further_from_its_optimum_than_a_nonlinear_program_finds() -> None:
     """One radian in 6.1 s (least time: 6.02 s) with 2 ft lb, stiffness within 20 %."""
     pieces, held = 61, 2

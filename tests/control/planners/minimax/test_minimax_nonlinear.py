@@ -112,6 +112,7 @@ def test_a_hub_with_appendages_keeps_its_promise_too() -> None:
     assert plan.summary["lower_bound"] is None
 
 
+@pytest.mark.slow
 def test_too_short_a_slew_of_a_hub_names_a_duration_that_all_members_can_do() -> None:
     section = {"pieces": 8, "max_steps": 8, "ensemble": {"draw": "corners"}}
     with pytest.raises(PlanFailed, match="no efforts were found that lead") as caught:
@@ -214,6 +215,7 @@ def test_a_duration_that_is_said_to_be_enough_was_tried(monkeypatch: pytest.Monk
     assert planned("hub_with_appendages", duration=enough, **few).duration == pytest.approx(enough)
 
 
+@pytest.mark.slow
 def test_where_no_steps_are_enough_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shortest, "least_duration", lambda question: 4.0)
     with pytest.raises(PlanFailed, match=r"allow a duration of 4 s .* max_steps: 1 are too few"):

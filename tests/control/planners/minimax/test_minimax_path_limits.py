@@ -171,6 +171,7 @@ def test_what_is_passed_is_seen_at_the_depth_of_the_eigenaxis() -> None:
     assert most == pytest.approx(1.0 - 0.5 * np.pi / 0.2, abs=1e-3)  # a right angle away
 
 
+@pytest.mark.slow
 def test_the_derivatives_of_cones_and_rates_are_those_of_flights() -> None:
     keep_out = {
         "sun": {"direction": [0.3, 0.2, 0.9], "half_angle": 0.2},

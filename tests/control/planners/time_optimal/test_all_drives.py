@@ -58,6 +58,7 @@ def test_both_joints_of_m1_arrive_at_once(one_start: None) -> None:
     assert (np.abs(np.diff(signs, axis=0)).sum(axis=1) == 2.0).all()  # one drive at a time
 
 
+@pytest.mark.slow
 def test_efforts_that_hardly_matter_are_kept_as_the_programme_found_them(one_start: None) -> None:
     plan = planned({"hub_pitch": 0.5})
     assert not plan.summary["optimal"]

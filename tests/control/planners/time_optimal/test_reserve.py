@@ -44,6 +44,7 @@ def test_a_fastest_slew_of_the_shipped_trial_keeps_its_reserve(reserve: float) -
     require_reserve(SHIPPED, reserve)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "goal", representatives(directions(1, 3), directions(1, 3)[0], single=True)
 )

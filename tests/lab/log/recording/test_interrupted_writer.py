@@ -66,6 +66,7 @@ def write(folder: Path, at: int) -> int:
     return trace.lines
 
 
+@pytest.mark.slow
 def test_an_interrupt_at_any_line_leaves_whole_messages_chunks_and_files(tmp_path: Path) -> None:
     lines = write(tmp_path / "whole", 0)
     assert lines > 150

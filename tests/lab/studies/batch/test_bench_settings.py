@@ -30,6 +30,7 @@ MOTORS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "motor"),
     representatives(
@@ -53,6 +54,7 @@ def test_motors_with_a_lag_or_a_slew_rate_fly_in_a_batch_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial, batch=True, vary=vary)), [0, 1, 2])
 
 
+@pytest.mark.slow
 def test_time_in_which_two_drives_are_at_their_limits_counts_once(
     study_of: Callable[..., Study],
 ) -> None:
@@ -107,6 +109,7 @@ BETWEEN: dict[str, dict[str, Any]] = {  # what stands between a demand and what 
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "between"),
     representatives(

@@ -226,6 +226,7 @@ def test_who_was_blind_when_the_brake_took_over_is_told_though_all_see_again(
     assert found.reason == "pd is silent: the brake takes over; pd: its estimate is not finite"
 
 
+@pytest.mark.slow
 def test_a_switch_at_the_tick_of_a_fallback_takes_effect(study_of: Callable[..., Study]) -> None:
     switches = [SILENT, {"at": 0.94, "switch": "pid"}]  # four missed ticks later
     study = faulty(study_of, [], switches=switches, fallback=["lqr"], max_missed=4)
@@ -313,6 +314,7 @@ def test_instruments_and_filters_of_an_attitude_are_misled_alike(
     require_equal(prepare(study_of(flown=trial, batch=True, vary=vary)), [0, 1, 3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", representatives([1, 7, 400], 7))
 def test_what_the_drive_finds_implausible_is_left_to_the_bench_and_nothing_else(
     study_of: Callable[..., Study], window: int

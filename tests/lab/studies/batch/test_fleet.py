@@ -79,6 +79,7 @@ def test_every_linear_law_flies_as_on_the_bench(
     require_equal(ready, [0, 5])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     representatives([STEADY, {}], STEADY),
@@ -144,6 +145,7 @@ def test_what_batches_do_not_know_is_left_to_the_bench_which_says_why(
     assert [result.way for result in results] == [way]
 
 
+@pytest.mark.slow
 def test_a_step_to_the_goal_is_one_plan_for_all_benches(
     prepared: Callable[..., PreparedStudy],
 ) -> None:
@@ -200,6 +202,7 @@ OTHERS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", representatives(OTHERS, "varying_oscillator"))
 def test_any_testbed_whose_joints_come_first_flies_in_batches(
     study_of: Callable[..., Study], kind: str
@@ -222,6 +225,7 @@ def test_any_testbed_whose_joints_come_first_flies_in_batches(
 TURNING = {"motion": {"at": 0.5, "duration": 2.0, "to": 0.3, "axis": [1.0, 0.0, 0.0]}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "what",
     representatives(
@@ -302,6 +306,7 @@ def test_three_axes_fly_in_a_batch_as_on_the_bench(
     require_equal(ready, [0, 1, 3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", representatives(["gains", "testbed"], "testbed"))
 def test_a_design_that_the_bench_refuses_is_left_to_it(
     study_of: Callable[..., Study], what: str
@@ -373,6 +378,7 @@ RETARGETING: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(RETARGETING, "planned_gains"))
 def test_laws_of_small_motions_fly_in_batches_each_with_its_own_gains(
     study_of: Callable[..., Study], law: str
@@ -395,6 +401,7 @@ def test_laws_of_small_motions_fly_in_batches_each_with_its_own_gains(
     assert (simulate_case(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", representatives(["tracking_a", "tracking_b"], "tracking_b"))
 def test_the_law_of_one_appendage_flies_in_batches(
     study_of: Callable[..., Study], mode: str

@@ -60,6 +60,7 @@ FILTERS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tracker", "filter_"),
     representatives(product(TRACKERS, FILTERS), ("late", "another craft")),

@@ -26,6 +26,7 @@ def test_a_filter_acts_in_a_batch_as_on_the_bench(study_of: Callable[..., Study]
     require_equal(prepare(study_of(flown=trial, batch=True, vary=vary)), [0, 1, 2])
 
 
+@pytest.mark.slow
 def test_a_tick_of_several_steps_is_one_in_a_batch_as_on_the_bench(
     study_of: Callable[..., Study],
 ) -> None:

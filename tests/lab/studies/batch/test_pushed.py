@@ -79,6 +79,7 @@ def surrounded(study_of: Callable[..., Study]) -> Callable[..., PreparedStudy]:
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("orbit", "shaking", "law"),
     representatives(

@@ -42,6 +42,7 @@ def in_quanta(
     return prepare(study_of(flown=trial, batch=True, vary=vary))
 
 
+@pytest.mark.slow
 @pytest.mark.first(1)
 @pytest.mark.parametrize("law", ["pd_feedforward", "lqr"])
 @pytest.mark.parametrize("seed", seeds(5))

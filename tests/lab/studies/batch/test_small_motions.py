@@ -106,6 +106,7 @@ def test_a_law_on_fewer_readings_than_motions_flies_as_on_the_bench(
     assert len(list(BatchRunner(ready.study, ready.plans).fly(cases))) == 1
 
 
+@pytest.mark.slow
 def test_an_integral_on_an_observer_stops_at_the_limits_as_on_the_bench(
     turning: Callable[..., PreparedStudy],
 ) -> None:

@@ -71,6 +71,7 @@ def test_every_law_takes_over_from_every_other_in_a_batch_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial, batch=True, vary=vary)), [0, 3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", seeds(4))
 def test_random_schedules_fly_in_a_batch_as_on_the_bench(
     study_of: Callable[..., Study], seed: int
@@ -86,6 +87,7 @@ def test_random_schedules_fly_in_a_batch_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial_of(legs), batch=True, vary=limit)), [0, 1, 2])
 
 
+@pytest.mark.slow
 def test_of_switches_at_one_tick_the_last_one_takes_effect(study_of: Callable[..., Study]) -> None:
     legs = [(0.0, "pd"), (0.5, "lqr"), (1.0, "pid"), (1.0, "steady"), (1.0, "lqr"), (1.0, "pid")]
     limit = {"testbed.effort_limit.0": {"uniform": [20.0, 60.0]}}

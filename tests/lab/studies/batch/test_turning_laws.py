@@ -63,6 +63,7 @@ def test_laws_about_their_plan_take_over_in_a_batch_as_on_the_bench(
     require_equal(prepare(study_of(flown=trial, batch=True, vary=BIAS)), [0, 3])
 
 
+@pytest.mark.slow
 def test_crafts_under_one_law_fly_beside_each_other(study_of: Callable[..., Study]) -> None:
     trial = trial_of({"lqr": {}}, "lqr")
     vary = {"testbed.platform.mass": {"uniform": [190.0, 210.0]}}

@@ -30,6 +30,7 @@ BENCHES: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bench", "window"),
     representatives(

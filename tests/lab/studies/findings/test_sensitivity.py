@@ -35,6 +35,7 @@ def found(n: int, seed: int) -> list[Index]:
     return rows
 
 
+@pytest.mark.slow
 def test_indices_are_those_in_closed_form() -> None:
     rows = found(1024, 3)
     assert rows == found(1024, 3)  # bounds, too: a report is the same whenever it is written

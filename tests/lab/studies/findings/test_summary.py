@@ -366,6 +366,7 @@ NEVER = (
 )
 
 
+@pytest.mark.slow
 def test_a_study_that_was_interrupted_before_a_variant_flew_has_a_page(
     told: Callable[..., tuple[Study, Store]],
 ) -> None:

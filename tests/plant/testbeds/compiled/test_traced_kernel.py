@@ -61,6 +61,7 @@ def require_steps_of_the_model(model: Model, kernel: BatchKernel) -> None:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", representatives(SECTIONS, "hub"))
 def test_a_step_of_all_members_is_that_of_the_model(name: str) -> None:
     model = read_testbed(SECTIONS[name], "test").model()

@@ -100,6 +100,7 @@ def test_complete_has_every_term_of_first_order() -> None:
     np.testing.assert_allclose(complete, own, atol=1e-9 * abs(complete).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("variant", "stated"), [("complete", 0.022), ("printed", 0.0124)])
 def test_the_error_of_a_variant_at_the_rates_of_m1_is_the_stated_one(
     variant: CsaVariant, stated: float

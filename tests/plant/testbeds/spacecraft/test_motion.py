@@ -29,6 +29,7 @@ def still(craft: Spacecraft) -> np.ndarray:
     return np.zeros(len(craft.drives))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "appendages"), SEEDS)
 def test_without_forces_momentum_and_energy_stay(seed: int, appendages: int) -> None:
     craft = random_craft(seed, appendages)

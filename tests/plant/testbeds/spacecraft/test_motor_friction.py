@@ -179,6 +179,7 @@ def test_friction_never_gives_energy(seed: int) -> None:
     assert energies[-1] < energies[0]
 
 
+@pytest.mark.slow
 def test_the_bench_rubs_its_wheels_and_names_what_is_no_motor() -> None:
     testbed = craft("held", boom=None)
     actuator = validated(ActuatorSettings, {"coulomb_friction": {"wheel": 0.2}}, "test")

@@ -58,6 +58,7 @@ def test_no_antisymmetric_five_switch_slew_is_shorter(a: Any) -> None:
             assert t >= shortest - 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("switches", [3, 5])
 @pytest.mark.parametrize("seed", seeds(5))
 def test_slews_of_the_damped_mode_end_at_rest_and_none_is_found_shorter_elsewhere(

@@ -104,6 +104,7 @@ def test_below_a_rate_it_coasts() -> None:
     assert plan.duration <= 1.02 * transcribed(SPHERE, UNIT, turn, plan, rate_limit=0.5)
 
 
+@pytest.mark.slow
 def test_a_limit_that_the_fastest_slew_keeps_anyway_changes_nothing() -> None:
     far = {"sun": {"direction": [0.0, 0.0, -1.0], "half_angle": 0.2}}
     free = slew(craft(SPHERE, UNIT), (0.0, 1.5, 0.0))

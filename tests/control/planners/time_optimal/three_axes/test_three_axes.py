@@ -48,6 +48,7 @@ def test_no_further_case_is_later_than_a_transcription(case: tuple[Triple, Tripl
     assert plan.duration <= (1.0 + 1e-4) * transcribed(*case, plan)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", representatives([(SPHERE, UNIT, HALF_ROUND), ASKEW], ASKEW, single=True)
 )
@@ -86,6 +87,7 @@ def test_the_bench_flies_it_as_predicted() -> None:
     assert "warning" not in summary
 
 
+@pytest.mark.slow
 def test_time_goes_with_the_root_of_inertia_over_torque_and_no_frame_matters() -> None:
     inertia, limit, turn = ASKEW
     frame = Rotation.random(random_state=1)
