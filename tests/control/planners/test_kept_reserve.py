@@ -128,11 +128,11 @@ def require_reserve(plan: Plan, name: str, reserve: float) -> None:
     ("method", "name", "goal"),
     representatives(
         ((m, n, (i + j) % 2) for (i, m), (j, n) in product(enumerate(METHODS), enumerate(CRAFT))),
-        ("minimax_feedforward", "torques", 0),
-        ("minimax_feedforward", "thrusters", 0),
+        ("minimax_feedforward", "torques", 1),
+        ("minimax_feedforward", "thrusters", 1),
         ("robust_feedforward", "wheels", 1),
         ("robust_feedforward", "oscillator", 0),
-        ("time_optimal", "torques", 1),
+        ("time_optimal", "torques", 0),
     ),
 )
 def test_no_drive_exceeds_its_limit_less_the_reserve(method: str, name: str, goal: int) -> None:

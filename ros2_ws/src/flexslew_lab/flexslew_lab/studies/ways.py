@@ -6,7 +6,7 @@ from enum import StrEnum
 class Way(StrEnum):
     """How a trial was flown, as its row in the table has it."""
 
-    BATCH_WIDTH = "batch"
+    BATCH = "batch"
     BENCH = "bench"  # batches were not requested
     NOT_ALLOWED = "bench: refused"  # with the reason of the refusal
     METRICS = "bench: a metric of its own raises"
