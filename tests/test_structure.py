@@ -328,6 +328,7 @@ def sentence(node: ast.AST) -> bool:
 ERROR = re.compile(r"\b(error|refused|refusal|failure|why)\b")
 
 
+@pytest.mark.slow
 def test_no_code_reads_a_sentence(trees: dict[Path, ast.Module]) -> None:
     wrong = []
     for path, tree in trees.items():

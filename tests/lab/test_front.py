@@ -470,6 +470,7 @@ def test_a_study_of_keys_flies_a_trial_with_an_object_that_is_numbers(tmp_path: 
         fs.study({"study": "mine"}, tmp_path / "other")
 
 
+@pytest.mark.slow
 def test_an_analysis_about_a_rest_is_short_to_look_at() -> None:
     found = fs.analyse({**SHORT, "plan": None}, hub_pitch=0.5)
     assert found.plain()["rest"] == {"base_yaw": 0.0, "hub_pitch": 0.5}
@@ -630,6 +631,7 @@ def test_efforts_that_are_no_numbers_are_refused_in_words(effort: Any) -> None:
         bench.offer(fs.EffortCommand(asked.tick, asked.epoch, asked.controller, effort))
 
 
+@pytest.mark.slow
 def test_a_rest_may_have_a_unit_and_one_of_another_kind_is_refused() -> None:
     turned = fs.linear_model(SHORT, hub_pitch="30 deg").A
     assert np.array_equal(turned, fs.linear_model(SHORT, hub_pitch=np.radians(30.0)).A)

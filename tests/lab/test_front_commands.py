@@ -102,6 +102,7 @@ def test_planners_and_laws_are_compared_as_by_the_command() -> None:
         fs.compare(pushed, workers=2)
 
 
+@pytest.mark.slow
 def test_runs_tell_of_their_bench_what_the_command_prints(shaken: Path) -> None:
     found = fs.identify(shaken, str(shaken))
     truth = np.sqrt(1.0 + 1.0 / 1.3)

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
 from flexslew_lab.trial.trial import Trial, parse_trial, plan_of_trial
 from flexslew_plant.yaml_data import yaml_text
@@ -62,6 +63,7 @@ def beam(length: float, density: float, stiffness: float, modes: int) -> dict[st
     return {"kind": "beam", "modes": modes, **own}
 
 
+@pytest.mark.slow
 def test_a_correction_that_leads_out_of_all_bounds_leaves_the_plan_as_it_was() -> None:
     """Two combinations of the modes can hardly be told apart, so efforts beyond all limits would
     be needed to end at rest exactly: flown, they end in NaN."""

@@ -69,6 +69,7 @@ def flown(asked: Trial, plan: Plan) -> Residual:
     return residual
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("method", METHODS)
 def test_the_motion_of_the_start_is_in_the_prediction(law: str, method: str) -> None:
@@ -86,6 +87,7 @@ def test_the_motion_of_the_start_is_in_the_prediction(law: str, method: str) -> 
         assert residual.tip > 1e-2
 
 
+@pytest.mark.slow
 def test_the_case_of_a_slew_on_a_moving_bench_is_warned_of() -> None:
     asked = trial("pd_feedforward", 0.1, 0.0, "minimax_feedforward")
     plan = present(plan_of_trial(asked))

@@ -121,6 +121,7 @@ def test_an_unknown_controller_is_refused() -> None:
         loop_analysis(trial("m1", M1), "m1", "nobody")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["pd_feedforward", "linear"])
 def test_a_free_craft_has_the_margins_of_its_law_in_every_attitude(law: str) -> None:
     gains = np.hstack((12.0 * np.eye(3), 60.0 * np.eye(3))).tolist()
@@ -145,6 +146,7 @@ def test_a_free_craft_has_the_margins_of_its_law_in_every_attitude(law: str) -> 
     np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_disturbance_moves_a_motor_with_friction_as_on_the_bench() -> None:
     rubbing, push = {"viscous_friction": 2e4, "lag": 0.05}, {"base_yaw": 0.1}
     what = trial("m1", {**M1, "actuator": rubbing, "duration": 1.0,

@@ -95,6 +95,7 @@ def test_the_plain_law_loses_its_soft_end() -> None:
     assert min(growth("plain", k) for k in (0.5, 0.54, 0.58)) > 0.0
 
 
+@pytest.mark.slow
 def test_the_benchmark_settles_within_15_s_with_little_effort() -> None:
     flight = fly(trial("acc_benchmark"))
     x2 = flight["position.mass"] + flight["tip.spring"]

@@ -110,6 +110,7 @@ LAWS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(LAWS, "lqr", "linear"))
 def test_what_a_law_predicts_is_flown_with_lag_and_delay(law: str) -> None:
     """Every pole that efforts move and sensors see, and every margin of an effort."""
@@ -165,6 +166,7 @@ def test_instruments_that_no_law_hears_refute_no_margin(sensor: dict[str, Any]) 
     assert verify_margins(what, loop_analysis(what, "here")).holds
 
 
+@pytest.mark.slow
 def test_a_sensor_of_a_craft_that_reads_in_steps_refutes_no_margin() -> None:
     """Flights of a proof move by far less than a step."""
     along = {"appendage": "left", "direction": [0.0, 0.0, 1.0]}
@@ -183,6 +185,7 @@ def test_flights_stay_where_dry_friction_has_its_slope_at_rest() -> None:
     assert max(pole.left for pole in proof.poles) < 1e-4
 
 
+@pytest.mark.slow
 def test_a_delay_beyond_what_a_fault_can_do_is_told_and_not_flown() -> None:
     friction = {**OSCILLATOR, "actuator.coulomb_friction": 0.03}
     what = trial("time_optimal_oscillator", friction)

@@ -83,6 +83,7 @@ def test_the_page_shows_all_of_it_and_fetches_nothing(oscillator: Comparison) ->
     assert [name for name, _ in table] == [entry.name for entry in oscillator.simulated_entries]
 
 
+@pytest.mark.slow
 def test_laws_of_a_slew_are_compared_by_its_joints_without_the_schedule_s_switches() -> None:
     found = compare_candidates(laws(parse_trial(YAW, "yaw.yaml"), "yaw.yaml", (0.3,)))
     rows: dict[str, dict[str, Any]] = {row["law"]: row for row in found.rows()}

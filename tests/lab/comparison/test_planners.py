@@ -99,6 +99,7 @@ def test_a_slew_that_never_settles_has_no_settling_time() -> None:
     assert found.simulated_entries[0].nominal.metrics["settling_time"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", representatives(["own_spacecraft", "three_axes"], "three_axes"))
 def test_slews_of_a_spacecraft_are_compared_by_its_joints(name: str) -> None:
     described = planners(load_trial(trial_path(name)), name, (0.0,))

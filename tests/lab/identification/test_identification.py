@@ -168,6 +168,7 @@ def test_a_wrong_key_lists_the_right_ones_and_no_start_is_refused() -> None:
         fit_parameters(found(2), bench(kind="floating_oscillator"), ("damping_ratio",))
 
 
+@pytest.mark.slow
 def test_frequency_responses_are_consistent_in_closed_loop() -> None:
     """The circles hold 95 % of the truth, where Y/U alone would be biased by the noise fed back."""
     inside = []
@@ -216,6 +217,7 @@ def test_a_run_that_was_stopped_tells_the_response_of_its_whole_periods_or_why_n
         frequency_response([record.cut(0, begin + 2 * period + 9)], [plan])
 
 
+@pytest.mark.slow
 def test_a_second_run_proves_the_first_and_another_bench_does_not() -> None:
     _, first = oscillator(1)
     _, other = oscillator(4)
@@ -227,6 +229,7 @@ def test_a_second_run_proves_the_first_and_another_bench_does_not() -> None:
     assert told["modes"][0]["frequency"]["low"] < told["modes"][0]["frequency"]["high"]
 
 
+@pytest.mark.slow
 def test_a_mode_below_the_band_is_told_with_a_doubt() -> None:
     told = identify_modes(oscillator(0)[1].record.cut(0, 40_000), (0.1, 1.0))
     assert [mode for mode in told.modes if mode.frequency.value < 0.05]
@@ -291,6 +294,7 @@ def csv_of(path: Path, record: Record, t: Any) -> None:
     np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
 
 
+@pytest.mark.slow
 def test_a_csv_file_of_another_bench_gives_the_same_mode(tmp_path: Path) -> None:
     true, experiment = oscillator(5)
     record = experiment.record

@@ -35,6 +35,7 @@ def identify(capfd: Any, monkeypatch: Any, *words: Any) -> tuple[Any, str, str]:
     return end.value.code, *capfd.readouterr()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free_mass", representatives([0.7, 1.4], 1.4))
 def test_the_next_plan_is_better_as_foretold(
     tmp_path: Path, capfd: Any, monkeypatch: Any, free_mass: float

@@ -232,6 +232,7 @@ def test_a_flipped_byte_is_an_error_or_changes_no_number(
     assert refused > 100
 
 
+@pytest.mark.slow
 def test_no_flipped_byte_breaks_check_info_export_or_recovery(tmp_path: Path, small: Path) -> None:
     whole = mcap_file(small).read_bytes()
     rng = np.random.default_rng(12)

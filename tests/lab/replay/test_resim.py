@@ -117,6 +117,7 @@ def test_the_swap_demo_flies_again_to_the_same_hash(tmp_path: Path) -> None:
     assert again.ticks == 10_001
 
 
+@pytest.mark.slow
 def test_switches_faults_and_disturbances_by_hand_come_at_their_ticks(tmp_path: Path) -> None:
     wishes = [
         (100, switch("output_feedback", 150)),
@@ -236,6 +237,7 @@ def as_before(bag: Path, folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_log_of_before_that_says_causes_in_words_alone_flies_again(tmp_path: Path) -> None:
     bag = record(tmp_path / "bag", DROPS)
     older = as_before(bag, tmp_path / "older")

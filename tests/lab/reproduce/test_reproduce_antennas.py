@@ -24,6 +24,7 @@ def test_the_planar_antenna_flies_as_published() -> None:
     assert len(rows) == 18
 
 
+@pytest.mark.slow
 def test_the_shipped_trials_fly_as_published() -> None:
     rows = trial_flights.example_trial_rows(("antenna_2", "antenna_4"))
     assert [row for row in rows if not row["ok"]] == []

@@ -91,6 +91,7 @@ def test_no_bit_that_flips_changes_a_result_silently(
     assert seen > FLIPS // 4
 
 
+@pytest.mark.slow
 def test_a_damaged_part_is_named_and_flown_again(flown: tuple[PreparedStudy, Store]) -> None:
     ready, store = flown
     whole = store.table_path.read_bytes()

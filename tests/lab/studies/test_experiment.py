@@ -74,6 +74,7 @@ def test_where_the_poles_of_a_short_record_lead_astray_the_search_begins_without
     assert frequency(believed.model) == pytest.approx(frequency(plain(true)), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_planner_and_laws_believe_what_was_found_and_the_bench_stays_the_sampled_one(
     shipped: Study,
 ) -> None:
@@ -106,6 +107,7 @@ def test_an_experiment_that_fits_gives_the_bench_its_own_equations_with_the_numb
     assert left["identified"] < 1.5 * left["truth"] < 0.1 * left["nominal"]
 
 
+@pytest.mark.slow
 def test_what_a_fit_cannot_find_is_refused(study_of: Callable[..., Study]) -> None:
     study = study_of(replan="experiment", fit=["parameters.mas"], shake=SHAKE | {"duration": 80.0})
     with pytest.raises(BadInput, match=r"parameters.mas is not a number of the testbed"):

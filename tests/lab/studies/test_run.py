@@ -127,6 +127,7 @@ def test_another_study_is_not_resumed_and_the_difference_is_named(
     assert before == {p: p.read_bytes() for p in store.folder.rglob("*") if p.is_file()}
 
 
+@pytest.mark.slow
 def test_other_criteria_are_no_other_study(
     ready: PreparedStudy, study_of: Callable[..., Study], tmp_path: Path
 ) -> None:
@@ -417,6 +418,7 @@ def test_as_many_logs_are_kept_as_the_file_asks_for(
     assert kept == np.argsort(-values)[:7].tolist()
 
 
+@pytest.mark.slow
 def test_a_study_stops_when_a_quantile_is_known(
     study_of: Callable[..., Study], tmp_path: Path
 ) -> None:

@@ -13,6 +13,7 @@ def seen(law: str, lie: str, guarded: bool = True) -> Outcome:
     return flown(replace(trial_of(law, lie, guarded), duration=DURATION))
 
 
+@pytest.mark.slow
 @pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("law", "lie", "within"),
@@ -31,6 +32,7 @@ def test_a_lie_is_seen_and_the_next_one_takes_over(law: str, lie: str, within: i
     assert one.end != law
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(LAWS, "lqr"))
 def test_nothing_is_seen_where_there_is_no_lie(law: str) -> None:
     assert seen(law, "") == seen(law, "", guarded=False)

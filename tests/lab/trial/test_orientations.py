@@ -56,6 +56,7 @@ def apart(one: Matrix, other: Matrix) -> float:
     return float((a.inv() * b).magnitude().max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", representatives(LAWS, "lqr", "found"))
 def test_plan_reference_and_estimate_are_quaternions(law: str, tmp_path: Path) -> None:
     bag, testbed = flown(law, 7, tmp_path)

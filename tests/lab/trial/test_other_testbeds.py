@@ -33,6 +33,7 @@ def test_the_time_optimal_trials_end_at_rest_at_the_goal(path: Any, tmp_path: Pa
     assert metrics["missed_ticks"] == 0
 
 
+@pytest.mark.slow
 def test_the_robust_slew_keeps_its_promise_under_feedback(tmp_path: Path) -> None:
     text = OSCILLATOR.read_text().replace(
         "kind: floating_oscillator   #",

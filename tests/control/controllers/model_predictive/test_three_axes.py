@@ -73,6 +73,7 @@ def test_efforts_their_rates_and_joints_keep_their_limits_over_random_goals(
     assert {event.kind for event in it.events} <= {"softened"}  # the goal itself is outside
 
 
+@pytest.mark.slow
 def test_without_limits_a_goal_is_reached() -> None:
     goal = np.array([0.9, -1.4, 0.6])
     read, _, it = flown("rigid", goal, {})

@@ -219,6 +219,7 @@ def test_an_integral_that_cannot_be_read_is_refused_though_it_is_small_in_motion
         running_law(it, rest_of(HUB), np.array([10.0]))
 
 
+@pytest.mark.slow
 def test_a_memory_of_hours_that_still_moves_at_rest_is_no_hidden_one() -> None:
     """A lag of 200 s away from its own zero, as of a design that hears positions, not errors."""
     a, b, c, d = np.exp(-0.01 / 200.0), 0.01, -0.5, -46.0

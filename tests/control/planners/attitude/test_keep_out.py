@@ -26,6 +26,7 @@ def craft(cone: dict[str, Any]) -> PlantDescription:
     return PlantDescription(read_testbed(values, "here"), 0.1, LIMIT)
 
 
+@pytest.mark.slow
 def test_a_slew_is_refused_where_it_looks_into_a_cone_and_nowhere_else() -> None:
     """Random slews by 0.5 to 2 rad beside random cones, on a fine grid of the eigenaxis."""
     rng, refused = np.random.default_rng(3), 0

@@ -59,6 +59,7 @@ def plain_plan() -> Any:
     return plan(method="optimized_feedforward")
 
 
+@pytest.mark.slow
 def test_in_equal_time_it_leaves_a_third_of_the_plain_plan_within_the_torque_limit() -> None:
     robust, plain = plan(), plain_plan()
     assert robust.duration == plain.duration == 25.0
@@ -202,6 +203,7 @@ def test_one_exact_member_is_left_at_rest_like_the_plain_plan() -> None:
     assert residual_tip(alone, 0.0) < 0.01
 
 
+@pytest.mark.slow
 def test_what_cannot_be_is_said_in_one_line() -> None:
     with pytest.raises(PlanFailed, match=r"needs \d+\.?\d* N m on base_yaw \(EI .* limit is 40"):
         plan(limit=40.0, duration=12.0)

@@ -105,6 +105,7 @@ def test_a_slew_far_below_what_can_be_seen_is_a_smooth_turn() -> None:
     assert found.position[-1] == pytest.approx(1e-9, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_no_shorter_slew_meets_the_bound_of_the_shortest() -> None:
     shortest = plan(residual_bound=0.0507, duration=9.0, exact_nominal=True)
     assert shortest.summary["worst_residual"] <= 0.0507

@@ -204,6 +204,7 @@ def test_a_mass_on_a_spring_that_varies_is_led_to_its_goal(seed: int) -> None:
     assert plan.summary["predicted_residual_attitude_error"]["mass"] < 5e-4 * abs(begin)
 
 
+@pytest.mark.slow
 def test_a_duration_that_is_said_to_be_enough_was_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the limits allow may be more than a search of few steps finds."""
     monkeypatch.setattr(shortest, "least_duration", lambda question: 6.2)

@@ -38,6 +38,7 @@ def directions(seed: int, count: int) -> Any:
     return (drawn / np.linalg.norm(drawn, axis=1)[:, None]).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reserve", [0.0, 0.2, 0.5])
 def test_a_fastest_slew_of_the_shipped_trial_keeps_its_reserve(reserve: float) -> None:
     """With 0.2 the roll wheel needed 0.9996 of its limit, with 0.5 0.9426."""

@@ -103,6 +103,7 @@ def test_an_interrupt_waits_for_the_outermost_block_and_comes_once() -> None:
         pass
 
 
+@pytest.mark.slow
 def test_who_cannot_wait_any_longer_is_interrupted_in_the_block() -> None:
     reached: list[int] = []
     with pytest.raises(KeyboardInterrupt):

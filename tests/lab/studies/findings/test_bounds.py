@@ -31,6 +31,7 @@ ON_EDGES = ("one value", "edge")  # shares that hardly scatter: bounds are one s
 HALF = 0.5  # of the studies that bound both ends: below, they are a choice of their own
 
 
+@pytest.mark.slow
 @pytest.mark.first(4)
 @pytest.mark.parametrize("method", SAMPLED)
 @pytest.mark.parametrize("n", [64, 1024])
@@ -73,6 +74,7 @@ def _check(found: Cell, studies: int, n: int, name: str) -> None:
             assert found.covered_if_bounded[j] <= most
 
 
+@pytest.mark.slow
 @pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["plane", "corner", "noisy"])
 @pytest.mark.parametrize(("method", "n"), [("sobol", 4096), ("lhs", 1000)])
@@ -120,6 +122,7 @@ def test_failures_near_the_quantile_take_its_bound_away_and_add_none() -> None:
     assert low is not None  # a number: not surely among the failures
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", SAMPLED)
 def test_equal_alternatives_are_called_different_as_rarely_as_stated(method: str) -> None:
     """Two variants whose difference has the median 0 on the same samples, 250 times over."""

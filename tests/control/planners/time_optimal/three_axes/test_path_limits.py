@@ -113,6 +113,7 @@ def test_a_limit_that_the_fastest_slew_keeps_anyway_changes_nothing() -> None:
     assert kept.summary["path_limits"] == []
 
 
+@pytest.mark.slow
 def test_a_flexible_craft_goes_round_a_cone_with_its_modes_at_rest() -> None:
     direction = Rotation.from_rotvec([0.0, 0.35, 0.0]).apply([0.0, 0.0, 1.0])
     boom = {"shape": {"kind": "beam", "method": "closed_form", "length": 3.0,

@@ -42,6 +42,7 @@ FURTHER = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", representatives(FURTHER, FURTHER[0], single=True))
 def test_no_further_case_is_later_than_a_transcription(case: tuple[Triple, Triple, Triple]) -> None:
     plan = planned(*case)
@@ -61,6 +62,7 @@ def test_a_transcription_finds_nothing_faster(case: tuple[Triple, Triple, Triple
     assert found == pytest.approx(plan.duration, rel=5e-4)
 
 
+@pytest.mark.slow
 def test_another_integrator_flies_the_arcs_to_the_goal() -> None:
     inertia, limit, turn = ASKEW
     plan, moment = planned(*ASKEW), np.array(inertia)

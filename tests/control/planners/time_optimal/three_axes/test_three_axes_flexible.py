@@ -35,6 +35,7 @@ def booms() -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 def test_a_flexible_craft_ends_at_rest_and_hardly_later_than_a_rigid_one() -> None:
     testbed = read_testbed(
         {
