@@ -13,6 +13,7 @@ from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight
 from flexslew_lab.given_objects import require_in_files
 from flexslew_lab.notebook import What, place, plain_data, trial_from
+from flexslew_lab.progress import shown_in_library
 from flexslew_lab.trial.trial import Trial, bench_settings, plan_of_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
@@ -51,7 +52,8 @@ def plan(what: What = "m1") -> Plan:
         PlanFailed: if there is no such plan; the message gives the reason.
     """
     given = trial_from(what)
-    made = plan_of_trial(given)
+    with shown_in_library(given.name):
+        made = plan_of_trial(given)
     if made is None:
         raise BadInput(f"{given.name} has no plan: is missing", key="plan")
     return made
@@ -76,7 +78,9 @@ def analyse(
     """
     from flexslew_lab.analysis.analysis import loop_analysis
 
-    return loop_analysis(trial_from(what), "trial", controller, at, joints)
+    given = trial_from(what)
+    with shown_in_library(given.name, words="analysing"):
+        return loop_analysis(given, "trial", controller, at, joints)
 
 
 def prove(what: What, found: Analysis) -> Proof:
@@ -91,7 +95,9 @@ def prove(what: What, found: Analysis) -> Proof:
     """
     from flexslew_lab.analysis.proof import verify_margins
 
-    return verify_margins(trial_from(what), found)
+    given = trial_from(what)
+    with shown_in_library(given.name, words="flying at both sides of the margins"):
+        return verify_margins(given, found)
 
 
 def gains(
@@ -124,10 +130,12 @@ def gains(
 
     given = trial_from(what)
     selected_gains = gains_of(given, given.name, controller, keys)
-    ensemble = GainEnsemble(given, given.name, selected_gains)
-    return search_gains(
-        ensemble, selected_gains, _count(trials, "trials"), octaves, margin, seed=seed
-    )
+    count = _count(trials, "trials")
+    with shown_in_library(given.name, "choices", "flying") as update:
+        ensemble = GainEnsemble(given, given.name, selected_gains)
+        return search_gains(
+            ensemble, selected_gains, count, octaves, margin, seed=seed, progress=update
+        )
 
 
 def compare(what: What = "m1", laws: bool = False, workers: int = 1) -> Comparison:
@@ -148,7 +156,10 @@ def compare(what: What = "m1", laws: bool = False, workers: int = 1) -> Comparis
     given = trial_from(what)
     if _count(workers, "workers") > 1:
         require_in_files(given)
-    return compare_candidates((by_laws if laws else planners)(given, given.name), workers=workers)
+    with shown_in_library(given.name, "plans and flights") as update:
+        return compare_candidates(
+            (by_laws if laws else planners)(given, given.name), update, workers
+        )
 
 
 def identify(
@@ -181,7 +192,8 @@ def identify(
             "runs",
         )
     experiments = [experiment_of(place(run, "runs"), trust) for run in runs]
-    return identified(experiments, band, tuple(fit), dict(start or {}))
+    with shown_in_library("identification"):
+        return identified(experiments, band, tuple(fit), dict(start or {}))
 
 
 def study(
@@ -214,14 +226,15 @@ def study(
     _count(workers, "workers")
     request = _study_from(what)
     kept = check_output_folder(place(folder or default_folder(request), "folder"), "folder")
-    ready = prepare(request)
-    with closing(Pool(ready.job, workers)) as executor:
-        store = run_study(ready, kept, executor)
-    if request.settings.batch:
-        with closing(Pool(bench_job(ready), workers)) as executor:
-            check_batch(ready, store, executor)
-    found = finished(request, store)
-    keep_worst(request, store, lambda words: None)  # its row gives the reason for a missing log
+    with shown_in_library(request.settings.study):
+        ready = prepare(request)
+        with closing(Pool(ready.job, workers)) as executor:
+            store = run_study(ready, kept, executor)
+        if request.settings.batch:
+            with closing(Pool(bench_job(ready), workers)) as executor:
+                check_batch(ready, store, executor)
+        found = finished(request, store)
+        keep_worst(ready, store, lambda words: None)  # its row gives the reason for a missing log
     return found
 
 
