@@ -21,6 +21,8 @@ from flexslew_plant.extras import required
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from flexslew_lab.analysis.analysis import Analysis
     from flexslew_lab.analysis.proof import Proof
     from flexslew_lab.comparison.comparison import Comparison
@@ -236,6 +238,38 @@ def study(
         found = finished(request, store)
         keep_worst(ready, store, lambda words: None)  # its row gives the reason for a missing log
     return found
+
+
+def plot(
+    *runs: Flight | Path | str,
+    show: str | Sequence[str] = (),
+    to: Path | str | None = None,
+    style: str = "ieee",
+    width: str | float | None = None,
+    labels: Sequence[str] = (),
+    latex: bool = False,
+) -> Figure:
+    """Return a figure of runs for a paper, by Matplotlib; its legend names what differs.
+
+    Args:
+        runs: flights, or folders of runs.
+        show: channels, such as "tip,effort"; none: position, tip and effort.
+        to: file, PDF, SVG or PNG; None: it is not saved.
+        style: medium: ieee, ieee_wide, elsevier, thesis or slides.
+        width: width with its unit, such as "88 mm", or [m]; None: that of the medium.
+        labels: names of the runs; none: the keys of their trials that differ.
+        latex: whether LaTeX sets the text.
+
+    Raises:
+        BadInput: if there is no such run, channel or style, or the file cannot be written.
+        ModuleNotFoundError: if Matplotlib is not installed.
+    """
+    from flexslew_lab.publication.channels import labelled_runs
+    from flexslew_lab.publication.figure import draw_runs
+
+    names = [name for name in show.split(",") if name] if isinstance(show, str) else show
+    target = None if to is None else place(to, "to")
+    return draw_runs(labelled_runs(runs, labels), names, target, style, width, latex)
 
 
 def _count(given: Any, key: str) -> int:

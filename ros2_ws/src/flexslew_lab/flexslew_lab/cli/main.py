@@ -33,6 +33,7 @@ from flexslew_lab.cli.model import model
 from flexslew_lab.cli.open_page import Open, open_page
 from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.plain_help import without_types
+from flexslew_lab.cli.publish import archive, figure
 from flexslew_lab.cli.replay import TrustOption, check, live, play, resim
 from flexslew_lab.cli.reproduced import show_rows
 from flexslew_lab.cli.runs import runs
@@ -310,7 +311,7 @@ def reproduce(
 
 _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Fly and plan": (trial, trials, schema, plan, console),
-    "Look at runs": (runs, report, compare),
+    "Look at runs": (runs, report, compare, figure, archive),
     "Operate a running bench": (*COMMANDS, live),
     "Logs and replay": (resim, check, play, recover),
     "Analyse and identify": (analyse, gains, model, identify, reproduce),

@@ -15,7 +15,7 @@ from flexslew_plant.testbeds.model import Model
 
 _Q, _V = "coordinate", "coordinate_rate"  # no fields: the state, where joints are read from it
 _STATE = {_Q: "position", _V: "velocity"}  # as the truth has it
-_RATES = ("velocity", "measured_rate")
+_RATES = ("velocity", "measured_rate", "reference_rate", "estimate_rate")
 # name of a signal: its topic, the field of the message, what its columns are named after
 _FIELDS = {
     "position": ("/truth", "position", "coordinates"),
@@ -29,11 +29,18 @@ _FIELDS = {
     "measured": ("/measurement", "joint_position", "coordinates"),
     "measured_rate": ("/measurement", "joint_velocity", "coordinates"),
     "sensor": ("/measurement", "tip_deflection", "sensors"),
+    "curvature": ("/measurement", "root_curvature", "bends"),
     "reference": ("/controller_state", "reference_position", "coordinates"),
+    "reference_rate": ("/controller_state", "reference_velocity", "coordinates"),
     "feedforward": ("/controller_state", "feedforward", "efforts"),
     "demand": ("/controller_state", "effort", "efforts"),
     "estimate": ("/controller_state", "estimate_position", "coordinates"),
+    "estimate_rate": ("/controller_state", "estimate_velocity", "coordinates"),
+    "estimated_disturbance": ("/controller_state", "estimate_disturbance", "efforts"),
+    "innovation": ("/controller_state", "innovation", "numbers"),
 }
+# other names of signals, those of the fields in the log among them, of which the truth comes first
+SYNONYMS = {field: name for name, (_, field, _) in reversed(_FIELDS.items())} | {"tips": "tip"}
 
 
 class Signals(NamedTuple):
@@ -82,8 +89,25 @@ def read_signals(bag: BagReader) -> Signals:
             full = f"{signal_name}.{name}" if name else signal_name
             values[full] = np.ascontiguousarray(column)
             units[full] = f"{unit}/s" if signal_name in _RATES else unit
+    _add_errors(values, units, model, joint_names_of(bag.overview, len(truth["applied_effort"][0])))
     time = truth["header.stamp.sec"] + truth["header.stamp.nanosec"] * 1e-9
     return Signals(time, values, units)
+
+
+def _add_errors(
+    values: dict[str, Vector], units: dict[str, str], model: Model | None, joints: tuple[str, ...]
+) -> None:
+    """Add reference - position and estimate - position of the joints, where both are there."""
+    known = model is not None and model.joints == len(joints)
+    for error, end in (("error", "reference"), ("estimate_error", "estimate")):
+        pair = [[f"{name}.{joint}" for joint in joints] for name in ("position", end)]
+        if not joints or not all(name in values for names in pair for name in names):
+            continue
+        at, to = (np.column_stack([values[name] for name in names]) for names in pair)
+        columns = model.joint_error(at, to) if model is not None and known else to - at
+        for joint, column in zip(joints, columns.T, strict=True):
+            values[f"{error}.{joint}"] = np.ascontiguousarray(column)
+            units[f"{error}.{joint}"] = units[f"position.{joint}"]
 
 
 def _columns(bag: BagReader) -> dict[str, dict[str, Any]]:
@@ -172,5 +196,6 @@ def _labels(overview: Overview, efforts: int, model: Model | None) -> dict[str, 
         "appendages": appendage,
         "sensors": sensor,
         "": lambda k: ("", "J"),
+        "bends": lambda k: (appendages[k] if k < len(appendages) else f"appendage_{k + 1}", "1/m"),
         "numbers": lambda k: (str(k + 1), ""),
     }
