@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
+from queue import Queue
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -138,3 +140,23 @@ def test_a_terminal_has_a_bar_that_is_gone_at_the_end(
         assert "m1: flying, 1000 of 4000 ticks" in terminal.getvalue()
         assert "estimating the time left" in terminal.getvalue()
     assert terminal.getvalue().endswith("\x1b[2K")  # the line is erased
+
+
+def test_a_notebook_has_a_line_that_is_replaced_and_gone_at_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shows: Queue[dict[str, str]] = Queue()
+    handle = SimpleNamespace(update=lambda data, raw: shows.put(data))
+    stub = SimpleNamespace(display=lambda data, raw, display_id: handle)
+    monkeypatch.setitem(sys.modules, "IPython.display", stub)
+    monkeypatch.setattr(progress, "_NOTEBOOK_PERIOD", 0.01)
+    console = Console(file=StringIO(), force_jupyter=True)
+    monkeypatch.setattr("flexslew_lab.cli.terminal.for_people", console)
+    with shown("m1", words="flying"):
+        CompileReport()("kernel")
+        assert any(
+            "compiling machine code" in shows.get(timeout=60)["text/plain"] for _ in range(9)
+        )
+    while not shows.empty():
+        last = shows.get()
+    assert last == {}

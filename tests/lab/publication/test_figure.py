@@ -71,7 +71,8 @@ def test_several_runs_share_a_panel_for_each_signal_and_a_legend(flight: fs.Flig
         ("joint_position.base_yaw", "measured.base_yaw"),
         ("tips.negative", "tip.negative"),  # as the console does
         ("error.base_yaw", "error.base_yaw"),
-        ("estimate_error.hub_pitch", "estimate_error.hub_pitch"),
+        ("estimate minus truth.hub_pitch", "estimate_error.hub_pitch"),
+        ("terms.proportional.base_yaw", "term.proportional.base_yaw"),
     ],
 )
 def test_a_channel_has_the_names_of_the_log_and_of_the_plots(
@@ -85,6 +86,12 @@ def test_errors_of_joints_are_reference_and_estimate_minus_position(flight: fs.F
     assert np.nanmax(np.abs(flight["error"])) < 1e-12  # it follows its reference exactly
     assert flight["estimate_error.base_yaw"][:-1] == pytest.approx(0.001)
     assert flight.units["estimate_error.base_yaw"] == "rad"
+
+
+def test_terms_add_up_to_the_demand(flight: fs.Flight) -> None:
+    assert flight.units["term.feedforward.base_yaw"] == "N m"
+    found = flight["term.feedforward.base_yaw"] + flight["term.proportional.base_yaw"]
+    assert found[:-1] == pytest.approx(flight["demand.base_yaw"][:-1])
 
 
 def test_what_never_moves_is_left_out_unless_it_is_named(flight: fs.Flight) -> None:

@@ -105,7 +105,7 @@ class _Display:
         from flexslew_lab.cli.terminal import for_people, print_message
 
         if for_people.is_terminal and not for_people.is_jupyter:
-            columns = ("{task.description}", BarColumn(), TimeElapsedColumn())
+            columns = ("{task.description}", BarColumn(20), TimeElapsedColumn())
             left = "{task.fields[left]}"
             with Progress(*columns, left, console=for_people, transient=True) as self._bar:
                 self._bar.add_task("", total=None, left="")
