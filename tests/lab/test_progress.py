@@ -14,13 +14,13 @@ from rich.console import Console
 
 from flexslew_lab import progress
 from flexslew_lab.cli.terminal import for_people
-from flexslew_lab.progress import CompileReport, phase, shown
+from flexslew_lab.progress import CompileReport, display_progress, phase
 
 OWN = """
 import sys
-from flexslew_lab.progress import shown_in_library
+from flexslew_lab.progress import display_library_progress
 from flexslew_plant.hardware.friction import friction_velocity
-with shown_in_library("first"):
+with display_library_progress("first"):
     print(friction_velocity(0.7, 0.3, 4.0, 0.0, 1e-4, 0.5))
 """
 
@@ -78,7 +78,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def test_a_line_has_what_is_done_how_much_of_it_and_the_time_left(
     line: Callable[[], str], clock: list[float]
 ) -> None:
-    with shown("robust"), phase("flying", "trials") as count:
+    with display_progress("robust"), phase("flying", "trials") as count:
         for step in range(10):
             clock[0] = 40.0 + 5.0 * step
             count(100 + 50 * step, 1000)
@@ -91,7 +91,7 @@ def test_a_line_has_what_is_done_how_much_of_it_and_the_time_left(
 def test_the_innermost_phase_is_shown_and_then_the_one_around_it(
     line: Callable[[], str], clock: list[float]
 ) -> None:
-    with shown("m1", "ticks", "flying") as count:
+    with display_progress("m1", "ticks", "flying") as count:
         with phase("planning by minimax", "iteration") as planned:
             assert line() == "m1: planning by minimax, 0:00:00 so far"
             planned(7, 0)
@@ -99,7 +99,7 @@ def test_the_innermost_phase_is_shown_and_then_the_one_around_it(
             assert line() == "m1: planning by minimax, iteration 7, 0:01:01 so far"
         count(1000, 4000)
         assert line().startswith("m1: flying, 1000 of 4000 ticks, 0:01:01 so far")
-        with shown("inner", words="writing"):  # a display is open already
+        with display_progress("inner", words="writing"):  # a display is open already
             assert line().startswith("m1: writing, ")
 
 
@@ -110,7 +110,7 @@ def test_a_phase_without_a_display_shows_nothing(capsys: pytest.CaptureFixture[s
 
 
 def test_a_phase_that_fails_is_shown_no_longer(line: Callable[[], str]) -> None:
-    with shown("m1", words="flying"):
+    with display_progress("m1", words="flying"):
         with pytest.raises(ValueError, match="no plan"), phase("planning"):
             raise ValueError("no plan")
         assert line().startswith("m1: flying, ")
@@ -122,7 +122,7 @@ def test_the_log_of_a_batch_queue_has_a_line_now_and_then(
     monkeypatch.setattr(progress, "_LINE_PERIOD", 0.01)
     monkeypatch.setattr(for_people, "_force_terminal", False)
     printed = ""
-    with shown("robust", words="flying"):  # it says nothing of its own
+    with display_progress("robust", words="flying"):  # it says nothing of its own
         while printed.count("\n") < 2:
             printed += capsys.readouterr().err
     assert printed.splitlines()[0] == "robust: flying, 0:00:00 so far"
@@ -134,7 +134,7 @@ def test_a_terminal_has_a_bar_that_is_gone_at_the_end(
     terminal = StringIO()
     console = Console(file=terminal, force_terminal=True, width=100, _environ={"TERM": "xterm"})
     monkeypatch.setattr("flexslew_lab.cli.terminal.for_people", console)
-    with shown("m1", "ticks", "flying") as count:
+    with display_progress("m1", "ticks", "flying") as count:
         count(1000, 4000)
         progress._display.get()._bar.refresh()  # type: ignore[union-attr]
         assert "m1: flying, 1000 of 4000 ticks" in terminal.getvalue()
@@ -152,7 +152,7 @@ def test_a_notebook_has_a_line_that_is_replaced_and_gone_at_the_end(
     monkeypatch.setattr(progress, "_NOTEBOOK_PERIOD", 0.01)
     console = Console(file=StringIO(), force_jupyter=True)
     monkeypatch.setattr("flexslew_lab.cli.terminal.for_people", console)
-    with shown("m1", words="flying"):
+    with display_progress("m1", words="flying"):
         CompileReport()("kernel")
         assert any(
             "compiling machine code" in shows.get(timeout=60)["text/plain"] for _ in range(9)

@@ -13,7 +13,7 @@ from flexslew_lab.cli.terminal import print_line, print_message, print_table
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_writer import BagWriter
-from flexslew_lab.progress import shown
+from flexslew_lab.progress import display_progress
 
 TITLE, CLIPBOARD, RETURN = "\x1b]0;owned\x07", "\x1b]52;c;b3duZWQ=\x07", "\rok\n"
 HOSTILE = f"{TITLE}{CLIPBOARD}{RETURN}\x9b2J\u202e"
@@ -43,7 +43,7 @@ def test_what_does_not_show_is_escaped(
 
 
 def test_the_name_of_a_trial_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
-    with shown(f"[/bold]{HOSTILE}") as advance:
+    with display_progress(f"[/bold]{HOSTILE}") as advance:
         advance(1, 2)
     assert "owned\x07" not in capsys.readouterr().err
 

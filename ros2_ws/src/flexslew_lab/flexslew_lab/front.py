@@ -13,7 +13,7 @@ from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight
 from flexslew_lab.given_objects import require_in_files
 from flexslew_lab.notebook import What, place, plain_data, trial_from
-from flexslew_lab.progress import shown_in_library
+from flexslew_lab.progress import display_library_progress
 from flexslew_lab.trial.trial import Trial, bench_settings, plan_of_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
@@ -54,7 +54,7 @@ def plan(what: What = "m1") -> Plan:
         PlanFailed: if there is no such plan; the message gives the reason.
     """
     given = trial_from(what)
-    with shown_in_library(given.name):
+    with display_library_progress(given.name):
         made = plan_of_trial(given)
     if made is None:
         raise BadInput(f"{given.name} has no plan: is missing", key="plan")
@@ -81,7 +81,7 @@ def analyse(
     from flexslew_lab.analysis.analysis import loop_analysis
 
     given = trial_from(what)
-    with shown_in_library(given.name, words="analysing"):
+    with display_library_progress(given.name, words="analysing"):
         return loop_analysis(given, "trial", controller, at, joints)
 
 
@@ -98,7 +98,7 @@ def prove(what: What, found: Analysis) -> Proof:
     from flexslew_lab.analysis.proof import verify_margins
 
     given = trial_from(what)
-    with shown_in_library(given.name, words="flying at both sides of the margins"):
+    with display_library_progress(given.name, words="flying at both sides of the margins"):
         return verify_margins(given, found)
 
 
@@ -133,7 +133,7 @@ def gains(
     given = trial_from(what)
     selected_gains = gains_of(given, given.name, controller, keys)
     count = _count(trials, "trials")
-    with shown_in_library(given.name, "choices", "flying") as update:
+    with display_library_progress(given.name, "choices", "flying") as update:
         ensemble = GainEnsemble(given, given.name, selected_gains)
         return search_gains(
             ensemble, selected_gains, count, octaves, margin, seed=seed, progress=update
@@ -158,7 +158,7 @@ def compare(what: What = "m1", laws: bool = False, workers: int = 1) -> Comparis
     given = trial_from(what)
     if _count(workers, "workers") > 1:
         require_in_files(given)
-    with shown_in_library(given.name, "plans and flights") as update:
+    with display_library_progress(given.name, "plans and flights") as update:
         return compare_candidates(
             (by_laws if laws else planners)(given, given.name), update, workers
         )
@@ -194,7 +194,7 @@ def identify(
             "runs",
         )
     experiments = [experiment_of(place(run, "runs"), trust) for run in runs]
-    with shown_in_library("identification"):
+    with display_library_progress("identification"):
         return identified(experiments, band, tuple(fit), dict(start or {}))
 
 
@@ -228,7 +228,7 @@ def study(
     _count(workers, "workers")
     request = _study_from(what)
     kept = check_output_folder(place(folder or default_folder(request), "folder"), "folder")
-    with shown_in_library(request.settings.study):
+    with display_library_progress(request.settings.study):
         ready = prepare(request)
         with closing(Pool(ready.job, workers)) as executor:
             store = run_study(ready, kept, executor)

@@ -28,7 +28,7 @@ from flexslew_lab.flight import Flight as Flight
 from flexslew_lab.given_objects import Given, with_law, with_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
-from flexslew_lab.progress import shown_in_library
+from flexslew_lab.progress import display_library_progress
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.outputs import bag_folder
@@ -106,7 +106,7 @@ def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
     warn = partial(warnings.warn, stacklevel=3)
     with ExitStack() as stack:
         run = place(folder, "folder") if keep else Path(stack.enter_context(TemporaryDirectory()))
-        count = stack.enter_context(shown_in_library(what.name, "ticks", "flying"))
+        count = stack.enter_context(display_library_progress(what.name, "ticks", "flying"))
         result = run_trial(what, "notebook", run, True, keep, count, warn=warn)
         return read(result.folder, what.trust)
 

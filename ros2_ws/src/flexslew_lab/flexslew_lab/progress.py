@@ -1,10 +1,11 @@
 """Progress of long work: what is done now, how much of it, how long so far and the time left.
 
-A command, or a function of `import flexslew`, opens a display with `shown`; the parts of the work
-name themselves with `phase`. Without a display, as in worker processes, phases print nothing. A
+A command, or a function of `import flexslew`, opens a display with `display_progress`; the parts of
+the work have names by `phase`. Without a display, as in worker processes, phases print nothing. A
 terminal has a bar, a notebook a line that is replaced, and any other output a line now and then.
 """
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
@@ -49,10 +50,10 @@ class _Phase:
     @property
     def title(self) -> str:
         """Its name and its counts, in words."""
-        counted = f"{self._unit} {self.done}" if self.done and self._unit else ""
+        counts = f"{self._unit} {self.done}" if self.done and self._unit else ""
         if self.total:
-            counted = f"{self.done} of {self.total} {self._unit}"
-        return ", ".join(filter(None, (self._words, counted)))
+            counts = f"{self.done} of {self.total} {self._unit}"
+        return ", ".join(filter(None, (self._words, counts)))
 
     @property
     def left(self) -> str:
@@ -72,7 +73,7 @@ class _Display:
     """Phases that are open, the innermost last, and how they are shown."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.phases, self.notice = one_line(name), list[_Phase](), ""
+        self.name, self.phases, self.notice = one_line(name), [_Phase("", "")], ""
         self._bar: Progress | None = None
 
     @property
@@ -84,7 +85,7 @@ class _Display:
 
     def refresh(self) -> None:
         """Show the innermost phase, where there is a bar."""
-        if self._bar is not None and self.phases:
+        if self._bar is not None:
             from rich.markup import escape
 
             now = self.phases[-1]
@@ -105,10 +106,17 @@ class _Display:
         from flexslew_lab.cli.terminal import for_people, print_message
 
         if for_people.is_terminal and not for_people.is_jupyter:
-            columns = ("{task.description}", BarColumn(20), TimeElapsedColumn())
-            left = "{task.fields[left]}"
-            with Progress(*columns, left, console=for_people, transient=True) as self._bar:
-                self._bar.add_task("", total=None, left="")
+            bar = Progress(
+                "{task.description}",
+                BarColumn(20),
+                TimeElapsedColumn(),
+                "{task.fields[left]}",
+                console=for_people,
+                transient=True,
+                redirect_stdout=sys.stdout.isatty(),  # else what a user's code prints is a result
+            )
+            with bar as self._bar:
+                bar.add_task("", total=None, left="")
                 yield
             return
         notebook = for_people.is_jupyter
@@ -127,15 +135,14 @@ class _Display:
 
     def _repeat(self, show: Callable[[str], None], period: float, stop: Event) -> None:
         while not stop.wait(period):
-            if self.phases:
-                show(self.line)
+            show(self.line)
 
 
 _display: ContextVar[_Display | None] = ContextVar("display", default=None)
 
 
 @contextmanager
-def shown(name: str, unit: str = "", words: str = "") -> Iterator[Count]:
+def display_progress(name: str, unit: str = "", words: str = "") -> Iterator[Count]:
     """Show the progress of a block, and of the phases within it.
 
     Args:
@@ -184,7 +191,7 @@ def phase(words: str, unit: str = "") -> Iterator[Count]:
         display.refresh()
 
 
-def counted(groups: Iterable[_Group], total: int, words: str, unit: str) -> Iterator[_Group]:
+def count_results(groups: Iterable[_Group], total: int, words: str, unit: str) -> Iterator[_Group]:
     """Yield groups of results as they come, within a phase that counts the results.
 
     Args:
@@ -203,10 +210,10 @@ def counted(groups: Iterable[_Group], total: int, words: str, unit: str) -> Iter
 
 
 @contextmanager
-def shown_in_library(name: str, unit: str = "", words: str = "") -> Iterator[Count]:
-    """Show the progress of a block as `shown`, and that machine code is compiled; see there."""
+def display_library_progress(name: str, unit: str = "", words: str = "") -> Iterator[Count]:
+    """Do the same for a function of the library, with a notice when machine code is compiled."""
     _announce_compilations()
-    with shown(name, unit, words) as count:
+    with display_progress(name, unit, words) as count:
         yield count
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from flexslew_lab.metrics.rows import flat
 from flexslew_lab.notebook import What, by_path, plain_data, trial
 from flexslew_lab.notebook_table import in_notebook
-from flexslew_lab.progress import shown_in_library
+from flexslew_lab.progress import display_library_progress
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.short_values import short
 from flexslew_plant.arrays import Tensor
@@ -117,7 +117,7 @@ def sweep(
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     trials = [trial(source, {**fixed, **point}, **given) for point in points]
     rows, warning_points = [], dict[str, list[int]]()
-    with shown_in_library("sweep", "points", "flying") as count:
+    with display_library_progress("sweep", "points", "flying") as count:
         for number, one in enumerate(trials):
             count(number, len(trials))
             with tempfile.TemporaryDirectory() as temporary:

@@ -41,7 +41,7 @@ from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text
-from flexslew_lab.progress import CompileReport, shown
+from flexslew_lab.progress import CompileReport, display_progress
 from flexslew_lab.reproduce import REPRODUCTIONS
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, bag_folder, check_output_file, new_file
@@ -104,7 +104,7 @@ def trial(
             raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=rate)
         requested = replace(requested, rate_factor=rate)
     with (
-        shown(requested.name, "ticks", "flying") as update,
+        display_progress(requested.name, "ticks", "flying") as update,
         exit_timeout(EXIT_TIMEOUT if in_process else NODES_EXIT_TIMEOUT),
     ):
         result = run_trial(requested, source, out, in_process, not no_report, update, print_message)
@@ -197,7 +197,7 @@ def plan(
     callback = None if as_json else iteration
     law = law_in_charge(requested)
     try:
-        with shown(requested.name, words=f"planning by {settings.method}"):
+        with display_progress(requested.name, words=f"planning by {settings.method}"):
             made = make_plan(settings, plant_of(requested), feedback_of(requested), callback, law)
         made = with_law_statement(requested, made)
     except BadInput as error:  # the error names its key
@@ -295,13 +295,13 @@ def reproduce(
         check_output_file(figures, "--figures")
     found = {}
     for one in [name] if name else REPRODUCTIONS:
-        with shown(one, words="computing"):
+        with display_progress(one, words="computing"):
             found[one] = REPRODUCTIONS[one].rows()
         if not as_json:
             show_rows(one, found[one])
     if figures is not None:
         figures.parent.mkdir(parents=True, exist_ok=True)
-        with shown(name, words="drawing"):
+        with display_progress(name, words="drawing"):
             write_figures(name, figures)
     if as_json:
         print(json_text(found[name] if name else found))

@@ -7,7 +7,7 @@ import typer
 
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.terminal import link, print_message
-from flexslew_lab.progress import shown
+from flexslew_lab.progress import display_progress
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -52,7 +52,7 @@ def figure(
     if animation is not None and len(runs) > 1:
         raise BadInput("--animation: shows one run; give one")
     trusted = Trust.of(trust or ())
-    with shown("figure", words="reading the runs"):
+    with display_progress("figure", words="reading the runs"):
         if to is not None or table is not None:
             read_runs = labelled_runs(runs, label or (), trusted)
         if to is not None:
@@ -88,7 +88,7 @@ def archive(
 
     target = to or Path("archive", run_name(run))
     stated = Statement(author or (), licence, about)
-    with shown("archive", words="packing"):
+    with display_progress("archive", words="packing"):
         written = write_archive(run, target, stated, print_message, Trust.of(trust or ()))
     print_message(f"written {link(written)}")
 

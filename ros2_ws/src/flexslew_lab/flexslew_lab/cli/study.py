@@ -14,7 +14,7 @@ from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.study_words import print_summary, side_by_side
 from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.json_text import json_text
-from flexslew_lab.progress import shown
+from flexslew_lab.progress import display_progress
 from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, Trust
@@ -74,14 +74,14 @@ def run(
     requested = load_study(study_path(file), ANY_CODE)
     folder = out or default_folder(requested, part)
     check_output_folder(folder, "--out" if out else "--out (default)")
-    with shown(requested.settings.study, words="preparing"):
+    with display_progress(requested.settings.study, words="preparing"):
         ready = prepare(requested)
     for line in needed(requested, ready.samples):
         print_message(line)
     executor = _executor(ready, workers, dask)
     if Store(folder).exists:
         _print_invalid_parts(Store(folder))
-    with shown(requested.settings.study):
+    with display_progress(requested.settings.study):
         with closing(executor), exit_timeout(NODES_EXIT_TIMEOUT):
             store = run_study(ready, folder, executor, part, retry is not None)
         if part.of == 1 and requested.settings.batch:
@@ -94,7 +94,7 @@ def run(
         )
         return
     print_summary(found, as_json)
-    with shown(requested.settings.study):
+    with display_progress(requested.settings.study):
         keep_worst(ready, store, print_message)
     exit_unless(passed(found))
 

@@ -1,4 +1,4 @@
-"""The moving testbed of a run as a film: GIF by Pillow, MP4 by ffmpeg."""
+"""The moving testbed of a run as an animation: GIF by Pillow, MP4 by ffmpeg."""
 
 import shutil
 from pathlib import Path
@@ -17,19 +17,19 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
 from flexslew_plant.own_code import NO_CODE, Trust
 
-FILMS = ("gif", "mp4")
+ANIMATION_FORMATS = ("gif", "mp4")
 _RATE = 15  # frames a second
 
 
 def write_animation(
     run: Path, to: Path, seconds: float = 10.0, style: str = "slides", trust: Trust = NO_CODE
 ) -> None:
-    """Write the film of a run: frames of the bodies, and appendages with their bend exaggerated.
+    """Write the animation of a run: bodies, and appendages with their bend exaggerated.
 
     Args:
         run: folder of the run, or its bag.
         to: file, .gif or .mp4.
-        seconds: length of the film [s].
+        seconds: length of the animation [s].
         style: medium; see MEDIA.
         trust: classes that the log names and that may be loaded.
 
@@ -40,7 +40,7 @@ def write_animation(
     from flexslew_lab.log.bag_reader import BagReader
 
     matplotlib = required("matplotlib")
-    kind, medium = format_of(to, "--animation", FILMS), medium_of(style, None)
+    kind, medium = format_of(to, "--animation", ANIMATION_FORMATS), medium_of(style, None)
     if not 0.0 < seconds <= 600.0:
         raise BadInput("above 0, at most 600", key="--seconds", value=seconds)
     if kind == "mp4" and shutil.which("ffmpeg") is None:
@@ -76,7 +76,7 @@ def _save(scene: dict[str, Any], to: Path, kind: str, count: int, width: float) 
     (bodies,) = axes.plot([], [], [], "s", color="#4d4d4d")
     title = figure.text(0.5, 0.95, "", ha="center")
     writer = (PillowWriter if kind == "gif" else FFMpegWriter)(fps=_RATE)
-    with phase("drawing the animation", "pictures") as shown, writer.saving(figure, to, dpi=100):
+    with phase("drawing the animation", "pictures") as count, writer.saving(figure, to, dpi=100):
         for done, (k, (*lines, centres)) in enumerate(zip(numbers, pictures, strict=True)):
             for curve, line in zip(curves, lines, strict=True):
                 curve.set_data_3d(*line.T)
@@ -84,7 +84,7 @@ def _save(scene: dict[str, Any], to: Path, kind: str, count: int, width: float) 
             gain = f", bend x {scene['gain']}" if scene["gain"] != 1 else ""
             title.set_text(f"{scene['label']}: {scene['time'][k]:.1f} s{gain}".replace("$", r"\$"))
             writer.grab_frame()
-            shown(done + 1, len(numbers))
+            count(done + 1, len(numbers))
 
 
 def _lines(scene: dict[str, Any], k: int) -> list[Matrix]:

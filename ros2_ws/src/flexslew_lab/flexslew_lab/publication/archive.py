@@ -163,7 +163,7 @@ def _sha256(path: Path) -> str:
 def _root(
     name: str, hashes: dict[str, str], stated: Statement, measured: list[dict[str, Any]]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the description of the crate, its root, and those who made it."""
+    """Yield the description of the crate, its root and its authors."""
     yield {
         "@id": METADATA,
         "@type": "CreativeWork",

@@ -37,7 +37,7 @@ class ChannelPanel(NamedTuple):
 def labelled_runs(
     given: Sequence[Flight | Path | str], labels: Sequence[str] = (), trust: Trust = NO_CODE
 ) -> list[LabelledRun]:
-    """Return runs with names that tell what differs between them.
+    """Return runs with names that state what differs between them.
 
     Args:
         given: flights, or folders of runs.

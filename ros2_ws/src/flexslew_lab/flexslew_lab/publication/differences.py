@@ -13,7 +13,7 @@ _NAME = "name"
 def labels_of(trials: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[str]:
     """Return a label for each run: the keys of its trial that differ, with their values.
 
-    Runs that such labels do not tell apart have their names in them.
+    Runs with equal labels have their names in them.
 
     Args:
         trials: the keys of the trials with every default.

@@ -15,7 +15,7 @@ _SERIF = (
     "TeX Gyre Termes",
     "STIXGeneral",
 )  # the last is shipped
-# first four differ in print without colour, all for readers who do not see red and green alike
+# for print without colour the first differ in dashes; red and green are no pair among them
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#000000", "#e69f00")
 _DASHES = ("-", "--", "-.", ":")
 
