@@ -256,7 +256,7 @@ def test_a_film_has_its_length_and_moves(bag: Path, tmp_path: Path) -> None:
     film = tmp_path / "slew.gif"
     write_animation(bag, film, seconds=0.4, style="ieee")
     with Image.open(film) as pictures:
-        assert pictures.n_frames == 6
+        assert getattr(pictures, "n_frames", 0) == 6
         first = np.asarray(pictures.convert("L"), dtype=float)
         pictures.seek(5)
         last = np.asarray(pictures.convert("L"), dtype=float)

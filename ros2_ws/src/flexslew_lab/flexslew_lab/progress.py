@@ -264,5 +264,6 @@ def _replaced_line() -> Callable[[str], None]:
     """Return what shows a line of a notebook in place of the one before."""
     from IPython.display import display as displayed
 
-    handle: Any = displayed({}, raw=True, display_id=True)  # nothing, until work takes long
+    untyped: Any = displayed
+    handle = untyped({}, raw=True, display_id=True)  # nothing, until work takes long
     return lambda words: handle.update({"text/plain": words} if words else {}, raw=True)

@@ -68,7 +68,7 @@ def _save(scene: dict[str, Any], to: Path, kind: str, count: int, width: float) 
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
     half = max(0.5 * float(np.ptp(places, axis=0).max()), 1e-6)
     figure = Figure(figsize=(width * MM, 0.75 * width * MM))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 0.94), projection="3d")
+    axes: Any = figure.add_axes((0.0, 0.0, 1.0, 0.94), projection="3d")
     axes.set(**{f"{a}lim": (c - half, c + half) for a, c in zip("xyz", middle, strict=True)})
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.9)
@@ -76,7 +76,7 @@ def _save(scene: dict[str, Any], to: Path, kind: str, count: int, width: float) 
     (bodies,) = axes.plot([], [], [], "s", color="#4d4d4d")
     title = figure.text(0.5, 0.95, "", ha="center")
     writer = (PillowWriter if kind == "gif" else FFMpegWriter)(fps=_RATE)
-    with phase("drawing the animation", "pictures") as count, writer.saving(figure, to, dpi=100):
+    with phase("drawing the animation", "pictures") as update, writer.saving(figure, to, dpi=100):
         for done, (k, (*lines, centres)) in enumerate(zip(numbers, pictures, strict=True)):
             for curve, line in zip(curves, lines, strict=True):
                 curve.set_data_3d(*line.T)
@@ -84,7 +84,7 @@ def _save(scene: dict[str, Any], to: Path, kind: str, count: int, width: float) 
             gain = f", bend x {scene['gain']}" if scene["gain"] != 1 else ""
             title.set_text(f"{scene['label']}: {scene['time'][k]:.1f} s{gain}".replace("$", r"\$"))
             writer.grab_frame()
-            count(done + 1, len(numbers))
+            update(done + 1, len(numbers))
 
 
 def _lines(scene: dict[str, Any], k: int) -> list[Matrix]:
