@@ -403,17 +403,6 @@ def test_what_a_metric_of_one_s_own_says_of_its_keys_holds_in_a_study(
     assert found["drift_ends_at"]["mean"] is None
 
 
-def test_as_many_logs_are_kept_as_the_file_asks_for(
-    study_of: Callable[..., Study], tmp_path: Path
-) -> None:
-    most = {"peak_tip_deflection": {"below": 1.0}}
-    ready = prepare(study_of(keep={"bags": "worst 7"}, criteria=most, sampling={"n": 9}))
-    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
-    kept = [int(folder.name) for folder in keep_worst(ready, store, print)]
-    values = store.table(["peak_tip_deflection"])["peak_tip_deflection"].to_numpy()
-    assert kept == np.argsort(-values)[:7].tolist()
-
-
 def test_the_worst_trials_are_flown_again_by_the_plan_that_they_share(
     study_of: Callable[..., Study], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -435,6 +424,17 @@ def test_a_failed_trial_has_no_log_and_the_reason_of_its_row(
     reason = store.table(["reason"])["reason"][0].as_py()
     assert reason
     assert messages == [f"trial 0: no log: {reason}"]
+
+
+def test_as_many_logs_are_kept_as_the_file_asks_for(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    most = {"peak_tip_deflection": {"below": 1.0}}
+    ready = prepare(study_of(keep={"bags": "worst 7"}, criteria=most, sampling={"n": 9}))
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
+    kept = [int(folder.name) for folder in keep_worst(ready, store, print)]
+    values = store.table(["peak_tip_deflection"])["peak_tip_deflection"].to_numpy()
+    assert kept == np.argsort(-values)[:7].tolist()
 
 
 def test_a_study_stops_when_a_quantile_is_known(
