@@ -9,10 +9,11 @@ import pytest
 
 from flexslew_lab.cli import terminal
 from flexslew_lab.cli.main import main
-from flexslew_lab.cli.terminal import print_line, print_message, print_table, progress
+from flexslew_lab.cli.terminal import print_line, print_message, print_table
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_writer import BagWriter
+from flexslew_lab.progress import display_progress
 
 TITLE, CLIPBOARD, RETURN = "\x1b]0;owned\x07", "\x1b]52;c;b3duZWQ=\x07", "\rok\n"
 HOSTILE = f"{TITLE}{CLIPBOARD}{RETURN}\x9b2J\u202e"
@@ -36,13 +37,13 @@ def test_what_does_not_show_is_escaped(
     show: Callable[[], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
     show()
-    shown = capsys.readouterr()
-    assert not obeyed(shown.out + shown.err)
-    assert "\\x1b]0;owned\\x07" in (shown.out + shown.err).replace("\n", "").replace(" ", "")
+    out = capsys.readouterr()
+    assert not obeyed(out.out + out.err)
+    assert "\\x1b]0;owned\\x07" in (out.out + out.err).replace("\n", "").replace(" ", "")
 
 
 def test_the_name_of_a_trial_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress(f"[/bold]{HOSTILE}") as advance:
+    with display_progress(f"[/bold]{HOSTILE}") as advance:
         advance(1, 2)
     assert "owned\x07" not in capsys.readouterr().err
 
@@ -72,9 +73,9 @@ def test_no_event_of_a_log_is_obeyed(
     monkeypatch.setattr(sys, "argv", ["flexslew", *command, str(tmp_path / "bag")])
     with pytest.raises(SystemExit):
         main()
-    shown = capsys.readouterr()
-    assert shown.out
-    assert not obeyed(shown.out + shown.err)
+    out = capsys.readouterr()
+    assert out.out
+    assert not obeyed(out.out + out.err)
 
 
 def test_a_table_for_a_program_has_a_line_for_each_row(

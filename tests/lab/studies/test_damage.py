@@ -178,7 +178,7 @@ def test_a_folder_that_is_a_link_is_refused(
 
     def whole_run() -> None:
         store = run_study(ready, folder, InThisProcess(ready.job))
-        keep_worst(ready.study, store, print)
+        keep_worst(ready, store, print)
 
     with pytest.raises(BadInput, match=r"is a link|holds no study"):
         whole_run()

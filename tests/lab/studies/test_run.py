@@ -85,11 +85,9 @@ def test_ctrl_c_keeps_what_was_flown(ready: PreparedStudy, tmp_path: Path) -> No
 
     with pytest.raises(KeyboardInterrupt):
         run_study(ready, tmp_path / "s", Impatient(ready.job))
-    seen: list[int] = []
-    store = run_study(
-        ready, tmp_path / "s", InThisProcess(ready.job), progress=lambda done, _: seen.append(done)
-    )
-    assert seen[0] == 3
+    store = Store(tmp_path / "s")
+    assert (store.statuses(ready.trials) == 1).sum() == 3
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     assert (store.statuses(ready.trials) == 1).all()
 
 
@@ -407,13 +405,36 @@ def test_what_a_metric_of_one_s_own_says_of_its_keys_holds_in_a_study(
     assert found["drift_ends_at"]["mean"] is None
 
 
+def test_the_worst_trials_are_flown_again_by_the_plan_that_they_share(
+    study_of: Callable[..., Study], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready = prepare(study_of(keep={"bags": "worst 2"}, sampling={"n": 3}))
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
+    monkeypatch.delattr("flexslew_lab.trial.trial.make_plan")
+    assert len(keep_worst(ready, store, print)) == 2
+
+
+def test_a_failed_trial_has_no_log_and_the_reason_of_its_row(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    fault = {"kind": "controller_silent", "controller": "pd_feedforward"}
+    lost = {"allow_faults": True, "schedule": [{"at": 0.2, "fault": fault}]}
+    ready = prepare(study_of(lost, keep={"bags": "worst 1"}, sampling={"n": 1}))
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
+    messages: list[str] = []
+    assert keep_worst(ready, store, messages.append) == []
+    reason = store.table(["reason"])["reason"][0].as_py()
+    assert reason
+    assert messages == [f"trial 0: no log: {reason}"]
+
+
 def test_as_many_logs_are_kept_as_the_file_asks_for(
     study_of: Callable[..., Study], tmp_path: Path
 ) -> None:
     most = {"peak_tip_deflection": {"below": 1.0}}
     ready = prepare(study_of(keep={"bags": "worst 7"}, criteria=most, sampling={"n": 9}))
     store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
-    kept = [int(folder.name) for folder in keep_worst(ready.study, store, print)]
+    kept = [int(folder.name) for folder in keep_worst(ready, store, print)]
     values = store.table(["peak_tip_deflection"])["peak_tip_deflection"].to_numpy()
     assert kept == np.argsort(-values)[:7].tolist()
 

@@ -8,8 +8,8 @@ flight["tip"], flight.metrics["residual_tip_deflection"]
 trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws, planners and
 testbeds are the families; bench puts a trial on a Bench that is stepped by hand. plan, compare,
 analyse, gains, identify and study are the commands of these names, prove is `analyse --prove`.
-save_law keeps a design of python-control for a trial file; minimal leaves out of a model what
-nothing moves or sees.
+plot draws runs for a paper. save_law keeps a design of python-control for a trial file; minimal
+leaves out of a model what nothing moves or sees.
 """
 
 from flexslew_control import controllers as laws
@@ -19,7 +19,7 @@ from flexslew_control.analysis.save_law import save_law
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight
-from flexslew_lab.front import analyse, bench, compare, gains, identify, plan, prove, study
+from flexslew_lab.front import analyse, bench, compare, gains, identify, plan, plot, prove, study
 from flexslew_lab.notebook import fly, linear_model, nonlinear_model, read, trial
 from flexslew_lab.sweep import Sweep, sweep
 from flexslew_lab.trial.trial import Trial
@@ -56,6 +56,7 @@ __all__ = [
     "nonlinear_model",
     "plan",
     "planners",
+    "plot",
     "prove",
     "read",
     "save_law",

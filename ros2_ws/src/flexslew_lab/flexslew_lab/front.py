@@ -13,6 +13,7 @@ from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight
 from flexslew_lab.given_objects import require_in_files
 from flexslew_lab.notebook import What, place, plain_data, trial_from
+from flexslew_lab.progress import display_library_progress
 from flexslew_lab.trial.trial import Trial, bench_settings, plan_of_trial
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
@@ -20,6 +21,8 @@ from flexslew_plant.extras import required
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from flexslew_lab.analysis.analysis import Analysis
     from flexslew_lab.analysis.proof import Proof
     from flexslew_lab.comparison.comparison import Comparison
@@ -51,7 +54,8 @@ def plan(what: What = "m1") -> Plan:
         PlanFailed: if there is no such plan; the message gives the reason.
     """
     given = trial_from(what)
-    made = plan_of_trial(given)
+    with display_library_progress(given.name):
+        made = plan_of_trial(given)
     if made is None:
         raise BadInput(f"{given.name} has no plan: is missing", key="plan")
     return made
@@ -76,7 +80,9 @@ def analyse(
     """
     from flexslew_lab.analysis.analysis import loop_analysis
 
-    return loop_analysis(trial_from(what), "trial", controller, at, joints)
+    given = trial_from(what)
+    with display_library_progress(given.name, words="analysing"):
+        return loop_analysis(given, "trial", controller, at, joints)
 
 
 def prove(what: What, found: Analysis) -> Proof:
@@ -91,7 +97,9 @@ def prove(what: What, found: Analysis) -> Proof:
     """
     from flexslew_lab.analysis.proof import verify_margins
 
-    return verify_margins(trial_from(what), found)
+    given = trial_from(what)
+    with display_library_progress(given.name, words="flying at both sides of the margins"):
+        return verify_margins(given, found)
 
 
 def gains(
@@ -124,10 +132,12 @@ def gains(
 
     given = trial_from(what)
     selected_gains = gains_of(given, given.name, controller, keys)
-    ensemble = GainEnsemble(given, given.name, selected_gains)
-    return search_gains(
-        ensemble, selected_gains, _count(trials, "trials"), octaves, margin, seed=seed
-    )
+    count = _count(trials, "trials")
+    with display_library_progress(given.name, "choices", "flying") as update:
+        ensemble = GainEnsemble(given, given.name, selected_gains)
+        return search_gains(
+            ensemble, selected_gains, count, octaves, margin, seed=seed, progress=update
+        )
 
 
 def compare(what: What = "m1", laws: bool = False, workers: int = 1) -> Comparison:
@@ -148,7 +158,10 @@ def compare(what: What = "m1", laws: bool = False, workers: int = 1) -> Comparis
     given = trial_from(what)
     if _count(workers, "workers") > 1:
         require_in_files(given)
-    return compare_candidates((by_laws if laws else planners)(given, given.name), workers=workers)
+    with display_library_progress(given.name, "plans and flights") as update:
+        return compare_candidates(
+            (by_laws if laws else planners)(given, given.name), update, workers
+        )
 
 
 def identify(
@@ -181,7 +194,8 @@ def identify(
             "runs",
         )
     experiments = [experiment_of(place(run, "runs"), trust) for run in runs]
-    return identified(experiments, band, tuple(fit), dict(start or {}))
+    with display_library_progress("identification"):
+        return identified(experiments, band, tuple(fit), dict(start or {}))
 
 
 def study(
@@ -214,15 +228,48 @@ def study(
     _count(workers, "workers")
     request = _study_from(what)
     kept = check_output_folder(place(folder or default_folder(request), "folder"), "folder")
-    ready = prepare(request)
-    with closing(Pool(ready.job, workers)) as executor:
-        store = run_study(ready, kept, executor)
-    if request.settings.batch:
-        with closing(Pool(bench_job(ready), workers)) as executor:
-            check_batch(ready, store, executor)
-    found = finished(request, store)
-    keep_worst(request, store, lambda words: None)  # its row gives the reason for a missing log
+    with display_library_progress(request.settings.study):
+        ready = prepare(request)
+        with closing(Pool(ready.job, workers)) as executor:
+            store = run_study(ready, kept, executor)
+        if request.settings.batch:
+            with closing(Pool(bench_job(ready), workers)) as executor:
+                check_batch(ready, store, executor)
+        found = finished(request, store)
+        keep_worst(ready, store, lambda words: None)  # its row gives the reason for a missing log
     return found
+
+
+def plot(
+    *runs: Flight | Path | str,
+    show: str | Sequence[str] = (),
+    to: Path | str | None = None,
+    style: str = "ieee",
+    width: str | float | None = None,
+    labels: Sequence[str] = (),
+    latex: bool = False,
+) -> Figure:
+    """Return a figure of runs for a paper, by Matplotlib; its legend names what differs.
+
+    Args:
+        runs: flights, or folders of runs.
+        show: channels, such as "tip,effort"; none: position, tip and effort.
+        to: file, PDF, SVG or PNG; None: it is not saved.
+        style: medium: ieee, ieee_wide, elsevier, thesis or slides.
+        width: width with its unit, such as "88 mm", or [m]; None: that of the medium.
+        labels: names of the runs; none: the keys of their trials that differ.
+        latex: whether LaTeX sets the text.
+
+    Raises:
+        BadInput: if there is no such run, channel or style, or the file cannot be written.
+        ModuleNotFoundError: if Matplotlib is not installed.
+    """
+    from flexslew_lab.publication.channels import labelled_runs
+    from flexslew_lab.publication.figure import draw_runs
+
+    names = [name for name in show.split(",") if name] if isinstance(show, str) else show
+    target = None if to is None else place(to, "to")
+    return draw_runs(labelled_runs(runs, labels), names, target, style, width, latex)
 
 
 def _count(given: Any, key: str) -> int:

@@ -10,13 +10,14 @@ flight.plot("position", "tip")
 from __future__ import annotations
 
 import os
-import tempfile
 import warnings
 from collections.abc import Mapping
+from contextlib import ExitStack
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from flexslew_lab.flight import Flight as Flight
 from flexslew_lab.given_objects import Given, with_law, with_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
+from flexslew_lab.progress import display_library_progress
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.outputs import bag_folder
@@ -100,13 +102,12 @@ def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
         BadInput, PlanFailed: before anything was written.
     """
     what = trial_from(what)
+    keep = folder is not None
     warn = partial(warnings.warn, stacklevel=3)
-    if folder is not None:
-        result = run_trial(what, "notebook", place(folder, "folder"), in_process=True, warn=warn)
-        return read(result.folder, what.trust)
-    with tempfile.TemporaryDirectory() as temporary:
-        run = Path(temporary, "run")
-        result = run_trial(what, "notebook", run, in_process=True, report=False, warn=warn)
+    with ExitStack() as stack:
+        run = place(folder, "folder") if keep else Path(stack.enter_context(TemporaryDirectory()))
+        count = stack.enter_context(display_library_progress(what.name, "ticks", "flying"))
+        result = run_trial(what, "notebook", run, True, keep, count, warn=warn)
         return read(result.folder, what.trust)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from flexslew_lab.metrics.rows import flat
 from flexslew_lab.notebook import What, by_path, plain_data, trial
 from flexslew_lab.notebook_table import in_notebook
+from flexslew_lab.progress import display_library_progress
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.short_values import short
 from flexslew_plant.arrays import Tensor
@@ -116,17 +117,19 @@ def sweep(
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     trials = [trial(source, {**fixed, **point}, **given) for point in points]
     rows, warning_points = [], dict[str, list[int]]()
-    for number, one in enumerate(trials):
-        with tempfile.TemporaryDirectory() as temporary:
-            folder = Path(temporary, "run")
-            messages: list[str] = []
-            source = f"sweep point {number}"
-            found = run_trial(
-                one, source, folder, in_process=True, report=False, warn=messages.append
-            )
-            rows.append(_numbers(found.metrics))
-            for words in messages:
-                warning_points.setdefault(words, []).append(number)
+    with display_library_progress("sweep", "points", "flying") as count:
+        for number, one in enumerate(trials):
+            count(number, len(trials))
+            with tempfile.TemporaryDirectory() as temporary:
+                folder = Path(temporary, "run")
+                messages: list[str] = []
+                source = f"sweep point {number}"
+                found = run_trial(
+                    one, source, folder, in_process=True, report=False, warn=messages.append
+                )
+                rows.append(_numbers(found.metrics))
+                for words in messages:
+                    warning_points.setdefault(words, []).append(number)
     for words, numbers in warning_points.items():
         more = f" and {len(numbers) - 1} more" if len(numbers) > 1 else ""
         warnings.warn(f"sweep point {numbers[0]}{more}: {words}", stacklevel=2)

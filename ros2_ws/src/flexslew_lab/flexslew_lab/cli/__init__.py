@@ -1,4 +1,7 @@
-"""The command line."""
+"""The command line.
+
+Offers: terminal.
+"""
 
 import os
 import sys

@@ -8,8 +8,9 @@ import typer
 from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.model import At, Joints, joints_of
-from flexslew_lab.cli.terminal import for_people, link, print_message, print_table
+from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text
+from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file, new_file
 
 
@@ -45,13 +46,13 @@ def analyse(
 
     requested, source = read_trial(file, sets)
     target = check_output_file(out or new_file(f"{requested.name}-analysis.html"), "--out", file)
-    with for_people.status("analysing"):
+    with display_progress(requested.name, words="analysing"):
         found = loop_analysis(requested, source, controller, at, joints_of(rest))
     for words in found.point.warnings:
         print_message(f"warning: {words}")
     proof = None
     if prove:
-        with for_people.status("flying at both sides of the margins"):
+        with display_progress(requested.name, words="flying at both sides of the margins"):
             proof = verify_margins(requested, found)
     if as_json:
         report = {} if proof is None else {"proof": finite(proof.plain())}

@@ -7,8 +7,9 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import link, print_message, print_table, progress
+from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text
+from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file, new_file
 
 TrialFile = Annotated[
@@ -50,7 +51,7 @@ def compare(
     words = "laws" if by_law else "compare"
     target = check_output_file(out or new_file(f"{requested.name}-{words}.html"), "--out", file)
     comparison = (laws if by_law else planners)(requested, source)
-    with progress("compare", "plans and flights") as on_progress:
+    with display_progress("compare", "plans and flights") as on_progress:
         found = compare_candidates(comparison, on_progress, workers or os.cpu_count() or 1)
     if as_json:
         print(json_text(found.rows()))

@@ -18,7 +18,8 @@ from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, SIGNAL_EXIT_CODE, exi
 from flexslew_lab.cli.missing import require_ros
 from flexslew_lab.cli.operate import Namespace
 from flexslew_lab.cli.replay import TrustOption
-from flexslew_lab.cli.terminal import link, print_message, progress
+from flexslew_lab.cli.terminal import link, print_message
+from flexslew_lab.progress import display_progress
 from flexslew_lab.run.domain import bench_domain
 from flexslew_lab.trial.outputs import bag_folder
 from flexslew_plant.errors import BadInput
@@ -122,7 +123,7 @@ def _run(
     with locked_domain(requested.name) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         with exit_timeout(NODES_EXIT_TIMEOUT), page() as child:
-            with progress(requested.name) as on_progress:
+            with display_progress(requested.name, "ticks", "flying") as on_progress:
                 result = run_trial(
                     requested,
                     source,

@@ -7,8 +7,9 @@ import typer
 
 from flexslew_lab.cli.compare import Sets, TrialFile
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import for_people, link, print_message, print_table
+from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text
+from flexslew_lab.progress import display_progress
 from flexslew_lab.trial.outputs import check_output_file, new_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
@@ -64,7 +65,7 @@ def gains(
             raise BadInput(f"--out: {out} is the file of --journal, too; give another name")
     target = check_output_file(out or new_file(f"{requested.name}-gains.html"), "--out", file)
     selected = gains_of(requested, source, controller, gain or ())
-    with for_people.status("flying"):
+    with display_progress(requested.name, "choices", "flying") as update:
         found = search_gains(
             GainEnsemble(requested, source, selected),
             selected,
@@ -73,6 +74,7 @@ def gains(
             margin,
             journal,
             seed,
+            update,
         )
     if as_json:
         print(json_text(found.plain()))

@@ -14,7 +14,6 @@ from typer.main import get_command
 from flexslew_lab.cli.analyse import analyse
 from flexslew_lab.cli.checkout import bench, extras, run_tests
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
-from flexslew_lab.cli.compiling import print_compile_progress
 from flexslew_lab.cli.completion import completion
 from flexslew_lab.cli.conform import conform
 from flexslew_lab.cli.console import console
@@ -34,17 +33,20 @@ from flexslew_lab.cli.model import model
 from flexslew_lab.cli.open_page import Open, open_page
 from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.plain_help import without_types
+from flexslew_lab.cli.publish import archive, figure
 from flexslew_lab.cli.replay import TrustOption, check, live, play, resim
 from flexslew_lab.cli.reproduced import show_rows
 from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
-from flexslew_lab.cli.terminal import for_people, link, print_message, print_table, progress
+from flexslew_lab.cli.terminal import link, print_message, print_table
 from flexslew_lab.json_text import json_text
+from flexslew_lab.progress import CompileReport, display_progress
 from flexslew_lab.reproduce import REPRODUCTIONS
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, bag_folder, check_output_file, new_file
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed, RunFault
+from flexslew_plant.machine_code.compile_news import add_compile_listener
 from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.own_code import Trust
 from flexslew_plant.processes.interrupted import keep_exit_code
@@ -102,7 +104,7 @@ def trial(
             raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=rate)
         requested = replace(requested, rate_factor=rate)
     with (
-        progress(requested.name) as update,
+        display_progress(requested.name, "ticks", "flying") as update,
         exit_timeout(EXIT_TIMEOUT if in_process else NODES_EXIT_TIMEOUT),
     ):
         result = run_trial(requested, source, out, in_process, not no_report, update, print_message)
@@ -195,7 +197,8 @@ def plan(
     callback = None if as_json else iteration
     law = law_in_charge(requested)
     try:
-        made = make_plan(settings, plant_of(requested), feedback_of(requested), callback, law)
+        with display_progress(requested.name, words=f"planning by {settings.method}"):
+            made = make_plan(settings, plant_of(requested), feedback_of(requested), callback, law)
         made = with_law_statement(requested, made)
     except BadInput as error:  # the error names its key
         raise BadInput(str(error), source) from None
@@ -292,13 +295,13 @@ def reproduce(
         check_output_file(figures, "--figures")
     found = {}
     for one in [name] if name else REPRODUCTIONS:
-        with for_people.status(f"computing {one}"):
+        with display_progress(one, words="computing"):
             found[one] = REPRODUCTIONS[one].rows()
         if not as_json:
             show_rows(one, found[one])
     if figures is not None:
         figures.parent.mkdir(parents=True, exist_ok=True)
-        with for_people.status(f"drawing {name}"):
+        with display_progress(name, words="drawing"):
             write_figures(name, figures)
     if as_json:
         print(json_text(found[name] if name else found))
@@ -308,7 +311,7 @@ def reproduce(
 
 _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Fly and plan": (trial, trials, schema, plan, console),
-    "Look at runs": (runs, report, compare),
+    "Look at runs": (runs, report, compare, figure, archive),
     "Operate a running bench": (*COMMANDS, live),
     "Logs and replay": (resim, check, play, recover),
     "Analyse and identify": (analyse, gains, model, identify, reproduce),
@@ -354,7 +357,7 @@ def _require_text(words: list[str]) -> None:
 def _exit_code() -> int:
     code = 0
     if "--json" not in sys.argv:  # with a reader that may take both outputs for one
-        print_compile_progress()
+        add_compile_listener(CompileReport())
     try:
         _require_text(sys.argv[1:])
         command = without_types(get_command(app))

@@ -14,9 +14,9 @@ from flexslew_lab.cli.terminal import (
     print_line,
     print_message,
     print_table,
-    progress,
 )
 from flexslew_lab.json_text import json_text
+from flexslew_lab.progress import display_progress
 from flexslew_lab.run.domain import requested_domain
 from flexslew_lab.trial.outputs import bag_folder, check_output_file
 from flexslew_plant.counted import count_text
@@ -61,7 +61,7 @@ def resim(
     from flexslew_lab.replay.resim import resim as fly_again
     from flexslew_lab.trial.sources import changes_of
 
-    with progress("resim") as update:
+    with display_progress("resim", "ticks") as update:
         result = fly_again(bag_folder(bag), update, changes_of(sets), Trust.of(trust or ()))
     first = result.first_difference
     if as_json:
@@ -129,7 +129,7 @@ def check(
     trusted = Trust.of(trust or ())
     with reading(reader := BagReader(place, trust=trusted)):
         name = controller or next(iter(logged_laws(reader)))
-    with progress("check") as update:
+    with display_progress("check", "ticks") as update:
         result = compare(place, name, law, _settings(settings or []), update, trusted)
     if figure is not None:
         figure.parent.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,7 @@
 """Subcommands of studies: run, look at, report, fly one trial again, join shards."""
 
 import os
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,9 +11,10 @@ from flexslew_lab.cli.compare import Workers
 from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, exit_timeout
 from flexslew_lab.cli.log import Json, exit_unless
 from flexslew_lab.cli.replay import TrustOption
-from flexslew_lab.cli.study_words import print_summary, progress, side_by_side
-from flexslew_lab.cli.terminal import for_people, print_message, print_table
+from flexslew_lab.cli.study_words import print_summary, side_by_side
+from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.json_text import json_text
+from flexslew_lab.progress import display_progress
 from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, Trust
@@ -54,6 +56,8 @@ def run(
 
     Example: `./flexslew study run csa_robustness --workers 2`
     """
+    from flexslew_lab.run.pool import Pool
+    from flexslew_lab.studies.batch.check import bench_job, check_batch
     from flexslew_lab.studies.findings.criteria import needed
     from flexslew_lab.studies.findings.summary import passed
     from flexslew_lab.studies.finish import finished, keep_worst
@@ -70,28 +74,28 @@ def run(
     requested = load_study(study_path(file), ANY_CODE)
     folder = out or default_folder(requested, part)
     check_output_folder(folder, "--out" if out else "--out (default)")
-    with for_people.status("preparing"):
+    with display_progress(requested.settings.study, words="preparing"):
         ready = prepare(requested)
     for line in needed(requested, ready.samples):
         print_message(line)
     executor = _executor(ready, workers, dask)
     if Store(folder).exists:
         _print_invalid_parts(Store(folder))
-    try:
-        with progress(requested.settings.study) as update, exit_timeout(NODES_EXIT_TIMEOUT):
-            store = run_study(ready, folder, executor, part, retry is not None, update)
-    finally:
-        executor.close()
-    if part.of == 1 and requested.settings.batch:
-        _check_batch(ready, store, workers)
-    if part.of > 1:
+    with display_progress(requested.settings.study):
+        with closing(executor), exit_timeout(NODES_EXIT_TIMEOUT):
+            store = run_study(ready, folder, executor, part, retry is not None)
+        if part.of == 1 and requested.settings.batch:
+            with closing(Pool(bench_job(ready), workers or os.cpu_count() or 1)) as pool:
+                check_batch(ready, store, pool)
+        found = finished(requested, store) if part.of == 1 else None
+    if found is None:
         print_message(
             ": join all shards with ./flexslew study merge", head=str(folder), head_style="bold"
         )
         return
-    found = finished(requested, store)
-    keep_worst(requested, store, print_message)
     print_summary(found, as_json)
+    with display_progress(requested.settings.study):
+        keep_worst(ready, store, print_message)
     exit_unless(passed(found))
 
 
@@ -288,18 +292,6 @@ def _executor(
 
         return Cluster(ready.job, dask)
     return Pool(ready.job, workers or os.cpu_count() or 1)
-
-
-def _check_batch(ready: "PreparedStudy", store: "Store", workers: int | None) -> None:
-    from flexslew_lab.run.pool import Pool
-    from flexslew_lab.studies.batch.check import bench_job, check_batch
-
-    pool = Pool(bench_job(ready), workers or os.cpu_count() or 1)
-    try:
-        with for_people.status("flying some trials of the batches again by the ordinary bench"):
-            check_batch(ready, store, pool)
-    finally:
-        pool.close()
 
 
 def _shard(text: str | None) -> "Shard":

@@ -1,91 +1,11 @@
-"""What a terminal shows of a study: how far it is, and what it found."""
+"""Results of a study on a terminal."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from datetime import timedelta
-from time import monotonic
+from collections.abc import Sequence
 from typing import Any
 
-from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-)
-
-from flexslew_lab.cli.terminal import for_people, print_message, print_table
+from flexslew_lab.cli.terminal import print_message, print_table
 from flexslew_lab.json_text import json_text
 from flexslew_lab.short_values import short
-from flexslew_lab.studies.execution.pace import RemainingTime
-from flexslew_plant.refusal import one_line
-
-NO_ESTIMATE = "estimating the time left"
-_PRINT_INTERVAL = 30.0  # between two lines where no bar can be drawn [wall s]
-
-
-@contextmanager
-def progress(name: str) -> Iterator[Callable[[int, int], None]]:
-    """Show how far a study is and how long it will take, during a block that reports it.
-
-    A bar on a terminal; else, in the log of a batch queue, a line now and then.
-    """
-    if not for_people.is_terminal:
-        yield _Lines(name)
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[left]}"),
-    )
-    pace = RemainingTime()
-    with Progress(*columns, console=for_people, transient=True) as bar:
-        task = bar.add_task(
-            f"{escape(one_line(name))} [dim]trials[/dim]", total=None, left=NO_ESTIMATE
-        )
-
-        def update(done: int, requested: int) -> None:
-            pace.take(done, monotonic())
-            bar.update(task, completed=done, total=requested, left=left_words(pace.left(requested)))
-
-        yield update
-
-
-class _Lines:
-    """Prints the progress of a study, at most every half minute."""
-
-    def __init__(self, name: str) -> None:
-        self._name, self._pace = name, RemainingTime()
-        self._start_time = self._last = monotonic()
-
-    def __call__(self, done: int, requested: int) -> None:
-        now = monotonic()
-        self._pace.take(done, now)
-        if now - self._last >= _PRINT_INTERVAL:
-            self._last = now
-            left = self._pace.left(requested)
-            print_message(f"{self._name}: {far(done, requested, now - self._start_time, left)}")
-
-
-def far(done: int, requested: int, seconds: float, left: float | None) -> str:
-    """Return in words how far a study is.
-
-    Args:
-        done: trials, those of earlier runs too.
-        requested: trials.
-        seconds: since this run began [wall s].
-        left: until its end [wall s]; None: not known yet.
-    """
-    so_far = timedelta(seconds=round(seconds))
-    return f"{done} of {requested} trials, {so_far} so far, {left_words(left)}"
-
-
-def left_words(left: float | None) -> str:
-    """Return how long a study will take yet, in words."""
-    return NO_ESTIMATE if left is None else f"{timedelta(seconds=round(left))} left"
 
 
 def print_summary(found: dict[str, Any], as_json: bool) -> None:

@@ -1,17 +1,14 @@
-"""Output for people: progress, tables, lines.
+"""Output for people: tables and lines; progress.py prints through it, too.
 
 All of it goes through this file. Printed text may come from a file of another user: what does not
 show, as the sequences that a terminal obeys (title, clipboard), is escaped.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 from rich.text import Text
 
@@ -19,21 +16,6 @@ from flexslew_plant.refusal import one_line
 
 _WHOLE = 10**6  # columns, without a terminal
 for_people = Console(stderr=True)  # standard output is for results
-
-
-@contextmanager
-def progress(name: str, what: str = "ticks") -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar during a block, which reports how many are done, and of how many."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    hidden = not for_people.is_terminal  # a file would get an empty line
-    with Progress(*columns, console=for_people, transient=True, disable=hidden) as bar:
-        task = bar.add_task(f"{escape(one_line(name))} [dim]{what}[/dim]", total=None)
-        yield lambda tick, last: bar.update(task, completed=tick, total=last)
 
 
 def print_table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:

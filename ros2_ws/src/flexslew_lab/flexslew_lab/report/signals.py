@@ -1,5 +1,6 @@
 """Every signal of a run as an array over the ticks of its truth, with name and unit."""
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,8 @@ from flexslew_plant.testbeds.model import Model
 
 _Q, _V = "coordinate", "coordinate_rate"  # no fields: the state, where joints are read from it
 _STATE = {_Q: "position", _V: "velocity"}  # as the truth has it
-_RATES = ("velocity", "measured_rate")
+_TERM = "term."  # begins the names of the terms of the efforts
+_RATES = ("velocity", "measured_rate", "reference_rate", "estimate_rate")
 # name of a signal: its topic, the field of the message, what its columns are named after
 _FIELDS = {
     "position": ("/truth", "position", "coordinates"),
@@ -23,16 +25,31 @@ _FIELDS = {
     "effort": ("/truth", "applied_effort", "efforts"),
     "disturbance": ("/truth", "disturbance", "efforts"),
     "tip": ("/truth", "tip_deflection", "appendages"),
-    "energy": ("/truth", "energy", ""),
+    "energy": ("/truth", "energy", "J"),
     _Q: ("/truth", _Q, "numbers"),
     _V: ("/truth", _V, "numbers"),
     "measured": ("/measurement", "joint_position", "coordinates"),
     "measured_rate": ("/measurement", "joint_velocity", "coordinates"),
     "sensor": ("/measurement", "tip_deflection", "sensors"),
+    "curvature": ("/measurement", "root_curvature", "bends"),
     "reference": ("/controller_state", "reference_position", "coordinates"),
+    "reference_rate": ("/controller_state", "reference_velocity", "coordinates"),
     "feedforward": ("/controller_state", "feedforward", "efforts"),
     "demand": ("/controller_state", "effort", "efforts"),
     "estimate": ("/controller_state", "estimate_position", "coordinates"),
+    "estimate_rate": ("/controller_state", "estimate_velocity", "coordinates"),
+    "estimated_disturbance": ("/controller_state", "estimate_disturbance", "efforts"),
+    "innovation": ("/controller_state", "innovation", "numbers"),
+    "nis": ("/controller_state", "nis", "-"),
+    "covariance": ("/controller_state", "covariance_diagonal", "numbers"),
+    "reference_orientation": ("/controller_state", "reference_orientation", "quaternion"),
+    "estimate_orientation": ("/controller_state", "estimate_orientation", "quaternion"),
+}
+# other names of signals, those of the fields in the log among them, of which the truth comes first
+SYNONYMS = {field: name for name, (_, field, _) in reversed(_FIELDS.items())} | {
+    "tips": "tip",
+    "estimate minus truth": "estimate_error",
+    "terms": "term",
 }
 
 
@@ -82,8 +99,31 @@ def read_signals(bag: BagReader) -> Signals:
             full = f"{signal_name}.{name}" if name else signal_name
             values[full] = np.ascontiguousarray(column)
             units[full] = f"{unit}/s" if signal_name in _RATES else unit
+    joints = joint_names_of(bag.overview, truth["applied_effort"].shape[1])
+    for topic in (topic for topic in columns if topic.startswith(_TERM)):
+        rows = _at(ticks, _keys_of_ticks(columns[topic]), columns[topic]["term"])
+        for k, column in enumerate(rows.T):
+            name, unit = labels["efforts"](k)
+            values[f"{topic}.{name}"], units[f"{topic}.{name}"] = np.ascontiguousarray(column), unit
+    _add_errors(values, units, model, joints)
     time = truth["header.stamp.sec"] + truth["header.stamp.nanosec"] * 1e-9
     return Signals(time, values, units)
+
+
+def _add_errors(
+    values: dict[str, Vector], units: dict[str, str], model: Model | None, joints: tuple[str, ...]
+) -> None:
+    """Add reference - position and estimate - position of the joints, where both are there."""
+    known = model is not None and model.joints == len(joints)
+    for error, end in (("error", "reference"), ("estimate_error", "estimate")):
+        pair = [[f"{name}.{joint}" for joint in joints] for name in ("position", end)]
+        if not joints or not all(name in values for names in pair for name in names):
+            continue
+        at, to = (np.column_stack([values[name] for name in names]) for names in pair)
+        columns = model.joint_error(at, to) if model is not None and known else to - at
+        for joint, column in zip(joints, columns.T, strict=True):
+            values[f"{error}.{joint}"] = np.ascontiguousarray(column)
+            units[f"{error}.{joint}"] = units[f"position.{joint}"]
 
 
 def _columns(bag: BagReader) -> dict[str, dict[str, Any]]:
@@ -95,12 +135,26 @@ def _columns(bag: BagReader) -> dict[str, dict[str, Any]]:
     parts: dict[str, dict[str, list[Any]]] = {}
     for block in bag.blocks(list(fields)):
         found = parts.setdefault(block.topic, {})
-        for field in fields[block.topic]:
+        for field in fields[block.topic] & block.columns.keys():
             found.setdefault(field, []).append(np.asarray(block.columns[field]))
+        if block.topic == "/controller_state":
+            for name, term in _terms_of(block.columns):
+                found = parts.setdefault(f"{_TERM}{name}", {})
+                for field, column in {**block.columns, "term": term}.items():
+                    if field in ("tick", "epoch", "term"):
+                        found.setdefault(field, []).append(np.asarray(column))
     return {
         topic: {field: _stack_blocks(pieces) for field, pieces in found.items()}
         for topic, found in parts.items()
     }
+
+
+def _terms_of(columns: dict[str, Any]) -> Iterator[tuple[str, Matrix]]:
+    """Yield the terms of the efforts by name, each of shape (messages, joints) [N m or N]."""
+    names, joints = columns["term_names"][0], columns["effort"].shape[1]
+    if columns["terms"].shape[1] == joints * len(names):
+        for k, name in enumerate(names):
+            yield str(name), columns["terms"][:, k * joints : (k + 1) * joints]
 
 
 def _read(model: Model, columns: dict[str, dict[str, Any]]) -> None:
@@ -171,6 +225,9 @@ def _labels(overview: Overview, efforts: int, model: Model | None) -> dict[str, 
         "efforts": effort,
         "appendages": appendage,
         "sensors": sensor,
-        "": lambda k: ("", "J"),
+        "J": lambda k: ("", "J"),
+        "-": lambda k: ("", "-"),
+        "quaternion": lambda k: ("xyzw"[k] if k < 4 else str(k), "-"),
+        "bends": lambda k: (appendages[k] if k < len(appendages) else f"appendage_{k + 1}", "1/m"),
         "numbers": lambda k: (str(k + 1), ""),
     }

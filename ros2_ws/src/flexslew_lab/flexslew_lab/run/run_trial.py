@@ -22,6 +22,7 @@ from flexslew_lab.metrics.goal import goal_error_message
 from flexslew_lab.metrics.keep_out import cone_violations
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.own import load_user_metrics
+from flexslew_lab.progress import phase
 from flexslew_lab.report.handover_lines import handover_lines
 from flexslew_lab.report.report import write_report
 from flexslew_lab.run.domain import locked_domain
@@ -55,16 +56,17 @@ class Result(NamedTuple):
 _ORIENTATION = 32  # of a tick, in the message alone [B]
 
 
-class _Prepared(NamedTuple):
-    """The bench, its controllers and its plan before tick 0."""
+class PreparedTrial(NamedTuple):
+    """A trial with its bench, its controllers and its plan before tick 0."""
 
+    trial: Trial
     bench: Bench
     controllers: dict[str, Controller]
     plan: Plan | None
 
 
 def run_trial(
-    trial: Trial,
+    requested: Trial | PreparedTrial,
     source: str,
     out: Path | None = None,
     in_process: bool = False,
@@ -77,7 +79,7 @@ def run_trial(
     """Fly the trial, write its folder and return what came out.
 
     Args:
-        trial: trial to fly.
+        requested: trial to fly; one that is prepared keeps its plan.
         source: its file, for messages and for the log.
         out: folder of the run; None: a new one below runs/.
         in_process: without ROS.
@@ -91,12 +93,13 @@ def run_trial(
         BadInput, PlanFailed: before anything was written.
     """
     warned = warn or (lambda words: notify(f"warning: {words}"))
+    trial = requested if isinstance(requested, Trial) else requested.trial
     folder = new_folder(trial.name, out)
     if not in_process:
         from flexslew_lab.run.shared_memory import require_shared_memory
 
         require_shared_memory()
-    prepared = _prepared(trial, source)
+    prepared = prepare_trial(trial, source) if isinstance(requested, Trial) else requested
     load_user_metrics(
         trial.metrics, f"{source}: metrics", trial.trust
     )  # refused before anything is flown
@@ -129,7 +132,7 @@ def run_trial(
     }
     bag = folder / "bag"
     if in_process:
-        outcome = _in_process(trial, prepared, bag, metadata, progress)
+        outcome = _in_process(prepared, bag, metadata, progress)
     else:
         outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, notify, autostart)
     result, reader = _finished(folder, bag, outcome, trial.trust)
@@ -146,7 +149,8 @@ def run_trial(
     if report and reader is not None and result.metrics and outcome.exit_code != 130:
         try:
             bare = None if result.changes else _without_feedforward(trial, source, folder)
-            write_report([reader], folder / "report.html", bare)
+            with phase("writing the report"):
+                write_report([reader], folder / "report.html", bare)
         except (RecordingStopped, OSError) as error:
             return _write_failure(result, error)
         if bare is not None:
@@ -168,15 +172,22 @@ def finished(folder: Path, trust: Trust, report: bool = True) -> None:
         write_report([reader], folder / "report.html")
 
 
-def _prepared(trial: Trial, source: str) -> _Prepared:
+def prepare_trial(
+    trial: Trial, source: str, plan_of: Callable[[Trial], Plan | None] = plan_of_trial
+) -> PreparedTrial:
     """Return what the trial flies in process, with the plan adopted.
+
+    Args:
+        trial: trial to fly.
+        source: its file, for messages.
+        plan_of: returns its plan, for example one that was made before.
 
     Raises:
         BadInput, PlanFailed: with the place in the trial file.
     """
     bench, controllers = set_up(trial, source)
     try:
-        plan = plan_of_trial(trial)
+        plan = plan_of(trial)
     except BadInput as error:  # the error names its key
         raise BadInput(str(error), source) from None
     except PlanFailed as error:
@@ -185,7 +196,7 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
         _require_plan_size(plan, source)
     if (reason := set_plan(controllers, trial.active, plan)) is not None:
         raise BadInput(f"{trial.active} is not ready: {reason}", source, "plan")
-    return _Prepared(bench, controllers, plan)
+    return PreparedTrial(trial, bench, controllers, plan)
 
 
 def _require_plan_size(plan: Plan, source: str) -> None:
@@ -201,14 +212,13 @@ def _require_plan_size(plan: Plan, source: str) -> None:
 
 
 def _in_process(
-    trial: Trial,
-    prepared: _Prepared,
+    prepared: PreparedTrial,
     bag: Path,
     metadata: dict[str, str],
     progress: Progress,
     bare: bool = False,
 ) -> Outcome:
-    bench, controllers, plan = prepared
+    trial, bench, controllers, plan = prepared
     last = bench.last_tick or 0
     with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
         observer = BagObserver(writer, bare)
@@ -233,8 +243,9 @@ def _without_feedforward(trial: Trial, source: str, folder: Path) -> BagReader |
     bare = ReferenceOnly(**{key: getattr(plan, key) for key in keys})
     bag = folder / WITHOUT
     other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
-    prepared = _prepared(other, source)
-    _in_process(other, prepared, bag, {"trial_file": source}, lambda tick, last: None, bare=True)
+    with phase("flying without feedforward", "ticks") as count:
+        prepared = prepare_trial(other, source)
+        _in_process(prepared, bag, {"trial_file": source}, count, bare=True)
     return BagReader(bag, trust=trial.trust.with_files())
 
 

@@ -5,16 +5,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flexslew_lab.run.run_trial import Result, run_trial
+from flexslew_control.plan import Plan
+from flexslew_lab.progress import phase
+from flexslew_lab.run.run_trial import Result, prepare_trial, run_trial
 from flexslew_lab.studies.batch.tolerance import TOLERANCE, relative_difference
 from flexslew_lab.studies.cases import case_of, case_trial
 from flexslew_lab.studies.disk import checked_folder
 from flexslew_lab.studies.findings.columns import column, worst_of
 from flexslew_lab.studies.findings.summary import summary
-from flexslew_lab.studies.flight import FlightResult, PlanCache, columns_of, simulate_case
-from flexslew_lab.studies.run import flight_records
+from flexslew_lab.studies.flight import columns_of
+from flexslew_lab.studies.run import PreparedStudy, flight_records
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.errors import FlexslewError, RunFault
 
 _WORST = "worst"
 
@@ -23,8 +27,9 @@ def finished(study: Study, store: Store) -> dict[str, Any]:
     """Return the summary of a study after writing its page to its folder."""
     from flexslew_lab.studies.findings.page import study_page
 
-    found = summary(study, store, flight_records(store))
-    page = store.write_text("report.html", study_page(study, store, found))
+    with phase("writing the report"):
+        found = summary(study, store, flight_records(store))
+        page = store.write_text("report.html", study_page(study, store, found))
     return found | {"report": str(page)}
 
 
@@ -34,6 +39,7 @@ def repeat_trial(
     number: int,
     out: Path | None,
     notify: Callable[[str], None] = lambda words: None,
+    plan_of: Callable[[Trial], Plan | None] | None = None,
 ) -> tuple[Result, str]:
     """Fly one trial with its full log; return it and how it differs from the study's table.
 
@@ -43,6 +49,7 @@ def repeat_trial(
         number: number of the trial.
         out: folder of the run; None: a new one below runs/.
         notify: called with the messages and the warnings of the flight.
+        plan_of: returns the plan of a trial that was made before; None: it is planned again.
 
     Raises:
         BadInput: if the study has no such trial, or it cannot be flown.
@@ -52,7 +59,8 @@ def repeat_trial(
     samples = store.samples if store is not None else sample_table(study)
     trial = case_trial(study, case_of(study, samples, number))
     source = f"{study.source}: trial {number}"
-    result = run_trial(trial, source, out, in_process=True, report=False, notify=notify)
+    requested = prepare_trial(trial, source, plan_of) if plan_of else trial
+    result = run_trial(requested, source, out, in_process=True, report=False, notify=notify)
     if store is None or not store.table_path.is_file():
         return result, ""
     return result, _difference(store, number, result.metrics)
@@ -76,14 +84,15 @@ def _difference(store: Store, number: int, metrics: dict[str, Any]) -> str:
     return ""
 
 
-def keep_worst(study: Study, store: Store, notify: Callable[[str], None]) -> list[Path]:
+def keep_worst(ready: PreparedStudy, store: Store, notify: Callable[[str], None]) -> list[Path]:
     """Fly the worst trials again with their logs, as `keep.bags` requires; return their folders.
 
     Args:
-        study: its file.
+        ready: the study, with the plans that its trials share; they are not made again.
         store: its folder, with the table.
         notify: called with the reason why a trial has no log.
     """
+    study = ready.study
     words = study.settings.keep.bags.split()
     if words[0] == "none":
         return []
@@ -95,20 +104,29 @@ def keep_worst(study: Study, store: Store, notify: Callable[[str], None]) -> lis
     for path in sorted(place.glob("*")) if place.is_dir() else []:
         if not path.name.isdigit() or int(path.name) not in requested:
             shutil.rmtree(checked_folder(path))
-    for number in requested:
-        folder = checked_folder(place / str(number))
-        if not (folder / "metrics.json").is_file():
-            if folder.exists():
-                shutil.rmtree(folder)
-            repeated = repeat_in_process(study, store, number)
-            if repeated.status != "ok":
-                notify(f"trial {number}: no log: {repeated.reason}")
-                continue
-            repeat_trial(study, store, number, folder)
-        paths.append(folder)
+    with phase(f"flying the worst {len(requested)} again, with their logs", "trials") as count:
+        for done, number in enumerate(requested):
+            count(done, len(requested))
+            folder = checked_folder(place / str(number))
+            if (folder / "metrics.json").is_file() or (
+                _logged(ready, store, number, folder, notify)
+            ):
+                paths.append(folder)
     return paths
 
 
-def repeat_in_process(study: Study, store: Store, number: int) -> FlightResult:
-    """Return what the ordinary bench makes of a trial of a study."""
-    return simulate_case(study, case_of(study, store.samples, number), PlanCache())
+def _logged(
+    ready: PreparedStudy, store: Store, number: int, folder: Path, notify: Callable[[str], None]
+) -> bool:
+    """Fly a trial of the table again into its folder; return whether that has its log."""
+    if folder.exists():
+        shutil.rmtree(folder)
+    row = store.table(["status", "reason"], [number])
+    try:
+        if row["status"][0].as_py() != "ok":
+            raise RunFault(row["reason"][0].as_py())
+        repeat_trial(ready.study, store, number, folder, plan_of=ready.plans.of)
+    except FlexslewError as error:
+        notify(f"trial {number}: no log: {error}")
+        return False
+    return True

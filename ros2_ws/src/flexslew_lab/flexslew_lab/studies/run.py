@@ -1,6 +1,6 @@
 """A study from its file to its folder: what is missing is flown, then it is summed up."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from flexslew_lab.metrics.own import load_user_metrics
+from flexslew_lab.progress import Count, phase
 from flexslew_lab.run.pool import Executor
 from flexslew_lab.studies.cases import (
     Case,
@@ -46,7 +47,6 @@ class Shard(NamedTuple):
 
 
 ALL = Shard()
-Progress = Callable[[int, int], None]  # trials flown, trials requested
 
 
 @dataclass
@@ -86,8 +86,9 @@ def prepare(study: Study) -> PreparedStudy:
     Raises:
         BadInput: see checked; no plan has been made then.
     """
-    samples = sample_table(study)
-    columns, typical = checked(study, samples)
+    with phase("checking the file"):
+        samples = sample_table(study)
+        columns, typical = checked(study, samples)
     plans = PlanCache()
     for k, trial in enumerate(typical):
         ends = [case_trial(study, case_of(study, samples, k))]
@@ -133,7 +134,6 @@ def run_study(
     executor: Executor[Case, FlightResult],
     shard: Shard = ALL,
     retry_failed: bool = False,
-    progress: Progress = lambda done, requested: None,
 ) -> Store:
     """Fly what is missing of a study and return its folder with the sorted table written.
 
@@ -143,7 +143,6 @@ def run_study(
         executor: executor of the flights.
         shard: which samples are requested here.
         retry_failed: fly failed trials again.
-        progress: called with the trials that are done and those requested.
 
     Raises:
         BadInput: if the folder contains another study, which is not changed; or if the code or the
@@ -161,7 +160,8 @@ def run_study(
         if not started:
             store.create(ready.identity, ready.samples)
         _describe(study, store)
-        _simulate_missing(ready, store, executor, shard, retry_failed, progress)
+        with phase("flying", "trials") as progress:
+            _simulate_missing(ready, store, executor, shard, retry_failed, progress)
         store.write_table()
     return store
 
@@ -221,7 +221,7 @@ def _simulate_missing(
     executor: Executor[Case, FlightResult],
     shard: Shard,
     retry_failed: bool,
-    progress: Progress,
+    progress: Count,
 ) -> None:
     variants = len(ready.study.variants)
     status = store.statuses(ready.trials)

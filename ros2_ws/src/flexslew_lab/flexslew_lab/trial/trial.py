@@ -29,6 +29,7 @@ from flexslew_control.planners import (
 from flexslew_control.planners.first_point import with_jump
 from flexslew_control.planners.law_gains import law_gains
 from flexslew_control.planners.slew import Feedback
+from flexslew_lab.progress import phase
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.injections import injections_of, names_of
 from flexslew_plant.bench.records import BenchSettings, RateSettings
@@ -371,7 +372,10 @@ def plan_of_trial(trial: Trial, predict: bool = True) -> Plan | None:
     if isinstance(trial.plan, SavedPlan):
         return with_jump(load_plan(trial.plan.file), plant, {})
     law, gains = law_in_charge(trial), feedback_of(trial)
-    plan = make_plan(trial.plan, plant, gains, law=law, predict=predict)
+    with phase(f"planning by {trial.plan.method}", "iteration") as count:
+        plan = make_plan(
+            trial.plan, plant, gains, lambda update: count(update.number, 0), law, predict
+        )
     plan = with_law_statement(trial, plan)
     return with_jump(plan, plant, {}) if getattr(trial.plan, "initial", None) else plan
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pyarrow.compute as pc
 
+from flexslew_lab.progress import count_results
 from flexslew_lab.run.pool import Executor
 from flexslew_lab.studies.batch.tolerance import TOLERANCE, relative_difference
 from flexslew_lab.studies.cases import Case, Cases
@@ -73,7 +74,9 @@ def check_batch(
         "metric": "",
         "index": numbers[0],
     }
-    for results in bench.fly(Cases(ready.study, ready.samples, numbers)):
+    checked = bench.fly(Cases(ready.study, ready.samples, numbers))
+    words = "flying again by the ordinary bench"
+    for results in count_results(checked, len(numbers), words, "trials"):
         for result in results:
             row = rows.slice(places[result.number], 1)
             for name in columns:

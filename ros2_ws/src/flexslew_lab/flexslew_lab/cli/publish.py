@@ -1,0 +1,97 @@
+"""The subcommands for papers: figures, tables and animations of runs, and the archive of one."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexslew_lab.cli.replay import TrustOption
+from flexslew_lab.cli.terminal import link, print_message
+from flexslew_lab.progress import display_progress
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
+
+
+def figure(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")],
+    show: Annotated[
+        str, typer.Option(help="Channels, with commas: tip,effort.yaw; default: the main ones.")
+    ] = "",
+    to: Annotated[Path | None, typer.Option(help="The figure: .pdf, .svg or .png.")] = None,
+    style: Annotated[
+        str, typer.Option(help="ieee, ieee_wide, elsevier, thesis or slides.")
+    ] = "ieee",
+    width: Annotated[str | None, typer.Option(help="Width in place of the style's: 88mm.")] = None,
+    label: Annotated[
+        list[str] | None, typer.Option(help="Name of a run in the legend; one for each run.")
+    ] = None,
+    latex: Annotated[bool, typer.Option("--latex", help="LaTeX sets the text.")] = False,
+    table: Annotated[Path | None, typer.Option(help="Metrics as a table: .tex or .csv.")] = None,
+    metrics: Annotated[
+        str, typer.Option(help="Rows of the table, with commas; default: the main ones.")
+    ] = "",
+    animation: Annotated[
+        Path | None, typer.Option(help="The moving testbed of one run: .gif or .mp4.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="Length of the animation [s].")] = 10.0,
+    trust: TrustOption = None,
+) -> None:
+    """Draw runs for a paper: curves with units, a table of metrics, an animation.
+
+    The legend names the keys of the trials that differ between the runs.
+
+    Example: `./flexslew figure runs/a runs/b --show tip,effort --to f.pdf`
+    """
+    from flexslew_lab.publication.animation import write_animation
+    from flexslew_lab.publication.channels import labelled_runs
+    from flexslew_lab.publication.figure import draw_runs
+    from flexslew_lab.publication.metric_table import write_metric_table
+
+    if to is None and table is None and animation is None:
+        raise BadInput("give at least one of --to, --table and --animation")
+    if animation is not None and len(runs) > 1:
+        raise BadInput("--animation: shows one run; give one")
+    trusted = Trust.of(trust or ())
+    with display_progress("figure", words="reading the runs"):
+        if to is not None or table is not None:
+            read_runs = labelled_runs(runs, label or (), trusted)
+        if to is not None:
+            draw_runs(read_runs, _names(show), to, style, width, latex)
+        if table is not None:
+            write_metric_table(read_runs, table, _names(metrics))
+        if animation is not None:
+            write_animation(runs[0], animation, seconds, trust=trusted)
+    for path in filter(None, (to, table, animation)):
+        print_message(f"written {link(path)}")
+
+
+def archive(
+    run: Annotated[Path, typer.Argument(help="Folder of a run, or a bag.")],
+    to: Annotated[
+        Path | None, typer.Option(help="New folder, or a file .zip; else archive/ and its name.")
+    ] = None,
+    author: Annotated[
+        list[str] | None, typer.Option(help="Name, or 'Name <https://orcid.org/...>'; repeatable.")
+    ] = None,
+    licence: Annotated[
+        str, typer.Option(help="Licence of the data, as SPDX names it: CC-BY-4.0.")
+    ] = "",
+    about: Annotated[str, typer.Option(help="What the run shows, in a sentence.")] = "",
+    trust: TrustOption = None,
+) -> None:
+    """Pack a run as an RO-Crate for a repository with a DOI: trial, log, plan, hashes, versions.
+
+    Example: `./flexslew archive runs/m1-20260101-120000 --to m1.zip`
+    """
+    from flexslew_lab.cli.log import run_name
+    from flexslew_lab.publication.archive import Statement, write_archive
+
+    target = to or Path("archive", run_name(run))
+    stated = Statement(author or (), licence, about)
+    with display_progress("archive", words="packing"):
+        written = write_archive(run, target, stated, print_message, Trust.of(trust or ()))
+    print_message(f"written {link(written)}")
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
