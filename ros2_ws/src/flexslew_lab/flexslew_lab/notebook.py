@@ -30,8 +30,7 @@ from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.outputs import bag_folder
-from flexslew_lab.trial.overrides import override_values
-from flexslew_lab.trial.sources import label_of, trial_path
+from flexslew_lab.trial.sources import changed_values, label_of, trial_path
 from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of, text_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
@@ -74,7 +73,7 @@ def trial(
     """
     label, values = _keys(source)
     trust = source.trust if isinstance(source, Trial) else trust
-    values = override_values(values, plain_data(by_path(changes, "changes")))
+    values = changed_values(values, plain_data(by_path(changes, "changes")), label, trust)
     if law is not None:
         values = with_law(values, law)
     if plan is not None:

@@ -163,6 +163,7 @@ def plan(
     """
     from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
+    from flexslew_lab.trial.angles import doubtful_angles
     from flexslew_lab.trial.sources import read_trial
     from flexslew_lab.trial.trial import (
         feedback_of,
@@ -178,6 +179,8 @@ def plan(
     if out is not None and figure is not None and out.resolve() == figure.resolve():
         raise BadInput(f"--figure: {figure} is the file of --out, too; give another name")
     requested, source = read_trial(file, sets)
+    for words in doubtful_angles(requested):
+        print_message(f"warning: {words}")
     settings = plan_section_of(requested, source)
     if method is not None:
         if settings is None:

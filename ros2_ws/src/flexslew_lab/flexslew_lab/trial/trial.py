@@ -41,6 +41,7 @@ from flexslew_plant.hardware.actuator import ActuatorSettings, minimum_impulse
 from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.hardware.sensors import SensorSettings
 from flexslew_plant.joint_quantities import require_units_of_joints
+from flexslew_plant.keys.refused_keys import LIST_FOR_KEYS
 from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
@@ -203,7 +204,8 @@ def parse_trial(text: str, source: str, trust: Trust = NO_CODE) -> Trial:
 def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     """Return the trial that plain data describe; see load_trial."""
     if not isinstance(values, dict):
-        raise BadInput("holds no keys; `flexslew trials` lists examples", source)
+        words = "holds no keys; `flexslew trials` lists examples"
+        raise BadInput(LIST_FOR_KEYS if isinstance(values, list) else words, source)
     trial: Trial = validated(Trial, values, source, trust)
     require_units_of_joints(Trial, values, trial.testbed, source)
     if trial.trust != trust:
