@@ -22,13 +22,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from yaml.representer import RepresenterError
 
+from flexslew_control.law import WrongShape
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight as Flight
-from flexslew_lab.given_objects import Given, with_law, with_plan
+from flexslew_lab.given_objects import MODULE, Given, with_law, with_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
+from flexslew_lab.named import BySignal, Named
 from flexslew_lab.report.signals import read_signals
-from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.run_trial import Result, run_trial
 from flexslew_lab.trial.outputs import bag_folder
 from flexslew_lab.trial.sources import changed_values, label_of, trial_path
 from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of, text_of
@@ -96,17 +98,29 @@ def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
         folder: of the run, with bag, metrics.json and report.html; None: nothing stays on disk.
 
     Raises:
-        BadInput, PlanFailed: before anything was written.
+        BadInput, PlanFailed: before anything was written; or BadInput after the run, if a law has
+            returned efforts of a wrong shape.
     """
     what = trial_from(what)
-    warn = partial(warnings.warn, stacklevel=3)
+    run = partial(
+        run_trial, what, "notebook", in_process=True, warn=partial(warnings.warn, stacklevel=3)
+    )
     if folder is not None:
-        result = run_trial(what, "notebook", place(folder, "folder"), in_process=True, warn=warn)
-        return read(result.folder, what.trust)
+        return _flight_of(run(out=place(folder, "folder")), what.trust)
     with tempfile.TemporaryDirectory() as temporary:
-        run = Path(temporary, "run")
-        result = run_trial(what, "notebook", run, in_process=True, report=False, warn=warn)
-        return read(result.folder, what.trust)
+        return _flight_of(run(out=Path(temporary, "run"), report=False), what.trust)
+
+
+def _flight_of(result: Result, trust: Trust) -> Flight:
+    """Return the flight of a run.
+
+    Raises:
+        BadInput: if a law has returned efforts of a wrong shape.
+    """
+    for error in result.errors:
+        if isinstance(error, WrongShape):
+            raise BadInput(str(error).replace(f"{MODULE}.", ""), "law")
+    return read(result.folder, trust)
 
 
 def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
@@ -124,9 +138,15 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
     signals = read_signals(bag)
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events
-    values, units = signals.values, signals.units
-    user_keys = user_keys_of(bag)
-    return Flight(keys, metrics_from(bag), events, signals.time, values, units, user_keys)
+    return Flight(
+        keys,
+        Named(metrics_from(bag), "metric"),
+        events,
+        signals.time,
+        Named(signals.values, "signal"),
+        BySignal(signals.units, "signal"),
+        user_keys_of(bag),
+    )
 
 
 def linear_model(

@@ -39,7 +39,16 @@ from flexslew_lab.cli.reproduced import show_rows
 from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
-from flexslew_lab.cli.terminal import for_people, link, print_message, print_table, progress
+from flexslew_lab.cli.terminal import (
+    PIPED,
+    for_people,
+    link,
+    print_line,
+    print_message,
+    print_table,
+    print_verdict,
+    progress,
+)
 from flexslew_lab.json_text import json_text
 from flexslew_lab.reproduce import REPRODUCTIONS
 from flexslew_lab.short_values import short
@@ -116,11 +125,14 @@ def trial(
         user_keys = keys_of(
             load_user_metrics(requested.metrics, f"{source}: metrics", requested.trust)
         )
-        print_table(("metric", "value", "unit"), metric_rows(result.metrics, units, user_keys))
         words = run_summary(
             result.metrics, result.bare_metrics, requested.goal_tolerance, result.changes, units
         )
-        print_message(words, "bold")
+        print_verdict(words)
+        rows = metric_rows(result.metrics, units, user_keys)
+        print_table(("metric", "value", "unit"), rows, PIPED)
+        if result.metrics:
+            print_line(f"trajectory_hash {result.metrics['trajectory_hash']}")
     page = result.folder / "report.html"
     print_message(f"{link(page)}" if page.exists() else str(result.folder))
     if out is None and result.metrics:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexslew_control.controllers.controller import Controller
+from flexslew_control.law import LawFailed
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import save_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
@@ -51,6 +52,7 @@ class Result(NamedTuple):
     metrics: dict[str, Any]
     bare_metrics: dict[str, Any]  # of the same trial without feedforward; empty where not flown
     changes: int = 0  # how often an operator changed it
+    errors: tuple[LawFailed, ...] = ()  # of laws in this process
 
 
 _ORIENTATION = 32  # of a tick, in the message alone [B]
@@ -121,6 +123,8 @@ def run_trial(
     else:
         outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, notify, autostart)
     result, reader = _finished(folder, bag, outcome, trial.trust)
+    errors = tuple(c.error for c in prepared.controllers.values() if c.error is not None)
+    result = result._replace(errors=errors)
     words = prediction_gap(trial, prepared.plan, result.metrics)
     if words:
         warned(words)
