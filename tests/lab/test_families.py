@@ -42,4 +42,4 @@ def test_the_public_names_are_those_of_dir_and_each_is_there() -> None:
     for name, module in homes.items():
         assert getattr(fs, name) is getattr(import_module(module), name)
     with pytest.raises(AttributeError, match=r"flexslew has no fli; did you mean fly\?"):
-        _ = fs.fli  # type: ignore[attr-defined]
+        _ = fs.fli

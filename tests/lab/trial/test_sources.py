@@ -56,6 +56,13 @@ def test_the_name_of_a_method_in_place_of_the_plan_keeps_goal_and_duration() -> 
     assert (later.method, later.duration, later.goal) == ("input_shaping", 20.0, plan.goal)
 
 
+def test_a_list_where_the_keys_of_a_trial_belong_is_named() -> None:
+    with pytest.raises(BadInput, match=r"^a\.yaml: a list stands where keys belong"):
+        parse_trial("- duration: 3", "a.yaml")
+    with pytest.raises(BadInput, match=r"plan: \[.* a list stands where keys belong"):
+        parse_trial("plan: [{method: none}]", "a.yaml")
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

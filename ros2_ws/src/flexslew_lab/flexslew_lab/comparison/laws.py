@@ -109,7 +109,7 @@ def _left_out(trial: Trial) -> str:
     """Return one line on the laws that have no design in the trial; empty without any."""
     used = {law_of(name, values or {})[0] for name, values in trial.controllers.items()}
     left = [n for n, entry in CONTROLLERS.items() if n not in used and entry.from_file is not None]
-    words = "left out, since the trial has no design for it: {0}; give it a controllers.{0}.file"
+    words = "{0} is left out: the trial has no design for it; set controllers.{0}.file"
     return "; ".join(words.format(name) for name in left)
 
 
