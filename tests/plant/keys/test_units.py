@@ -101,6 +101,11 @@ def test_a_text_that_is_no_quantity_stays_a_text(text: str) -> None:
     assert in_si(text, ["kg", "m"]) == text
 
 
+def test_a_quantity_without_its_system_of_units_stays_a_text() -> None:
+    assert in_si("2 slug", ["kg", "slug"]) == "2 slug"
+    assert in_si("2 m", ["m", "rad"]) == 2.0
+
+
 def test_the_kind_and_the_system_of_units_of_a_section_select_the_unit() -> None:
     parts = {"a": {"mass": "1 slug", "limit": "1 lb"}, "b": {"kind": "torque", "limit": "2 N m"}}
     si = validated(Craft, {"parts": parts}, "a.yaml").parts

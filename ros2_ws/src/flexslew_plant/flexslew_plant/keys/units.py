@@ -75,9 +75,10 @@ def units_in(words: str, beside: Mapping[str, Any] = _NOTHING) -> tuple[str, ...
 
 
 def in_si(value: Any, units: Iterable[str]) -> Any:
-    """Return a quantity as a number in the first of these units that is of its kind.
+    """Return a quantity as a number in that of these units which is of its kind.
 
-    Each entry of a list is converted; anything else is returned as it is.
+    Each entry of a list is converted; anything else is returned as it is, also a quantity in one
+    of several systems of units, which only its whole section decides.
 
     Raises:
         BadInput: it is a quantity of another kind; with the units that are allowed.
@@ -87,17 +88,23 @@ def in_si(value: Any, units: Iterable[str]) -> Any:
     match = _matched(value)
     if match is None:
         return value
-    sizes, units = _sizes(match[2]), [unit for unit in units if _sizes(unit)]
-    for unit in units:
-        kind, size = next(iter(_sizes(unit).items()))
-        if kind in sizes:
-            number = float(match[1]) * (sizes[kind] / size)
-            if not isfinite(number):
-                raise BadInput("give a finite number", value=value)
-            return number
-    usual = ", ".join(dict.fromkeys(_USUAL.get(unit, unit) for unit in units))
-    words = f"a number in {usual}" if usual else "a number without a unit"
-    raise BadInput(f"give {words}", value=value)
+    sizes, known = _sizes(match[2]), [unit for unit in units if _sizes(unit)]
+    factors = {sizes[k] / s for k, s in map(_first, known) if k in sizes}
+    if len(factors) > 1:
+        return value
+    if not factors:
+        usual = ", ".join(dict.fromkeys(_USUAL.get(unit, unit) for unit in known))
+        words = f"a number in {usual}" if usual else "a number without a unit"
+        raise BadInput(f"give {words}", value=value)
+    number = float(match[1]) * factors.pop()
+    if not isfinite(number):
+        raise BadInput("give a finite number", value=value)
+    return number
+
+
+def _first(unit: str) -> tuple[_Kind, float]:
+    """Return the kind and the size of a unit of a key; of several meanings the first."""
+    return next(iter(_sizes(unit).items()))
 
 
 def names_of(unit: str) -> list[str]:
@@ -177,7 +184,7 @@ def convert_quantities(kind: Any, values: Any, places: Iterable[Path], source: s
 
 
 def units_at(kind: Any, path: Path, values: Any) -> tuple[str, ...]:
-    """Return the units of the key at a place, first that of its section's system of units.
+    """Return the units of the key at a place, one of a kind: that of its section's system.
 
     Args:
         kind: the section, or any type that holds sections.
@@ -199,7 +206,8 @@ def units_at(kind: Any, path: Path, values: Any) -> tuple[str, ...]:
             kinds = [get_type_hints(owner, include_extras=True)[part] for owner in sections]
         items = enumerate(values) if isinstance(values, list | tuple) else beside.items()
         values = next((value for key, value in items if str(key) == part), None)
-    return units if system == "si" else units[::-1]
+    given = units if system == "si" else units[::-1]
+    return tuple({_first(u)[0] if _sizes(u) else u: u for u in reversed(given)}.values())[::-1]
 
 
 def _has_key(owner: type[Any], key: str, beside: Mapping[str, Any]) -> bool:
