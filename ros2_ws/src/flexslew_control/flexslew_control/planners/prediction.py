@@ -172,7 +172,8 @@ def _simulate(
     ticks, m = effort.shape
     path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
     z = np.zeros(len(motors[0]))
-    path[0] = x
+    for j in range(x.size):  # a slice takes twice as long to compile, for its error messages
+        path[0, j] = x[j]
     for k in range(ticks):
         for j in range(m):
             u[j] = effort[k, j] + kp[j] * (position[k, j] - x[j])
@@ -180,5 +181,6 @@ def _simulate(
             u[j] = min(max(u[j], -limit[j]), limit[j])
         motor_step(motors, z, u)
         integrate(p, k * period, u, period, steps, before_modes, x)
-        path[k + 1] = x
+        for j in range(x.size):
+            path[k + 1, j] = x[j]
     return path
