@@ -8,7 +8,7 @@ from flexslew_plant.errors import FlexslewError
 
 NAME = "no_such_name"
 SUFFIX = "x"  # of a key that is misspelt
-UNITS = ("kg", "furlong", "mol/s")  # none that any key is in
+UNITS = ("A", "furlong", "mol/s")  # none that any key is in
 Path = tuple[str | int, ...]
 
 

@@ -404,6 +404,19 @@ def test_efforts_that_are_complex_fail_the_law() -> None:
     assert any("is complex" in event.message for event in flown.events)
 
 
+def test_a_law_with_efforts_of_a_wrong_shape_raises_one_line() -> None:
+    class Short:
+        def __init__(self, settings: Any, period: float, effort_limit: Any) -> None:
+            pass
+
+        def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
+            return np.zeros(1)
+
+    words = r"^law: Short gave efforts of shape \(1,\), expected \(2,\)$"
+    with pytest.raises(fs.BadInput, match=words):
+        fs.fly(fs.trial({**SHORT, "duration": 0.2}, law=Short))
+
+
 def test_a_flight_says_why_a_law_fell_silent() -> None:
     def breaks(measurement: Any, reference: Any) -> Any:
         raise ZeroDivisionError("of mine")

@@ -157,6 +157,44 @@ def test_an_unknown_signal_is_told_with_those_that_there_are(flight: Flight) -> 
         flight["attitude"]
 
 
+def test_a_wrong_name_is_refused_with_the_one_that_was_meant(flight: Flight) -> None:
+    with pytest.raises(KeyError, match=r"settling is not a metric; did you mean settling_time\?"):
+        flight.metrics["settling"]
+    with pytest.raises(KeyError, match=r"efort is not a signal; did you mean effort\?"):
+        flight.units("efort")
+
+
+def test_names_and_units_of_a_quantity_are_requested_alike(flight: Flight) -> None:
+    assert flight.names("effort") == ("effort.base_yaw", "effort.hub_pitch")
+    assert flight.units("effort") == ("N m", "N m")
+    assert flight.units("energy") == (flight.units["energy"],)
+    assert flight.names() == tuple(flight) == tuple(flight.units)
+
+
+def test_a_flight_draws_its_steps_and_the_loop_that_flew(flight: Flight) -> None:
+    steps = flight.step_plot()
+    assert [trace.name for trace in steps.data] == ["position", "reference"] * 2
+    assert np.array_equal(steps.data[2].y, flight["position.hub_pitch"])
+    assert len(flight.step_plot("hub_pitch").data) == 2
+    bode = flight.bode()
+    gain, phase = bode.data[0], bode.data[2]
+    assert (gain.name, phase.name) == ("effort.base_yaw", "effort.base_yaw")
+    assert bode.layout.xaxis.type == "log"
+    assert gain.y[0] > 20.0 > -20.0 > gain.y[-1]  # a PD loop about a free hub
+
+
+def test_trial_plan_and_model_show_a_small_table() -> None:
+    given = trial(SHORT)
+    assert "<td>testbed</td><td>csa" in given._repr_html_()
+    assert "<td>plan.goal</td>" in trial("m1")._repr_html_()
+    model = given.testbed.model()
+    assert repr(model).startswith("<Model of 2 joints, ")
+    assert "<td>hub_pitch</td><td>rad</td>" in model._repr_html_()
+    made = plan_of_trial(trial("m1", plan="reference_only"), predict=False)
+    assert made is not None
+    assert "<td>base_yaw</td><td>0</td><td>1</td><td>0.06</td>" in made._repr_html_()
+
+
 def test_a_folder_keeps_the_run_and_is_read_again(flight: Flight, tmp_path: Path) -> None:
     kept = fly(trial(SHORT), str(tmp_path / "run"))
     assert (tmp_path / "run" / "report.html").is_file()

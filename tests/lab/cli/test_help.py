@@ -56,7 +56,12 @@ def test_help_comes_in_groups_and_a_flag_has_no_type(
 
 @pytest.mark.parametrize(
     ("line", "found"),
-    [("flexslew trial swap", ["swap_demo"]), ("flexslew comp", ["compare", "completion"])],
+    [
+        ("flexslew trial swap", ["swap_demo"]),
+        ("flexslew comp", ["compare", "completion"]),
+        ("flexslew trial --in", ["--in-process"]),
+        ("flexslew study re", ["report"]),
+    ],
 )
 def test_a_shell_completes_commands_and_trials(
     line: str,
@@ -66,7 +71,9 @@ def test_a_shell_completes_commands_and_trials(
 ) -> None:
     words = line.split()
     ask = f"COMP_WORDS=({shlex.join(words)}) COMP_CWORD={len(words) - 1} && _flexslew"
-    script = f"{said(monkeypatch, capsys, 'completion')}\n{ask}\nprintf '%s ' ${{COMPREPLY[@]}}"
+    script = (
+        f"{said(monkeypatch, capsys, 'completion', 'bash')}\n{ask}\nprintf '%s ' ${{COMPREPLY[@]}}"
+    )
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
     assert sorted(done.stdout.split()) == found
 

@@ -33,6 +33,19 @@ def test_help_loads_no_numerics(arguments: list[str]) -> None:
     assert done.stdout.splitlines()[-1] == "loaded: []"
 
 
+def test_import_flexslew_loads_no_numerics_and_a_flight_no_statistics() -> None:
+    program = (
+        "import sys, flexslew as fs\n"
+        f"print('loaded:', sorted(set({HEAVY + DESIGN}) & set(sys.modules)))\n"
+        "fs.fly(fs.trial('m1', {'duration': 0.1, 'plan': None}))\n"
+        f"print('loaded:', sorted({{'scipy.stats', 'scipy.signal', 'plotly'}} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "loaded: []\nloaded: []\n"
+
+
 def test_every_command_that_operates_a_bench_joins_its_graph_early() -> None:
     assert set(early.OPERATING) == {command.__name__ for command in operate.COMMANDS}
 

@@ -113,6 +113,7 @@ def test_the_defaults_of_every_law_fit_and_an_unknown_key_does_not(name: str) ->
         ({"testbed": {"kind": "csa", "initial": {"base_yaw": "57 deg"}}}, True),
         ({"sensors": {"joint_position": {"noise": "0.1 mrad"}}}, True),
         ({"sensors": {"joint_position": {"noise": "0.1 miles"}}}, False),
+        ({"controllers": {"pd_feedforward": {"kp": "460 N m/rad"}}}, True),
         ({"testbed": {"kind": "csa", "mode": 2}}, False),
         ({"testbed": {"kind": "my_testbed.py:Mine", "anything": 1}}, True),
         ({"testbed": {"kind": "cs"}}, False),

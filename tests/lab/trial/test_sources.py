@@ -48,6 +48,21 @@ def test_values_are_changed_by_their_path_and_read_as_yaml() -> None:
     assert source == ("m1 --set " + " --set ".join(changes))
 
 
+def test_the_name_of_a_method_in_place_of_the_plan_keeps_goal_and_duration() -> None:
+    plan: Any = read_trial("m1", ["plan.duration=31", "plan=reference_only"])[0].plan
+    assert (plan.method, plan.duration) == ("reference_only", 31.0)
+    assert plan.goal == {"base_yaw": 1.0, "hub_pitch": 0.5}
+    later: Any = read_trial("m1", ["plan=input_shaping", "plan.duration=20"])[0].plan
+    assert (later.method, later.duration, later.goal) == ("input_shaping", 20.0, plan.goal)
+
+
+def test_a_list_where_the_keys_of_a_trial_belong_is_named() -> None:
+    with pytest.raises(BadInput, match=r"^a\.yaml: a list stands where keys belong"):
+        parse_trial("- duration: 3", "a.yaml")
+    with pytest.raises(BadInput, match=r"plan: \[.* a list stands where keys belong"):
+        parse_trial("plan: [{method: none}]", "a.yaml")
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -57,6 +72,9 @@ def test_values_are_changed_by_their_path_and_read_as_yaml() -> None:
         ("=5", "--set: =5: give key.path=value"),
         ("testbed.modes=[", r"--set: testbed\.modes: line \d+, column \d+ is not YAML"),
         ("seed.low=1", "--set: seed.low: seed is the scalar"),
+        ("plan=referenc_only", "plan: method: .* did you mean reference_only"),
+        ("plan=retargeting", "it does not plan what optimized_feedforward does"),
+        ("plan.method=reference_only", "or --set plan=reference_only to keep its manoeuvre"),
         ("plan.model.modes=0", "modes: 0"),
     ],
 )

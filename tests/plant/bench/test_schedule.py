@@ -62,7 +62,7 @@ BIAS = "kind: sensor_bias, channel"
         (f"{{{BIAS}: joint_position, bias: 1 mm}}", "give a number in rad, mrad"),
         (f"{{{BIAS}: joint_velocity, bias: 1 deg}}", "give a number in rad/s, deg/s"),
         (f"{{{BIAS}: tip_deflection, bias: 1 deg}}", "give a number in m, mm"),
-        (f"{{{BIAS}: root_curvature, bias: 1 mm}}", "give a number without a unit"),
+        (f"{{{BIAS}: root_curvature, bias: 1 mm}}", "give a number in 1/m"),
         ("{kind: actuator_stuck, joint: hub_pitch, effort: 3 N}", "give a number in N m, mN m"),
         ("{disturbance: {hub_pitch: 3 N}}", "give a number in N m, mN m"),
         ("{disturbance: {hub_pitch: {pulse: {amplitude: 3 N, width: 1}}}}", "in N m, mN m"),

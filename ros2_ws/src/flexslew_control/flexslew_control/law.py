@@ -41,6 +41,10 @@ class LawFailed(FlexslewError):
     """A law or its estimator cannot go on; its controller is not ready from then on."""
 
 
+class WrongShape(LawFailed):
+    """A law has returned efforts of a shape that no drive takes: its code needs a change."""
+
+
 @dataclass(frozen=True)
 class PlantDescription:
     """What a law is designed for.

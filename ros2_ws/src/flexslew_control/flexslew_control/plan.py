@@ -8,6 +8,7 @@ import numpy as np
 
 from flexslew_control.law import Reference
 from flexslew_plant.arrays import EMPTY, Matrix, Vector, read_only, read_only_view
+from flexslew_plant.notebook_table import in_notebook
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # as an array, two are the same by plan_hash
@@ -61,6 +62,14 @@ class Plan:
         """Return one line: what moves, when."""
         joints = ", ".join(self.joint_names)
         return f"<Plan {self.method} of {joints}: {self.duration:g} s from {self.start:g} s on>"
+
+    def _repr_html_(self) -> str:
+        """Return the motion of each joint, for notebooks."""
+        columns = ("joint", "from", "to", "largest rate", "largest effort")
+        parts = (self.position[0], self.position[-1], *map(_largest, (self.velocity, self.effort)))
+        numbers = ((f"{value:.4g}" for value in row) for row in zip(*parts, strict=True))
+        rows = ((name, *row) for name, row in zip(self.joint_names, numbers, strict=True))
+        return in_notebook(repr(self), columns, rows)
 
     @property
     def ticks(self) -> int:
@@ -132,3 +141,8 @@ def with_warning(plan: Plan, words: str) -> Plan:
     """Return the plan with a warning in its summary, after those that it has."""
     every = "; ".join(filter(None, (plan.summary.get("warning"), words)))
     return replace(plan, summary={**plan.summary, "warning": every})
+
+
+def _largest(rows: Matrix) -> Vector:
+    """Return the largest size in each column."""
+    return np.asarray(np.abs(rows).max(axis=0, initial=0.0))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +13,15 @@ import numpy as np
 from flexslew_lab.metrics import Key
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.rows import flat, row_unit
-from flexslew_lab.notebook_table import in_notebook
+from flexslew_lab.named import BySignal, Named
 from flexslew_lab.report.handover_lines import handover_lines
 from flexslew_lab.report.verdict import run_summary
-from flexslew_lab.trial.trial import Trial
+from flexslew_lab.trial.trial import Trial, trial_of_values
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Event
 from flexslew_plant.extras import required
+from flexslew_plant.notebook_table import in_notebook
+from flexslew_plant.own_code import NO_CODE, Trust
 
 if TYPE_CHECKING:
     import pandas
@@ -36,11 +39,11 @@ class Flight:
     """
 
     trial: dict[str, Any]  # the keys of the trial with every default written out
-    metrics: dict[str, Any]  # the content of metrics.json
+    metrics: Named[Any]  # the content of metrics.json
     events: tuple[Event, ...]
     time: Vector  # simulated, of every tick, (ticks,) [s]
-    signals: dict[str, Vector]  # by name, each (ticks,)
-    units: dict[str, str]  # by name
+    signals: Named[Vector]  # by name, each (ticks,)
+    units: BySignal[str]  # by name; `units("position")` are those of a quantity
     user_keys: dict[str, Key] = field(default_factory=dict)  # of the trial's own metrics
 
     def __getitem__(self, name: str) -> Vector | Matrix:
@@ -61,16 +64,10 @@ class Flight:
         """Return the names of all signals."""
         return iter(self.signals)
 
-    def names(self, quantity: str) -> tuple[str, ...]:
-        """Return the signals of a quantity (position, effort, ...), or the one of that name.
-
-        Raises:
-            KeyError: if there is no such signal; the message lists all.
-        """
-        found = [n for n in self.signals if n == quantity or n.startswith(f"{quantity}.")]
-        if not found:
-            raise KeyError(f"{quantity} is not a signal; there are {', '.join(self.signals)}")
-        return tuple(found)
+    @cached_property
+    def names(self) -> BySignal[str]:
+        """Names of the signals; `names("position")` are those of a quantity."""
+        return BySignal({name: name for name in self.signals}, "signal")
 
     def __repr__(self) -> str:
         """Return one line: the trial, its size, the verdict."""
@@ -139,21 +136,74 @@ class Flight:
         Raises:
             KeyError: there is no such signal.
         """
-        from plotly.graph_objects import Scatter
-        from plotly.subplots import make_subplots
+        chosen = quantities or tuple(q for q in ("position", "tip", "effort") if q in self)
+        panels = [
+            (
+                f"{quantity} [{', '.join(dict.fromkeys(self.units(quantity)))}]",
+                {name: self.signals[name] for name in self.names(quantity)},
+            )
+            for quantity in chosen
+        ]
+        return _figure(self.time, "time [s]", panels)
 
-        panels = quantities or tuple(q for q in ("position", "tip", "effort") if q in self)
-        spacing = min(0.06, 0.5 / len(panels))
-        figure = make_subplots(rows=len(panels), shared_xaxes=True, vertical_spacing=spacing)
-        for row, quantity in enumerate(panels, 1):
-            names = self.names(quantity)
-            for name in names:
-                figure.add_trace(Scatter(x=self.time, y=self.signals[name], name=name), row, 1)
-            units = ", ".join(dict.fromkeys(self.units[name] for name in names))
-            figure.update_yaxes(title_text=f"{quantity} [{units}]", row=row, col=1)
-        figure.update_xaxes(title_text="time [s]", row=len(panels), col=1)
-        figure.update_layout(height=80 + 220 * len(panels), template="plotly_white")
-        return figure
+    def step_plot(self, *joints: str) -> plotly.graph_objects.Figure:
+        """Return a Plotly figure of positions and references over time, one panel per joint.
+
+        Args:
+            joints: by name; without any: all.
+
+        Raises:
+            KeyError: if there is no such joint.
+        """
+        names = joints or tuple(name.partition(".")[2] for name in self.names("measured"))
+        panels = [
+            (
+                f"{joint} [{self.units[f'position.{joint}']}]",
+                {kind: self.signals[f"{kind}.{joint}"] for kind in ("position", "reference")},
+            )
+            for joint in names
+        ]
+        return _figure(self.time, "time [s]", panels)
+
+    def bode(self, trust: Trust = NO_CODE) -> plotly.graph_objects.Figure:
+        """Return a Plotly figure with gain and phase of the loop of each effort, others closed.
+
+        The loop is that of `analyse`: the trial's active controller about the end of its plan.
+
+        Args:
+            trust: classes that the trial may name, see read.
+
+        Raises:
+            BadInput: if the law has no linear form.
+        """
+        from flexslew_lab.analysis.analysis import loop_analysis
+
+        trial = trial_of_values(self.trial, self.name, trust)
+        analysis = loop_analysis(trial, self.name)
+        loops = {name: analysis.sweep.gain((name,))[:, 0, 0] for name in analysis.loop.effort_names}
+        gain = {n: 20.0 * np.log10(np.maximum(abs(loop), 1e-12)) for n, loop in loops.items()}
+        phase = {n: np.degrees(np.unwrap(np.angle(loop))) for n, loop in loops.items()}
+        panels = [("gain [dB]", gain), ("phase [deg]", phase)]
+        return _figure(analysis.sweep.grid, "frequency [rad/s]", panels, "log")
+
+
+def _figure(
+    x: Vector, title: str, panels: Sequence[tuple[str, Mapping[str, Vector]]], scale: str = "linear"
+) -> plotly.graph_objects.Figure:
+    """Return a Plotly figure with panels of curves by name, one above another."""
+    from plotly.graph_objects import Scatter
+    from plotly.subplots import make_subplots
+
+    spacing = min(0.06, 0.5 / len(panels))
+    figure = make_subplots(rows=len(panels), shared_xaxes=True, vertical_spacing=spacing)
+    for row, (words, curves) in enumerate(panels, 1):
+        for name, y in curves.items():
+            figure.add_trace(Scatter(x=x, y=y, name=name), row, 1)
+        figure.update_yaxes(title_text=words, row=row, col=1)
+    figure.update_xaxes(type=scale)
+    figure.update_xaxes(title_text=title, row=len(panels), col=1)
+    figure.update_layout(height=80 + 220 * len(panels), template="plotly_white")
+    return figure
 
 
 def format_value(value: Any) -> str:

@@ -20,12 +20,12 @@ from flexslew_control.analysis.save_law import law_of_system
 from flexslew_control.controllers import LINEAR
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
-from flexslew_control.planners import PLANNERS, other_method, plan_settings
+from flexslew_lab.trial.sources import with_method
 from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
-from flexslew_plant.settings import plain, section
+from flexslew_plant.settings import section
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 MODULE = "flexslew_given"
@@ -123,10 +123,7 @@ def with_plan(
     """
     before = values.get("plan") or {}
     if isinstance(plan, str):
-        if plan in PLANNERS and before.get("method") not in (None, plan):
-            place = f"{source}: plan"
-            before = plain(other_method(plan_settings(before, place, trust), plan, place))
-        return {**values, "plan": {**before, "method": plan}}
+        return with_method(values, plan, source, trust)
     if isinstance(plan, type):
         return {**values, "plan": {**before, "method": _named(plan)}}
     if isinstance(plan, Plan):

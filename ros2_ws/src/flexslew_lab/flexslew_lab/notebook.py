@@ -23,17 +23,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from yaml.representer import RepresenterError
 
+from flexslew_control.law import WrongShape
 from flexslew_control.plan import Plan
 from flexslew_lab.flight import Flight as Flight
-from flexslew_lab.given_objects import Given, with_law, with_plan
+from flexslew_lab.given_objects import MODULE, Given, with_law, with_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_from, user_keys_of
+from flexslew_lab.named import BySignal, Named
 from flexslew_lab.progress import display_library_progress
 from flexslew_lab.report.signals import read_signals
-from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.run_trial import Result, run_trial
 from flexslew_lab.trial.outputs import bag_folder
-from flexslew_lab.trial.overrides import override_values
-from flexslew_lab.trial.sources import label_of, trial_path
+from flexslew_lab.trial.sources import changed_values, label_of, trial_path
 from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of, text_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
@@ -76,7 +77,7 @@ def trial(
     """
     label, values = _keys(source)
     trust = source.trust if isinstance(source, Trial) else trust
-    values = override_values(values, plain_data(by_path(changes, "changes")))
+    values = changed_values(values, plain_data(by_path(changes, "changes")), label, trust)
     if law is not None:
         values = with_law(values, law)
     if plan is not None:
@@ -99,7 +100,8 @@ def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
         folder: of the run, with bag, metrics.json and report.html; None: nothing stays on disk.
 
     Raises:
-        BadInput, PlanFailed: before anything was written.
+        BadInput, PlanFailed: before anything was written; or BadInput after the run, if a law has
+            returned efforts of a wrong shape.
     """
     what = trial_from(what)
     keep = folder is not None
@@ -108,7 +110,19 @@ def fly(what: What = "m1", folder: Path | str | None = None) -> Flight:
         run = place(folder, "folder") if keep else Path(stack.enter_context(TemporaryDirectory()))
         count = stack.enter_context(display_library_progress(what.name, "ticks", "flying"))
         result = run_trial(what, "notebook", run, True, keep, count, warn=warn)
-        return read(result.folder, what.trust)
+        return _flight_of(result, what.trust)
+
+
+def _flight_of(result: Result, trust: Trust) -> Flight:
+    """Return the flight of a run.
+
+    Raises:
+        BadInput: if a law has returned efforts of a wrong shape.
+    """
+    for error in result.errors:
+        if isinstance(error, WrongShape):
+            raise BadInput(str(error).replace(f"{MODULE}.", ""), "law")
+    return read(result.folder, trust)
 
 
 def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
@@ -126,9 +140,15 @@ def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
     signals = read_signals(bag)
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events
-    values, units = signals.values, signals.units
-    user_keys = user_keys_of(bag)
-    return Flight(keys, metrics_from(bag), events, signals.time, values, units, user_keys)
+    return Flight(
+        keys,
+        Named(metrics_from(bag), "metric"),
+        events,
+        signals.time,
+        Named(signals.values, "signal"),
+        BySignal(signals.units, "signal"),
+        user_keys_of(bag),
+    )
 
 
 def linear_model(

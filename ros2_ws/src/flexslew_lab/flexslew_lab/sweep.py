@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexslew_lab.metrics.rows import flat
+from flexslew_lab.named import Named
 from flexslew_lab.notebook import What, by_path, plain_data, trial
-from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.progress import display_library_progress
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.short_values import short
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.errors import BadInput
 from flexslew_plant.extras import required
+from flexslew_plant.notebook_table import in_notebook
 
 if TYPE_CHECKING:
     import pandas
@@ -40,9 +41,7 @@ class Sweep:
         Raises:
             KeyError: if there is no such metric; the message lists all.
         """
-        if name not in self.metrics:
-            raise KeyError(f"{name} is not a metric; there are {', '.join(self.metrics)}")
-        return self.metrics[name]
+        return Named(self.metrics, "metric")[name]
 
     def __repr__(self) -> str:
         """Return one line: the axes and how many metrics."""

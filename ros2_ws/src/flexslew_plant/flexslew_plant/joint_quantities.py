@@ -9,7 +9,10 @@ from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.model import Model
 
 # of each kind, that of a joint that turns and of one that slides
-_KINDS = (("rad", "m"), ("rad/s", "m/s"), ("N m", "N"))
+_KINDS = (
+    ("rad", "m"), ("rad/s", "m/s"), ("rad/s^2", "m/s^2"), ("N m", "N"), ("N m/s", "N/s"),
+    ("N m/rad", "N/m"), ("N m s/rad", "N s/m"), ("kg m^2", "kg"), ("rad/m", "-"),
+)  # fmt: skip
 
 
 def require_units_of_joints(kind: Any, values: Any, testbed: Testbed, source: str) -> None:
@@ -29,7 +32,7 @@ def require_units_of_joints(kind: Any, values: Any, testbed: Testbed, source: st
     """
     model: Model | None = None
     for path, value, context in _quantities(values, (), {}):
-        named = units_at(kind, path)
+        named = units_at(kind, path, values)
         pairs = [pair for pair in _KINDS if set(pair) <= set(named)]
         if not pairs:
             continue

@@ -96,6 +96,7 @@ class Controller:
         self._rest_reference = self._at_rest(np.zeros(len(joint_names)))
         self._previous_estimator: Estimator | None = None  # source of the state to be taken over
         self._failure: Refusal | None = None  # why the law or its estimator gave up
+        self.error: LawFailed | None = None  # the last such failure, in any epoch
         self._not_finite = False  # the estimate is not finite
         self._monitor = monitor
         self._estimate_fault: Refusal | None = (
@@ -265,6 +266,7 @@ class Controller:
         try:
             return self._observed(measurement)
         except LawFailed as failure:
+            self.error = failure
             self._failure = Refusal(str(failure), cause=Cause.LAW_FAILED)
             return None
 

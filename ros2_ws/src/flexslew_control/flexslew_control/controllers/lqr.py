@@ -129,7 +129,7 @@ def disturbance_gain(input_matrix: Matrix) -> Matrix:
 
 @section
 class Lqr:
-    """The settings of controller `lqr`."""
+    """Linear quadratic regulator on a Kalman filter that also cancels the disturbance."""
 
     model: DesignModel = None
     operating_point: OperatingPoint = None

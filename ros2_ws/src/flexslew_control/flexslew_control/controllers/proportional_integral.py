@@ -47,7 +47,7 @@ class GivenGains:
 
 @section
 class ProportionalIntegral:
-    """The settings of controller `proportional_integral`."""
+    """Proportional-integral control of the estimated state that rejects disturbances."""
 
     model: DesignModel = None
     operating_point: OperatingPoint = None

@@ -22,6 +22,7 @@ from flexslew_control.law import (
     MeasuredJoints,
     PlantDescription,
     Reference,
+    WrongShape,
 )
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Vector
@@ -188,7 +189,7 @@ class UserLaw:
                 f"{self._law} took {elapsed * 1e3:.3g} ms, time_limit is {self._limit * 1e3:.3g} ms"
             )
         if effort.shape != (self._joints,):
-            raise LawFailed(
+            raise WrongShape(
                 f"{self._law} gave efforts of shape {effort.shape}, expected ({self._joints},)"
             )
         if not np.isfinite(effort).all() and _all_finite(measurement):

@@ -206,8 +206,8 @@ def takes_gains_in_charge(settings: PlanSettings) -> bool:
 def other_method(settings: PlanSettings, method: str, source: str, **more: Any) -> PlanSettings:
     """Return the `plan` section of another method for the same manoeuvre.
 
-    Start, goal, model, feedback and reference are taken over as far as the method has these keys;
-    the other keys have their defaults.
+    Start, goal, model, feedback and reference are taken over as far as the method has these keys,
+    and the duration if it is that of the slew for both; the other keys have their defaults.
 
     Args:
         settings: the section that defines the manoeuvre.
@@ -224,11 +224,15 @@ def other_method(settings: PlanSettings, method: str, source: str, **more: Any) 
         return plan_settings({**requested, **more}, source, loaded)
     if method not in PLANNERS:
         raise BadInput(", ".join(PLANNERS), source, "method", method)
-    if PLANNERS[method].slews != planner_of(settings).slews:
+    planner, given = PLANNERS[method], planner_of(settings)
+    if planner.slews != given.slews:
         raise BadInput(f"it does not plan what {settings.method} does", source, "method", method)
-    known = {field.name for field in fields(PLANNERS[method].settings)}
+    known = {field.name for field in fields(planner.settings)}
+    both = ("duration",) if planner.takes_duration and given.takes_duration else ()
     values = {
-        key: requested[key] for key in _MANOEUVRE if key in known and requested.get(key) is not None
+        key: requested[key]
+        for key in (*_MANOEUVRE, *both)
+        if key in known and requested.get(key) is not None
     }
     return plan_settings({**values, **more, "method": method}, source)
 

@@ -47,7 +47,7 @@ Points = Annotated[tuple[TrajectoryPoint, ...], Field(max_length=MOST_POINTS)]
 
 @section
 class JointTrajectory:
-    """The `plan` section for method joint_trajectory: through points, with their efforts."""
+    """A motion through given points with given efforts, as a JointTrajectory message."""
 
     goal: ClassVar[dict[str, float]] = {}  # the points say it
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexslew_control.plan import Plan
 from flexslew_control.planners.motors import Matrices, at_once, matrices, motor_step
 from flexslew_control.planners.slew import Slew
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector, compiled, put
 from flexslew_plant.testbeds import Model, initial_state
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
 
@@ -172,7 +172,7 @@ def _simulate(
     ticks, m = effort.shape
     path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
     z = np.zeros(len(motors[0]))
-    path[0] = x
+    put(x, path[0])
     for k in range(ticks):
         for j in range(m):
             u[j] = effort[k, j] + kp[j] * (position[k, j] - x[j])
@@ -180,5 +180,5 @@ def _simulate(
             u[j] = min(max(u[j], -limit[j]), limit[j])
         motor_step(motors, z, u)
         integrate(p, k * period, u, period, steps, before_modes, x)
-        path[k + 1] = x
+        put(x, path[k + 1])
     return path

@@ -20,7 +20,7 @@ from flexslew_plant.settings import NonNegative, Positive, section
 
 @section
 class NoPlan:
-    """The `plan` section for method none: a step to the goal (Gorinevsky and Vukovich, Fig. 5)."""
+    """A step to the goal, without a profile or feedforward."""
 
     method: Literal["none"] = "none"
     goal: GoalKey = None
@@ -30,7 +30,7 @@ class NoPlan:
 
 @section
 class ReferenceOnly:
-    """The `plan` section for method reference_only: the reference without any feedforward."""
+    """A polynomial profile to the goal, without feedforward."""
 
     method: Literal["reference_only"] = "reference_only"
     model: DesignModel = None

@@ -53,7 +53,7 @@ class VaryingWeights:
 
 @section
 class Retargeting:
-    """The `plan` section for method retargeting."""
+    """Efforts that balance antennas in prescribed turns, and gains along them."""
 
     method: Literal["retargeting"] = "retargeting"
     model: WholeModel = None

@@ -30,7 +30,6 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.probing.running_law import RunningLaw, running_law
 from flexslew_control.plan import Plan
 from flexslew_lab.analysis.trial_models import Point, moment_of, point_of
-from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import (
     Trial,
@@ -41,6 +40,7 @@ from flexslew_lab.trial.trial import (
 )
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.notebook_table import in_notebook
 
 _ON_CIRCLE = 1e-6  # distance from the unit circle at which a pole is on it
 ERRORS = (0.8, 1.0, 1.2)  # of stiffness and of payload, as factors [-]

@@ -12,12 +12,12 @@ from flexslew_control.analysis.loop import Complex, ControlLoop, loop_of, visibl
 from flexslew_control.analysis.ring_down import fit_decay
 from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.analysis.mode_flight import mode_response, require_same_bench
-from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.actuators import MOST_TICKS
+from flexslew_plant.notebook_table import in_notebook
 
 MARGIN, FREQUENCY, DAMPING = 0.02, 0.005, 0.05  # largest differences that agree, of the prediction
 

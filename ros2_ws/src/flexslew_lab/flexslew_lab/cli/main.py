@@ -39,7 +39,14 @@ from flexslew_lab.cli.reproduced import show_rows
 from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
-from flexslew_lab.cli.terminal import link, print_message, print_table
+from flexslew_lab.cli.terminal import (
+    PIPED,
+    link,
+    print_line,
+    print_message,
+    print_table,
+    print_verdict,
+)
 from flexslew_lab.json_text import json_text
 from flexslew_lab.progress import CompileReport, display_progress
 from flexslew_lab.reproduce import REPRODUCTIONS
@@ -118,11 +125,14 @@ def trial(
         user_keys = keys_of(
             load_user_metrics(requested.metrics, f"{source}: metrics", requested.trust)
         )
-        print_table(("metric", "value", "unit"), metric_rows(result.metrics, units, user_keys))
         words = run_summary(
             result.metrics, result.bare_metrics, requested.goal_tolerance, result.changes, units
         )
-        print_message(words, "bold")
+        print_verdict(words)
+        rows = metric_rows(result.metrics, units, user_keys)
+        print_table(("metric", "value", "unit"), rows, PIPED)
+        if result.metrics:
+            print_line(f"trajectory_hash {result.metrics['trajectory_hash']}")
     page = result.folder / "report.html"
     print_message(f"{link(page)}" if page.exists() else str(result.folder))
     if out is None and result.metrics:
@@ -165,6 +175,7 @@ def plan(
     """
     from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
+    from flexslew_lab.trial.angles import doubtful_angles
     from flexslew_lab.trial.sources import read_trial
     from flexslew_lab.trial.trial import (
         feedback_of,
@@ -180,6 +191,8 @@ def plan(
     if out is not None and figure is not None and out.resolve() == figure.resolve():
         raise BadInput(f"--figure: {figure} is the file of --out, too; give another name")
     requested, source = read_trial(file, sets)
+    for words in doubtful_angles(requested):
+        print_message(f"warning: {words}")
     settings = plan_section_of(requested, source)
     if method is not None:
         if settings is None:

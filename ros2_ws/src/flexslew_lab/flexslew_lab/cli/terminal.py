@@ -15,22 +15,48 @@ from rich.text import Text
 from flexslew_plant.refusal import one_line
 
 _WHOLE = 10**6  # columns, without a terminal
+PIPED = 100  # columns of a text for people, without a terminal
 for_people = Console(stderr=True)  # standard output is for results
 
 
-def print_table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
-    """Print a table on standard output: as wide as it is for a program, long words folded else."""
+def print_table(
+    columns: Iterable[str], rows: Iterable[Iterable[object]], piped: int = _WHOLE
+) -> None:
+    """Print a table on standard output, long words folded.
+
+    Args:
+        columns: headings; the numbers of one named `value` end at one place.
+        rows: cells; a row with a single cell is the heading of those that follow.
+        piped: largest width without a terminal; a program gets a table as wide as it is.
+    """
     table = Table(
-        *(Column(Text(one_line(name)), overflow="fold") for name in columns),
+        *(
+            Column(
+                Text(one_line(name)),
+                overflow="fold",
+                justify="right" if name == "value" else "left",
+            )
+            for name in columns
+        ),
         box=None,
         header_style="bold",
     )
-    for row in rows:  # as it is: [s] is a unit, not a style
-        table.add_row(*(Text(one_line(str(cell))) for cell in row))
+    for row in rows:
+        cells = [one_line(str(cell)) for cell in row]  # as it is: [s] is a unit, not a style
+        if len(cells) == 1 and len(table.columns) > 1:
+            table.add_row()
+        table.add_row(
+            *(Text(cell, "bold" if len(cells) < len(table.columns) else "") for cell in cells)
+        )
     console = Console()
     if not console.is_terminal and "COLUMNS" not in os.environ:
-        console.width = _WHOLE
+        console.width = piped
     console.print(table)
+
+
+def print_verdict(words: str) -> None:
+    """Print the main result on standard output in one line, before its numbers."""
+    Console().print(Text(one_line(words), "bold"), highlight=False, soft_wrap=True)
 
 
 def print_line(words: str) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_lab.comparison.flights import CaseOutcome, ComparisonJob, FlightCase, PlanCase
-from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.report.panels import Group
 from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.run.pool import Executor, InThisProcess, Pool
@@ -17,6 +16,7 @@ from flexslew_lab.trial.trial import Trial, trial_text
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Truth
 from flexslew_plant.errors import BadInput
+from flexslew_plant.notebook_table import in_notebook
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.yaml_data import yaml_text

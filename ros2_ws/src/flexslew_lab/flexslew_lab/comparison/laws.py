@@ -82,7 +82,11 @@ def _candidates(trial: Trial) -> list[Candidate]:
     names = [trial.active, *(name for name in trial.controllers if name != trial.active)]
     requested = [(name, dict(trial.controllers[name] or {})) for name in names]
     used = {law_of(name, values)[0] for name, values in requested}
-    requested += [(law, dict(CONTROLLERS[law].compared)) for law in CONTROLLERS if law not in used]
+    requested += [
+        (law, dict(entry.compared))
+        for law, entry in CONTROLLERS.items()
+        if law not in used and entry.from_file is None
+    ]
     requested.append((NO_FEEDBACK, _BARE))
     assert not isinstance(trial.plan, SavedPlan)
     method = "" if trial.plan is None else trial.plan.method
@@ -99,6 +103,14 @@ def _candidates(trial: Trial) -> list[Candidate]:
                 Candidate(called, method, {**(law_keys or {}), **keys}, controllers, active)
             )
     return found
+
+
+def _left_out(trial: Trial) -> str:
+    """Return one line on the laws that have no design in the trial; empty without any."""
+    used = {law_of(name, values or {})[0] for name, values in trial.controllers.items()}
+    left = [n for n, entry in CONTROLLERS.items() if n not in used and entry.from_file is not None]
+    words = "{0} is left out: the trial has no design for it; set controllers.{0}.file"
+    return "; ".join(words.format(name) for name in left)
 
 
 def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
@@ -166,7 +178,7 @@ def _view(trial: Trial, entries: Entries) -> Comparison:
         words="Every law is designed for the trial's testbed, with the trial's settings where it "
         "has some and its defaults otherwise, and flies the manoeuvre alone. Columns without a "
         "remark: on the nominal testbed. Worst: over all errors of stiffness and inertia.",
-        note="",
+        note=_left_out(trial),
         entries=entries,
         numbers=lambda entry: _by_error(by, entry),
         short=short,

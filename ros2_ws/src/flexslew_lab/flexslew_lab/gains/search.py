@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.gains.ensemble import GainEnsemble, Gains, MemberOutcome
-from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
+from flexslew_plant.notebook_table import in_notebook
 
 if TYPE_CHECKING:
     import optuna

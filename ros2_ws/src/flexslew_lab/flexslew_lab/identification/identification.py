@@ -21,10 +21,10 @@ from flexslew_lab.identification.physical_fit import PhysicalFit, fit_parameters
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.short_values import short
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.notebook_table import in_notebook
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, initial_positions, read_testbed, with_changes

@@ -35,6 +35,9 @@ from flexslew_lab.metrics.vibration import VIBRATION as VIBRATION
 
 METRICS: dict[str, MetricEntry] = table(globals(), MetricEntry)
 
+GROUPS: dict[str, str] = {  # heading of each key
+    key: entry.group for entry in METRICS.values() for key in entry.metric.KEYS
+}
 KEYS: dict[str, Key] = {  # of metrics.json
     key: definition for entry in METRICS.values() for key, definition in entry.metric.KEYS.items()
 }

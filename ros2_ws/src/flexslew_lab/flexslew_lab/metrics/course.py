@@ -66,4 +66,4 @@ class CourseMetric:
         }
 
 
-COURSE = MetricEntry(CourseMetric)
+COURSE = MetricEntry(CourseMetric, "run")

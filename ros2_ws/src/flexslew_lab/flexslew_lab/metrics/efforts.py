@@ -77,4 +77,4 @@ def root_mean_square(square_sum: Vector, times: tuple[float, float] | None) -> V
     return np.sqrt(square_sum / (last - first) if last > first else square_sum)
 
 
-EFFORTS = MetricEntry(Efforts)
+EFFORTS = MetricEntry(Efforts, "effort")

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.signal import detrend, periodogram
 
 from flexslew_lab.metrics.block_motions import block_motions
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
@@ -92,6 +91,8 @@ class Jitter:
             error = error[len(part) :]
             if self._tick_count == self._size:
                 whole = np.concatenate(self._open)
+                from scipy.signal import detrend, periodogram  # slow to import
+
                 level = detrend(whole, axis=0)
                 _, spectrum = periodogram(level, 1.0 / self._period, "hann", detrend=False, axis=0)
                 self._sum = spectrum if self._sum is None else self._sum + spectrum

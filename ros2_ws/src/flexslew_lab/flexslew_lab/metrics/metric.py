@@ -99,9 +99,11 @@ class MetricEntry:
 
     Args:
         metric: the class; its keys name what it measures.
+        group: heading under which people read it.
     """
 
     metric: type[Metric]
+    group: str = "motion"
 
     @property
     def name(self) -> str:

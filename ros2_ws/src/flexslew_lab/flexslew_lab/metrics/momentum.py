@@ -102,4 +102,4 @@ class Momentum:
         }
 
 
-MOMENTUM = MetricEntry(Momentum)
+MOMENTUM = MetricEntry(Momentum, "effort")

@@ -53,4 +53,4 @@ class Takeovers:
         }
 
 
-TAKEOVERS = MetricEntry(Takeovers)
+TAKEOVERS = MetricEntry(Takeovers, "controllers")

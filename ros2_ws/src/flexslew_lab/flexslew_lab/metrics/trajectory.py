@@ -56,4 +56,4 @@ class TrajectoryMetric:
         return {"trajectory_hash": self._hash.hexdigest()}
 
 
-TRAJECTORY = MetricEntry(TrajectoryMetric)
+TRAJECTORY = MetricEntry(TrajectoryMetric, "run")

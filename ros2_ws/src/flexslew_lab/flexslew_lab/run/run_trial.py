@@ -1,12 +1,13 @@
 """One trial from its file to its folder: bag, metrics.json and report.html."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexslew_control.controllers.controller import Controller
+from flexslew_control.law import LawFailed
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import save_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
@@ -29,6 +30,7 @@ from flexslew_lab.run.domain import locked_domain
 from flexslew_lab.run.in_process import run_bench
 from flexslew_lab.run.outcome import Outcome
 from flexslew_lab.run.prediction_gap import prediction_gap
+from flexslew_lab.trial.angles import doubtful_angles
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
 from flexslew_lab.trial.own_code import HASH_KEY, user_code_hash
 from flexslew_lab.trial.trial import Trial, plan_of_trial, set_plan, set_up, trial_text
@@ -51,6 +53,7 @@ class Result(NamedTuple):
     metrics: dict[str, Any]
     bare_metrics: dict[str, Any]  # of the same trial without feedforward; empty where not flown
     changes: int = 0  # how often an operator changed it
+    errors: tuple[LawFailed, ...] = ()  # of laws in this process
 
 
 _ORIENTATION = 32  # of a tick, in the message alone [B]
@@ -99,27 +102,14 @@ def run_trial(
         from flexslew_lab.run.shared_memory import require_shared_memory
 
         require_shared_memory()
+    for words in doubtful_angles(trial):  # such a goal may have no plan
+        warned(words)
     prepared = prepare_trial(trial, source) if isinstance(requested, Trial) else requested
     load_user_metrics(
         trial.metrics, f"{source}: metrics", trial.trust
     )  # refused before anything is flown
-    if prepared.plan is not None and prepared.plan.end > trial.duration:
-        warned(
-            f"the plan ends at {prepared.plan.end:g} s, the run at {trial.duration:g} s: "
-            "the residual after the manoeuvre cannot be measured"
-        )
-    for words in trial.testbed.doubts() if isinstance(trial.testbed, HasDoubts) else ():
+    for words in _warnings(trial, prepared):
         warned(words)
-    tips = trial.testbed.model().appendages.tip
-    if tips.shape[1] and not tips.any():
-        warned(
-            f"no tip shows any mode, of {tips.shape[1]}: all tip deflections are 0 in the log, "
-            "also while modes vibrate; see the modes in the report"
-        )
-    if prepared.bench.fast_mode is not None:
-        warned(message_of(prepared.bench.fast_mode))
-    if prepared.plan is not None and "warning" in prepared.plan.summary:
-        warned(f"plan: {prepared.plan.summary['warning']}")
     if prepared.plan is not None and prepared.plan.summary.get("believes"):
         notify(f"the plan assumes, unlike the bench: {prepared.plan.summary['believes']}")
     text = trial_text(trial)  # refused before anything is written
@@ -136,6 +126,8 @@ def run_trial(
     else:
         outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, notify, autostart)
     result, reader = _finished(folder, bag, outcome, trial.trust)
+    errors = tuple(c.error for c in prepared.controllers.values() if c.error is not None)
+    result = result._replace(errors=errors)
     words = prediction_gap(trial, prepared.plan, result.metrics)
     if words:
         warned(words)
@@ -156,6 +148,28 @@ def run_trial(
         if bare is not None:
             result = result._replace(bare_metrics=metrics_from(bare))
     return result
+
+
+def _warnings(trial: Trial, prepared: PreparedTrial) -> Iterator[str]:
+    """Yield a line on each request that the run will not show."""
+    plan, fast_mode = prepared.plan, prepared.bench.fast_mode
+    if plan is not None and plan.end > trial.duration:
+        yield (
+            f"the plan ends at {plan.end:g} s, the run at {trial.duration:g} s: "
+            "the residual after the manoeuvre cannot be measured"
+        )
+    if isinstance(trial.testbed, HasDoubts):
+        yield from trial.testbed.doubts()
+    tips = trial.testbed.model().appendages.tip
+    if tips.shape[1] and not tips.any():
+        yield (
+            f"no tip shows any mode, of {tips.shape[1]}: all tip deflections are 0 in the log, "
+            "also while modes vibrate; see the modes in the report"
+        )
+    if fast_mode is not None:
+        yield message_of(fast_mode)
+    if plan is not None and "warning" in plan.summary:
+        yield f"plan: {plan.summary['warning']}"
 
 
 def finished(folder: Path, trust: Trust, report: bool = True) -> None:

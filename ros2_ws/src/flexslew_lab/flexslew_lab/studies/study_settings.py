@@ -77,5 +77,5 @@ class StudySettings:
     # stop when the `quantile` of the `metric` is known to ± `half_width` at `confidence` (0.9)
     stop: Stop | None = None
     keep: Keep = Keep()  # `bags: worst N` flies the worst trials again with their logs; `none`
-    limit: Positive = 600.0  # a trial that takes longer is ended and counts as failed [wall s]
+    limit: Positive = 600.0  # a trial that takes longer [s] of wall time has failed
     batch: bool = True  # whether one kernel may fly many trials at once

@@ -1,7 +1,6 @@
 """The JSON schema of a trial file, by which an editor completes and checks it while it is typed."""
 
 from collections.abc import Iterable
-from itertools import chain
 from typing import Any, Literal
 
 from pydantic import TypeAdapter
@@ -11,10 +10,11 @@ from pydantic_core import core_schema
 from flexslew_control.controllers import CONTROLLERS, CommonSettings
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.keys.settings_fields import describe_section
-from flexslew_plant.keys.units import ABOVE, UNITS, units_in
+from flexslew_plant.keys.units import names_of, units_in
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _PLACE = "#/$defs/{model}"
+_PRODUCT = r"[^\d\s.]\S*[ /*^(·-].*"  # of units, as `deg/sqrt(h)`; the bench checks its kind
 _NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
 
@@ -70,15 +70,11 @@ class _SchemaGenerator(GenerateJsonSchema):
             node = found.get("properties", {}).get(key)
             if node is None:
                 continue
-            units = [u for unit in units_in(description.words) for u in _unit_names(unit)]
-            node = _with_quantities(node, units) if units else node
+            units = units_in(description.words)
+            names = [name for unit in units for name in names_of(unit)]
+            node = _with_quantities(node, [*names, _PRODUCT]) if units else node
             found["properties"][key] = {**node, "description": description.description}
         return found
-
-
-def _unit_names(unit: str) -> Iterable[str]:
-    """Return what a unit may be given in; that of the section above is not known here."""
-    return chain.from_iterable(UNITS.values()) if unit == ABOVE else UNITS.get(unit, {})
 
 
 def _with_quantities(node: Any, units: list[str]) -> Any:

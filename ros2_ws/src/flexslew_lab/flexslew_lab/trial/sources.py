@@ -7,11 +7,13 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flexslew_control.planners import PLANNERS, other_method, plan_settings
 from flexslew_lab.trial.overrides import override_values
 from flexslew_lab.trial.trial import Trial, checked_trial, text_of, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import spelling_hint
-from flexslew_plant.own_code import ANY_CODE
+from flexslew_plant.own_code import ANY_CODE, Trust
+from flexslew_plant.settings import plain
 from flexslew_plant.yaml_data import load_yaml
 
 FOLDER = Path(str(resources.files("flexslew_lab"))) / "trials"
@@ -86,6 +88,44 @@ def changes_of(assignments: list[str] | None) -> dict[str, Any]:
     return changes
 
 
+def changed_values(
+    values: dict[str, Any], changes: Mapping[str, Any], label: str, trust: Trust
+) -> dict[str, Any]:
+    """Return the keys of a trial with changes by path, see overrides; applied in order.
+
+    The name of a method in place of the section `plan` keeps the manoeuvre, see with_method.
+    """
+    for path, value in changes.items():
+        if path == "plan" and isinstance(value, str):
+            values = with_method(values, value, label, trust)
+        else:
+            values = override_values(values, {path: value})
+    return values
+
+
+def with_method(values: dict[str, Any], method: str, label: str, trust: Trust) -> dict[str, Any]:
+    """Return the keys of a trial whose manoeuvre another method plans, as other_method does.
+
+    Args:
+        values: keys of a trial.
+        method: name of a planner, or where a class of the user's own stands.
+        label: of the trial, for an error.
+        trust: planners that the trial may name.
+
+    Raises:
+        BadInput: if there is no such method, or it cannot plan this manoeuvre.
+    """
+    before = values.get("plan") or {}
+    if (
+        isinstance(before, dict)
+        and method in PLANNERS
+        and before.get("method") not in (None, method)
+    ):
+        place = f"{label}: plan"
+        before = plain(other_method(plan_settings(before, place, trust), method, place))
+    return {**values, "plan": {**before, "method": method}}
+
+
 def read_trial(name: str | Path | None, assignments: list[str] | None = None) -> tuple[Trial, str]:
     """Return a trial that the user gives, and its origin for messages and for the log.
 
@@ -103,7 +143,7 @@ def read_trial(name: str | Path | None, assignments: list[str] | None = None) ->
     values = load_yaml(text_of(path), str(path))
     if changes and isinstance(values, dict):
         try:
-            values = override_values(values, changes)
+            values = changed_values(values, changes, label, ANY_CODE)
         except BadInput as error:
             raise BadInput(f"--set: {error}") from None
     source = label + "".join(f" --set {assignment}" for assignment in assignments or [])
@@ -118,8 +158,10 @@ def read_trial(name: str | Path | None, assignments: list[str] | None = None) ->
             raise
         section, _, name = choice.rpartition(".")
         whole = f"--set '{section}={{{name}: {changes[choice]}, ...}}'"
+        short = f", or --set plan={changes[choice]} to keep its manoeuvre" * (section == "plan")
         words = (
             f"{refusal.why}; the file's {section} is for another {name}: give all of it, {whole}"
+            f"{short}"
         )
         raise BadInput(replace(refusal, why=words)) from None
 

@@ -30,11 +30,13 @@ from flexslew_control.planners.first_point import with_jump
 from flexslew_control.planners.law_gains import law_gains
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.progress import phase
+from flexslew_lab.short_values import short
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.injections import injections_of, names_of
 from flexslew_plant.bench.records import BenchSettings, RateSettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import command_delay_ticks, require_allowed
+from flexslew_plant.counted import count_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.commands import ControllerSilent
 from flexslew_plant.given_file import given_text
@@ -42,7 +44,9 @@ from flexslew_plant.hardware.actuator import ActuatorSettings, minimum_impulse
 from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.hardware.sensors import SensorSettings
 from flexslew_plant.joint_quantities import require_units_of_joints
+from flexslew_plant.keys.refused_keys import LIST_FOR_KEYS
 from flexslew_plant.near_names import spelling_hint
+from flexslew_plant.notebook_table import in_notebook
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import NotAKey, Positive, plain, section, validated
@@ -97,6 +101,25 @@ class Trial(BenchSettings, RateSettings):
             plan = self.plan.file if isinstance(self.plan, SavedPlan) else self.plan.method
         what = f"{self.testbed.kind}, {self.duration:g} s, {plan}"
         return f"<Trial {self.name}: {what}; {', '.join(self.controllers)}>"
+
+    def _repr_html_(self) -> str:
+        """Return its main sections, for notebooks."""
+        plan = {} if self.plan is None else plain(self.plan)
+        manoeuvre = {k: plan[k] for k in ("goal", "start", "duration") if plan.get(k) is not None}
+        rows = [
+            ("testbed", f"{self.testbed.kind}, {count_text(self.testbed.modes, 'mode')}"),
+            (
+                "joints",
+                ", ".join(f"{n} [{u}]" for n, u in self.testbed.model().units_by_joint.items()),
+            ),
+            ("plan", plan.get("method", plan.get("file", "none"))),
+            *((f"plan.{key}", short(value)) for key, value in manoeuvre.items()),
+            ("controllers", ", ".join(self.controllers)),
+            ("active", self.active),
+            ("schedule", count_text(len(self.schedule), "event")),
+            ("duration", f"{self.duration:g} s in ticks of {self.period:g} s"),
+        ]
+        return in_notebook(repr(self), (), rows)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel to another process as its keys: it finds there what a file holds by its name."""
@@ -204,7 +227,8 @@ def parse_trial(text: str, source: str, trust: Trust = NO_CODE) -> Trial:
 def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     """Return the trial that plain data describe; see load_trial."""
     if not isinstance(values, dict):
-        raise BadInput("holds no keys; `flexslew trials` lists examples", source)
+        words = "holds no keys; `flexslew trials` lists examples"
+        raise BadInput(LIST_FOR_KEYS if isinstance(values, list) else words, source)
     trial: Trial = validated(Trial, values, source, trust)
     require_units_of_joints(Trial, values, trial.testbed, source)
     if trial.trust != trust:

@@ -49,9 +49,9 @@ class RateSettings:
 
     # simulated seconds per second of wall time; 0: as fast as possible, 1: real time
     rate_factor: NonNegative = 0.0
-    # silence after which ticks count as missed, where the run is not paced [s of wall time]
+    # silence of wall time after which ticks count as missed, where the run is not paced [s]
     answer_timeout: Positive = 2.0
-    # rate of joint states, tf and markers [1/simulated s]; 0: none
+    # rate of joint states, tf and markers in simulated time [1/s]; 0: none
     display_rate: NonNegative = 50.0
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from flexslew_plant.keys.units import is_quantity
+from flexslew_plant.keys.units import is_quantity, units_at
 from flexslew_plant.near_names import spelling_hint
 from flexslew_plant.own_code import Untrusted
 from flexslew_plant.refusal import Refusal
@@ -38,7 +38,11 @@ def refusal_of(error: ValidationError, kind: Any, values: Any, source: str) -> R
     if first["type"] == "value_error" and isinstance(first["input"], dict):  # checked as a whole
         is_section_error = not written or isinstance(first["ctx"]["error"], SectionError)
         return Refusal(f"{_reason(first)}{more}", "" if is_section_error else key, source=source)
-    return Refusal(f"{_reason(first)}{more}", key, first["input"], source)
+    degrees = ""
+    if first["type"] in ("less_than", "less_than_equal"):
+        angle = "rad" in units_at(kind, written, values)
+        degrees = f"; write {first['input']:g} deg if you mean degrees" * angle
+    return Refusal(f"{_reason(first)}{degrees}{more}", key, first["input"], source)
 
 
 def _others(first: tuple[str, ...], wrong: list[tuple[str, ...]]) -> str:
@@ -65,6 +69,10 @@ def quantities(error: ValidationError, values: Any) -> list[tuple[str, ...]]:
 
 
 _NO_NUMBERS = ("float_type", "float_parsing", "int_type", "int_parsing", "tuple_type", "list_type")
+LIST_FOR_KEYS = "a list stands where keys belong; write key: value, without dashes or brackets"
+_KEYED = (
+    *("dict_type", "dataclass_type", "dataclass_exact_type", "union_tag_not_found", "no_method"),
+)
 _NAMED = 3  # further keys that are wrong
 _UNKNOWN = "unexpected_keyword_argument"
 _MISSING = ("missing", "missing_argument", "missing_keyword_only_argument")
@@ -89,6 +97,8 @@ _REASONS = {  # by pydantic's type of an error; the rest of its words are plain 
 def _reason(error: Any) -> str:
     """Return why a value is not allowed, in words of a trial file instead of Python's."""
     kind, context = error["type"], error.get("ctx", {})
+    if kind in _KEYED and isinstance(error["input"], list):
+        return LIST_FOR_KEYS
     if kind in _REASONS:
         return _REASONS[kind]
     if kind == "union_tag_invalid":

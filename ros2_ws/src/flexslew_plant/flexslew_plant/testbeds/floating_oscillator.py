@@ -46,7 +46,7 @@ class FloatingOscillatorInitial:
 
 @section
 class FloatingOscillatorTestbed:
-    """The `testbed` section for kind floating_oscillator."""
+    """A driven mass, a spring and a free mass (Liu and Singh)."""
 
     # two masses and a spring (Liu and Singh, 1997)
     kind: Literal["floating_oscillator"] = "floating_oscillator"

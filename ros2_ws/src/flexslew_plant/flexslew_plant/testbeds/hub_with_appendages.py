@@ -64,7 +64,7 @@ class HubInitial:
 
 @section
 class HubTestbed:
-    """The `testbed` section for kind hub_with_appendages."""
+    """A rigid hub with two flexible appendages and tip masses (Liu and Singh)."""
 
     # a hub with two flexible appendages (Liu and Singh, 1997)
     kind: Literal["hub_with_appendages"] = "hub_with_appendages"

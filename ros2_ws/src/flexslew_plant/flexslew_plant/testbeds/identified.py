@@ -84,7 +84,7 @@ class FreeMode:
 
 @section
 class IdentifiedTestbed:
-    """The `testbed` section for kind identified; `flexslew identify` writes one."""
+    """A model that `flexslew identify` has found: rigid inertia and free modes."""
 
     kind: Literal["identified"] = "identified"
     joints: tuple[str, ...] = ("hub",)  # names of the joints, each with a drive

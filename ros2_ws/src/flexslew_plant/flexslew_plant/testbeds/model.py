@@ -10,6 +10,7 @@ import numpy as np
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.known_joints import require_joints
+from flexslew_plant.notebook_table import in_notebook
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.compiled.bound import Bound, Rates, bound, joint_reader, rates_of
@@ -50,7 +51,7 @@ class Coordinate(NamedTuple):
     unit: str  # empty: it has none
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """M(q, t) a + h(q, v, t) = B u, with q the joints and then the modal coordinates.
 
@@ -105,6 +106,15 @@ class Model:
     gimbals: tuple[int, ...] = ()
     gyros: tuple[int, ...] = ()
     highest_frequency: Callable[[Matrix], Vector] | None = None
+
+    def __repr__(self) -> str:
+        """Return one line: what it has of each."""
+        parts = f"{self.joints} joints, {self.modes} modes, {len(self.appendages.names)} tips"
+        return f"<Model of {parts}: {', '.join(self.joint_names)}>"
+
+    def _repr_html_(self) -> str:
+        """Return the joints and their units, for notebooks."""
+        return in_notebook(repr(self), ("joint", "unit"), self.units_by_joint.items())
 
     @cached_property
     def joints(self) -> int:

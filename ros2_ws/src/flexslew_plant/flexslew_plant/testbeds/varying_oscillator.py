@@ -43,7 +43,7 @@ class VaryingOscillatorInitial:
 
 @section
 class VaryingOscillatorTestbed:
-    """The `testbed` section for kind varying_oscillator."""
+    """A loaded mass on a spring whose stiffness varies with time."""
 
     # the simplest plant that depends on time
     kind: Literal["varying_oscillator"] = "varying_oscillator"

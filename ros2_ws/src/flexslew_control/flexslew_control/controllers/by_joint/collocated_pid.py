@@ -36,7 +36,10 @@ from flexslew_plant.testbeds.linearisation import Linearisation
 
 @section
 class CollocatedPid:
-    """The settings of controller `collocated_pid`; one number per joint, or one for all."""
+    """PID of each joint on its own encoder, plus the plan's effort.
+
+    One number per joint, or one for all.
+    """
 
     kp: PerJoint = (460.0,)  # one per joint, or one for all [N m/rad]
     ki: PerJoint = (15.0,)  # one per joint, or one for all [N m/(rad s)]

@@ -29,7 +29,10 @@ from flexslew_plant.settings import PerJoint, section
 
 @section
 class PdFeedforwardSettings:
-    """The gains (17), one per joint; a single value serves every joint."""
+    """PD of each joint about the plan, plus the plan's effort (17).
+
+    Gains are one per joint; a single value serves every joint.
+    """
 
     kp: PerJoint = (460.0,)  # proportional gain, one per joint, or one for all [N m/rad]
     kd: PerJoint = (920.0,)  # derivative gain, one per joint, or one for all [N m s/rad]

@@ -58,7 +58,7 @@ class StateSpace:
 
 @section
 class LinearSettings:
-    """The settings of controller `linear`."""
+    """Any linear time-invariant controller, from python-control, MATLAB or a file."""
 
     system: StateSpace | None = None  # the matrices; null: the plan's feedforward alone
     # tustin or hold, how a continuous system is discretised at the bench's period

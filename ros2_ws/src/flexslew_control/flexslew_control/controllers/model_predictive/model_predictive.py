@@ -50,7 +50,7 @@ _DISTINCT = 1e-9  # of two tips that are one, or mirrored
 
 @section
 class ModelPredictive:
-    """The settings of controller `model_predictive`."""
+    """Model predictive control with limits of efforts, their rates, joints and tips."""
 
     model: DesignModel = None
     operating_point: OperatingPoint = None

@@ -33,7 +33,7 @@ class IntegralWeights:
 
 @section
 class DisturbanceAccommodating:
-    """The settings of controller `disturbance_accommodating`."""
+    """PI control of a platform with turning antennas that rejects a disturbance."""
 
     model: WholeModel = None
     # `state`, `effort` and `effort_rate` of the regulator

@@ -27,7 +27,7 @@ class RegulatorWeights:
 
 @section
 class DisturbanceMinimisation:
-    """The settings of controller `disturbance_minimisation`."""
+    """Linear quadratic regulator of a platform with turning antennas."""
 
     model: WholeModel = None
     weights: RegulatorWeights = RegulatorWeights()  # `state` and `effort` of the regulator

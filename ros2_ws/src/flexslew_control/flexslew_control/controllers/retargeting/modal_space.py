@@ -20,7 +20,7 @@ _SOFT = 1e-9  # of the largest w^2: less is no mode
 
 @section
 class ModalSpace:
-    """The settings of controller `modal_space`."""
+    """Control of each mode on its own, for a platform with turning antennas."""
 
     model: WholeModel = None
     weight: Positive = 0.0002  # R of every mode, in the units of the testbed's section

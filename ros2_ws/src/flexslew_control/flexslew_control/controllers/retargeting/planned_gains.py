@@ -22,7 +22,7 @@ from flexslew_plant.settings import section
 
 @section
 class PlannedGains:
-    """The settings of controller `planned_gains`."""
+    """PI control with gains that change along the plan, as antennas turn."""
 
     model: WholeModel = None
     # of the gains before the plan gives others, as for disturbance_accommodating

@@ -67,7 +67,7 @@ _FREE_NOISE = 10.0
 
 @section
 class OutputFeedback:
-    """The settings of controller `output_feedback`."""
+    """Sliding surfaces on an observer, with an elastic reference (Sung and Joo)."""
 
     # strategy
     mode: Literal["tracking_a", "tracking_b", "rigid_hold"] = "tracking_a"

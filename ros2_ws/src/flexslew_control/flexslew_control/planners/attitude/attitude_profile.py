@@ -77,7 +77,7 @@ Profile = Annotated[tuple[AttitudePoint, ...], Field(max_length=10_000)]
 
 @section
 class AttitudeProfile:
-    """The `plan` section for method attitude_profile: through attitudes, or to a spin."""
+    """A spacecraft in three axes follows attitudes over time, or spins up."""
 
     goal: ClassVar[dict[str, float]] = {}  # points and spin say it
 

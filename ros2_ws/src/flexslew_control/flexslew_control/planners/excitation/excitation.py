@@ -29,7 +29,7 @@ _BELOW, _ABOVE = 0.4, 2.5  # default band, in parts of the lowest and the highes
 
 @section
 class Excitation:
-    """The `plan` section for method excitation: joints stay where they are and are shaken."""
+    """Joints are shaken about their positions, so that a model can be identified."""
 
     goal: ClassVar[dict[str, float]] = {}  # no joint goes anywhere
 

@@ -44,7 +44,7 @@ from flexslew_plant.testbeds.model import Model
 
 @section
 class OptimizedFeedforward:
-    """The `plan` section for method optimized_feedforward."""
+    """Feedforward of basis functions that brings the terminal error to zero."""
 
     method: Literal["optimized_feedforward"] = "optimized_feedforward"
     model: DesignModel = None

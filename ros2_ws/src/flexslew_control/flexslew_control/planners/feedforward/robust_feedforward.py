@@ -69,7 +69,7 @@ _Errors = Annotated[tuple[_Error, ...], Field(min_length=1, max_length=25)]
 
 @section
 class RobustFeedforward:
-    """The `plan` section for method robust_feedforward."""
+    """One feedforward for an ensemble with varied stiffness and payload."""
 
     method: Literal["robust_feedforward"] = "robust_feedforward"
     model: DesignModel = None

@@ -32,7 +32,7 @@ Command: TypeAlias = Literal["cubic", "quintic", "sin2", "bang_bang"]
 
 @section
 class InputShaping:
-    """The `plan` section for method input_shaping."""
+    """A rigid command convolved with impulses, so that the modes end at rest."""
 
     method: Literal["input_shaping"] = "input_shaping"
     model: DesignModel = None

@@ -32,7 +32,7 @@ _Function: TypeAlias = Callable[[Vector], Vector]
 
 @section
 class StartCoastStop:
-    """The `plan` section for method start_coast_stop."""
+    """A pulse of torque, a coast and the opposite pulse, each shaped."""
 
     method: Literal["start_coast_stop"] = "start_coast_stop"
     model: DesignModel = None

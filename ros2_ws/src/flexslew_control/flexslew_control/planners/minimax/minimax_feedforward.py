@@ -41,7 +41,7 @@ _MARGIN_SHARE = 0.5  # share of what start and goal have to the edge of a cone t
 
 @section
 class MinimaxFeedforward:
-    """The `plan` section for method minimax_feedforward."""
+    """Bounded efforts with the least vibration of the worst member of an ensemble."""
 
     method: Literal["minimax_feedforward"] = "minimax_feedforward"
     model: DesignModel = None

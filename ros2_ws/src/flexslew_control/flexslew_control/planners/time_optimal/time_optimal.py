@@ -37,7 +37,7 @@ RESERVE = 0.2  # of the limit, left to a feedback [-]
 
 @section
 class TimeOptimal:
-    """The `plan` section for method time_optimal."""
+    """The fastest slew of the design model within the limits of the drives."""
 
     method: Literal["time_optimal"] = "time_optimal"
     model: DesignModel = None

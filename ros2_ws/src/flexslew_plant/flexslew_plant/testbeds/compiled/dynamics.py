@@ -111,10 +111,9 @@ def take_steps(
         x: in and out, state [q, v].
     """
     s, size = interface.square(kernels, n, m), n + n + interface.extra(kernels)
-    work = np.empty((STAGES + 2 + 2 * s, size))  # one allocation instead of six
+    work = np.empty((STAGES + 2, size))  # one allocation instead of four
     modal = work[STAGES + 1, n : 2 * n - s]
-    joints = work[STAGES + 2 : STAGES + 2 + s, :s]
-    coupling = work[STAGES + 2 + s :, : n - s]
+    joints, coupling = np.empty((s, s)), np.empty((s, n - s))  # as in roll_out: compiled once
     slopes, at, a = work[:STAGES], work[STAGES], work[STAGES + 1, :n]
     step_in_place(kernels, p, t, effort, h, steps, n, x, slopes, at, a, joints, coupling, modal)
 

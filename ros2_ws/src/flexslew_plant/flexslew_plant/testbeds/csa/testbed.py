@@ -61,7 +61,7 @@ class CsaInitial:
 
 @section
 class CsaTestbed:
-    """The `testbed` section for kind csa."""
+    """Two motors, base yaw and hub pitch, with two flexible beams (Gorinevsky, Vukovich)."""
 
     kind: Literal["csa"] = "csa"  # the two-joint testbed of Gorinevsky and Vukovich (1998)
     # form of the equations: printed (as in the paper) or complete (with the term that the paper

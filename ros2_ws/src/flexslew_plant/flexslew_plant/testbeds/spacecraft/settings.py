@@ -28,20 +28,23 @@ IDENTITY: Rows = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 class Inertia:
     """Entries of an inertia matrix: xy is -(product of inertia), the matrix entry."""
 
-    xx: float = 0.0  # entry of the inertia
-    yy: float = 0.0  # entry of the inertia
-    zz: float = 0.0  # entry of the inertia
-    xy: float = 0.0  # entry itself, minus the product of inertia
-    xz: float = 0.0  # entry itself, minus the product of inertia
-    yz: float = 0.0  # entry itself, minus the product of inertia
+    xx: float = 0.0  # entry of the inertia [kg m^2 or slug ft^2]
+    yy: float = 0.0  # entry of the inertia [kg m^2 or slug ft^2]
+    zz: float = 0.0  # entry of the inertia [kg m^2 or slug ft^2]
+    # entry itself, minus the product of inertia [kg m^2 or slug ft^2]
+    xy: float = 0.0
+    # entry itself, minus the product of inertia [kg m^2 or slug ft^2]
+    xz: float = 0.0
+    # entry itself, minus the product of inertia [kg m^2 or slug ft^2]
+    yz: float = 0.0
 
 
 @section
 class Body:
     """A rigid body in the axes of what it belongs to."""
 
-    mass: float  # of the body
-    centre: Triple = (0.0, 0.0, 0.0)  # of mass, from the origin
+    mass: float  # of the body [kg or slug]
+    centre: Triple = (0.0, 0.0, 0.0)  # of mass, from the origin [m or ft]
     inertia: Inertia = Inertia()  # about the origin (of a tip body: about its centre)
 
 
@@ -51,12 +54,12 @@ class Platform:
 
     # free in space, held, or turning about a pivot
     motion: Literal["free", "held", "pivot"] = "free"
-    mass: float = 100.0  # of the platform, without appendages
-    centre: Triple = (0.0, 0.0, 0.0)  # centre of mass, in body axes
+    mass: float = 100.0  # of the platform, without appendages [kg or slug]
+    centre: Triple = (0.0, 0.0, 0.0)  # centre of mass, in body axes [m or ft]
     # entries of the inertia about the body origin
     inertia: Inertia = Inertia(xx=50.0, yy=50.0, zz=50.0)
     axis: Triple = (1.0, 0.0, 0.0)  # of a pivot, in body axes
-    place: Triple = (0.0, 0.0, 0.0)  # of a pivot, in body axes
+    place: Triple = (0.0, 0.0, 0.0)  # of a pivot, in body axes [m or ft]
 
 
 @section
@@ -88,14 +91,16 @@ class Hinge:
 
     # null: prescribed when it has a motion, else fixed; driven: by a motor; passive: without one
     kind: Literal["fixed", "prescribed", "driven", "passive"] | None = None
-    place: Triple = (0.0, 0.0, 0.0)  # of the hinge, in body axes
+    place: Triple = (0.0, 0.0, 0.0)  # of the hinge, in body axes [m or ft]
     axes: Rows = IDENTITY  # rows: the appendage's x, y, z in body axes
     turned: Turn | None = None  # a turn of these axes before anything moves: `axis` and `angle`
     axis: Triple = (1.0, 0.0, 0.0)  # about which it turns, in appendage axes
     range: tuple[float, float] | None = None  # smallest and largest angle of the hinge [rad]
-    spring: NonNegative = 0.0  # stiffness of a driven or passive hinge
-    damper: NonNegative = 0.0  # damping of a driven or passive hinge
-    limit: Positive = 100.0  # largest effort of a driven hinge, whose joint is NAME_hinge
+    spring: NonNegative = 0.0  # stiffness of a driven or passive hinge [N m/rad or lb ft/rad]
+    # damping of a driven or passive hinge [N m s/rad or lb ft s/rad]
+    damper: NonNegative = 0.0
+    # largest effort of a driven hinge, whose joint is NAME_hinge [N m or lb ft]
+    limit: Positive = 100.0
     motion: Motion | tuple[Motion, ...] | None = None  # its prescribed turns
 
 
@@ -106,12 +111,12 @@ class Beam:
     kind: Literal["beam"] = "beam"
     # how its modes are found
     method: Literal["finite_elements", "closed_form"] = "finite_elements"
-    length: Positive  # length of the beam
-    linear_density: Positive  # mass per length
-    # EI; two numbers: across, and along the third axis
+    length: Positive  # length of the beam [m or ft]
+    linear_density: Positive  # mass per length [kg/m or slug/ft]
+    # EI; two numbers: across, and along the third axis [N m^2 or lb ft^2]
     bending_stiffness: Positive | tuple[Positive, Positive]
-    torsion_stiffness: NonNegative = 0.0  # GJ; 0: it does not twist
-    polar_inertia: NonNegative = 0.0  # per length, about the beam
+    torsion_stiffness: NonNegative = 0.0  # GJ; 0: it does not twist [N m^2 or lb ft^2]
+    polar_inertia: NonNegative = 0.0  # per length, about the beam [kg m or slug ft]
     along: Triple = (0.0, 0.0, 1.0)  # direction of the beam in appendage axes
     across: Triple = (1.0, 0.0, 0.0)  # direction of its first deflection
     elements: Annotated[int, Field(ge=1, le=200)] = 26  # number of finite elements
@@ -128,10 +133,10 @@ class Membrane:
     """A circular membrane with a fixed rim, across the appendage's z."""
 
     kind: Literal["membrane"] = "membrane"
-    radius: Positive  # of the fixed rim
-    density: Positive  # mass per area
-    wave_speed: Positive  # c
-    height: float = 0.0  # of the membrane above the hinge
+    radius: Positive  # of the fixed rim [m or ft]
+    density: Positive  # mass per area [kg/m^2 or slug/ft^2]
+    wave_speed: Positive  # c [m/s or ft/s]
+    height: float = 0.0  # of the membrane above the hinge [m or ft]
     waves: Annotated[int, Field(ge=0, le=6)] = 2  # largest number of waves round the rim
     rings: Annotated[int, Field(ge=1, le=6)] = 2  # number of rings
     # how its in-plane stress spreads, for the geometric stiffness [-]
@@ -199,9 +204,11 @@ class Harmonic:
     """
 
     order: Positive  # turns per turn of the wheel [-]
-    force: NonNegative = 0.0  # per square of the wheel's speed, as of a mass times a radius
+    # per square of the wheel's speed, as of a mass times a radius [kg m or slug ft]
+    force: NonNegative = 0.0
     force_phase: float = 0.0  # at the wheel's angle zero [rad]
-    torque: NonNegative = 0.0  # per square of the wheel's speed, as a product of inertia
+    # per square of the wheel's speed, as a product of inertia [kg m^2 or slug ft^2]
+    torque: NonNegative = 0.0
     torque_phase: float = 0.0  # at the wheel's angle zero [rad]
 
 
@@ -210,16 +217,20 @@ class WheelSettings:
     """A reaction wheel; its mass and inertia at rest belong to the platform's."""
 
     axis: Triple  # in body axes; a positive effort turns the platform about it
-    inertia: Positive  # about its axis
-    limit: Positive  # of its motor
+    inertia: Positive  # about its axis [kg m^2 or slug ft^2]
+    limit: Positive  # of its motor [N m or lb ft]
     # inertia times speed of a wheel up to which its motor drives it: the tick in which it gets
     # there has the impulse that is left, and the efforts of the log are those that acted; what
     # the platform's own turn, or a disturbance, adds to the speed is held by nobody
+    # [N m s or lb ft s]
     momentum_limit: Positive | None = None
     speed_limit: Positive | None = None  # the same for its speed [rad/s]
-    place: Triple = (0.0, 0.0, 0.0)  # of the wheel in body axes, where its imbalance pushes
-    static_imbalance: NonNegative = 0.0  # mass times radius: a harmonic of order 1, phase 0
-    dynamic_imbalance: NonNegative = 0.0  # product of inertia: likewise
+    # of the wheel in body axes, where its imbalance pushes [m or ft]
+    place: Triple = (0.0, 0.0, 0.0)
+    # mass times radius: a harmonic of order 1, phase 0 [kg m or slug ft]
+    static_imbalance: NonNegative = 0.0
+    # product of inertia: likewise [kg m^2 or slug ft^2]
+    dynamic_imbalance: NonNegative = 0.0
     harmonics: tuple[Harmonic, ...] = ()  # further ones of its disturbance
 
 
@@ -234,7 +245,7 @@ class MomentGyroSettings:
     # direction of the rotor's momentum at gimbal angle zero, at right angles to the axis; a
     # positive effort then turns the platform about axis x rotor
     rotor: Triple
-    momentum: Positive  # of its rotor
+    momentum: Positive  # of its rotor [N m s or lb ft s]
     rate_limit: Positive = 1.0  # largest rate of its gimbal [rad/s]
 
 
@@ -249,12 +260,12 @@ class ActuatorPlace:
     kind: Literal["force", "torque", "thruster", "modal"]  # what it gives
     # of a force, a torque or a thruster's push, in the axes of what it acts on
     direction: Triple = (0.0, 0.0, 0.0)
-    limit: Positive  # largest effort
+    limit: Positive  # largest effort [N or lb; torque: N m or lb ft]
     appendage: str | None = None  # on which an actuator acts; null: on the platform
     # of a modal force, from 1; it is spread over the appendage as its mass times that mode
     mode: Annotated[int, Field(ge=1)] | None = None
-    at: float | None = None  # its place along the beam; null: the tip
-    place: Triple = (0.0, 0.0, 0.0)  # on the platform
+    at: float | None = None  # its place along the beam [m or ft]; null: the tip
+    place: Triple = (0.0, 0.0, 0.0)  # on the platform [m or ft]
 
 
 @section
@@ -272,18 +283,24 @@ class KeepOut:
 class SensorPlace:
     """A sensor on an appendage, or an accelerometer on the platform; errors in its own unit."""
 
-    # displacement (m), rate (m/s), strain (-) or accelerometer (m/s^2), also in slug_ft_lb
+    # what it reads; the units of its errors below hold in slug_ft_lb, too
     kind: Literal["displacement", "rate", "strain", "accelerometer"]
     appendage: str | None = None  # on which it sits; null: an accelerometer on the platform
-    at: float | None = None  # its place along the beam; null: the tip, of a strain the root
+    # its place along the beam [m or ft]; null: the tip, of a strain the root
+    at: float | None = None
     direction: Triple = (1.0, 0.0, 0.0)  # in which it reads, in the axes of what it sits on
-    # of a strain: its place from the beam's centre line, in appendage axes
+    # of a strain: its place from the beam's centre line, in appendage axes [m or ft]
     fibre: Triple = (0.0, 0.0, 0.0)
-    place: Triple = (0.0, 0.0, 0.0)  # of an accelerometer on the platform, in body axes
-    # standard deviation of its white noise, each tick, in the unit of its kind
+    # of an accelerometer on the platform, in body axes [m or ft]
+    place: Triple = (0.0, 0.0, 0.0)
+    # standard deviation of its white noise, each tick
+    # [displacement: m; rate: m/s; strain: -; accelerometer: m/s^2]
     noise: NonNegative = 0.0
-    bias: float = 0.0  # added to every reading, in the same unit
-    quantisation: NonNegative = 0.0  # readings are multiples of it, in the same unit; 0: none
+    # added to every reading [displacement: m; rate: m/s; strain: -; accelerometer: m/s^2]
+    bias: float = 0.0
+    # readings are multiples of it; 0: none
+    # [displacement: m; rate: m/s; strain: -; accelerometer: m/s^2]
+    quantisation: NonNegative = 0.0
 
 
 AnySensor: TypeAlias = Annotated[

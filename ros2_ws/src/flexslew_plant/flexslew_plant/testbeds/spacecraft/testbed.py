@@ -110,7 +110,7 @@ _TORQUES = {
 
 @section
 class SpacecraftTestbed:
-    """The `testbed` section for kind spacecraft."""
+    """Any platform with flexible appendages, wheels, gyros and sensors, in YAML."""
 
     kind: Literal["spacecraft"] = "spacecraft"
     units: UnitSystem = "si"  # unit system of the section but `initial` and errors of `sensors`

@@ -1,4 +1,4 @@
-"""The view of a result in a notebook: its line, then a table."""
+"""The view of a result in a notebook: its line, then a table; or the table as text."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -26,6 +26,14 @@ def in_notebook(
     if folded:
         table = f"<details><summary>{escape(folded)}</summary>{table}</details>"
     return f"{escape(line)}{table}"
+
+
+def as_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table of plain text, its columns as wide as their longest cell."""
+    lines = [[str(cell) for cell in row] for row in (columns, *rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    padded = (zip(line, widths, strict=True) for line in lines)
+    return "\n".join("  ".join(cell.ljust(w) for cell, w in line).rstrip() for line in padded)
 
 
 def _row(cells: Sequence[object], kind: str) -> str:
