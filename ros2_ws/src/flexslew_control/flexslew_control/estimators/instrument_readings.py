@@ -110,10 +110,7 @@ class InstrumentSimulator:
             rows.append(axes.T)
             variances.append(sizes)
         c, r = np.hstack((np.vstack(rows), np.zeros((3 * len(rows), 3)))), np.concatenate(variances)
-        prior = later_covariance(f, q, c, r, f @ estimate.covariance @ f.T + q, doublings)
-        gain = np.linalg.solve(c @ prior @ c.T + np.diag(r), c @ prior).T
-        after = prior - gain @ c @ prior
-        return np.asarray(0.5 * (after + after.T))
+        return later_covariance(f, q, c, r, f @ estimate.covariance @ f.T + q, doublings)[1]
 
 
 def with_sensors(estimator: AttitudeEstimator) -> InstrumentSimulator:
