@@ -17,15 +17,11 @@ from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
     attitude_estimator,
 )
-from flexslew_control.estimators.attitude_tick import (
-    attitude_numbers,
-    write_joints,
-)
+from flexslew_control.estimators.attitude_tick import write_joints
 from flexslew_control.estimators.flexible_attitude_filter import AppendageModesSettings
 from flexslew_control.estimators.flexible_attitude_tick import (
     flexible_form,
     flexible_memory,
-    flexible_of,
     flexible_tick,
 )
 from flexslew_control.law import PlantDescription, Reference
@@ -142,7 +138,7 @@ def side_by_side(parts: list[Any]) -> Any:
 
 def ticked(crafts: list[AttitudeEstimator], flights: list[Flight]) -> Matrix:
     """Return the same of the compiled tick, (crafts, ticks, 6)."""
-    sensors = [attitude_numbers(it) for it in crafts]
+    sensors = [it.numbers for it in crafts]
     forms = [form for it in crafts if (form := flexible_form(it)) is not None]
     known = [form.numbers for form in forms]
     assert forms[0].steps > 1
@@ -182,15 +178,3 @@ def test_the_compiled_tick_believes_what_the_estimators_believe(
         # the belief says something: it is not the reference
         assert abs(ours[:, :3] - reference).max() > 1e-3
         np.testing.assert_allclose(ours, estimated(it, flown), rtol=1e-12, atol=1e-12)
-
-
-def test_crafts_beside_each_other_have_constants_of_their_own() -> None:
-    rng = np.random.default_rng(5)
-    made = [flexible_form(estimator(rng, described(rng, (1,), 0))) for _ in range(2)]
-    each = [form.numbers for form in made if form is not None]
-    assert len(each) == 2
-    both = side_by_side(each)
-    for k, own in enumerate(each):
-        for part, expected in zip(flexible_of(both, k), own, strict=True):
-            assert part.dtype == expected.dtype
-            np.testing.assert_array_equal(part, expected)

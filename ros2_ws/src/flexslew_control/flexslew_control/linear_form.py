@@ -48,6 +48,11 @@ class KalmanForm(NamedTuple):
     model: Model
     matrices: FilterMatrices
 
+    @property
+    def output(self) -> Matrix:
+        """C, (l, k)."""
+        return self.matrices.c
+
 
 class SteadyForm(NamedTuple):
     """x' = f(x, u) + K (y - C x) by a step of RK4 a tick, y and u held: z is x, then y - C x.
@@ -62,9 +67,9 @@ class SteadyForm(NamedTuple):
 
 
 class OnModelForm(NamedTuple):
-    """The data of an observer, x and e, and efforts u by the equations of motion: z = [x, e, u].
+    """An observer of x and e, and efforts u by the equations of motion: z = [x, e, u].
 
-    u = (G B(x))^-1 [r(k) - G f(x, 0) - R x - W e].
+    u is the sum of surface_terms with f(x, 0) and B(x).
     """
 
     observer: KalmanForm | SteadyForm | GainFilter
@@ -72,7 +77,42 @@ class OnModelForm(NamedTuple):
     surface: Matrix  # G, (m, 2 n)
     reaching: Matrix  # R, (m, 2 n)
     innovation: Matrix  # W, (m, l)
-    demand: Matrix  # r, (ticks, m)
+    nominal: Matrix  # x*, (ticks, 2 n)
+    slope: Matrix  # x*', (ticks, 2 n)
+
+
+class SurfaceGains(NamedTuple):
+    """The gains of a sliding law."""
+
+    surface: Matrix  # G, (m, k)
+    reaching: Matrix  # R, (m, k)
+    innovation: Matrix  # W, (m, l)
+
+
+def surface_terms(
+    gains: SurfaceGains,
+    inverse: Matrix,
+    slope: Vector,
+    drift: Vector,
+    innovation: Vector,
+    error: Vector,
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return the terms of u = (G B)^-1 [G x*' - G f(x, 0) - W e - R (x - x*)], each of shape (m,).
+
+    Args:
+        gains: G, R and W.
+        inverse: (G B)^-1, shape (m, m).
+        slope: x*', shape (k,).
+        drift: f(x, 0), shape (k,).
+        innovation: e, shape (l,).
+        error: x - x*, shape (k,).
+    """
+    return (
+        inverse @ (gains.surface @ slope),
+        -inverse @ (gains.surface @ drift),
+        -inverse @ (gains.innovation @ innovation),
+        -inverse @ (gains.reaching @ error),
+    )
 
 
 class SmallMotionForm(NamedTuple):
@@ -82,7 +122,7 @@ class SmallMotionForm(NamedTuple):
     """
 
     model: Model
-    belief: MotionConstants
+    constants: MotionConstants
     behind: LinearObserver
 
 

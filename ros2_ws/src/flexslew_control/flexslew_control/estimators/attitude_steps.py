@@ -1,9 +1,13 @@
-"""The steps of the filter of attitude and bias in compiled code, in place; see attitude_filter.
+"""The steps of a filter of attitude, a gyro's bias and perhaps modes, in compiled code, in place.
 
-They take the attitude (4,), the bias (3,) and the covariance (6, 6) of what is believed.
+Lefferts, Markley and Shuster 1982; the discrete form is that of Crassidis and Junkins, Optimal
+Estimation of Dynamic Systems, 2nd ed., section 7.2. The error of the attitude is a small turn in
+body axes, q_true = q dq(theta), that of the bias b_true - b. Errors are [e, b, others], with e the
+small turn along joints: `ErrorMap` is theirs. Of attitude and bias alone e is theta.
 """
 
 from math import copysign, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +20,30 @@ from flexslew_plant.testbeds.quaternions import (
     to_body_axes,
 )
 
+BIAS, MODES = 4, 7  # where they begin in a state
+
+
+class ErrorMap(NamedTuple):
+    """From the errors of a filter to attitude and other states."""
+
+    axes: Matrix  # of the joints that e is along, (3, 3)
+    inverse: Matrix  # from e to the small turn in body axes, (3, 3)
+    motion: Matrix  # from the errors to the states after the bias, (others, errors)
+
+
+class AttitudeEstimate(NamedTuple):
+    """The memory of a filter: what it estimates, and the covariance of the errors of that."""
+
+    # unit quaternion from body to inertial axes, x y z w, then the gyro's bias [rad/s], then others
+    state: Vector
+    covariance: Matrix  # of [e, b, others], (errors, errors)
+
+
+@compiled_once()
+def rigid_errors() -> ErrorMap:
+    """Return the errors of attitude and bias alone."""
+    return ErrorMap(np.eye(3), np.eye(3), np.zeros((0, 6)))
+
 
 @called
 def rotate(q: Quaternion, x: float, y: float, z: float) -> Quaternion:
@@ -25,18 +53,22 @@ def rotate(q: Quaternion, x: float, y: float, z: float) -> Quaternion:
     return a / size, b / size, c / size, w / size
 
 
-@compiled_once("attitude", "covariance")
-def carry(
-    attitude: Vector,
-    bias: Vector,
-    covariance: Matrix,
-    reading: Vector,
-    white: float,
-    walk: float,
-    dt: float,
-) -> None:
-    """Take attitude and covariance to a tick later; see RigidFilter.propagate."""
-    p = covariance
+@compiled_once()
+def carry(estimate: AttitudeEstimate, reading: Vector, noise: Vector, dt: float) -> None:
+    """Take attitude and covariance to a tick later by the gyro.
+
+    theta+ = R(d)^T theta - dt (1 - d x / 2) e + w, d = (reading - b) dt, e the bias' error; the
+    covariance of w is Farrenkopf's.
+
+    Args:
+        estimate: of attitude and bias, at the start of the tick; updated in place.
+        reading: mean rate over the tick, bias and noise in it, shape (3,) [rad/s].
+        noise: densities of the gyro's white noise [rad/sqrt(s)] and of the walk of its bias
+            [rad/s/sqrt(s)], shape (2,).
+        dt: one tick [s].
+    """
+    attitude, bias, p = estimate.state, estimate.state[BIAS:], estimate.covariance
+    white, walk = noise[0], noise[1]
     x, y, z = (reading[0] - bias[0]) * dt, (reading[1] - bias[1]) * dt, (reading[2] - bias[2]) * dt
     a, b, c, w = quaternion_of(x, y, z)
     step, product = (
@@ -75,41 +107,70 @@ def carry(
     attitude[0], attitude[1], attitude[2], attitude[3] = rotate(before, x, y, z)
 
 
-@compiled_once("attitude", "bias", "covariance", "innovation")
-def take_attitude(
-    attitude: Vector,
-    bias: Vector,
-    covariance: Matrix,
+@called
+def initialize_attitude(
+    errors: ErrorMap, estimate: AttitudeEstimate, measured: Vector, noise: Matrix
+) -> None:
+    """Replace the attitude by the first that is measured; see update_attitude."""
+    p, axes = estimate.covariance, errors.axes
+    estimate.state[:BIAS] = measured
+    p[:3] = 0.0
+    p[:, :3] = 0.0
+    for i in range(3):
+        for j in range(3):
+            for n in range(3):
+                for m in range(3):
+                    p[i, j] += axes[i, n] * noise[n, m] * axes[j, m]
+
+
+@called
+def update_attitude(
+    errors: ErrorMap,
+    estimate: AttitudeEstimate,
     measured: Vector,
     noise: Matrix,
     innovation: Vector,
 ) -> float:
-    """Correct the belief, write the innovation (3,) and return its squares (nis).
+    """Correct the estimate by a measured attitude, write the innovation and return its squares.
 
-    See attitude_filter.correct_by_attitude.
+    Args:
+        errors: of the filter.
+        estimate: before it; updated in place.
+        measured: quaternion x y z w, q_true dq(n), of either sign, shape (4,).
+        noise: covariance of the small turn n in body axes, shape (3, 3) [rad^2].
+        innovation: out, e of nis = e^T S^-1 e, shape (3,) [rad].
     """
-    compare_attitude(attitude, measured, innovation)
-    return _correct(attitude, bias, covariance, innovation, np.eye(3), noise)
+    compare_attitude(estimate.state, measured, innovation)
+    return correct(errors, estimate, innovation, errors.inverse, noise)
 
 
-@compiled_once("attitude", "bias", "covariance", "innovation")
-def take_direction(
-    attitude: Vector,
-    bias: Vector,
-    covariance: Matrix,
+@called
+def update_direction(
+    errors: ErrorMap,
+    estimate: AttitudeEstimate,
     measured: Vector,
     inertial: Vector,
     sigma: float,
     innovation: Vector,
 ) -> float:
-    """Correct the belief, write the innovation (2,) and return its squares (nis).
+    """Correct the estimate by a measured direction, which determines the two turns across it.
 
-    See attitude_filter.correct_by_direction.
+    Args:
+        errors: of the filter.
+        estimate: before it; updated in place.
+        measured: unit vector in body axes, shape (3,).
+        inertial: the same direction in inertial space, a unit vector, shape (3,).
+        sigma: standard deviation in each direction across it [rad].
+        innovation: out, e of nis = e^T S^-1 e, shape (2,) [rad].
     """
-    jacobian, noise = np.empty((2, 3)), np.zeros((2, 2))
-    compare_direction(attitude, measured, inertial, innovation, jacobian)
-    noise[0, 0] = noise[1, 1] = sigma**2
-    return _correct(attitude, bias, covariance, innovation, jacobian, noise)
+    by_rotation, jacobian, noise = np.empty((2, 3)), np.zeros((2, 3)), np.zeros((2, 2))
+    compare_direction(estimate.state, measured, inertial, innovation, by_rotation)
+    for i in range(2):
+        noise[i, i] = sigma**2
+        for j in range(3):
+            for n in range(3):
+                jacobian[i, j] += by_rotation[i, n] * errors.inverse[n, j]
+    return correct(errors, estimate, innovation, jacobian, noise)
 
 
 @called
@@ -124,10 +185,7 @@ def compare_attitude(attitude: Vector, measured: Vector, innovation: Vector) -> 
 def compare_direction(
     attitude: Vector, measured: Vector, inertial: Vector, innovation: Vector, jacobian: Matrix
 ) -> None:
-    """Write what a measured direction has across the believed one (2,), and H of the turn (2, 3).
-
-    See attitude_filter.correct_by_direction.
-    """
+    """Write what a measured direction has across the estimated one (2,), and H (2, 3)."""
     now = (attitude[0], attitude[1], attitude[2], attitude[3])
     x, y, z = to_body_axes(now, inertial[0], inertial[1], inertial[2])
     two = np.empty((2, 3))
@@ -138,7 +196,7 @@ def compare_direction(
         jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = b * z - c * y, c * x - a * z, a * y - b * x
 
 
-@compiled_once("two")
+@called
 def write_cross_axes(x: float, y: float, z: float, two: Matrix) -> None:
     """Write two unit vectors across a direction and each other, as LAPACK's SVD has them (2, 3)."""
     along = -copysign(sqrt(x * x + y * y + z * z), x)
@@ -148,23 +206,36 @@ def write_cross_axes(x: float, y: float, z: float, two: Matrix) -> None:
 
 
 @called
-def _correct(
-    attitude: Vector,
-    bias: Vector,
-    covariance: Matrix,
+def correct(
+    errors: ErrorMap,
+    estimate: AttitudeEstimate,
     innovation: Vector,
     jacobian: Matrix,
     noise: Matrix,
 ) -> float:
-    """Correct the belief by an innovation of H times the turn; return its nis."""
-    error = np.empty(6)
-    nis = update_covariance(covariance, innovation, jacobian, noise, error)
-    before = (attitude[0], attitude[1], attitude[2], attitude[3])
-    after = rotate(before, error[0], error[1], error[2])
-    attitude[0], attitude[1], attitude[2], attitude[3] = after
-    for i in range(3):
-        bias[i] += error[3 + i]
+    """Correct the estimate by an innovation of H times e; return its nis."""
+    error = np.empty(len(estimate.covariance))
+    nis = update_covariance(estimate.covariance, innovation, jacobian, noise, error)
+    move(errors, error, estimate.state)
     return nis
+
+
+@called
+def move(errors: ErrorMap, error: Vector, state: Vector) -> None:
+    """Add an error to a state."""
+    x, y, z, inverse, motion = 0.0, 0.0, 0.0, errors.inverse, errors.motion
+    for j in range(3):
+        x += inverse[0, j] * error[j]
+        y += inverse[1, j] * error[j]
+        z += inverse[2, j] * error[j]
+        state[BIAS + j] += error[3 + j]
+    before = (state[0], state[1], state[2], state[3])
+    state[0], state[1], state[2], state[3] = rotate(before, x, y, z)
+    for i in range(len(motion)):
+        total = 0.0
+        for j in range(error.size):
+            total += motion[i, j] * error[j]
+        state[MODES + i] += total
 
 
 @called
@@ -180,7 +251,7 @@ def update_covariance(
         innovation: shape (l,).
         jacobian: H, shape (l, 3).
         noise: R, shape (l, l).
-        error: out, the errors as they are believed then, shape (errors,).
+        error: out, the errors as they are estimated then, shape (errors,).
     """
     size, errors = innovation.size, len(p)
     gain, residual, spread = np.zeros((size, errors)), innovation.copy(), noise.copy()

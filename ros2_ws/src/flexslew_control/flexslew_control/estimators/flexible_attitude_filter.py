@@ -1,36 +1,30 @@
 """The multiplicative extended Kalman filter of a flexible craft: attitude, bias, rates and modes.
 
-What is believed moves by the craft's own equations under the efforts that were applied; the gyro
-is a sensor of the mean rate over a tick, as the attitude turned by. The error is
-[e, v, b]: e the small turn along the joints, then modes; v that of their rates; b of the bias. It
-follows A(w) about the rates that are believed (see rate_dependent_platform), exactly for held
-efforts.
+The estimate moves by the craft's own equations under the efforts that were applied; the gyro is a
+sensor of the mean rate over a tick, as the attitude turned by. The error [e, b, v] has e, the small
+turn along the joints, then modes; v that of their rates; b of the bias. It follows A(w) about the
+estimated rates (see rate_dependent_platform), exactly for held efforts.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, matrix_balance
 
-from flexslew_control.estimators.attitude_filter import Correction, GyroNoise, cross_axes
+from flexslew_control.estimators.attitude_filter import Correction, GyroNoise, copied
+from flexslew_control.estimators.attitude_steps import MODES, AttitudeEstimate, ErrorMap
+from flexslew_control.estimators.flexible_attitude_steps import FlexibleNumbers, begin, carry
 from flexslew_control.free_platform import JointCoordinates, joint_coordinates
 from flexslew_control.rate_dependent_platform import RateDependentPlatform, rate_dependent_platform
-from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.attitude import (
-    AttitudeJoints,
-    conjugate,
-    product,
-    quaternion,
-    rotation_vector,
-    skew,
-    to_body,
-)
+from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.model import Model
+
+_SLEW_RATE = 0.1  # rates of the joints for which equations are balanced [rad/s]
 
 
 @section
@@ -42,27 +36,17 @@ class AppendageModesSettings:
     initial: NonNegative = 1e-3  # standard deviation of each deflection at the start [m]
 
 
-class FlexibleEstimate(NamedTuple):
-    """An attitude, how the craft moves and bends, a bias, and how far off they may be."""
-
-    attitude: Vector  # unit quaternion from body to inertial axes, x y z w, shape (4,)
-    bias: Vector  # of the gyro, shape (3,) [rad/s]
-    covariance: Matrix  # of [e, v, b], shape (2 n + 3, 2 n + 3)
-    modes: Vector  # modal coordinates, shape (modes,)
-    rates: Vector  # v of the model, shape (coordinates,)
-
-
 @dataclass(frozen=True)
 class FlexibleFilter:
-    """Implements AttitudeFilter, see attitude_estimator.
+    """A filter of attitude, bias, rates and modes, with the methods of a RigidFilter.
 
     Args:
-        model: that is believed; the platform's pose does not matter to how it moves.
+        model: of the estimate; the platform's pose does not matter to how it moves.
         joints: that turn the platform, all that there are.
         platform: small motions about any rates.
         found: their coordinates.
         noise: of the gyro.
-        settings: what is believed.
+        settings: noises of the model.
         period: one tick [s].
     """
 
@@ -79,22 +63,10 @@ class FlexibleFilter:
         """How many innovations the gyro gives."""
         return 3
 
-    @cached_property
-    def _rest(self) -> Vector:
-        return self.model.rest({})
-
-    @cached_property
-    def _rotation(self) -> Matrix:
-        """From e to the small turn in body axes, shape (3, n)."""
-        return np.asarray(np.linalg.pinv(self.joints.axes) @ np.eye(self._joints, self._n))
-
     @property
-    def _n(self) -> int:
-        return self.platform.small.coordinates
-
-    @property
-    def _joints(self) -> int:
-        return self.platform.small.joints
+    def errors(self) -> ErrorMap:
+        """The errors of the estimate."""
+        return ErrorMap(self.numbers.axes, self.numbers.inverse, self.numbers.motion)
 
     @cached_property
     def steps(self) -> int:
@@ -103,145 +75,116 @@ class FlexibleFilter:
         highest = float(np.abs(np.linalg.eigvals(linear.state_matrix)).max())
         return max(1, int(np.ceil(highest * self.period)))
 
-    def begin(self, attitude: Vector, reading: Vector, sigmas: tuple[float, float]) -> Any:
-        """Return a belief in a rate as the gyro reads it, and straight appendages.
+    @cached_property
+    def numbers(self) -> FlexibleNumbers:
+        """The constants of its steps, with no errors at the start."""
+        model, found, small = self.model, self.found, self.platform.small
+        n, m, modes, basis = small.coordinates, small.joints, model.modes, found.basis
+        motion = np.zeros((modes + model.coordinates, 2 * n + 3))
+        motion[:modes, m + 3 : n + 3], motion[modes:, n + 3 :] = found.elastic(modes), basis
+        (white, walk), period = self.noise, self.period
+        deviation = np.sqrt(white**2 / period + walk**2 * period / 3.0)
+        return FlexibleNumbers(
+            np.array(model.packed),
+            model.rest({}),
+            np.array(self.joints.axes, dtype=np.float64),
+            np.array(self.joints.rotation_vector_of(np.eye(m)).T, order="C"),
+            basis[:, :m] @ self.joints.axes,
+            self.joints.rotation_vector_of(found.outputs.T).T.copy(),
+            motion,
+            np.zeros((2 * n + 3, 2 * n + 3)),
+            *self._generators(),
+            np.array([
+                self.settings.effort_noise / np.sqrt(period), deviation, walk * np.sqrt(period)
+            ]),
+        )  # fmt: skip
+
+    def _generators(self) -> tuple[Matrix, Vector]:
+        """Return generators and scale of FlexibleNumbers; the scale is of powers of two."""
+        p, (k, efforts) = self.platform, self.platform.input_matrix.shape
+        found = np.zeros((10, k, k + efforts))
+        found[:4, :, :k] = [p.small.linear.state_matrix, *p.linear]
+        pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+        found[4:, :, :k] = [(1.0 if i == j else 2.0) * p.quadratic[i, j] for i, j in pairs]
+        found[0, :, k:] = p.input_matrix
+        found *= self.period
+        weights = [1.0, *[_SLEW_RATE] * 3, *[_SLEW_RATE**2] * 6]
+        typical = np.tensordot(weights, np.abs(found), axes=1)
+        _, (scale, _) = matrix_balance(typical[:, :k], permute=False, separate=True)
+        columns = np.abs(found[0, :, k:] / scale[:, None]).sum(axis=0)
+        factors = np.concatenate((scale, 0.25 * 0.5 ** np.frexp(columns)[1]))
+        return (found * factors / scale[:, None]).reshape(10, -1), factors
+
+    def first_covariance(self, sigmas: tuple[float, float]) -> Matrix:
+        """Return the covariance of the errors at the start.
 
         Args:
-            attitude: that is believed, x y z w.
+            sigmas: standard deviations of attitude [rad] and bias [rad/s].
+        """
+        small, axes, initial = self.platform.small, self.joints.axes, self.settings.initial
+        n, m = small.coordinates, small.joints
+        p = np.zeros((2 * n + 3, 2 * n + 3))
+        read = np.zeros((2 * n + 3, 3))  # of an error of the bias, the error of the rate
+        rates = slice(n + 3, n + 3 + m)
+        read[3:6], read[rates] = np.eye(3), -axes
+        p[:] = sigmas[1] ** 2 * read @ read.T
+        p[:m, :m] = sigmas[0] ** 2 * axes @ axes.T
+        p[rates, rates] += self.noise.white**2 / self.period * axes @ axes.T
+        linear = small.linear
+        frequencies = np.sqrt(np.abs(np.diag(linear.stiffness) / np.diag(linear.mass)))[m:]
+        one = np.arange(m + 3, n + 3)
+        p[one, one], p[n + one, n + one] = initial**2, (initial * frequencies) ** 2
+        return p
+
+    def begin(
+        self, attitude: Vector, reading: Vector, sigmas: tuple[float, float]
+    ) -> AttitudeEstimate:
+        """Return the estimate of an attitude, a rate as the gyro reads it, straight appendages.
+
+        Args:
+            attitude: quaternion x y z w.
             reading: of the gyro, shape (3,) [rad/s].
             sigmas: standard deviations of attitude [rad] and bias [rad/s].
         """
-        n, m, axes = self._n, self._joints, self.joints.axes
-        p = np.zeros((2 * n + 3, 2 * n + 3))
-        p[:m, :m] = sigmas[0] ** 2 * axes @ axes.T
-        p[-3:, -3:] = sigmas[1] ** 2 * np.eye(3)
-        read = np.zeros((2 * n + 3, 3))  # of an error of the bias, the error of the rate
-        read[n : n + m], read[-3:] = -axes, np.eye(3)
-        p[n:, n:] = (sigmas[1] ** 2 * read @ read.T)[n:, n:]
-        white = self.noise.white**2 / self.period
-        p[n : n + m, n : n + m] += white * axes @ axes.T
-        small = self.platform.small.linear
-        frequencies = np.sqrt(np.abs(np.diag(small.stiffness) / np.diag(small.mass)))[m:]
-        one = np.arange(m, n)
-        p[one, one], p[n + one, n + one] = (
-            self.settings.initial**2,
-            (self.settings.initial * frequencies) ** 2,
-        )
-        rates = self.found.basis[:, :m] @ (axes @ reading)
-        return FlexibleEstimate(attitude, np.zeros(3), p, np.zeros(self.model.modes), rates)
+        numbers = self.numbers._replace(first=self.first_covariance(sigmas))
+        state = np.empty(MODES + len(numbers.motion))
+        estimate = AttitudeEstimate(state, np.empty_like(numbers.first))
+        q = attitude
+        begin(numbers, (q[0], q[1], q[2], q[3]), reading, estimate)
+        return estimate
 
-    def propagate(self, estimate: Any, reading: Vector, effort: Vector) -> Correction:
-        """Return the belief a tick later, corrected by what the gyro has read of that tick.
+    def propagate(self, estimate: AttitudeEstimate, reading: Vector, effort: Vector) -> Correction:
+        """Return the estimate a tick later, corrected by the gyro's reading of that tick.
 
         Args:
             estimate: at the start of the tick.
             reading: mean rate over the tick, bias and noise in it, shape (3,) [rad/s].
             effort: that was applied, shape (actuators,).
         """
-        h, k = self.period, 2 * self._n
-        q = self._rest.copy()
-        q[q.size - self.model.modes :] = estimate.modes
-        before = np.concatenate((q, estimate.rates))
-        after = self.model.advance(before, effort, h, self.steps)
-        attitude = self.joints.orientation(self.model.joint_state(after)[0])
-        middle = 0.5 * (self.model.joint_state(before)[1] + self.model.joint_state(after)[1])
-        a, b = self.platform.state_matrix(middle), self.platform.input_matrix
-        f, g = zero_order_hold(a, b, h)
-        step, process_noise = block_diag(f, np.eye(3)), np.zeros((k + 3, k + 3))
-        process_noise[:k, :k] = self.settings.effort_noise**2 / h * g @ g.T
-        process_noise[-3:, -3:] = self.noise.walk**2 * h * np.eye(3)
-        angle = rotation_vector(attitude)
-        slope = (np.eye(3) + 0.5 * skew(angle)) / h
-        jacobian = self._jacobian(slope)
-        jacobian[:, k:] = np.eye(3)
-        # of the error before the tick: one of the attitude turns with the craft and does not show.
-        # The difference of large covariances would be lost in their last digits
-        before = jacobian @ step
-        before[:, : self._joints] = 0.0
-        white, walk = self.noise
-        variance = (white**2 / h + walk**2 * h / 3.0) * np.eye(3)
-        p = estimate.covariance
-        s = before @ p @ before.T + jacobian @ process_noise @ jacobian.T + variance
-        gain = np.linalg.solve(s, before @ p @ step.T + jacobian @ process_noise).T
-        left, kept = step - gain @ before, np.eye(k + 3) - gain @ jacobian
-        new_covariance = (
-            left @ p @ left.T + kept @ process_noise @ kept.T + gain @ variance @ gain.T
-        )
-        predicted = FlexibleEstimate(
-            product(estimate.attitude, attitude), estimate.bias, new_covariance,
-            self.model.modal_state(after)[0], self.model.split(after)[1],
-        )  # fmt: skip
-        return self._apply_innovation(predicted, reading - angle / h - estimate.bias, gain, s)
+        model, numbers, after, innovation = self.model, self.numbers, copied(estimate), np.empty(3)
+        before = np.concatenate((numbers.rest, estimate.state[MODES + model.modes :]))
+        model.modal_state(before)[0][:] = estimate.state[MODES : MODES + model.modes]
+        end = model.advance(before, effort, self.period, self.steps)
+        (_, rate), (position, end_rate) = model.joint_state(before), model.joint_state(end)
+        motion = np.concatenate((model.modal_state(end)[0], model.split(end)[1]))
+        q, middle = self.joints.orientation(position), 0.5 * (rate + end_rate)
+        given = motion, (q[0], q[1], q[2], q[3]), middle, reading, self.period, innovation
+        return Correction(after, innovation, carry(numbers, after, *given))
 
-    def update_attitude(self, estimate: Any, measured: Vector, noise: Matrix) -> Correction:
-        """Return the belief after a measured attitude; see correct_by_attitude."""
-        off = rotation_vector(product(conjugate(estimate.attitude), measured))
-        return self._correct(estimate, off, self._jacobian(np.eye(3)), noise)
-
-    def update_direction(
-        self, estimate: Any, measured: Vector, inertial: Vector, sigma: float
-    ) -> Correction:
-        """Return the belief after a measured direction; see correct_by_direction."""
-        seen = to_body(estimate.attitude) @ inertial
-        two = cross_axes(seen)
-        jacobian = self._jacobian(two @ skew(seen))
-        return self._correct(estimate, two @ measured, jacobian, sigma**2 * np.eye(2))
-
-    def initialize_attitude(self, estimate: Any, measured: Vector, noise: Matrix) -> Any:
-        """Return the belief in the first measured attitude."""
-        m, p = self._joints, estimate.covariance.copy()
-        p[:m], p[:, :m] = 0.0, 0.0
-        p[:m, :m] = self.joints.axes @ noise @ self.joints.axes.T
-        return estimate._replace(attitude=measured, covariance=p)
-
-    def rate(self, estimate: Any, reading: Vector) -> Vector:
+    def rate(self, estimate: AttitudeEstimate, reading: Vector) -> Vector:
         """Return the rate in body axes, shape (3,) [rad/s]."""
-        state = np.concatenate((self._rest, estimate.rates))
-        return self.joints.rotation_vector_of(self.model.joint_state(state)[1])
+        rate: Vector = self.numbers.rate @ estimate.state[MODES + self.model.modes :]
+        return rate
 
-    def covariance(self, estimate: Any) -> Matrix:
+    def covariance(self, estimate: AttitudeEstimate) -> Matrix:
         """Return that of small turn, bias, body rates, then modes and their rates."""
-        n, m = self._n, self._joints
-        rotation, others = self._rotation[:, :m], np.eye(n - m)
-        rows = block_diag(rotation, others, rotation, others, np.eye(3))
-        at = np.split(np.arange(len(rows)), [3, n, n + 3, 2 * n])  # m is 3
-        order = np.concatenate((at[0], at[4], at[2], at[1], at[3]))
+        n, rotation = self.platform.small.coordinates, self.numbers.inverse
+        others = np.eye(n - 3)
+        rows = block_diag(rotation, np.eye(3), others, rotation, others)
+        at = np.split(np.arange(len(rows)), [6, n + 3, n + 6])
+        order = np.concatenate((at[0], at[2], at[1], at[3]))
         p: Matrix = rows @ estimate.covariance @ rows.T
         return p[np.ix_(order, order)]
-
-    def _jacobian(self, by_rotation: Matrix) -> Matrix:
-        jacobian = np.zeros((len(by_rotation), 2 * self._n + 3))
-        jacobian[:, : self._n] = by_rotation @ self._rotation
-        return jacobian
-
-    def _correct(
-        self, estimate: FlexibleEstimate, innovation: Vector, jacobian: Matrix, noise: Matrix
-    ) -> Correction:
-        """Return the belief after an innovation of H times the error, by Joseph's form."""
-        p = estimate.covariance
-        s = jacobian @ p @ jacobian.T + noise
-        gain = np.linalg.solve(s, jacobian @ p).T
-        left = np.eye(len(p)) - gain @ jacobian
-        new_covariance = left @ p @ left.T + gain @ noise @ gain.T
-        return self._apply_innovation(
-            estimate._replace(covariance=new_covariance), innovation, gain, s
-        )
-
-    def _apply_innovation(
-        self, estimate: FlexibleEstimate, innovation: Vector, gain: Any, variance: Matrix
-    ) -> Correction:
-        """Return a belief moved by an innovation; its covariance is that after it already."""
-        n, error = self._n, gain @ innovation
-        attitude = product(estimate.attitude, quaternion(self._rotation @ error[:n]))
-        after = FlexibleEstimate(
-            attitude / np.linalg.norm(attitude),
-            estimate.bias + error[2 * n : 2 * n + 3],
-            estimate.covariance,
-            estimate.modes + self.found.elastic(self.model.modes) @ error[self._joints : n],
-            estimate.rates + self.found.basis @ error[n : 2 * n],
-        )
-        nis = float(innovation @ np.linalg.solve(variance, innovation))
-        return Correction(after, innovation, nis)
 
 
 def flexible_filter(

@@ -1,7 +1,7 @@
 """The steps of the filter with modes in compiled code, in place; see flexible_attitude_filter.
 
 Errors stand in the order [e of the joints, b, e of the others, v] here, so that the first of them
-are those that readings show. A belief is one vector: attitude, bias, modes, rates, covariance.
+are those that readings show. A state is attitude, bias, modes, then v of the model.
 """
 
 from typing import NamedTuple
@@ -9,17 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.estimators.attitude_steps import (
-    compare_attitude,
-    compare_direction,
-    rotate,
+    BIAS,
+    MODES,
+    AttitudeEstimate,
+    ErrorMap,
+    move,
     solve,
-    update_covariance,
 )
 from flexslew_control.held_step import exponential_step
-from flexslew_plant.arrays import Matrix, Vector, called
+from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
 from flexslew_plant.testbeds.quaternions import Quaternion, multiply, rotation_vector_of
-
-BIAS, MODES = 4, 7  # where they begin in a belief
 
 
 class FlexibleNumbers(NamedTuple):
@@ -31,7 +30,7 @@ class FlexibleNumbers(NamedTuple):
     inverse: Matrix  # from the joints to the rotation vector, (3, 3)
     start: Matrix  # from a body rate to v, (coordinates, 3)
     rate: Matrix  # from v to the body rate, (3, coordinates)
-    moved: Matrix  # from the errors to modes, then v, (modes + coordinates, errors)
+    motion: Matrix  # from the errors to modes, then v, (modes + coordinates, errors)
     first: Matrix  # covariance at the start, (errors, errors)
     # [A B] h of all errors but b, balanced, row by row: at rest, then by rates of the joints 1, 2
     # and 3, then by their products 11, 12, 13, 22, 23 and 33, (10, k (k + efforts))
@@ -40,30 +39,39 @@ class FlexibleNumbers(NamedTuple):
     sigmas: Vector  # of efforts held for a tick, of the gyro, of the bias' walk, (3,)
 
 
-@called
-def begin(data: FlexibleNumbers, attitude: Quaternion, reading: Vector, estimate: Vector) -> None:
-    """Write a belief in an attitude, and a rate as the gyro reads it."""
-    errors, start = len(data.first), data.start
-    v = estimate[estimate.size - errors**2 - len(start) : estimate.size - errors**2]
-    estimate[:] = 0.0
-    estimate[0], estimate[1], estimate[2], estimate[3] = attitude
+@compiled_once()
+def begin(
+    data: FlexibleNumbers, attitude: Quaternion, reading: Vector, estimate: AttitudeEstimate
+) -> None:
+    """Write the estimate of an attitude, and of a rate as the gyro reads it."""
+    start, state = data.start, estimate.state
+    v = state[state.size - len(start) :]
+    state[:] = 0.0
+    state[0], state[1], state[2], state[3] = attitude
     for i in range(v.size):
         for j in range(3):
             v[i] += start[i, j] * reading[j]
-    _covariance(data, estimate)[:] = data.first
+    estimate.covariance[:] = data.first
 
 
 @called
+def errors_of(data: FlexibleNumbers) -> ErrorMap:
+    """Return the errors of a filter."""
+    return ErrorMap(data.axes, data.inverse, data.motion)
+
+
+@compiled_once("innovation")
 def carry(
     data: FlexibleNumbers,
-    estimate: Vector,
+    estimate: AttitudeEstimate,
     motion: Vector,
     rotation: Quaternion,
     middle: Vector,
     reading: Vector,
     dt: float,
-) -> None:
-    """Take a belief to a tick later, and correct it by the gyro's reading of that tick.
+    innovation: Vector,
+) -> float:
+    """Take an estimate to a tick later, and correct it by the gyro's reading of that tick.
 
     F and the root of Q are the blocks of W = [F Q^(1/2)]: what the gyro shows of the errors
     before the tick and of the noise during it is C = H W, and the covariance becomes
@@ -71,20 +79,22 @@ def carry(
 
     Args:
         data: data of the filter.
-        estimate: prior belief; updated in place.
+        estimate: before the tick; updated in place.
         motion: modes and v at the end of the tick by the equations, (modes + coordinates,).
         rotation: rotation over the tick by them.
         middle: rates of the joints in its middle, (3,) [rad/s].
         reading: reading of the gyro, (3,) [rad/s].
         dt: one tick [s].
+        innovation: out, e of the nis e^T S^-1 e that it returns, (3,) [rad/s].
     """
-    p, errors, deviation = _covariance(data, estimate), len(data.first), data.sigmas[1]
+    p, errors, deviation = estimate.covariance, len(data.first), data.sigmas[1]
+    state = estimate.state
     angle, inverse = rotation_vector_of(rotation), data.inverse
-    innovation, slope, jacobian = np.empty(3), np.empty((3, 3)), np.zeros((3, 6))
+    slope, jacobian = np.empty((3, 3)), np.zeros((3, 6))
     for i in range(3):
         after, then = (i + 1) % 3, (i + 2) % 3
         slope[i, i], slope[i, after], slope[i, then] = 1.0, -0.5 * angle[then], 0.5 * angle[after]
-        innovation[i] = reading[i] - angle[i] / dt - estimate[BIAS + i]
+        innovation[i] = reading[i] - angle[i] / dt - state[BIAS + i]
         jacobian[i, 3 + i] = 1.0
     for i in range(3):
         for j in range(3):
@@ -98,7 +108,7 @@ def carry(
     gain, variance = product @ step.T, product @ seen.T
     for i in range(3):
         variance[i, i] += deviation**2
-    solve(variance, gain, innovation.copy())
+    nis = solve(variance, gain, innovation.copy())
     for i in range(errors):  # 1 - K H of what joins meanwhile, too
         for n in range(3):
             for j in range(noise):
@@ -107,73 +117,15 @@ def carry(
     product = step.copy()
     product[:, :errors] = np.ascontiguousarray(step[:, :errors]) @ p
     new_covariance = product @ step.T
-    attitude = multiply((estimate[0], estimate[1], estimate[2], estimate[3]), rotation)
-    estimate[0], estimate[1], estimate[2], estimate[3] = attitude
+    attitude = multiply((state[0], state[1], state[2], state[3]), rotation)
+    state[0], state[1], state[2], state[3] = attitude
     for i in range(motion.size):
-        estimate[MODES + i] = motion[i]
-    _correct(data, innovation @ gain, estimate)
+        state[MODES + i] = motion[i]
+    move(errors_of(data), innovation @ gain, state)
     for i in range(errors):
         for j in range(errors):
             p[i, j] = new_covariance[i, j]
-
-
-@called
-def initialize_attitude(
-    data: FlexibleNumbers, estimate: Vector, read: Vector, noise: Matrix
-) -> None:
-    """Replace the belief by one in the first measured attitude."""
-    p, axes = _covariance(data, estimate), data.axes
-    estimate[:BIAS] = read
-    p[:3] = 0.0
-    p[:, :3] = 0.0
-    for i in range(3):
-        for j in range(3):
-            for n in range(3):
-                for m in range(3):
-                    p[i, j] += axes[i, n] * noise[n, m] * axes[j, m]
-
-
-@called
-def update_attitude(
-    data: FlexibleNumbers, estimate: Vector, read: Vector, noise: Matrix, innovation: Vector
-) -> None:
-    """Correct the belief by a measured attitude, and write the innovation (3,)."""
-    error = np.empty(len(data.first))
-    compare_attitude(estimate[:BIAS], read, innovation)
-    update_covariance(_covariance(data, estimate), innovation, data.inverse, noise, error)
-    _correct(data, error, estimate)
-
-
-@called
-def update_direction(
-    data: FlexibleNumbers,
-    estimate: Vector,
-    read: Vector,
-    inertial: Vector,
-    sigma: float,
-    innovation: Vector,
-) -> None:
-    """Correct the belief by a measured direction, and write the innovation (2,)."""
-    error, noise, inverse = np.empty(len(data.first)), np.zeros((2, 2)), data.inverse
-    by_rotation, jacobian = np.empty((2, 3)), np.zeros((2, 3))
-    compare_direction(estimate[:BIAS], read, inertial, innovation, by_rotation)
-    for i in range(2):
-        noise[i, i] = sigma**2
-        for j in range(3):
-            for n in range(3):
-                jacobian[i, j] += by_rotation[i, n] * inverse[n, j]
-    update_covariance(_covariance(data, estimate), innovation, jacobian, noise, error)
-    _correct(data, error, estimate)
-
-
-@called
-def rate_of(data: FlexibleNumbers, estimate: Vector) -> Vector:
-    """Return the body rate that is believed, (3,) [rad/s]."""
-    rate, of_v, first = np.zeros(3), data.rate, MODES + len(data.moved) - len(data.start)
-    for i in range(3):
-        for j in range(of_v.shape[1]):
-            rate[i] += of_v[i, j] * estimate[first + j]
-    return rate
+    return nis
 
 
 @called
@@ -185,30 +137,6 @@ def _product(jacobian: Matrix, rows: Matrix) -> Matrix:
             for j in range(rows.shape[1]):
                 out[i, j] += jacobian[i, n] * rows[n, j]
     return out
-
-
-@called
-def _covariance(data: FlexibleNumbers, estimate: Vector) -> Matrix:
-    errors = len(data.first)
-    return estimate[estimate.size - errors**2 :].reshape((errors, errors))
-
-
-@called
-def _correct(data: FlexibleNumbers, error: Vector, estimate: Vector) -> None:
-    """Move what is believed by an error; the covariance stays."""
-    x, y, z, inverse, motion = 0.0, 0.0, 0.0, data.inverse, data.moved
-    for j in range(3):
-        x += inverse[0, j] * error[j]
-        y += inverse[1, j] * error[j]
-        z += inverse[2, j] * error[j]
-        estimate[BIAS + j] += error[3 + j]
-    before = (estimate[0], estimate[1], estimate[2], estimate[3])
-    estimate[0], estimate[1], estimate[2], estimate[3] = rotate(before, x, y, z)
-    for i in range(len(motion)):
-        total = 0.0
-        for j in range(error.size):
-            total += motion[i, j] * error[j]
-        estimate[MODES + i] += total
 
 
 @called

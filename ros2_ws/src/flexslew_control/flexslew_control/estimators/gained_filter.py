@@ -4,11 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.estimators.kalman import (
-    KalmanFilter,
+from flexslew_control.estimators.kalman import KalmanFilter
+from flexslew_control.estimators.prediction import (
+    error_transition,
+    first_gain,
     gain_of,
     innovation_variance,
-    predicted_covariance,
 )
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds.model import Model
@@ -52,20 +53,17 @@ def gain_filter(estimator: KalmanFilter, ticks: int) -> GainFilter | None:
         g[: k - d] = np.array([model.advance(0.0 * states[0], u, period) for u in efforts]).T
         f[: k - d, k - d :] = g[: k - d, :d]
     dx, du = model.jacobian(np.zeros(k - d), np.zeros(m))
+    transition = f if linear else error_transition(dx, du[:, :d], period)
     gains, p = np.zeros((ticks, k, len(constants.c))), constants.first
     variance = np.empty((ticks, len(constants.c)))
     variance[0] = innovation_variance(p, constants.c, constants.r)
     for tick in range(1, ticks):
-        if linear:
-            prior = f @ p @ f.T + constants.q
-        else:
-            prior = predicted_covariance(dx, du[:, :d], p, constants.q, period)
+        prior = transition @ p @ transition.T + constants.q
         gains[tick], after = gain_of(prior, constants.c, constants.r)
         variance[tick] = innovation_variance(prior, constants.c, constants.r)
         if np.array_equal(after, p):  # it is stationary
             gains[tick + 1 :], variance[tick + 1 :] = gains[tick], variance[tick]
             break
         p = after
-    start = np.zeros((k, len(constants.c)))
-    start[:m, :m], start[n : n + m, m : 2 * m] = np.eye(m), np.eye(m)
+    start = first_gain(len(constants.c), n, k)
     return GainFilter(start, f, g, constants.c, origin, gains, variance)

@@ -12,8 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from flexslew_control.estimators.attitude_estimator import LEAST, AttitudeEstimator
+from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
 from flexslew_control.estimators.attitude_filter import RigidFilter
+from flexslew_control.estimators.attitude_steps import BIAS, MODES
+from flexslew_control.estimators.attitude_tick import LEAST
 from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate, Reference
 from flexslew_plant.arrays import Matrix, Vector
@@ -99,7 +101,8 @@ class InstrumentSimulator:
         it, estimate = self.inner, self.inner._filter_estimate
         f, static = np.eye(6), estimate._replace(covariance=np.zeros((6, 6)))
         f[:3, 3:] = -it.period * np.eye(3)
-        q = it.filter.propagate(static, estimate.bias, np.zeros(0)).belief.covariance
+        bias = estimate.state[BIAS:MODES]
+        q = it.filter.propagate(static, bias, np.zeros(0)).estimate.covariance
         rows, variances = [], []
         for tracker in it.trackers:
             noise = it.settings.noise_factor**2 * tracker.covariance + LEAST**2 * np.eye(3)
@@ -107,10 +110,7 @@ class InstrumentSimulator:
             rows.append(axes.T)
             variances.append(sizes)
         c, r = np.hstack((np.vstack(rows), np.zeros((3 * len(rows), 3)))), np.concatenate(variances)
-        prior = later_covariance(f, q, c, r, f @ estimate.covariance @ f.T + q, doublings)
-        gain = np.linalg.solve(c @ prior @ c.T + np.diag(r), c @ prior).T
-        after = prior - gain @ c @ prior
-        return np.asarray(0.5 * (after + after.T))
+        return later_covariance(f, q, c, r, f @ estimate.covariance @ f.T + q, doublings)[1]
 
 
 def with_sensors(estimator: AttitudeEstimator) -> InstrumentSimulator:

@@ -7,7 +7,13 @@ import numpy as np
 from scipy.linalg import LinAlgError, expm
 
 from flexslew_control.estimators.later_covariance import later_covariance
-from flexslew_control.held_step import exponential_step
+from flexslew_control.estimators.prediction import (
+    error_transition,
+    first_state,
+    innovation_variance,
+    kalman_prediction,
+    measurement_update,
+)
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import (
     LinearDesignModel,
@@ -17,7 +23,7 @@ from flexslew_control.linear_design import (
 )
 from flexslew_control.riccati import continuous_riccati, discrete_riccati
 from flexslew_control.zero_order_hold import zero_order_hold
-from flexslew_plant.arrays import Matrix, Vector, compiled_once
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -51,7 +57,6 @@ class FilterSettings:
 
 
 _WALK = 10.0  # of a disturbance unless it is given [N m/sqrt(s)]
-_SLOW = 1.0 / 16.0  # what modes turn in a tick at most, for a series of second order [rad]
 
 
 def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:
@@ -95,106 +100,6 @@ def discrete_model(a: Matrix, b: Matrix, noise: Matrix, dt: float) -> tuple[Matr
     van_loan = expm(pair * dt)
     q = van_loan[k:, k:].T @ van_loan[:k, k:]
     return *zero_order_hold(a, b, dt), 0.5 * (q + q.T)
-
-
-@compiled_once()
-def error_transition(dx: Matrix, du: Matrix, dt: float) -> Matrix:
-    """Return F = exp(J dt) with J = [[df/dx, df/du], [0, 0]].
-
-    Where modes turn by less than _SLOW in a tick it is I + J dt + (J dt)^2 / 2: their variances are
-    then right within one per cent, however little noise a filter believes them to have.
-
-    Args:
-        dx: df/dx, shape (2 n, 2 n).
-        du: df/dd, the efforts' columns, as disturbances add to the efforts, shape (2 n, d).
-        dt: one tick [s].
-    """
-    k, d = du.shape
-    j = np.zeros((k + d, k + d))
-    square = 0.0  # of what modes turn in a tick, at least; the same in all units
-    for row in range(k):
-        for column in range(k):
-            j[row, column] = dx[row, column] * dt
-            square += 0.5 * abs(dx[row, column] * dx[column, row]) * dt**2
-        for column in range(d):
-            j[row, k + column] = du[row, column] * dt
-    if square < _SLOW**2:
-        return np.eye(k + d) + j + 0.5 * (j @ j)
-    step, f = j[:k].copy(), np.eye(k + d)
-    exponential_step(step)
-    for row in range(k):
-        for column in range(k + d):
-            f[row, column] = step[row, column]
-    return f
-
-
-@compiled_once()
-def predicted_covariance(
-    dx: Matrix, du: Matrix, covariance: Matrix, noise: Matrix, dt: float
-) -> Matrix:
-    """Return F P F^T + Q, see error_transition.
-
-    Args:
-        dx, du: as there.
-        covariance: P, shape (2 n + d, 2 n + d).
-        noise: Q of one tick, same shape.
-        dt: one tick [s].
-    """
-    f = error_transition(dx, du, dt)
-    return f @ covariance @ f.T + noise
-
-
-@compiled_once()
-def measurement_update(
-    x: Vector, covariance: Matrix, y: Vector, c: Matrix, r: Vector
-) -> tuple[Vector, Matrix, Vector, float]:
-    """Return x and P after the measurement, the innovation y - C x, and its NIS.
-
-    One scalar output after the other, which is exact as the sensors' noises are independent;
-    the squares of the scalar innovations over their variances add up to e^T S^-1 e.
-
-    Args:
-        x: predicted state, shape (k,).
-        covariance: P, shape (k, k).
-        y: outputs, shape (l,).
-        c: shape (l, k).
-        r: variances of the sensors, shape (l,).
-    """
-    x, p = x.copy(), covariance.copy()
-    k = x.size
-    innovation, gain = y.copy(), np.empty(k)
-    for i in range(y.size):  # loops: BLAS takes three times as long for so few numbers
-        for a in range(k):
-            innovation[i] -= c[i, a] * x[a]
-    nis = 0.0
-    for i in range(y.size):
-        s, e = 0.0, 0.0
-        for a in range(k):
-            gain[a] = 0.0
-            for b in range(k):
-                gain[a] += p[a, b] * c[i, b]
-        for a in range(k):
-            s += c[i, a] * gain[a]
-            e += c[i, a] * x[a]
-        s, e = r[i] + s, y[i] - e
-        nis += e * e / s
-        for a in range(k):
-            x[a] += gain[a] * e / s
-            for b in range(k):
-                p[a, b] -= gain[a] * gain[b] / s
-    return x, 0.5 * (p + p.T), innovation, nis
-
-
-def gain_of(covariance: Matrix, c: Matrix, r: Vector) -> tuple[Matrix, Matrix]:
-    """Return what a measurement is multiplied by, shape (k, l), and P after it; see corrected."""
-    zero = np.zeros(len(covariance))
-    columns = [measurement_update(zero, covariance, e, c, r) for e in np.eye(len(c))]
-    return np.array([x for x, *_ in columns]).T, columns[0][1]
-
-
-def innovation_variance(covariance: Matrix, c: Matrix, r: Vector) -> Vector:
-    """Return the diagonal of C P C^T + R of a predicted covariance P, shape (l,)."""
-    return np.asarray(np.einsum("ij,jk,ik->i", c, covariance, c) + r, dtype=np.float64)
 
 
 class FilterMatrices(NamedTuple):
@@ -282,6 +187,11 @@ class KalmanFilter:
         self._p0 = np.diag(np.square(np.array(first + [s.initial_disturbance] * d)))
         if s.prediction == "nonlinear" and isinstance(model, Model):
             self._require_resolved()
+        self._predict = kalman_prediction(
+            n,
+            lambda _, x, effort, t: model.jacobian(x, effort, t=t),
+            lambda _, x, effort, dt, t: model.advance(x, effort, dt, t=t),
+        )
 
     def _require_resolved(self) -> None:
         """Check that one step of the equations of motion over a tick follows what it believes.
@@ -326,10 +236,8 @@ class KalmanFilter:
 
     def reset(self, measurement: Measurement) -> None:
         """Start from the measured joints, straight appendages and no disturbance."""
-        n, m = self.model.coordinates, self.model.joints
-        self._x = np.zeros(len(self._p0))
-        self._x[:m] = measurement.joint_position
-        self._x[n : n + m] = measurement.joint_velocity
+        y = outputs(measurement, len(self._c))
+        self._x = first_state(y, self.model.coordinates, len(self._p0))
         self._p = self._p0.copy()
         self._prior = self._p
         self._tick = measurement.tick
@@ -350,8 +258,8 @@ class KalmanFilter:
         """Let the covariance become that of 2^doublings ticks later at rest, and return it."""
         nonlinear = self.settings.prediction == "nonlinear"
         f = self._transition(self._x) if nonlinear else self._f
-        self._prior = later_covariance(f, self._q, self._c, self._r, self._prior, doublings)
-        self._p = measurement_update(self._x, self._prior, self._c @ self._x, self._c, self._r)[1]
+        given = self._q, self._c, self._r, self._prior, doublings
+        self._prior, self._p = later_covariance(f, *given)
         self._last = self._last._replace(covariance=self._p)
         return self._p
 
@@ -364,13 +272,8 @@ class KalmanFilter:
         if self.settings.prediction == "linear":
             x = self._origin + self._f @ (self._x - self._origin) + self._g @ effort
             return x, self._f @ self._p @ self._f.T + self._q
-        k = 2 * self.model.coordinates
-        state, d = self._x[:k], self._x[k:]
-        total = effort + d if d.size else effort
-        dx, du = self.model.jacobian(state, total, t=t)
-        p = predicted_covariance(dx, du[:, : d.size], self._p, self._q, self.period)
-        state = self.model.advance(state, total, self.period, t=t)
-        return np.concatenate((state, d)), p
+        given = self._q, self._x, self._p, effort, t, self.period
+        return self._predict(EMPTY, *given)
 
     def _estimate(self, innovation: Vector, nis: float) -> Estimate:
         n = self.model.coordinates

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from flexslew_control.estimators.prediction import measurement_update
 from flexslew_plant.arrays import Matrix, Vector
 
 
 def later_covariance(
     f: Matrix, q: Matrix, c: Matrix, r: Vector, prior: Matrix, doublings: int
-) -> Matrix:
-    """Return what the predicted covariance is 2^doublings ticks later.
+) -> tuple[Matrix, Matrix]:
+    """Return the predicted covariance 2^doublings ticks later, and that after its measurement.
 
     One tick is P -> H + A^T P (I + G P)^-1 A with A = F^T, G = C^T R^-1 C and H = Q; two ticks
     are a map of the same form: structure-preserving doubling (E. K.-W. Chu, H.-Y. Fan, W.-W. Lin
@@ -33,7 +34,8 @@ def later_covariance(
             g + _symmetric(a @ inverse @ g @ a.T),
             h + _symmetric(a.T @ h @ inverse @ a),
         )
-    return h + _symmetric(a.T @ prior @ np.linalg.solve(eye + g @ prior, a))
+    later = h + _symmetric(a.T @ prior @ np.linalg.solve(eye + g @ prior, a))
+    return later, measurement_update(np.zeros(len(f)), later, np.zeros(len(c)), c, r)[1]
 
 
 def _symmetric(p: Matrix) -> Matrix:

@@ -5,14 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.estimators.kalman import (
-    FilterSettings,
-    KalmanFilter,
+from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
+from flexslew_control.estimators.later_covariance import later_covariance
+from flexslew_control.estimators.prediction import (
+    first_gain,
+    first_state,
     gain_of,
     innovation_variance,
     measurement_update,
 )
-from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.rate_dependent_platform import RateDependentPlatform
 from flexslew_control.zero_order_hold import zero_order_hold
@@ -69,13 +70,11 @@ class RotationFilter:
     def reset(self, measurement: Measurement) -> None:
         """Start from the measured joints, the modes of the plan and no disturbance."""
         reference = self._reference(measurement)
-        n, m = self.platform.small.coordinates, self.platform.small.joints
         self._p = self._prior = self.static.matrices.first.copy()
-        self._x = np.zeros(len(self._p))
-        self._x[:m] = measurement.joint_position - reference.position
-        self._x[n : n + m] = measurement.joint_velocity - reference.velocity
+        y = _deviation(measurement, reference)
+        self._x = first_state(y, self.platform.small.coordinates, len(self._p))
         self._tick, self._before = measurement.tick, reference
-        self._last = self._estimate(reference, np.zeros(2 * m), 0.0)
+        self._last = self._estimate(reference, np.zeros(y.size), 0.0)
 
     def update(self, measurement: Measurement) -> Estimate:
         """Return the estimate at this tick, with innovation, covariance of [e, e', d] and NIS."""
@@ -86,12 +85,7 @@ class RotationFilter:
         f, g = self._step(before.velocity)
         x = f @ self._x + g @ (measurement.applied_effort - before.effort)
         p = f @ self._p @ f.T + self.static.matrices.q
-        y = np.concatenate(
-            (
-                measurement.joint_position - reference.position,
-                measurement.joint_velocity - reference.velocity,
-            )
-        )
+        y = _deviation(measurement, reference)
         constant = self.static.matrices
         self._x, self._p, innovation, nis = measurement_update(x, p, y, constant.c, constant.r)
         self._prior, self._tick, self._before = p, measurement.tick, reference
@@ -106,7 +100,7 @@ class RotationFilter:
         found = FilterAlong(
             np.empty((ticks, k, k)), np.empty((ticks, k, m)), np.zeros((ticks, k, outputs))
         )
-        found.gains[0, :m, :m], found.gains[0, n : n + m, m:] = np.eye(m), np.eye(m)
+        found.gains[0] = first_gain(outputs, n, k)
         velocities = np.array([reference.velocity for reference in references])
         changes = np.flatnonzero((velocities[1:] != velocities[:-1]).any(axis=1))
         last_change = int(changes[-1]) + 1 if changes.size else 0  # the rates are those of the end
@@ -127,8 +121,7 @@ class RotationFilter:
     def settle(self, doublings: int) -> Matrix:
         """Let the covariance become that of 2^doublings ticks later at rest, and return it."""
         f, c, q, r = self._step(np.zeros(self.platform.small.joints))[0], *self._noise
-        self._prior = later_covariance(f, q, c, r, self._prior, doublings)
-        self._p = measurement_update(self._x, self._prior, c @ self._x, c, r)[1]
+        self._prior, self._p = later_covariance(f, q, c, r, self._prior, doublings)
         self._last = self._last._replace(covariance=self._p)
         return self._p
 
@@ -165,6 +158,12 @@ class RotationFilter:
         position[:m] += reference.position
         velocity[:m] += reference.velocity
         return Estimate(position, velocity, self._x[2 * n :], self._p, innovation, nis)
+
+
+def _deviation(measurement: Measurement, reference: Reference) -> Vector:
+    """Return positions, then rates of the joints from the reference."""
+    off = measurement.joint_position - reference.position
+    return np.concatenate((off, measurement.joint_velocity - reference.velocity))
 
 
 def rotation_filter(

@@ -12,7 +12,7 @@ from flexslew_control.law import Estimate
 from flexslew_control.linear_design import require_observable
 from flexslew_control.riccati import discrete_riccati
 from flexslew_control.small_motion import SmallMotion
-from flexslew_plant.arrays import Matrix, Vector, compiled_once
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled_once
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import Positive, section
@@ -58,40 +58,43 @@ class InverseObserver:
 
 
 class MotionConstants(NamedTuple):
-    """The constants of a SmallMotionObserver, for n coordinates and m joints."""
+    """The constants of SmallMotionObservers, for n coordinates and m joints, a row for each."""
 
-    packed: Vector  # numbers of the equations
-    gain: Matrix  # from innovations of positions and rates to (x, x'), (2 n, 2 m)
-    rest: Vector  # q, (positions,)
-    small: Matrix  # from q - rest to x, (n, positions)
+    packed: Matrix  # numbers of the equations, (observers, size)
+    gain: Tensor  # L over L', from innovations to (x, x'), (observers, 2 n, 2 m)
+    rest: Matrix  # q, (observers, positions)
+    small: Tensor  # from q - rest to x, (observers, n, positions)
 
 
-@compiled_once("state", "estimate")
+@compiled_once("state", "estimate", "innovation")
 def take_in(
     kernels: Kernels,
-    packed: Vector,
-    gain: Matrix,
-    rest: Vector,
-    small: Matrix,
-    innovation: Vector,
+    constants: MotionConstants,
+    row: int,
+    y: Vector,
     state: Vector,
     estimate: Vector,
+    innovation: Vector,
 ) -> None:
-    """Correct a state [q, v] by an innovation, and write the estimate (x, x') then.
+    """Correct a predicted state [q, v] by readings, and write the estimate (x, x') then.
 
     q+ = q + N(q) L e, with a quaternion of length one again, and v+ = v + L' e.
 
     Args:
         kernels: the equations.
-        packed: of the MotionConstants, as the three that follow.
-        gain: L over L'.
-        rest: q.
-        small: from q - rest to x.
-        innovation: e, of positions, then of rates, shape (2 m,).
+        constants: of the observers.
+        row: of the one that it is.
+        y: positions of the joints, then rates, shape (2 m,).
         state: in and out, shape (positions + n,).
         estimate: out, shape (2 n,).
+        innovation: out, e, shape (2 m,).
     """
+    packed, gain, rest = constants.packed[row], constants.gain[row], constants.rest[row]
+    small, m = constants.small[row], y.size // 2
     n, positions = small.shape
+    interface.reading(kernels, packed, state, innovation[:m], innovation[m:])
+    for i in range(y.size):
+        innovation[i] = y[i] - innovation[i]
     shift, along = state.copy(), np.empty(state.size)
     for i in range(2 * n):
         step = 0.0
@@ -132,13 +135,13 @@ class SmallMotionObserver:
     _last: Estimate = field(init=False)
 
     @cached_property
-    def belief(self) -> MotionConstants:
-        """What does not change while it runs."""
+    def constants(self) -> MotionConstants:
+        """The constants of its step, one row."""
         model, rest = self.motion.model, self.motion.rest
         small = model.position_rates(rest).T.copy()
         if model.positions > model.coordinates:
             small[3:6] *= 4.0  # q of a small turn: half the turn
-        return MotionConstants(model.packed, self.gain, rest, small)
+        return MotionConstants(model.packed[None], self.gain[None], rest[None], small[None])
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest, appendages straight, and take in the first readings."""
@@ -158,14 +161,11 @@ class SmallMotionObserver:
         return self._last
 
     def _correct(self, measurement: Measurement) -> None:
-        model = self.motion.model
-        predicted, rate = model.joint_state(self._x)
-        innovation = np.concatenate(
-            (measurement.joint_position - predicted, measurement.joint_velocity - rate)
-        )
-        found = np.empty(2 * model.coordinates)
-        take_in(model.kernels, *self.belief, innovation, self._x, found)
-        x, rates = np.split(found, 2)
+        y = np.concatenate((measurement.joint_position, measurement.joint_velocity))
+        estimate, innovation = np.empty(2 * self.motion.model.coordinates), np.empty(y.size)
+        kernels = self.motion.model.kernels
+        take_in(kernels, self.constants, 0, y, self._x, estimate, innovation)
+        x, rates = np.split(estimate, 2)
         self._last = Estimate(x, rates, _QUIET, _NO_COVARIANCE, innovation)
 
 

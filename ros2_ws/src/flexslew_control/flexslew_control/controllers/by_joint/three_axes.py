@@ -15,7 +15,6 @@ from flexslew_control.allocation import (
 from flexslew_control.controllers.by_joint.gyroscopic import Gyroscopic, gyroscopic
 from flexslew_control.controllers.sampled_loop import SampledPlant, require_sampled_pd
 from flexslew_control.estimators.attitude_estimator import AttitudeEstimator
-from flexslew_control.estimators.attitude_tick import attitude_numbers
 from flexslew_control.estimators.flexible_attitude_tick import flexible_form
 from flexslew_control.law import Estimator, Law, PlantDescription, Reference
 from flexslew_control.linear_form import LinearForm, SharedForm
@@ -149,7 +148,7 @@ def form_on_axes(
     """
     shared = attitude = flexible = None
     if isinstance(estimator, AttitudeEstimator):
-        attitude, flexible = attitude_numbers(estimator), flexible_form(estimator)
+        attitude, flexible = estimator.numbers, flexible_form(estimator)
     wanted = Reference(
         np.array([reference.position for reference in references]),
         np.array([reference.velocity for reference in references]),

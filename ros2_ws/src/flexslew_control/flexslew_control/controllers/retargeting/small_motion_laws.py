@@ -186,6 +186,6 @@ def _on_motion(
         on_outputs = observer._replace(start=observer.start @ read, before=observer.before @ read)
         return observed_form(of_state, of_motion @ read, demand, on_outputs)
     m = demand.shape[1]
-    form = SmallMotionForm(estimator.motion.model, estimator.belief, observer)
+    form = SmallMotionForm(estimator.motion.model, estimator.constants, observer)
     on_all = np.concatenate((of_motion, of_state), axis=-1)
     return observed_form(on_all, np.zeros((m, 2 * m)), demand, form)

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from flexslew_control.controllers.sliding.sliding_surface import LinearSystem
 from flexslew_control.estimators.kalman import outputs
+from flexslew_control.estimators.prediction import first_state, steady_prediction
 from flexslew_control.law import Estimate, LawFailed, Reference, nominal_state
 from flexslew_control.zero_order_hold import zero_order_hold
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Matrix, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.model import Model
 
@@ -143,6 +144,8 @@ class JointsAndModes:
         self._no_effort = np.zeros(m)
         self._step = observer_step(self.system, self.gain, self.period)
         self._feedback: Matrix = self.gain @ self.system.c
+        model = self.model
+        self._predict = steady_prediction(lambda _, z, effort: model.derivative(z, effort))
 
     @property
     def joint_rows(self) -> Mask:
@@ -151,11 +154,8 @@ class JointsAndModes:
 
     def start(self, measurement: Measurement) -> Vector:
         """Return the measured joints with straight appendages at rest."""
-        n, m = self.model.coordinates, self.model.joints
-        z = np.zeros(2 * n)
-        z[:m] = measurement.joint_position
-        z[n : n + m] = measurement.joint_velocity
-        return z
+        n = self.model.coordinates
+        return first_state(self.outputs(measurement), n, 2 * n)
 
     def outputs(self, measurement: Measurement) -> Vector:
         """Return joints, their rates and, if used, the first tip."""
@@ -172,16 +172,7 @@ class JointsAndModes:
         if self.linear:
             y = y - self.system.c @ self.origin
             return self.origin + self._step @ np.concatenate((z - self.origin, effort, y))
-        h = self.period
-        inputs, derivative, feedback = gain @ y, self.model.derivative, self._feedback
-        k1 = derivative(z, effort) + (inputs - feedback @ z)
-        at = z + 0.5 * h * k1
-        k2 = derivative(at, effort) + (inputs - feedback @ at)
-        at = z + 0.5 * h * k2
-        k3 = derivative(at, effort) + (inputs - feedback @ at)
-        at = z + h * k3
-        k4 = derivative(at, effort) + (inputs - feedback @ at)
-        return z + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        return self._predict(EMPTY, z, effort, gain @ y, self._feedback, self.period)
 
     def error_step(self) -> tuple[Matrix, Matrix]:
         """Return what a tick makes of errors and of held sensor noise."""

@@ -17,6 +17,7 @@ from flexslew_control.controllers.sliding.plan_deviation import PlanDeviation
 from flexslew_control.controllers.sliding.sliding_surface import SlidingDesign
 from flexslew_control.estimators.gained_filter import GainFilter
 from flexslew_control.estimators.kalman import KalmanFilter, discrete_model
+from flexslew_control.estimators.prediction import first_gain
 from flexslew_control.estimators.rotation_filter import RotationFilter
 from flexslew_control.law import Estimate, Estimator, Reference
 from flexslew_control.linear_form import (
@@ -26,9 +27,11 @@ from flexslew_control.linear_form import (
     LinearObserver,
     OnModelForm,
     SteadyForm,
+    SurfaceGains,
     kalman_form,
     no_integral,
     observed_form,
+    surface_terms,
 )
 from flexslew_plant.arrays import EMPTY, Matrix, Tensor, Vector
 from flexslew_plant.measurement import Measurement
@@ -152,20 +155,20 @@ class SlidingLaw:
         z = observed.state(estimate)
         nominal, slope = observed.nominal_state(reference)
         drift, inverse = observed.drift(z, reference), observed.effectiveness(z, surface)
-        parts = {
-            "feedforward": inverse @ (surface @ slope),
-            "equivalent": -inverse @ (surface @ drift),
+        gains = SurfaceGains(surface, self.reaching, self._innovation_gain)
+        parts = surface_terms(gains, inverse, slope, drift, estimate.innovation, z - nominal)
+        self.terms = {
+            name: observed.on_bench(effort)
+            for name, effort in zip(_TERMS, parts, strict=True)
+            if self.innovation_term or name != "innovation"
         }
-        if self.innovation_term:
-            parts["innovation"] = -inverse @ (self._innovation_gain @ estimate.innovation)
-        parts["reaching"] = -inverse @ (self.reaching @ (z - nominal))
-        self.terms = {name: observed.on_bench(effort) for name, effort in parts.items()}
         self.terms |= observed.platform(measurement, reference)
         total: Vector = sum(self.terms.values(), start=_ZERO)
         return total
 
 
 _ZERO = np.zeros(())
+_TERMS = ("feedforward", "equivalent", "innovation", "reaching")  # see surface_terms
 
 
 def _of_deviation(law: SlidingLaw, observed: PlanDeviation, references: list[Reference]) -> Tensor:
@@ -244,12 +247,11 @@ def _on_model(
     else:
         return None
     surface, gain, c = law.found.surface, law.found.observer_gain, observed.system.c
-    nominal, slope = observed.nominal_states(references)
-    demand = slope @ surface.T + nominal @ law.reaching.T
+    plan = observed.nominal_states(references)
     m, (outputs, states) = len(surface), c.shape
-    efforts = OnModelForm(found, observed.model, surface, law.reaching, surface @ gain, demand)
-    selection = np.hstack((np.zeros((m, states + outputs)), np.eye(m)))
-    return observed_form(selection, np.zeros((m, outputs)), 0.0 * demand, efforts)
+    efforts = OnModelForm(found, observed.model, surface, law.reaching, surface @ gain, *plan)
+    selection, none = np.hstack((np.zeros((m, states + outputs)), np.eye(m))), np.zeros
+    return observed_form(selection, none((m, outputs)), none((len(references), m)), efforts)
 
 
 def _sampled(observed: JointsAndModes) -> LinearObserver:
@@ -258,8 +260,7 @@ def _sampled(observed: JointsAndModes) -> LinearObserver:
     step = observer_step(observed.system, observed.gain, observed.period)
     k, m, n = len(origin), observed.model.joints, observed.model.coordinates
     a, b, output_gain = step[:, :k], step[:, k : k + m], step[:, k + m :]
-    start = np.zeros((k, len(c)))
-    start[:m, :m], start[n : n + m, m : 2 * m] = np.eye(m), np.eye(m)
+    start = first_gain(len(c), n, k)
     return LinearObserver(
         start, a, b, output_gain, origin - a @ origin - output_gain @ (c @ origin)
     )

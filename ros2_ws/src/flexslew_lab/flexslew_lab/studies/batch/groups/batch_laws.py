@@ -66,9 +66,9 @@ def _kind_of_observer(found: Observer) -> Hashable:
         return model_kind, found.gain.shape
     if isinstance(found, SmallMotionForm):
         output_shapes = tuple(part.shape for part in found.behind)
-        return model_kind, tuple(part.shape for part in found.belief), output_shapes
+        return model_kind, tuple(part.shape for part in found.constants), output_shapes
     known = _kind_of_observer(found.observer)
-    return known and (model_kind, known, found.demand.shape)
+    return known and (model_kind, known, found.nominal.shape)
 
 
 def spacecraft_kernel(form: FlexibleForm) -> BatchKernel:

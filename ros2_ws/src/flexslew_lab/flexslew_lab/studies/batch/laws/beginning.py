@@ -6,25 +6,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.estimators.gained_filter import GainFilter
-from flexslew_control.estimators.kalman_tick import FilterConstants
 from flexslew_control.estimators.small_motion_observer import MotionConstants
 from flexslew_control.linear_form import (
     KalmanForm,
     LinearObserver,
     Observer,
+    OnModelForm,
     SmallMotionForm,
-    SteadyForm,
 )
 from flexslew_lab.studies.batch.groups.batch_laws import by_member
-from flexslew_lab.studies.batch.laws.observers import ObserverStep, gain_filter, kalman, linear
-from flexslew_lab.studies.batch.laws.on_model import (
-    BatchEfforts,
+from flexslew_lab.studies.batch.laws.by_member import (
+    BatchFilter,
+    BatchMotion,
     BatchSteady,
-    observer_with_law,
-    on_model,
+    MemberSizes,
+    kalman,
+    observed_motion,
+    small_motion,
     steady,
 )
-from flexslew_lab.studies.batch.laws.small_motions import BatchMotion, small_motion_observer
+from flexslew_lab.studies.batch.laws.observers import ObserverStep, gain_filter, linear
+from flexslew_lab.studies.batch.laws.on_model import BatchEfforts, on_model
 from flexslew_plant.arrays import Indices, Vector
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 from flexslew_plant.testbeds.kernels import Kernels
@@ -60,22 +62,25 @@ def beginning(found: Observer, observers: Sequence[Any]) -> Beginning:
         filtered = GainFilter(*map(np.ascontiguousarray, found))
         buffer, start_tick = (_zeros(k + outputs), _zeros(k + outputs)), _at_first()
         return Beginning(gain_filter(k), (start_tick, filtered), *buffer, start_tick)
+    if isinstance(found, OnModelForm):
+        first = beginning(found.observer, [one.observer for one in observers])
+        efforts = BatchEfforts(*_stacked((one.model.packed, *one[2:]) for one in observers))
+        step = on_model(*_of(found.model), first.observe, first.z.size)
+        z = np.concatenate((first.z, _zeros(len(found.surface))))
+        return Beginning(step, (first.constants, efforts), z, first.memory)
+    outputs, k = found.output.shape
+    numbers: tuple[Any, ...]
     if isinstance(found, KalmanForm):
-        k, outputs = len(found.matrices.origin), len(found.matrices.c)
-        design_model = FilterConstants(
-            *_stacked((one.model.packed, *one.matrices) for one in observers)
-        )
-        memory = _zeros(k + k * k + outputs)
-        return Beginning(kalman(*_of(found.model)), design_model, _zeros(k + outputs), memory)
-    if isinstance(found, SteadyForm):
-        gains = BatchSteady(*_stacked((one.model.packed, *one[1:]) for one in observers))
-        buffer = _zeros(sum(found.gain.shape)), _zeros(len(found.output))
-        return Beginning(steady(*_of(found.model)), gains, *buffer)
-    first = beginning(found.observer, [one.observer for one in observers])
-    efforts = BatchEfforts(*_stacked((one.model.packed, *one[2:]) for one in observers))
-    observer_step = observer_with_law(first.observe, first.z.size, on_model(*_of(found.model)))
-    z = np.concatenate((first.z, _zeros(len(found.surface))))
-    return Beginning(observer_step, (first.constants, efforts), z, first.memory)
+        sizes = MemberSizes(k + k * k, k + outputs, outputs, found.model.joints, outputs)
+        parts = [(one.model.packed, *one.matrices) for one in observers]
+        kept = ((packed, q, c, r, p) for packed, _, _, q, c, r, _, p in parts)
+        numbers, step = BatchFilter(*_stacked(kept)), kalman(*_of(found.model), sizes)
+    else:
+        sizes = MemberSizes(k + outputs, k + outputs, outputs, found.model.joints, outputs)
+        numbers = BatchSteady(*_stacked((one.model.packed, *one[1:]) for one in observers))
+        step = steady(*_of(found.model), sizes)
+    memory = _zeros(sizes.memory + sizes.variances)
+    return Beginning(step, numbers, _zeros(sizes.estimate), memory)
 
 
 def _of(model: Model) -> tuple[Kernels, int, int]:
@@ -96,15 +101,16 @@ def _stacked(parts: Iterable[tuple[Any, ...]]) -> list[Any]:
 
 
 def _small_motion(first: SmallMotionForm, forms: Sequence[SmallMotionForm]) -> Beginning:
-    model, output_states = first.model, first.behind.constant.shape[-1]
-    n = model.coordinates
-    parts = zip(*(form.belief for form in forms), strict=True)
-    design_models = MotionConstants(*(np.array(part) for part in parts))
-    batch_motion = BatchMotion(design_models, _linear([form.behind for form in forms]))
-    observer_step = small_motion_observer(model.kernels, n, model.before_modes, output_states)
-    memory = np.zeros((model.positions + 3 * n + output_states) * BATCH_WIDTH)
-    buffer = np.zeros((2 * n + output_states) * BATCH_WIDTH)
-    return Beginning(observer_step, (_at_first(), batch_motion), buffer, memory)
+    model, states = first.model, first.behind.constant.shape[-1]
+    n, outputs = model.coordinates, first.constants.gain.shape[2]
+    sizes = MemberSizes(model.positions + n, 2 * n, outputs, model.joints, 0)
+    parts = zip(*(form.constants for form in forms), strict=True)
+    constants = MotionConstants(*(np.concatenate(part) for part in parts))
+    batch = BatchMotion(constants, _linear([form.behind for form in forms]))
+    motion = small_motion(model.kernels, model.before_modes, sizes)
+    step = observed_motion(motion, sizes, states)
+    memory = _zeros(sizes.memory + sizes.estimate + states)
+    return Beginning(step, (_at_first(), batch), _zeros(sizes.estimate + states), memory)
 
 
 def _linear(observers: Sequence[LinearObserver]) -> LinearObserver:

@@ -7,19 +7,10 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias, cast
 
-import numpy as np
-
 from flexslew_control.estimators.gained_filter import GainFilter
-from flexslew_control.estimators.kalman_tick import FilterConstants, kalman_tick, write_variance
 from flexslew_control.linear_form import LinearObserver
-from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, compiled, vectorised
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, vectorised
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
-from flexslew_plant.testbeds.kernels import Kernels
-
-# (k, t, dt, constants, Signals, z, memory, filled): takes z to tick k at t [s], at least in the
-# first `filled` members; where z has an innovation, its variances stand at the end of the memory.
-# Of those that may start again in flight the constants are (the tick at which they did, (1,); ...)
-ObserverStep: TypeAlias = Callable[..., None]
 
 
 class BatchSignals(NamedTuple):
@@ -29,6 +20,14 @@ class BatchSignals(NamedTuple):
     previous: Vector  # of the one before
     effort: Vector  # that was held in between
     demand: Vector  # of the law for it, within the limits
+
+
+# (k, t, dt, constants, Signals, z, memory, filled): takes z to tick k at t [s], at least in the
+# first `filled` members; where z has an innovation, its variances stand at the end of the memory.
+# Of those that may start again in flight the constants are (the tick at which they did, (1,); ...)
+ObserverStep: TypeAlias = Callable[
+    [int, float, float, Any, BatchSignals, Vector, Vector, int], None
+]
 
 
 @vectorised
@@ -174,72 +173,5 @@ def gain_filter(states: int) -> ObserverStep:
             innovation[i] = signals.y[i]
         _add_product(law.output, prediction, innovation)
         _add_product(law.gains[elapsed], innovation, x)
-
-    return cast(ObserverStep, observer_step)
-
-
-@lru_cache
-def kalman(kernels: Kernels, before: int, n: int) -> ObserverStep:
-    """Return the Kalman filter that predicts by equations, member after member as on the bench.
-
-    Its constants are a FilterConstants with an axis for members in front; one entry serves all.
-
-    Args:
-        kernels: the equations that it believes in.
-        before: coordinates before the modes.
-        n: coordinates.
-    """
-    tick = kalman_tick(kernels, n, before, False)
-
-    @compiled
-    def observer_step(
-        k: int,
-        t: float,
-        dt: float,
-        design_models: FilterConstants,
-        signals: BatchSignals,
-        z: Vector,
-        memory: Vector,
-        filled: int,
-    ) -> None:
-        members, outputs, states = design_models.c.shape
-        m, each = design_models.g.shape[2], states + states * states
-        read, effort, innovation = np.empty(outputs), np.empty(m), np.zeros(outputs)
-        variance = np.empty(outputs)
-        for member in range(filled):
-            one = member if members > 1 else 0
-            member_memory = memory[member * each : (member + 1) * each]
-            x, p = member_memory[:states], member_memory[states:].reshape((states, states))
-            for i in range(outputs):
-                read[i] = signals.y[i * BATCH_WIDTH + member]
-            for i in range(m):
-                effort[i] = signals.effort[i * BATCH_WIDTH + member]
-            # after a reading that was no number it starts again, with one that is
-            if k == 0 or (not np.isfinite(x).all() and np.isfinite(read).all()):
-                x[:] = 0.0
-                innovation[:] = 0.0
-                for i in range(m):
-                    x[i], x[n + i] = read[i], read[m + i]
-                for i in range(states):
-                    for j in range(states):
-                        p[i, j] = design_models.first[one, i, j]
-                write_variance(p, design_models.c[one], design_models.r[one], variance)
-            else:
-                design_model = FilterConstants(
-                    design_models.packed[one],
-                    design_models.f[one],
-                    design_models.g[one],
-                    design_models.q[one],
-                    design_models.c[one],
-                    design_models.r[one],
-                    design_models.origin[one],
-                    design_models.first[one],
-                )
-                tick(design_model, t - dt, dt, effort, read, x, p, innovation, variance)
-            for i in range(states):
-                z[i * BATCH_WIDTH + member] = x[i]
-            for i in range(outputs):
-                z[(states + i) * BATCH_WIDTH + member] = innovation[i]
-                memory[(each + i) * BATCH_WIDTH + member] = variance[i]
 
     return cast(ObserverStep, observer_step)

@@ -29,12 +29,9 @@ def _innovations_of(observer: Observer) -> tuple[int, int] | None:
     """Return in which row of z the innovation begins, and how many there are; None: not there."""
     if isinstance(observer, OnModelForm):
         return _innovations_of(observer.observer)
-    if isinstance(observer, KalmanForm):
-        outputs, states = observer.matrices.c.shape
-    elif isinstance(observer, GainFilter | SteadyForm):
-        outputs, states = observer.output.shape
-    else:
+    if not isinstance(observer, KalmanForm | GainFilter | SteadyForm):
         return None
+    outputs, states = observer.output.shape
     return states, outputs
 
 
