@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.hardware.sensors import Channel, Readings, Sensors, SensorSettings
+from flexslew_plant.hardware.sensor_step import nearest_multiple
+from flexslew_plant.hardware.sensors import (
+    Channel,
+    Readings,
+    Sensors,
+    SensorSettings,
+    sensor_numbers,
+)
+from flexslew_plant.testbeds import default_testbed
 
 TRUTH = Readings(
     np.array([0.3, -0.2]), np.array([0.01, 0.02]), np.array([0.5, -0.5]), np.array([1e-3, -1e-3])
@@ -12,7 +20,7 @@ TRUTH = Readings(
 
 
 def sensors(seed: int = 1, /, **channels: Channel) -> Sensors:
-    return Sensors(SensorSettings(**channels), np.random.default_rng(seed))
+    return Sensors(SensorSettings(**channels), default_testbed().model(), 0.01, [seed])
 
 
 def test_by_default_the_truth_itself_is_read() -> None:
@@ -30,6 +38,25 @@ def test_a_bias_shifts_its_own_channel_only(name: Any) -> None:
 def test_readings_are_multiples_of_the_quantum() -> None:
     read = sensors(joint_position=Channel(quantisation=0.07)).read(TRUTH)
     np.testing.assert_allclose(read.joint_position, [0.28, -0.21])
+
+
+def test_a_value_keeps_its_multiple_up_to_its_margin() -> None:
+    rng = np.random.default_rng(2)
+    for value, quantum in zip(
+        rng.standard_normal(200), 10.0 ** rng.uniform(-3, 1, 200), strict=True
+    ):
+        multiple, margin = nearest_multiple(value, quantum)
+        within = {nearest_multiple(value + by * margin, quantum)[0] for by in (-0.99, 0.99)}
+        beyond = {nearest_multiple(value + by * margin, quantum)[0] for by in (-1.01, 1.01)}
+        assert within == {multiple} < beyond | {multiple}
+
+
+def test_noises_of_many_ticks_are_those_of_one_tick_after_another() -> None:
+    settings = SensorSettings(joint_velocity=Channel(noise=0.1), root_curvature=Channel(noise=2.0))
+    numbers = sensor_numbers(settings, default_testbed().model())
+    many, single = (np.random.default_rng(5) for _ in range(2))
+    rows = [numbers.draw(single, 1)[0] for _ in range(50)]
+    np.testing.assert_array_equal(numbers.draw(many, 50), rows)
 
 
 def test_noise_has_its_deviation_and_no_mean() -> None:

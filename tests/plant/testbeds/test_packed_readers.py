@@ -174,9 +174,8 @@ def test_instruments_read_what_their_equations_say_of_the_same_random_numbers(se
     for start in range(0, TICKS, 70):  # drawn chunk after chunk
         rows = packed.draw(70)
         for k in range(start, min(start + 70, TICKS)):
-            read_instruments(
-                k, packed.layout, packed.constants, bodies[k], rows[k - start], memory, tips[k]
-            )
+            body, drawn = np.concatenate(bodies[k]), rows[k - start]
+            read_instruments(k, packed.layout, packed.constants, body, drawn, memory, tips[k])
     ticking = [
         TickReader(one, PERIOD, own)
         for one, own in zip(instruments, streams(sensors, exact), strict=True)

@@ -18,7 +18,7 @@ from flexslew_control.planners.prediction import MAX_MONITOR_TICKS, MIN_MONITOR_
 from flexslew_control.planners.slew import Feedback, Slew
 from flexslew_plant.arrays import Vector, read_only
 from flexslew_plant.errors import BadInput
-from flexslew_plant.hardware.sensors import exact_readings, exact_sensors
+from flexslew_plant.hardware.sensors import Sensors, SensorSettings, exact_readings
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import Testbed, has_initial_rates, initial_state
 from flexslew_plant.testbeds.integration_error import steps_per_tick
@@ -173,7 +173,7 @@ def simulate_on_bench(
         x = start
     elif has_initial_rates(bench):
         x[model.positions :] = initial_state(bench)[model.positions :]
-    sensors = exact_sensors(model, plan.period)
+    sensors = Sensors(SensorSettings(), model, plan.period)
     last = before + int(np.ceil(plan.duration / plan.period - 1e-9))
     poles = model.linearise(rest).eigenvalues
     steps = steps_per_tick(poles, plan.period, plan.duration + MIN_MONITOR_TIME)

@@ -15,6 +15,7 @@ from flexslew_plant.bench.schedule import command_delay_ticks
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import message_of
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
+from flexslew_plant.hardware.sensors import Readings
 from flexslew_plant.keys.units import number_in
 from flexslew_plant.testbeds.model import Model
 
@@ -103,8 +104,7 @@ def _not_in_models(trial: Trial, model: Model) -> list[str]:
         words.append("actuator.coulomb_friction but for its slope at rest, of motors that stick")
     if model.one_way:
         words.append("that thrusters push one way")
-    channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
-    quanta = [key for key in channels if getattr(trial.sensors, key).quantisation]
+    quanta = [key for key in Readings._fields if getattr(trial.sensors, key).quantisation]
     if (errors := model.appendages.errors) is not None:
         quanta += [n for n, step in zip(model.appendages.names, errors[2], strict=True) if step]
     words += [f"quantisation of sensor {name}" for name in quanta]

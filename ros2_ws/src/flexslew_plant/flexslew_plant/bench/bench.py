@@ -148,12 +148,8 @@ class Bench:
         self.actuator.reset()
         self.saturated_ticks = 0
         self.failure = ""  # why the run cannot go on, one line
-        self._sensors = Sensors(
-            self.settings.sensors,
-            np.random.default_rng([self.settings.seed, self.epoch]),
-            self.appendages.errors,
-            self.appendages.started(self.settings.period, [self.settings.seed, self.epoch]),
-        )
+        seed, period = self.settings.seed, self.settings.period
+        self._sensors = Sensors(self.settings.sensors, self.model, period, [seed, self.epoch])
         self._x: Vector = self._start
         self._applied: Vector = read_only(np.zeros(self.model.joints))
         self._extra: Vector = self._applied  # disturbance during the last tick
@@ -163,7 +159,6 @@ class Bench:
         self._tip_warnings: set[int] = set()  # tip readings that have been beyond small deflections
         self._answer: Vector | None = None
         self._lost = False  # the answer of this tick was given, and did not arrive
-        seed, period = self.settings.seed, self.settings.period
         self._injections = Injections(
             self._names, period, seed, self.epoch, self._known_faults, self.tell
         )

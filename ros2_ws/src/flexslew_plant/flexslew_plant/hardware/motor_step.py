@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, called, compiled_once
+from flexslew_plant.hardware.sensor_step import nearest_multiple
 
 WHOLE = 1.0 + 1e-12  # 0.3 / 0.1 is less than 3: a quotient but for rounding
 IMPULSE_ROW, SLEW_ROW, TORQUE_ROW = range(3)  # rows of the memory
@@ -29,11 +30,15 @@ class MotorNumbers(NamedTuple):
 
 
 @called
-def round_effort(effort: float, least: float, limit: float, quantum: float) -> float:
-    """Return the multiple of a quantum that is next to an effort, within the limits [N m or N]."""
-    most = np.floor(limit / quantum * WHOLE)
-    steps = min(max(np.round(effort / quantum), -most), most)
-    return float(min(max(quantum * steps, least), limit))  # 3 times 0.1 is more than 0.3
+def round_effort(effort: float, least: float, limit: float, quantum: float) -> tuple[float, float]:
+    """Return the multiple of a quantum next to an effort, within the limits, and its margin [N m].
+
+    See nearest_multiple for the margin.
+    """
+    most = quantum * np.floor(limit / quantum * WHOLE)
+    multiple, margin = nearest_multiple(effort, quantum)
+    within = min(max(multiple, -most), most)
+    return min(max(within, least), limit), margin  # 3 times 0.1 is more than 0.3
 
 
 @called
@@ -164,7 +169,7 @@ def drive_motors(n: MotorNumbers, demand: Vector, memory: Matrix, out: Vector) -
         effort = min(max(demand[i], n.least[i]), n.limit[i])
         saturated = saturated or effort != demand[i]
         if n.quantum > 0.0:
-            effort = round_effort(effort, n.least[i], n.limit[i], n.quantum)
+            effort, _ = round_effort(effort, n.least[i], n.limit[i], n.quantum)
         if n.impulse[i] > 0.0:
             effort, memory[IMPULSE_ROW, i] = pulse_effort(
                 effort, memory[IMPULSE_ROW, i], n.limit[i], n.impulse[i], n.period

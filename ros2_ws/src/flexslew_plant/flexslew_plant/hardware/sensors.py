@@ -1,12 +1,13 @@
 """Encoders, rate sensors, tip and root sensors: the truth with bias, noise and quantisation."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import EMPTY, Matrix, Vector
+from flexslew_plant.arrays import EMPTY, Vector
+from flexslew_plant.hardware.sensor_step import SensorNumbers, add_errors
 from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds.appendages import InstrumentReader
 from flexslew_plant.testbeds.model import Model
 
 
@@ -55,35 +56,49 @@ def exact_readings(model: Model, x: Vector, effort: Vector, t: float) -> Reading
     return Readings(position, velocity, tip, model.appendages.curvature.dot(modes))
 
 
+def channel_bounds(joints: int, tips: int) -> list[int]:
+    """Return where each channel of Readings begins among all readings, and where the last ends."""
+    return [0, joints, 2 * joints, 2 * joints + tips, 2 * (joints + tips)]
+
+
+def sensor_numbers(settings: SensorSettings, model: Model) -> SensorNumbers:
+    """Return the errors of all sensors of a testbed: of their kinds, then those of single tips."""
+    bounds, own = channel_bounds(model.joints, len(model.appendages.names)), model.appendages.errors
+    place, errors = np.arange(bounds[-1]), np.zeros((3, 0))
+    if settings == SensorSettings():
+        place = place[:0]
+    else:
+        channels = [getattr(settings, name) for name in Readings._fields]
+        each = [(channel.noise, channel.bias, channel.quantisation) for channel in channels]
+        errors = np.repeat(np.array(each).T, np.diff(bounds), axis=1)
+    drawn = errors[0] > 0.0
+    if own is not None and own.any():  # noise is drawn for all tips, also where it is 0
+        place = np.concatenate((place, np.arange(bounds[2], bounds[3])))
+        errors, drawn = np.hstack((errors, own)), np.append(drawn, np.full(own.shape[1], True))
+    column = np.where(drawn, np.cumsum(drawn) - 1, -1)
+    noise, bias, quantum = np.ascontiguousarray(errors)
+    return SensorNumbers(place, bias, quantum, column, noise[drawn])
+
+
 class Sensors:
-    """Turn the truth into readings. The same seed gives the same noise."""
+    """Turn the truth into readings. The same seed gives the same noise.
+
+    Args:
+        settings: errors of every kind of sensor.
+        model: what stands on the bench; its instruments replace their readings among the tips.
+        period: one tick [s].
+        seed: of all noises; None: no errors, but the delays and gaps of instruments.
+    """
 
     def __init__(
-        self,
-        settings: SensorSettings,
-        rng: np.random.Generator,
-        tips: Matrix | None = None,
-        instruments: InstrumentReader | None = None,
+        self, settings: SensorSettings, model: Model, period: float, seed: list[int] | None = None
     ) -> None:
-        """Take the errors.
-
-        Args:
-            settings: settings of every kind of sensor.
-            rng: generator of the noise.
-            tips: noise, bias and quantisation of each tip reading, in its own unit and on top of
-                those of its kind, shape (3, tips); None if unused.
-            instruments: readings of these replace theirs among the tips; None if unused.
-        """
-        self._channels = (
-            settings.joint_position,
-            settings.joint_velocity,
-            settings.tip_deflection,
-            settings.root_curvature,
-        )
-        self._ideal = all(channel == Channel() for channel in self._channels)
-        self._rng = rng
-        self._tips = None if tips is None or not tips.any() else tips
-        self._instruments = instruments
+        self._rng = np.random.default_rng(seed or 0)
+        numbers = sensor_numbers(settings, model)
+        self._numbers = numbers if seed is not None and numbers.place.size else None
+        bounds = channel_bounds(model.joints, len(model.appendages.names))
+        self._channels = [slice(*pair) for pair in pairwise(bounds)]
+        self._instruments = model.appendages.started(period, seed)
 
     def read(self, truth: Readings, x: Vector = EMPTY) -> Readings:
         """Return the sensor readings; a perfect set returns the truth itself.
@@ -92,37 +107,11 @@ class Sensors:
             truth: readings without errors.
             x: state of the testbed, for instruments.
         """
-        readings = self._with_errors(truth)
+        readings = truth
+        if self._numbers is not None:
+            values = np.concatenate(truth)
+            add_errors(self._numbers, self._numbers.draw(self._rng, 1)[0], values)
+            readings = Readings(*(values[channel] for channel in self._channels))
         if self._instruments is None:
             return readings
         return readings._replace(tip_deflection=self._instruments(x, readings.tip_deflection))
-
-    def _with_errors(self, truth: Readings) -> Readings:
-        """Return the readings of all sensors but the instruments."""
-        if not self._ideal:
-            truth = Readings(*map(self._reading, self._channels, truth))
-        if self._tips is None:
-            return truth
-        noise, bias, step = self._tips
-        tip = truth.tip_deflection + bias + noise * self._rng.standard_normal(bias.size)
-        rounded = step * np.round(tip / np.where(step > 0.0, step, 1.0))
-        return truth._replace(tip_deflection=np.where(step > 0.0, rounded, tip))
-
-    def _reading(self, channel: Channel, value: Vector) -> Vector:
-        reading = value + channel.bias
-        if channel.noise:
-            reading = reading + channel.noise * self._rng.standard_normal(value.size)
-        if channel.quantisation:
-            reading = channel.quantisation * np.round(reading / channel.quantisation)
-        return reading
-
-
-def exact_sensors(model: Model, period: float) -> Sensors:
-    """Return sensors without errors, but with the delays and gaps of instruments.
-
-    Args:
-        model: what stands on the bench.
-        period: one tick [s].
-    """
-    instruments = model.appendages.started(period)
-    return Sensors(SensorSettings(), np.random.default_rng(0), instruments=instruments)

@@ -15,7 +15,7 @@ from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import ReferenceManoeuvre
 from flexslew_lab.studies.batch.benches.batch_faults import faults_of
 from flexslew_lab.studies.batch.groups.batch_laws import BatchLaws, by_member
-from flexslew_lab.studies.batch.groups.batch_trial import BatchTrial, read_channels
+from flexslew_lab.studies.batch.groups.batch_trial import BatchTrial
 from flexslew_lab.studies.batch.laws.efforts import Disturbances, LawNumbers
 from flexslew_lab.studies.batch.loop import Schedule
 from flexslew_lab.trial.trial import Trial
@@ -23,6 +23,8 @@ from flexslew_plant.arrays import EMPTY, Matrix, Tensor, Vector, read_only
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.hardware.actuator import minimum_impulse, motor_numbers
 from flexslew_plant.hardware.disturbances import disturbance_effort
+from flexslew_plant.hardware.sensor_step import SensorNumbers
+from flexslew_plant.hardware.sensors import sensor_numbers
 from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
 from flexslew_plant.testbeds.model import Model
 
@@ -226,41 +228,38 @@ def numbers_of(
     )
 
 
-def quanta_of(members: Sequence[BatchTrial], outputs: int) -> Matrix:
-    """Return the quanta of what the law reads, (outputs, BATCH_WIDTH); 0: none."""
-    m, tips = members[0].model.joints, outputs - 2 * members[0].model.joints
-    channels = [read_channels(member.trial) for member in members]
-    steps = np.array([[channel.quantisation for channel in entry] for entry in channels]).T
-    return np.repeat(steps, (m, m, tips), axis=0)
+class SensorErrors(NamedTuple):
+    """The errors of what the law reads."""
+
+    bias: Matrix  # (outputs, BATCH_WIDTH)
+    quantum: Matrix  # (outputs, BATCH_WIDTH)
+    noise: Matrix  # of each tick, (readings, outputs BATCH_WIDTH); without rows: none
 
 
-def errors_of(members: list[BatchTrial], outputs: int, readings: int) -> Matrix:
-    """Return bias and noise of what the law reads, (readings or 1, outputs BATCH_WIDTH)."""
-    m, tips = members[0].model.joints, len(members[0].model.appendages.names)
-    widths = (m, m, tips, tips)
-    channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
-    noisy = any(channel.noise for member in members for channel in read_channels(member.trial))
-    error = np.zeros((readings if noisy else 1, outputs, BATCH_WIDTH))
-    for k, member in enumerate(members):
-        same = not noisy and k > 0 and member.trial.sensors is members[k - 1].trial.sensors
-        if same or (k > 0 and member is members[k - 1]):  # which only fills up
-            error[:, :, k] = error[:, :, k - 1]
-            continue
-        each = [getattr(member.trial.sensors, name) for name in channels]
-        noise_counts = [w if channel.noise else 0 for w, channel in zip(widths, each, strict=True)]
-        noise = np.zeros((0, 0))
-        if noisy:
-            rng = np.random.default_rng([member.trial.seed, 0])  # as Bench.reset, epoch 0
-            entry = member.model.appendages.errors  # of single tips, drawn after those of all
-            more = 0 if entry is None or not entry.any() else tips
-            noise = rng.standard_normal((readings, sum(noise_counts) + more))
-        at, column = 0, 0
-        for width, channel, count in zip(widths, each, noise_counts, strict=True):
-            read = min(width, outputs - at)
-            if read > 0:
-                error[:, at : at + read, k] = channel.bias
-                if count:
-                    each_tick = noise[:, column : column + read]
-                    error[:, at : at + read, k] += channel.noise * each_tick
-            at, column = at + width, column + count
-    return error.reshape(len(error), outputs * BATCH_WIDTH)
+def errors_of(members: Sequence[BatchTrial], outputs: int, readings: int) -> SensorErrors:
+    """Return the errors of what the law reads, of so many ticks."""
+    numbers, constants = list[SensorNumbers](), list[Matrix]()
+    for before, member in zip([None, *members], members, strict=False):
+        if before is None or not _have_same_sensors(before, member):
+            found, each = sensor_numbers(member.trial.sensors, member.model), np.zeros((2, outputs))
+            read = found.place < outputs
+            each[:, found.place[read]] = found.bias[read], found.quantum[read]
+        numbers.append(found)
+        constants.append(each)
+    noisy = any((one.column[one.place < outputs] >= 0).any() for one in numbers)
+    noise = np.zeros((readings if noisy else 0, outputs, BATCH_WIDTH))
+    for k, (member, found) in enumerate(zip(members, numbers, strict=True)):
+        if noisy and k > 0 and member is members[k - 1]:  # which only fills up
+            noise[:, :, k] = noise[:, :, k - 1]
+        elif noisy:
+            drawn = found.draw(np.random.default_rng([member.trial.seed, 0]), readings)  # epoch 0
+            for at, column in zip(found.place, found.column, strict=True):
+                if at < outputs and column >= 0:
+                    noise[:, at, k] = drawn[:, column]
+    bias, quantum = np.moveaxis(np.array(constants), 0, -1)
+    return SensorErrors(bias, quantum, noise.reshape(len(noise), outputs * BATCH_WIDTH))
+
+
+def _have_same_sensors(one: BatchTrial, other: BatchTrial) -> bool:
+    same = one.model.appendages.errors is other.model.appendages.errors
+    return same and one.trial.sensors is other.trial.sensors

@@ -23,7 +23,6 @@ from flexslew_lab.studies.batch.inputs import (
     errors_of,
     numbers_of,
     positions_of,
-    quanta_of,
     tips_measured,
     wheel_rates_of,
 )
@@ -107,7 +106,6 @@ class BatchFlight:
         self._drives = drives_of(self._members)
         self._errors = errors_of(self._members, self._outputs, len(schedule.time))
         self._disturbances = disturbances_of(members, filled, len(schedule.time) - 1)
-        self._quanta = quanta_of(self._members, self._outputs)
         self._sensor_check = sensor_check_of(members)
         self._positions = positions_of(members, schedule)
         self._next = 0  # leg
@@ -196,7 +194,7 @@ class BatchFlight:
             self._schedule,
             self._disturbances,
             numbers,
-            self._errors,
+            self._errors.noise,
             self._sensor_check,
             segment.watch,
             rotation_joints_of(attitude, first.model.joints),
@@ -231,7 +229,7 @@ class BatchFlight:
                 bool(motor.slew_rate),
                 bool(motor.lag),
                 bool(discrete_effort),
-                bool(self._quanta.any()),
+                bool(self._errors.quantum.any()),
                 self._observer.z.size > 0,
                 self._sensor_check is not None,
                 segment.watch.innovations if segment.watch else 0,
@@ -258,9 +256,10 @@ class BatchFlight:
         command = goal_displacement(target[-joints:], error.reshape(joints, BATCH_WIDTH).T)
         w[rows.sign : rows.band] = np.sign(command).T.ravel()
         w[rows.band : rows.law_limit] = settling_band(command).T.ravel()
-        w[rows.limit : rows.quantum] = self._drives.T.ravel()
+        w[rows.limit : rows.bias] = self._drives.T.ravel()
+        w[rows.bias : rows.quantum] = self._errors.bias.ravel()
         if rows.doubt > rows.quantum:
-            w[rows.quantum : rows.doubt] = self._quanta.ravel()
+            w[rows.quantum : rows.doubt] = self._errors.quantum.ravel()
         if appendages.rate is not None:
             w[rows.tip_rate : rows.end] = np.repeat(appendages.rate, BATCH_WIDTH)
         w[rows.outside : rows.terminal] = -np.inf

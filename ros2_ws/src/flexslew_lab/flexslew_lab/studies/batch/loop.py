@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from flexslew_lab.studies.batch.benches.batch_faults import setting_in
 from flexslew_lab.studies.batch.benches.judge import sensor_check_step
-from flexslew_lab.studies.batch.benches.quanta import quantising
-from flexslew_lab.studies.batch.benches.senses import Filter, sensor_step
+from flexslew_lab.studies.batch.benches.readings import sensor_readings, tip_deflection
+from flexslew_lab.studies.batch.benches.senses import Filter, instrument_step
 from flexslew_lab.studies.batch.groups.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.batch.laws.efforts import Disturbances, LawNumbers, LawTerms, efforts_of
 from flexslew_lab.studies.batch.laws.observers import BatchSignals, ObserverStep
@@ -54,16 +54,14 @@ def batch_loop(
 ) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, Troubles, LawNumbers, error, SensorCheck, Watch, turned,
-    Senses,
-    BatchForces, BatchFriction, observer, z, memory, filled, first, last, record, draws): w of
-    batch_kernel.Advance with the rows of `rows` behind; `error` of the readings, (ticks + 1 or 1,
-    outputs BATCH_WIDTH); RotationJoints, if `reads_attitude`; w, z and memory in and out;
-    `observer` as `observer_step` takes it, which serves the first `filled` members at least; ticks
-    from `first` to before `last`. If
-    `recorded`, the truth goes into `record`, (BATCH_WIDTH, ticks, states + joints), and is measured
-    afterwards; else the loop counts what the metrics need. `draws` are the instruments', (ticks,
-    members, draws).
+    It takes (w, dt, steps, Schedule, Disturbances, LawNumbers, noise, SensorCheck, Watch,
+    RotationJoints, SensorData, external forces, friction, observer, z, memory, filled, first, last,
+    record, draws): w of batch_kernel.Advance with the rows of `rows` behind; `noise` of the
+    readings, (ticks + 1 or 0, outputs BATCH_WIDTH); RotationJoints, if `reads_attitude`; w, z and
+    memory in and out; `observer` as `observer_step` takes it, which serves the first `filled`
+    members at least; ticks from `first` to before `last`. If `recorded`, the truth goes into
+    `record`, (BATCH_WIDTH, ticks, states + joints), and is measured afterwards; else the loop
+    counts what the metrics need. `draws` are the instruments', (ticks, members, draws).
 
     Args:
         kernel: of the testbed.
@@ -77,41 +75,20 @@ def batch_loop(
         has_instruments: whether there are instruments.
         filtered: the filters that estimate the joints; None: there are none.
     """
-    m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
+    m, ny = sizes.joints, sizes.outputs
     rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
     efforts = efforts_of(of_kernel.effort, rows, sizes, terms)
     metrics = (
         _recorded(of_kernel.effort, rows, sizes) if recorded else _measure(of_kernel, rows, sizes)
     )
-    read_joints, position, velocity, mode = kernel.read, *of_kernel[1:4]
+    read_joints, read = kernel.read, sensor_readings(of_kernel, rows, sizes)
     reading, previous, effort, member_demand = rows.reading, rows.previous, rows.applied, rows.own
-    tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
     replace_positions = relative_to_reference(m, rows.reading, reads_attitude and filtered is None)
-    quantise = quantising(rows, sizes)
     compare, watch = sensor_check_step(rows, sizes), innovation_monitor(rows, sizes)
-    kept = ny * BATCH_WIDTH * sizes.needs_previous
     set_in, read_instruments = (
         setting_in(rows, sizes, has_instruments),
-        sensor_step(rows, sizes, has_instruments, filtered),
+        instrument_step(rows, sizes, has_instruments, filtered),
     )
-
-    @vectorised
-    def read(k: int, error: Matrix, w: Vector) -> None:
-        """Write the readings: joints, rates, the first of the tips."""
-        row, rates = k if error.shape[0] > 1 else 0, m * BATCH_WIDTH
-        for i in range(kept):
-            w[previous + i] = w[reading + i]
-        for i in range(m * BATCH_WIDTH):
-            w[reading + i] = w[position + i] + error[row, i]
-            w[reading + rates + i] = w[velocity + i] + error[row, rates + i]
-        for i in range(2 * m, ny):
-            for member in range(BATCH_WIDTH):
-                at = error[row, i * BATCH_WIDTH + member]
-                for j in range(modes):
-                    share = ((i - 2 * m) * modes + j) * BATCH_WIDTH + member
-                    at += w[tip + share] * w[mode + j * BATCH_WIDTH + member]
-                    at += w[tip_rate + share] * w[mode_rate + j * BATCH_WIDTH + member]
-                w[reading + i * BATCH_WIDTH + member] = at
 
     @vectorised
     def loop(
@@ -121,7 +98,7 @@ def batch_loop(
         schedule: Any,
         disturbances: Disturbances,
         law: LawNumbers,
-        error: Matrix,
+        noise: Matrix,
         sensor_check: Any,
         monitor: Any,
         rotation_joints: Any,
@@ -149,8 +126,7 @@ def batch_loop(
             metrics(k, first, schedule, record, w)
             if k == ticks:
                 break
-            read(k, error, w)
-            quantise(w)
+            read(k, noise, w)
             set_in(k, disturbances.faults, w, filled)
             compare(k, dt, sensor_check, w)
             if has_instruments:
@@ -212,31 +188,23 @@ def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., N
 
     Members are the innermost loop: only such loops become vector instructions.
     """
-    m, modes, tips = sizes.joints, sizes.modes, sizes.measured
-    effort, tip, goal, sign, band = rows.applied, rows.tip, rows.goal, rows.sign, rows.band
+    m, tips, deflect = sizes.joints, sizes.measured, tip_deflection(of_kernel, rows, sizes)
+    effort, goal, sign, band = rows.applied, rows.goal, rows.sign, rows.band
     limit, residual_tip, peak_tip = rows.limit, rows.residual_tip, rows.peak_tip
-    tip_deflection, full = rows.deflection, rows.full
+    deflections, full = rows.deflection, rows.full
     residual, overshoot, outside = rows.residual, rows.limit_excess, rows.outside
     peak_effort = rows.peak_effort
     square_sum, saturated = rows.square_sum, rows.saturated
-    _, position, _, mode, _, _ = of_kernel
+    position = of_kernel.position
     finish = _terminal(of_kernel, rows, sizes)
 
     @vectorised
     def count(now: _Moment, w: Vector) -> None:
         time, hold_time, over, started = now.time, now.held, now.over, now.started
         for i in range(tips):
-            first_share = tip + i * modes * BATCH_WIDTH
+            deflect(i, deflections, w)
             for member in range(BATCH_WIDTH):
-                w[tip_deflection + member] = w[first_share + member] * w[mode + member]
-            for j in range(1, modes):
-                share = first_share + j * BATCH_WIDTH
-                for member in range(BATCH_WIDTH):
-                    w[tip_deflection + member] += (
-                        w[share + member] * w[mode + j * BATCH_WIDTH + member]
-                    )
-            for member in range(BATCH_WIDTH):
-                deflection = abs(w[tip_deflection + member])
+                deflection = abs(w[deflections + member])
                 w[peak_tip + member] = max(w[peak_tip + member], deflection)
                 w[residual_tip + member] = max(w[residual_tip + member], over * deflection)
         for i in range(m):

@@ -1,11 +1,11 @@
 """Many trials side by side: the step that a compiled kernel takes for all of them at once."""
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector, vectorised
+from flexslew_plant.arrays import Matrix, Vector, called
 
 BATCH_WIDTH = 64  # trials side by side
 
@@ -58,9 +58,22 @@ def rows_of(states: int, efforts: int, joints: int, modes: int, reads: bool) -> 
     return KernelRows(*(BATCH_WIDTH * place for place in places))
 
 
-@vectorised
-def skip_reading(filled: int, w: Vector) -> None:
-    """Leave the joints where they are: the first entries of q and v."""
+@called
+def skip(*given: Any) -> None:
+    """Do nothing: the part of a tick that a batch does not have."""
+
+
+@called
+def member_rows(w: Vector, first: int, count: int, member: int) -> Vector:
+    """Return a view of some rows of the flat array of one member, shape (count,).
+
+    Args:
+        w: flat array, of which it is a part.
+        first: where the first row begins.
+        count: of the rows.
+        member: index of the member.
+    """
+    return w[first + member : first + member + count * BATCH_WIDTH : BATCH_WIDTH]
 
 
 def flat_zeros(size: int) -> Vector:

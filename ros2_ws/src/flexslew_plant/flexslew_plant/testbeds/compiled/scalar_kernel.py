@@ -4,16 +4,18 @@ No vector instructions, but nothing of Python between two ticks either: for equa
 on what differs from member to member, as on the time of a prescribed turn.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector, compiled, put
 from flexslew_plant.testbeds.compiled.batch_kernel import (
     BATCH_WIDTH,
     BatchKernel,
+    member_rows,
     rows_of,
-    skip_reading,
+    skip,
 )
 from flexslew_plant.testbeds.compiled.bound import bound
 from flexslew_plant.testbeds.kernels import Kernels
@@ -44,23 +46,19 @@ def _kernel(
     read_joints, take = kernels.compiled.get("reading"), bound(kernels, n, m).advance
     states = 2 * n + kernels.extra_positions
     rows = rows_of(states, efforts, joints, modes, read_joints is not None)
-    constants, position, rate = rows.end, rows.position, rows.rate
+    effort_row, position, rate, constants = rows.effort, rows.position, rows.rate, rows.end
 
     @compiled
     def advance(t: float, dt: float, steps: int, filled: int, w: Vector) -> None:
         p, x, effort = np.empty(numbers), np.empty(states), np.empty(efforts)
         for member in range(filled):
-            for i in range(states):
-                x[i] = w[i * BATCH_WIDTH + member]
-            for i in range(efforts):
-                effort[i] = w[(states + i) * BATCH_WIDTH + member]
-            for i in range(numbers):
-                p[i] = w[constants + i * BATCH_WIDTH + member]
+            put(member_rows(w, 0, states, member), x)
+            put(member_rows(w, effort_row, efforts, member), effort)
+            put(member_rows(w, constants, numbers, member), p)
             take(p, t, effort, dt, steps, m, x)
-            for i in range(states):
-                w[i * BATCH_WIDTH + member] = x[i]
+            put(x, member_rows(w, 0, states, member))
 
-    read = skip_reading
+    read: Callable[[int, Vector], None] = skip
     if read_joints is not None:
 
         @compiled
@@ -68,14 +66,11 @@ def _kernel(
             p, x = np.empty(numbers), np.empty(states)
             at, joint_rate = np.empty(joints), np.empty(joints)
             for member in range(filled):
-                for i in range(states):
-                    x[i] = w[i * BATCH_WIDTH + member]
-                for i in range(numbers):
-                    p[i] = w[constants + i * BATCH_WIDTH + member]
+                put(member_rows(w, 0, states, member), x)
+                put(member_rows(w, constants, numbers, member), p)
                 read_joints(p, x, at, joint_rate)
-                for i in range(joints):
-                    w[position + i * BATCH_WIDTH + member] = at[i]
-                    w[rate + i * BATCH_WIDTH + member] = joint_rate[i]
+                put(at, member_rows(w, position, joints, member))
+                put(joint_rate, member_rows(w, rate, joints, member))
 
     def place(packed: Matrix) -> Vector:
         w = np.zeros(constants + numbers * BATCH_WIDTH)

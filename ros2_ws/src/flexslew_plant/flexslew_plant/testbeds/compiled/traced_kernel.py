@@ -22,7 +22,7 @@ from flexslew_plant.testbeds.compiled.batch_kernel import (
     BATCH_WIDTH,
     BatchKernel,
     rows_of,
-    skip_reading,
+    skip,
 )
 from flexslew_plant.testbeds.compiled.generated import generated
 from flexslew_plant.testbeds.compiled.nystrom import NYSTROM
@@ -129,7 +129,7 @@ def _kernel(model: Model, equations: TracedEquations, bounded: bool) -> BatchKer
     rows = rows_of(states, model.efforts, model.joints, model.modes, reads)
     entries = {"x": 0, "u": rows.effort, "constants": rows.end}
     t, h = tape.input("t", 0), tape.input("h", 0)
-    read = skip_reading
+    read: Callable[[int, Vector], None] = skip
     joints = equations.joints() if reads else ()
     slopes = equations.slopes(t, equations.x)
     stages = len(NYSTROM.times if bounded else _ORDER_8.times)

@@ -12,7 +12,7 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.attitude import quaternion, to_body
-from flexslew_plant.testbeds.instruments.instrument import BodyState, CompiledReader
+from flexslew_plant.testbeds.instruments.instrument import RATE, BodyState, CompiledReader
 from flexslew_plant.testbeds.quaternions import multiply, rotation_vector_of
 
 Triple = tuple[float, float, float]
@@ -78,29 +78,21 @@ class Gyro:
 
 @compiled_once("memory", "out")
 def read_gyro(
-    k: int,
-    constants: Vector,
-    attitude: Vector,
-    rate: Vector,
-    wheels: Vector,
-    gimbals: Vector,
-    samples: Vector,
-    memory: Vector,
-    out: Vector,
+    k: int, constants: Vector, body: Vector, samples: Vector, memory: Vector, out: Vector
 ) -> None:
     """Write the reading of a gyro; its memory is the last tick's attitude, and its bias.
 
     The bias walks on, but for the first tick; draws are of this walk, its mean, the white noise.
     """
     walk, bridge, white, period = constants[9], constants[10], constants[11], constants[12]
-    x, y, z = rate[0], rate[1], rate[2]
+    x, y, z = body[RATE], body[RATE + 1], body[RATE + 2]
     if k > 0:
         before = (-memory[0], -memory[1], -memory[2], memory[3])
-        now = (attitude[0], attitude[1], attitude[2], attitude[3])
+        now = (body[0], body[1], body[2], body[3])
         x, y, z = rotation_vector_of(multiply(before, now))
         x, y, z = x / period, y / period, z / period
     for i in range(4):
-        memory[i] = attitude[i]
+        memory[i] = body[i]
     for i in range(3):
         bias, step = memory[4 + i], walk * samples[i] if k > 0 else 0.0
         memory[4 + i] = bias + step

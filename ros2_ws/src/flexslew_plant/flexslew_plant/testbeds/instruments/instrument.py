@@ -10,9 +10,10 @@ from flexslew_plant.arrays import EMPTY, Matrix, Vector, called, compiled
 # from the platform at a tick to the reading; called once a tick, in order
 Reader: TypeAlias = Callable[["BodyState"], Vector]
 
-# (k, constants, attitude, rate, wheels, gimbals, draws, memory, out): writes the reading of tick k
-# and what is remembered; of BodyState, then the random numbers of this tick
-Read: TypeAlias = Callable[..., None]
+# (k, constants, body, draws, memory, out): writes the reading of tick k and advances the memory;
+# body: the parts of a BodyState, one after another; draws: the random numbers of this tick
+Read: TypeAlias = Callable[[int, Vector, Vector, Vector, Vector, Vector], None]
+RATE, WHEELS = 4, 7  # where rate and wheels begin in the body
 
 
 class BodyState(NamedTuple):
@@ -102,7 +103,7 @@ class TickReader:
             self._rng.random(out=self._samples[:uniform])
             self._rng.standard_normal(out=self._samples[uniform:])
         out = np.empty(self._channels)
-        read(self._tick, constants, *body, self._samples, self.memory, out)
+        read(self._tick, constants, np.concatenate(body), self._samples, self.memory, out)
         self._tick += 1
         return out
 

@@ -7,12 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Indices, Matrix, Vector, compiled_once
 from flexslew_plant.testbeds.instruments.gyro import read_gyro
-from flexslew_plant.testbeds.instruments.instrument import (
-    BodyState,
-    CompiledReader,
-    Instrument,
-    Read,
-)
+from flexslew_plant.testbeds.instruments.instrument import CompiledReader, Instrument, Read
 from flexslew_plant.testbeds.instruments.resolver import read_resolver
 from flexslew_plant.testbeds.instruments.star_tracker import read_star_tracker
 from flexslew_plant.testbeds.instruments.sun_sensor import read_sun_sensor
@@ -90,7 +85,7 @@ def read_instruments(
     k: int,
     layout: Indices,
     constants: Vector,
-    body: BodyState,
+    body: Vector,
     samples: Vector,
     memory: Vector,
     tips: Vector,
@@ -101,31 +96,22 @@ def read_instruments(
         k: tick, from 0 on, one after another.
         layout: the layout of PackedReaders.
         constants: the constants of PackedReaders.
-        body: motion in arrays of one layout, else it is compiled once more.
-        samples: a row of PackedReaders.drawn.
+        body: the parts of a BodyState, one after another.
+        samples: a row of PackedReaders.draw.
         memory: memory of the instruments, in and out.
         tips: readings of all tips, of which theirs are written.
     """
-    attitude, rate, wheels, gimbals = body
     for n in range(len(layout)):
         at = layout[n]
         out, given = tips[at[1] : at[2]], constants[at[3] : at[4]]
-        reader_samples, reader_memory = samples[at[5] : at[6]], memory[at[7] : at[8]]
+        drawn, own = samples[at[5] : at[6]], memory[at[7] : at[8]]
         if at[0] == 0:
-            read_gyro(k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out)
+            read_gyro(k, given, body, drawn, own, out)
         elif at[0] == 1:
-            read_star_tracker(
-                k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out
-            )
+            read_star_tracker(k, given, body, drawn, own, out)
         elif at[0] == 2:
-            read_sun_sensor(
-                k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out
-            )
+            read_sun_sensor(k, given, body, drawn, own, out)
         elif at[0] == 3:
-            read_tachometer(
-                k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out
-            )
+            read_tachometer(k, given, body, drawn, own, out)
         else:
-            read_resolver(
-                k, given, attitude, rate, wheels, gimbals, reader_samples, reader_memory, out
-            )
+            read_resolver(k, given, body, drawn, own, out)

@@ -50,15 +50,7 @@ class Resolver:
 
 @compiled_once("memory", "out")
 def read_resolver(
-    k: int,
-    constants: Vector,
-    attitude: Vector,
-    rate: Vector,
-    wheels: Vector,
-    gimbals: Vector,
-    samples: Vector,
-    memory: Vector,
-    out: Vector,
+    k: int, constants: Vector, body: Vector, samples: Vector, memory: Vector, out: Vector
 ) -> None:
     """Write the readings of resolvers."""
-    write_white(gimbals, constants, samples, out)
+    write_white(body[body.size - out.size :], constants, samples, out)

@@ -10,7 +10,12 @@ from pydantic import Field
 
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.settings import NonNegative, Positive, Probability, section
-from flexslew_plant.testbeds.instruments.instrument import BodyState, CompiledReader, noisy
+from flexslew_plant.testbeds.instruments.instrument import (
+    RATE,
+    BodyState,
+    CompiledReader,
+    noisy,
+)
 from flexslew_plant.testbeds.quaternions import multiply, quaternion_of
 
 _GAP_START = 11  # where the spans without readings begin in the constants of its reader
@@ -94,15 +99,7 @@ class StarTracker:
 
 @compiled_once("memory", "out")
 def read_star_tracker(
-    k: int,
-    constants: Vector,
-    attitude: Vector,
-    rate: Vector,
-    wheels: Vector,
-    gimbals: Vector,
-    samples: Vector,
-    memory: Vector,
-    out: Vector,
+    k: int, constants: Vector, body: Vector, samples: Vector, memory: Vector, out: Vector
 ) -> None:
     """Write the reading of a star tracker; its memory is the exposures still to be delivered.
 
@@ -110,7 +107,7 @@ def read_star_tracker(
     """
     bx, by, bz, cross_axis, roll, rate_noise = constants[:6]
     dropout, limit, interval, delay, period = constants[6:_GAP_START]
-    size = sqrt(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2)
+    size = sqrt(body[RATE] ** 2 + body[RATE + 1] ** 2 + body[RATE + 2] ** 2)
     missing = k % int(interval) != 0 or size > limit or samples[0] < dropout
     for i in range(_GAP_START, constants.size, 2):
         missing = missing or constants[i] <= k * period < constants[i + 1]
@@ -128,7 +125,7 @@ def read_star_tracker(
             cross_axis * y + along * by,
             cross_axis * z + along * bz,
         )
-        now = (attitude[0], attitude[1], attitude[2], attitude[3])
+        now = (body[0], body[1], body[2], body[3])
         a, b, c, w = multiply(now, quaternion_of(x, y, z))
         sign = 1.0 if w >= 0.0 else -1.0
         memory[at], memory[at + 1], memory[at + 2] = sign * a, sign * b, sign * c

@@ -58,19 +58,11 @@ class SunSensor:
 
 @compiled_once("memory", "out")
 def read_sun_sensor(
-    k: int,
-    constants: Vector,
-    attitude: Vector,
-    rate: Vector,
-    wheels: Vector,
-    gimbals: Vector,
-    samples: Vector,
-    memory: Vector,
-    out: Vector,
+    k: int, constants: Vector, body: Vector, samples: Vector, memory: Vector, out: Vector
 ) -> None:
     """Write the reading of a Sun sensor."""
     bx, by, bz, edge, noise = constants[:5]
-    now = (attitude[0], attitude[1], attitude[2], attitude[3])
+    now = (body[0], body[1], body[2], body[3])
     x, y, z = to_body_axes(now, constants[5], constants[6], constants[7])
     if bx * x + by * y + bz * z < edge:
         out[:3] = 0.0

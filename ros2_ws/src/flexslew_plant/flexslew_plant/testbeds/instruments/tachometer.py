@@ -8,6 +8,7 @@ import numpy as np
 from flexslew_plant.arrays import Vector, compiled_once
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.instruments.instrument import (
+    WHEELS,
     BodyState,
     CompiledReader,
     white_reader,
@@ -50,15 +51,7 @@ class Tachometer:
 
 @compiled_once("memory", "out")
 def read_tachometer(
-    k: int,
-    constants: Vector,
-    attitude: Vector,
-    rate: Vector,
-    wheels: Vector,
-    gimbals: Vector,
-    samples: Vector,
-    memory: Vector,
-    out: Vector,
+    k: int, constants: Vector, body: Vector, samples: Vector, memory: Vector, out: Vector
 ) -> None:
     """Write the readings of tachometers."""
-    write_white(wheels, constants, samples, out)
+    write_white(body[WHEELS:], constants, samples, out)

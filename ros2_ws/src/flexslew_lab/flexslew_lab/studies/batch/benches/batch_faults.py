@@ -20,11 +20,12 @@ from flexslew_plant.faults import Fault, Timed
 from flexslew_plant.faults.dispatch import any_step, number_of
 from flexslew_plant.faults.effects import Names
 from flexslew_plant.faults.steps import FaultAction, Where
-from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
+from flexslew_plant.hardware.sensors import Readings
+from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, member_rows, skip
 
 Flags: TypeAlias = NDArray[np.bool_]
 _READING, _LATE, _DEMAND, _EFFORT = (int(where) for where in Where)
-_CHANNELS = ("joint_position", "joint_velocity", "tip_deflection")  # that a law may read
+_CHANNELS = Readings._fields[:3]  # that a law may read
 
 
 def is_supported(fault: Fault) -> bool:
@@ -156,8 +157,7 @@ def reading_step() -> Callable[..., None]:
     """Return what puts wrong readings in the place of some of a member's.
 
     It takes (k, member, BatchFaults, entry of joints, rates and tips at which the values begin,
-    values
-    of the sensors, changed).
+    values of the sensors, changed).
     """
     change = _value_after_faults()
 
@@ -180,7 +180,7 @@ def setting_in(rows: Rows, sizes: Sizes, has_sensors: bool) -> Callable[..., Non
         has_sensors: whether instruments read the tips, later in the tick.
     """
     if not sizes.has_faults:
-        return _no_reading_faults
+        return skip
     reading, begin, apply_faults = rows.reading, _store_initial(rows), reading_step()
     count = 2 * sizes.joints if has_sensors else sizes.outputs
 
@@ -190,13 +190,8 @@ def setting_in(rows: Rows, sizes: Sizes, has_sensors: bool) -> Callable[..., Non
             begin(k, faults, w, filled)
         if not faults.reading_faults[k]:
             return
-        values = np.empty(count)
         for member in range(filled):
-            for i in range(count):
-                values[i] = w[reading + i * BATCH_WIDTH + member]
-            apply_faults(k, member, faults, 0, values)
-            for i in range(count):
-                w[reading + i * BATCH_WIDTH + member] = values[i]
+            apply_faults(k, member, faults, 0, member_rows(w, reading, count, member))
 
     return cast(Callable[..., None], set_in)
 
@@ -231,7 +226,7 @@ def requested_effort_faults(rows: Rows, sizes: Sizes) -> Callable[..., None]:
         sizes: of the group.
     """
     if not sizes.has_faults:
-        return _no_effort_faults
+        return skip
     requested, effort, change = rows.request, rows.applied, _value_after_faults()
 
     @compiled
@@ -262,7 +257,7 @@ def motor_faults(rows: Rows, sizes: Sizes) -> Callable[..., None]:
         sizes: of the group.
     """
     if not sizes.has_faults:
-        return _no_effort_faults
+        return skip
     effort, change = rows.applied, _value_after_faults()
 
     @compiled
@@ -272,18 +267,3 @@ def motor_faults(rows: Rows, sizes: Sizes) -> Callable[..., None]:
                 w[at] = change(k, at - effort - i * BATCH_WIDTH, faults, _EFFORT, i, w[at])
 
     return cast(Callable[..., None], apply_effort)
-
-
-@compiled
-def _no_reading_faults(k: int, faults: Any, w: Vector, filled: int) -> None:
-    pass
-
-
-@compiled
-def no_reading_change(k: int, member: int, faults: Any, place: int, values: Vector) -> None:
-    """Leave the readings as they are."""
-
-
-@compiled
-def _no_effort_faults(k: int, i: int, faults: Any, w: Vector, filled: int) -> None:
-    pass

@@ -7,8 +7,8 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from flexslew_lab.studies.batch.groups.batch_trial import BatchTrial
-from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
+from flexslew_plant.arrays import Matrix, Vector, compiled, put
+from flexslew_plant.testbeds.compiled.batch_kernel import member_rows, skip
 from flexslew_plant.testbeds.compiled.push import Push, push_of
 
 
@@ -23,21 +23,15 @@ def forces_of(members: Sequence[BatchTrial]) -> tuple[Callable[..., None], Batch
     """Return what pushes the members of a group (see `_force_step`), and what it reads."""
     model = members[0].model
     if model.outside is None:
-        return _no_forces, BatchForces(np.zeros((0, 0)), np.zeros((0, 0)))
+        return skip, BatchForces(np.zeros((0, 0)), np.zeros((0, 0)))
     packed = np.array([member.model.packed for member in members])
     numbers = np.array([member.model.outside.numbers for member in members if member.model.outside])
-    sizes = model.positions + model.coordinates, model.coordinates, model.before_modes
-    push = push_of(model.kernels, model.outside.add)
-    return _force_step(push, *sizes), BatchForces(packed, numbers)
-
-
-@compiled
-def _no_forces(t: float, span: float, forces: BatchForces, filled: int, w: Vector) -> None:
-    pass
+    push, states = push_of(model.kernels, model.outside.add), model.positions + model.coordinates
+    return _force_step(push, states, model.before_modes), BatchForces(packed, numbers)
 
 
 @lru_cache
-def _force_step(push: Push, states: int, coordinates: int, before: int) -> Callable[..., None]:
+def _force_step(push: Push, states: int, before: int) -> Callable[..., None]:
     """Return what gives members the impulse between t and t + span; see Model.pushed.
 
     It takes (t, span, BatchForces, number of members in use, w).
@@ -45,18 +39,15 @@ def _force_step(push: Push, states: int, coordinates: int, before: int) -> Calla
     Args:
         push: of the testbed.
         states: entries of [q, v].
-        coordinates: of them v.
-        before: of these before the modes.
+        before: coordinates before the modes.
     """
 
     @compiled
     def apply_forces(t: float, span: float, forces: BatchForces, filled: int, w: Vector) -> None:
         x = np.empty(states)
         for member in range(filled):
-            for i in range(states):
-                x[i] = w[i * BATCH_WIDTH + member]
+            put(member_rows(w, 0, states, member), x)
             push(forces.packed[member], forces.outside[member], t, span, before, x)
-            for i in range(states - coordinates, states):
-                w[i * BATCH_WIDTH + member] = x[i]
+            put(x, member_rows(w, 0, states, member))
 
     return cast(Callable[..., None], apply_forces)

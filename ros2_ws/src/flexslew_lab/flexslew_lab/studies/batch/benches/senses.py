@@ -13,17 +13,23 @@ from flexslew_control.estimators.attitude_tick import (
     write_joints,
 )
 from flexslew_control.estimators.flexible_attitude_tick import flexible_memory, flexible_tick
-from flexslew_lab.studies.batch.benches.batch_faults import no_reading_change, reading_step
+from flexslew_lab.studies.batch.benches.batch_faults import reading_step
 from flexslew_lab.studies.batch.groups.batch_laws import BatchLaws, spacecraft_kernel
 from flexslew_lab.studies.batch.groups.batch_trial import BatchTrial
 from flexslew_lab.studies.batch.groups.rows import Rows, Sizes
-from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, compiled
-from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, BatchKernel, flat_zeros
-from flexslew_plant.testbeds.instruments import BodyState
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, compiled, put
+from flexslew_plant.testbeds.compiled.batch_kernel import (
+    BATCH_WIDTH,
+    BatchKernel,
+    flat_zeros,
+    member_rows,
+    skip,
+)
 from flexslew_plant.testbeds.instruments.packed_readers import PackedReaders, read_instruments
 
-# (k, Senses, told, joints, reference, filled): replaces the joint readings, (members, 2 joints), by
-# their estimates; told: readings of all tips, then the efforts before, (members, tips + joints)
+# (k, SensorData, measured, joints, reference, filled): replaces the joint readings, (members, 2
+# joints), by their estimates; measured: readings of all tips, then the efforts before, (members,
+# tips + joints)
 Filter: TypeAlias = Callable[..., None]
 
 
@@ -34,7 +40,6 @@ class SensorData(NamedTuple):
     constants: Matrix
     memory: Matrix
     body: Indices  # entries of the state that a BodyState is of, one after another
-    parts: Indices  # where attitude, rate, wheels and gimbals end there
     filters: Any  # AttitudeNumbers, a row for all members or for each; None: there are none
     spacecraft_models: (
         Any  # FlexibleNumbers likewise; None: attitude and bias are all that they believe
@@ -83,7 +88,6 @@ def sensors_of(members: Sequence[BatchTrial], laws: BatchLaws, tips: int) -> Sen
         np.array([one.constants for one in readers]),
         np.array([one.memory for one in readers]),
         np.concatenate(body).astype(np.int64),
-        np.cumsum([part.size for part in body]),
         _side_by_side(filters) if filters else None,
         spacecraft_models,
         place,
@@ -165,12 +169,12 @@ def _flexible_filter(kernel: BatchKernel, steps: int) -> Filter:
     return cast(Filter, flexible_filter)
 
 
-def sensor_step(
+def instrument_step(
     rows: Rows, sizes: Sizes, has_sensors: bool, filtered: Filter | None
 ) -> Callable[..., None]:
     """Return what writes readings of instruments, and joints as a filter believes in them.
 
-    It takes (k, Senses, draws of this tick, reference, BatchFaults, w, number of members in use).
+    It takes (k, SensorData, draws of this tick, reference, BatchFaults, w, members in use).
 
     Args:
         rows: of the group.
@@ -182,19 +186,9 @@ def sensor_step(
     reading, measured, effort = rows.reading, rows.reading + 2 * m * BATCH_WIDTH, rows.applied
     has_filter = filtered is not None
     estimate_joints = filtered or rigid_filter
-    apply_faults = reading_step() if sizes.has_faults else no_reading_change
+    apply_faults = reading_step() if sizes.has_faults else skip
 
-    def skip(
-        k: int,
-        sensor_data: SensorData,
-        noise: Matrix,
-        reference: Vector,
-        faults: Any,
-        w: Vector,
-        filled: int,
-    ) -> None:
-        pass
-
+    @compiled
     def measure(
         k: int,
         sensor_data: SensorData,
@@ -204,28 +198,21 @@ def sensor_step(
         w: Vector,
         filled: int,
     ) -> None:
-        parts, x = sensor_data.parts, np.empty(sensor_data.body.size)
+        body = np.empty(sensor_data.body.size)
         read, joints = np.zeros((filled, channels + m)), np.empty((filled, 2 * m))
-        body = BodyState(
-            x[: parts[0]], x[parts[0] : parts[1]], x[parts[1] : parts[2]], x[parts[2] : parts[3]]
-        )
         for member in range(filled):
-            for i in range(x.size):
-                x[i] = w[sensor_data.body[i] * BATCH_WIDTH + member]
+            for i in range(body.size):
+                body[i] = w[sensor_data.body[i] * BATCH_WIDTH + member]
             data, memory = sensor_data.constants[member], sensor_data.memory[member]
             outputs = read[member, :channels]
             read_instruments(k, sensor_data.layout, data, body, noise[member], memory, outputs)
             apply_faults(k, member, faults, 2 * m, outputs)
-            for i in range(tips):
-                w[measured + i * BATCH_WIDTH + member] = read[member, i]
-            for i in range(m):
-                read[member, channels + i] = w[effort + i * BATCH_WIDTH + member]
-            for i in range(2 * m):
-                joints[member, i] = w[reading + i * BATCH_WIDTH + member]
+            put(outputs, member_rows(w, measured, tips, member))
+            put(member_rows(w, effort, m, member), read[member, channels:])
+            put(member_rows(w, reading, 2 * m, member), joints[member])
         if has_filter:
             estimate_joints(k, sensor_data, read, joints, reference, filled)
             for member in range(filled):
-                for i in range(2 * m):
-                    w[reading + i * BATCH_WIDTH + member] = joints[member, i]
+                put(joints[member], member_rows(w, reading, 2 * m, member))
 
-    return cast(Callable[..., None], compiled(measure if has_sensors else skip))
+    return cast(Callable[..., None], measure if has_sensors else skip)

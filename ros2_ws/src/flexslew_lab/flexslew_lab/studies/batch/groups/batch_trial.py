@@ -308,10 +308,8 @@ def _known_before(trial: Trial) -> tuple[ScheduleEntry, ...]:
 
 def _first_measured(trial: Trial, model: Model, faults: Sequence[Timed]) -> Vector:
     """Return the positions of the joints that are measured at tick 0, shape (joints,)."""
-    x, seed = initial_state(trial.testbed), [trial.seed, 0]  # epoch 0
-    rng, instruments = np.random.default_rng(seed), model.appendages.started(trial.period, seed)
-    sensors = Sensors(trial.sensors, rng, model.appendages.errors, instruments)
-    zero_effort = np.zeros(model.efforts)
+    x, zero_effort = initial_state(trial.testbed), np.zeros(model.efforts)
+    sensors = Sensors(trial.sensors, model, trial.period, [trial.seed, 0])  # epoch 0
     readings = sensors.read(exact_readings(model, x, zero_effort, 0.0), x)
     names = Names(model.joint_names, model.appendages.names, ())
     active_faults = Faults(names, trial.seed, 0, tuple(faults))

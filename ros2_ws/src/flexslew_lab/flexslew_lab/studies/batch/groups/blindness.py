@@ -20,13 +20,13 @@ from flexslew_plant.faults import Timed
 from flexslew_plant.faults.dispatch import advance_fault, number_of
 from flexslew_plant.faults.effects import Names
 from flexslew_plant.faults.steps import Where
+from flexslew_plant.hardware.sensors import Readings, channel_bounds
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.refusal import Cause
 from flexslew_plant.testbeds.model import Model
 
 EstimateLoss: TypeAlias = Mapping[str, NDArray[np.bool_]]  # by controller, each (ticks,)
 _TEST_SEQUENCE = (False, True, True, False)  # whether the sensor reads NaN, tick by tick
-_CHANNELS = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
 
 
 def find_invalid(names: Names, faults: Sequence[Timed], seed: int, ticks: int) -> NDArray[np.bool_]:
@@ -38,7 +38,7 @@ def find_invalid(names: Names, faults: Sequence[Timed], seed: int, ticks: int) -
         seed: of the trial.
         ticks: of the trial.
     """
-    first_index = np.cumsum([0, *(len(names.of(channel)) for channel in _CHANNELS)])
+    first_index = channel_bounds(len(names.joints), len(names.appendages))
     values, advance = np.zeros((ticks, first_index[-1])), advance_fault()
     for timed in sorted(faults, key=lambda timed: timed.start):  # each changes what is there
         fault: Any = timed.fault
@@ -46,7 +46,7 @@ def find_invalid(names: Names, faults: Sequence[Timed], seed: int, ticks: int) -
         action = None if kind is None else fault.action(names)
         if action is None or action.where is not Where.READING:
             continue
-        first = first_index[_CHANNELS.index(action.channel)]
+        first = first_index[Readings._fields.index(action.channel)]
         columns = slice(first + action.first, first + action.last)
         span = slice(timed.start, int(min(timed.end, ticks)))
         read = np.ascontiguousarray(values[span, columns])
@@ -92,7 +92,7 @@ def _without_estimate(controller: Controller, model: Model, x: Vector, sensor: i
     for tick, wrong in enumerate(_TEST_SEQUENCE):
         values = known.copy()
         values[sensor] = np.nan if wrong else known[sensor]
-        q, v, tip, curvature = np.split(values, np.cumsum([joints, joints, tips.size]))
+        q, v, tip, curvature = np.split(values, channel_bounds(joints, tips.size)[1:-1])
         time, name = tick * controller.period, controller.name
         answer = controller.observe(Measurement(tick, 0, time, name, q, v, tip, curvature, none))
         if answer is not None and not np.isfinite(answer.command.effort).all():

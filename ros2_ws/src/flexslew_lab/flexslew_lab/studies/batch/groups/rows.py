@@ -77,8 +77,9 @@ class Rows(NamedTuple):
     pulse: int  # impulse of their shortest pulse
     motor: int  # quantum, slew rate, lag, rise, mean rise; see motor_step.MotorNumbers
     spin: int  # inertia over a tick of each joint's wheel, then its largest speed
+    bias: int  # of each reading
     quantum: int  # of each reading; 0: none
-    doubt: int  # 1: something was too near to an edge, see quanta; 2: see judge and watch
+    doubt: int  # 1: something was too near to an edge, see readings; 2: see judge and watch
     squares: int  # of innovations over their variances, added up in a window
     deflection: int  # a tip's deflection at this tick
     full: int  # last time at which a drive was at its limit
@@ -101,7 +102,7 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     seen, products, taken = n * sizes.shared, n * n * sizes.quadratic, m * sizes.taken
     law = (read, read, 2 * seen, seen, products, taken, taken, m, m, m, n, n, n, n)  # to kd
     check_rows = read * sizes.quantised, int(sizes.doubtful), sizes.monitored
-    drives = (tip, m, m, m, n, m, m, m, 5, 2 * m, *check_rows)  # to squares
+    drives = (tip, m, m, m, n, m, m, m, 5, 2 * m, read, *check_rows)  # to squares
     measured = (1, 1, 1, 1, m, m, m, 1, m, m, 1)  # to saturated
     counts = (m, m, m * sizes.has_faults, *law, *drives, *measured, tip)
     return Rows(*(kernel_size + BATCH_WIDTH * sum(counts[:k]) for k in range(len(counts) + 1)))

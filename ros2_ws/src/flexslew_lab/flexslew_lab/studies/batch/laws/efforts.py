@@ -15,11 +15,11 @@ from flexslew_lab.studies.batch.benches.batch_faults import (
     motor_faults,
     requested_effort_faults,
 )
-from flexslew_lab.studies.batch.benches.quanta import GUARD, near_edge
+from flexslew_lab.studies.batch.benches.readings import GUARD
 from flexslew_lab.studies.batch.groups.rows import Rows, Sizes
 from flexslew_lab.studies.batch.laws.observers import add_products
 from flexslew_lab.studies.batch.laws.turned import RotationJoints
-from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, put, vectorised
 from flexslew_plant.hardware.motor_step import (
     first_order_effort,
     first_order_slew_effort,
@@ -28,7 +28,7 @@ from flexslew_plant.hardware.motor_step import (
     speed_limited_effort,
 )
 from flexslew_plant.hardware.motor_step import pulse_effort as pulsed_effort
-from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
+from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH, member_rows, skip
 
 
 class LawNumbers(NamedTuple):
@@ -259,22 +259,17 @@ def _allocate(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     m, tips = sizes.joints, sizes.outputs - 2 * sizes.joints
     demand, effort, reading = rows.demand, rows.applied, rows.reading + 2 * m * BATCH_WIDTH
 
-    def no_op(t: float, allocation: Any, w: Vector, filled: int) -> None:
-        pass
-
+    @compiled
     def set_effort(t: float, allocation: Any, w: Vector, filled: int) -> None:
         torque, readings, out = np.empty(3), np.empty(tips), np.empty(m)
         for member in range(filled):
-            for i in range(3):
-                torque[i] = w[demand + i * BATCH_WIDTH + member]
-            for i in range(tips):
-                readings[i] = w[reading + i * BATCH_WIDTH + member]
+            put(member_rows(w, demand, 3, member), torque)
+            put(member_rows(w, reading, tips, member), readings)
             one = member if allocation.torque.shape[0] > 1 else 0
             share(allocation, one, torque, readings, t, out)
-            for i in range(m):
-                w[effort + i * BATCH_WIDTH + member] = out[i]
+            put(out, member_rows(w, effort, m, member))
 
-    return compiled(set_effort if sizes.shared else no_op)
+    return set_effort if sizes.shared else skip
 
 
 def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
@@ -313,10 +308,9 @@ def _drive(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
             applied = min(max(w[effort + at], w[least + at]), w[limit + at])
             member = at - i * BATCH_WIDTH
             if discrete_effort and w[quantum + member] > 0.0:
-                step = w[quantum + member]
-                near = near_edge(applied, w[limit + at], step)
-                w[flags + member] = 1.0 if near else w[flags + member]
-                applied = round_effort(applied, w[least + at], w[limit + at], step)
+                bounds = w[least + at], w[limit + at]
+                applied, margin = round_effort(applied, *bounds, w[quantum + member])
+                w[flags + member] = 1.0 if margin < GUARD * bounds[1] else w[flags + member]
             if has_pulse:
                 minimum_impulse, most = w[pulse + at], w[limit + at]
                 near = (
@@ -343,9 +337,7 @@ def _spin(rows: Rows, sizes: Sizes) -> Callable[..., None]:
     effort, share, max_speed = rows.applied, rows.spin, rows.spin + sizes.joints * BATCH_WIDTH
     wheel_rates = sizes.wheel_rates
 
-    def no_op(i: int, w: Vector) -> None:
-        pass
-
+    @vectorised
     def limit_speed(i: int, w: Vector) -> None:
         if wheel_rates[i] < 0:
             return
@@ -355,7 +347,7 @@ def _spin(rows: Rows, sizes: Sizes) -> Callable[..., None]:
                 w[effort + at], speed, w[share + at], w[max_speed + at]
             )
 
-    return vectorised(limit_speed if wheel_rates else no_op)
+    return limit_speed if wheel_rates else skip
 
 
 def _motor_dynamics(rows: Rows, sizes: Sizes) -> Callable[..., None]:

@@ -11,9 +11,8 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.attitude import AttitudeJoints, joint_rotation_vector
-from flexslew_plant.testbeds.compiled.batch_kernel import BATCH_WIDTH
-from flexslew_plant.testbeds.quaternions import way
+from flexslew_plant.testbeds.attitude import AttitudeJoints, apply_attitude_error
+from flexslew_plant.testbeds.compiled.batch_kernel import member_rows, skip
 
 
 class RotationJoints(NamedTuple):
@@ -44,35 +43,14 @@ def relative_to_reference(joints: int, reading: int, reads_attitude: bool) -> Ca
         reading: where in the flat array their positions begin.
         reads_attitude: whether they read an attitude; else all stays.
     """
-    if not reads_attitude:
-
-        @compiled
-        def no_op(
-            w: Vector, rotation_joints: RotationJoints, reference: Vector, filled: int
-        ) -> None:
-            pass
-
-        return cast(Callable[..., None], no_op)
 
     @compiled
     def replace_positions(
         w: Vector, rotation_joints: RotationJoints, reference: Vector, filled: int
     ) -> None:
         axes, inverse = rotation_joints.axes, rotation_joints.inverse
-        goal = joint_rotation_vector(inverse, reference)
         for member in range(filled):
-            ax, ay, az = 0.0, 0.0, 0.0
-            for i in range(joints):
-                measured = w[reading + i * BATCH_WIDTH + member]
-                ax += inverse[0, i] * measured
-                ay += inverse[1, i] * measured
-                az += inverse[2, i] * measured
-            plain, (x, y, z) = way((ax, ay, az), goal)
-            if plain:
-                continue
-            for i in range(joints):
-                if axes[i, 0] != 0.0 or axes[i, 1] != 0.0 or axes[i, 2] != 0.0:
-                    error = axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z
-                    w[reading + i * BATCH_WIDTH + member] = reference[i] - error
+            position = member_rows(w, reading, joints, member)
+            apply_attitude_error(axes, inverse, reference, position)
 
-    return cast(Callable[..., None], replace_positions)
+    return cast(Callable[..., None], replace_positions if reads_attitude else skip)
