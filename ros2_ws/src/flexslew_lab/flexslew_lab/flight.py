@@ -15,6 +15,7 @@ from flexslew_lab.metrics.rows import flat, row_unit
 from flexslew_lab.notebook_table import in_notebook
 from flexslew_lab.report.handover_lines import handover_lines
 from flexslew_lab.report.verdict import run_summary
+from flexslew_lab.short_values import short
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.events import Event
@@ -81,7 +82,7 @@ class Flight:
         """Return the verdict and the table of the metrics, for notebooks."""
         joints = {n.partition(".")[2]: self.units[n] for n in self.signals if n[:9] == "measured."}
         rows = [
-            (name, format_value(value), row_unit(name, joints, self.user_keys))
+            (name, short(value, 3), row_unit(name, joints, self.user_keys))
             for name, value in flat(self.metrics).items()
             if value is not None
         ]
@@ -154,8 +155,3 @@ class Flight:
         figure.update_xaxes(title_text="time [s]", row=len(panels), col=1)
         figure.update_layout(height=80 + 220 * len(panels), template="plotly_white")
         return figure
-
-
-def format_value(value: Any) -> str:
-    """Return a value of the metrics in three digits."""
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,5 +1,5 @@
 """Metrics, figures, reports and comparisons of runs.
 
-Offers: page, panels, report, run_data, runs_index, signals, sky_map, tables, handover_lines,
+Offers: page, panels, report, run_data, runs_index, sections, signals, sky_map, handover_lines,
 verdict.
 """
