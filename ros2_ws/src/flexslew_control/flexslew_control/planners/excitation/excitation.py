@@ -6,9 +6,9 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
+from flexslew_control.law import per_joint
 from flexslew_control.plan import Plan
-from flexslew_control.planners.entry import PlannerEntry
+from flexslew_control.planners.entry import PlannerEntry, PlanTask
 from flexslew_control.planners.excitation.experiments import Experiments, divide, signal
 from flexslew_control.planners.excitation.limits import (
     PredictedPeaks,
@@ -16,8 +16,7 @@ from flexslew_control.planners.excitation.limits import (
     scale_to_limits,
 )
 from flexslew_control.planners.excitation.signals import Phases
-from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Feedback, Slew, slew_of
+from flexslew_control.planners.slew import Feedback, Slew, plan_on_ticks, slew_of
 from flexslew_control.shared_keys import Initial, Start, WholeModel
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
@@ -63,29 +62,18 @@ class Excitation:
     feedback: Feedback | None = None
 
 
-def plan_excitation(
-    settings: Excitation,
-    plant: PlantDescription,
-    feedback: Feedback | None,
-    progress: Progress | None = None,
-    law: ActiveLaw | None = None,
-) -> Plan:
+def plan_excitation(task: PlanTask) -> Plan:
     """Return the plan that shakes the joints in turn of phase, with the reference at rest.
 
     A multisine is orthogonal over the joints: as many experiments as joints, of whole periods each,
     so that the frequency responses of the joints can be separated line by line.
 
-    Args:
-        settings: the section.
-        plant: the bench.
-        feedback: gains of the active controller; None: it has no such gains.
-        progress: not called: nothing is iterated for long.
-        law: unused: a shaken bench is predicted by its joint gains.
-
     Raises:
         BadInput: if there is no such joint, the band is empty, or the duration is less than two
             periods.
     """
+    settings: Excitation = task.settings
+    plant, feedback = task.plant, task.feedback
     whole = settings.model if settings.model is not None else plain(plant.testbed)
     slew = slew_of(replace(settings, model=whole), plant, feedback)
     model = slew.model
@@ -180,23 +168,9 @@ def _plan(
             "predicted_tip_deflection": predicted.tip,
         }
     rest = np.tile(slew.start, (ticks + 1, 1))
-    return Plan(
-        method=settings.method,
-        joint_names=slew.model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=rest,
-        velocity=np.zeros_like(rest),
-        effort=effort,
-        state=np.zeros((ticks + 1, 0)),
-        duration=settings.duration,
-        request={
-            **plain(settings),
-            "model": plain(slew.testbed),
-            "initial": slew.named(slew.start),
-        },
-        summary=summary,
-    )
+    plan = plan_on_ticks(settings, slew, (rest, np.zeros_like(rest)), effort, summary)
+    model, initial = plain(slew.testbed), slew.named(slew.start)
+    return replace(plan, request={**plain(settings), "model": model, "initial": initial})
 
 
 EXCITATION = PlannerEntry(Excitation, plan_excitation, slews=False)

@@ -28,7 +28,7 @@ from flexslew_control.planners.minimax.turning_motion import RotationMotion
 from flexslew_control.planners.motors import matrices, motor_step
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.rest_at_goal import require_rest
-from flexslew_control.planners.slew import FeedbackKey, Slew, tick_times
+from flexslew_control.planners.slew import FeedbackKey, Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.shared_keys import DesignModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
@@ -200,18 +200,8 @@ def _plan(settings: MinimaxFeedforward, question: Question, found: Found) -> Pla
         ],
         "predicted_residual_tip_deflection": float(optimum.residuals[0]),
     }
-    return Plan(
-        method=settings.method,
-        joint_names=slew.model.joint_names,
-        start=settings.start,
-        period=slew.period,
-        position=position,
-        velocity=velocity,
-        effort=np.vstack((efforts, rest)),
-        state=state,
-        duration=found.duration,
-        summary=summary,
-    )
+    effort = np.vstack((efforts, rest))
+    return plan_on_ticks(settings, slew, (position, velocity), effort, summary, state)
 
 
 def _by_joint(slew: Slew, found: Found, ticks: Vector) -> tuple[Matrix, Matrix, Matrix]:
