@@ -20,7 +20,7 @@ from flexslew_control.planners.time_optimal.optimality import (
     joint_sensitivity,
     statement,
 )
-from flexslew_control.planners.time_optimal.pontryagin import ExtremalArcs, switching_function
+from flexslew_control.planners.time_optimal.pontryagin import switching_function
 from flexslew_control.planners.time_optimal.structures import Structure, require_durations
 from flexslew_control.planners.time_optimal.three_axes.three_axes import plan_three_axes
 from flexslew_control.planners.trajectories import rigid_duration
@@ -216,7 +216,7 @@ def _effort_share(settings: TimeOptimal) -> float:
     return 1.0 - RESERVE if of_feedback else 1.0
 
 
-def on_ticks(slew: ExtremalArcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
+def on_ticks(slew: BangBang | AllDrives, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
     """Return the states at the ticks and the mean effort of every tick.
 
     Args:
