@@ -17,15 +17,18 @@ from flexslew_control.planners.attitude.one_axis import (
     more_modes,
     reduced,
 )
+from flexslew_control.planners.checks.one_way import shared_out
+from flexslew_control.planners.checks.remedies import (
+    PlanFunction,
+    require_stable_loop,
+    suggest_duration,
+)
 from flexslew_control.planners.entry import PlanTask
 from flexslew_control.planners.held_efforts import end_error, exact_on_ticks, joints_at_rest
-from flexslew_control.planners.motors import Matrices, matrices
-from flexslew_control.planners.one_way import shared_out
-from flexslew_control.planners.prediction import Prediction, motion_warning, predicted
 from flexslew_control.planners.progress import ignore
-from flexslew_control.planners.remedies import PlanFunction, require_stable_loop, suggest_duration
-from flexslew_control.planners.slew import ExcessTorque, Feedback, Slew, known_motors, slew_of
-from flexslew_control.planners.whole_bench import (
+from flexslew_control.planners.residual.motors import Matrices, matrices
+from flexslew_control.planners.residual.prediction import Prediction, motion_warning, predicted
+from flexslew_control.planners.residual.whole_bench import (
     TIP_FLOOR,
     Better,
     as_predicted,
@@ -37,6 +40,7 @@ from flexslew_control.planners.whole_bench import (
     with_law_residual,
     without_simulation,
 )
+from flexslew_control.planners.slew import ExcessTorque, Feedback, Slew, known_motors, slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import has_initial_rates

@@ -26,8 +26,8 @@ from flexslew_control.planners.attitude.eigenaxis import (
     joint_coupling,
     tracking_efforts,
 )
+from flexslew_control.planners.checks.one_way import shared_out
 from flexslew_control.planners.entry import PlannerEntry, PlanTask
-from flexslew_control.planners.one_way import shared_out
 from flexslew_control.planners.slew import (
     ExcessTorque,
     plan_on_ticks,

@@ -7,9 +7,9 @@ from pydantic import Field
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude.attitude_goal import Goal
+from flexslew_control.planners.checks.rest_at_goal import require_rest
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import Feedback, Slew, plan_on_ticks, tick_times
 from flexslew_control.planners.slewing import SlewPlanner
 from flexslew_control.planners.time_optimal.all_drives import AllDrives, time_optimal_slew

@@ -9,7 +9,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.motors import Matrices, matrices, motor_step
+from flexslew_control.planners.residual.motors import Matrices, matrices, motor_step
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds import initial_state

@@ -14,8 +14,12 @@ from flexslew_control.controllers import PD_FEEDFORWARD, build_controller
 from flexslew_control.known_motion import ATTITUDE_ERROR, PREDICTED
 from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan, with_warning
-from flexslew_control.planners.motors import Matrices, at_once, motor_step
-from flexslew_control.planners.prediction import MAX_MONITOR_TICKS, MIN_MONITOR_TIME, Prediction
+from flexslew_control.planners.residual.motors import Matrices, at_once, motor_step
+from flexslew_control.planners.residual.prediction import (
+    MAX_MONITOR_TICKS,
+    MIN_MONITOR_TIME,
+    Prediction,
+)
 from flexslew_control.planners.slew import Feedback, Slew
 from flexslew_plant.arrays import Vector, read_only
 from flexslew_plant.errors import BadInput
