@@ -40,16 +40,16 @@ def _sections(found: Identification) -> Iterator[Section]:
         )
         for number, mode in enumerate(model.modes, 1)
     ]
-    head = ("mode", "frequency [rad/s]", "damping ratio", "periods", "driven by")
-    yield Table("Modes of the free bench", "± holds the truth with 95 %.", head, modes)
+    columns = ("mode", "frequency [rad/s]", "damping ratio", "periods", "driven by")
+    yield Table("Modes of the free bench", "± holds the truth with 95 %.", columns, modes)
     inertia = [
         (name, *map(format_interval, row)) for name, row in zip(joints, model.inertia, strict=False)
     ]
     yield Table("Rigid inertia", "", ("", *joints), inertia)
     if physical is not None:
-        rows = [(p.key, format_interval(p.value)) for p in physical.parameters]
+        values = [(p.key, format_interval(p.value)) for p in physical.parameters]
         warnings = " ".join(physical.warnings)
-        yield Table("Parameters of the bench's own equations", "", (), rows, warnings)
+        yield Table("Parameters of the bench's own equations", "", (), values, warnings)
     yield Text("No frequency responses", found.without_response)
     if found.response is not None:
         yield responses(found.response)

@@ -46,10 +46,10 @@ def extremal_durations(slew: BangBang) -> Vector | None:
         PlanFailed: the linear model takes too long.
     """
     structure = linear_optimum(slew).structure
-    start = None if structure is None else _coarse_durations(slew, structure)
-    if structure is None or start is None:
+    if structure is None:
         return None
-    return minimum_durations(slew, start, structure.curvature)
+    start = _coarse_durations(slew, structure)
+    return None if start is None else minimum_durations(slew, start, structure.curvature)
 
 
 class KnownOptimum(NamedTuple):
@@ -73,7 +73,7 @@ def known_optimum(slew: BangBang, duration: float) -> KnownOptimum | None:
         optimum = linear_optimum(slew)
     except PlanFailed:
         return None
-    d = optimum.structure and _coarse_durations(slew, optimum.structure)
+    d = None if optimum.structure is None else _coarse_durations(slew, optimum.structure)
     if d is not None:
         slopes = replace(slew, coarse=True).residual_jacobian(d)[1]
         mu = np.linalg.lstsq(slopes.T, np.ones(d.size), rcond=None)[0]

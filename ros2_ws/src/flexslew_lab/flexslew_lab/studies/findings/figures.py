@@ -140,13 +140,14 @@ def _maps(
     panels = []
     for label, (x, y, z) in cells.items():
         panel = Panel(label, x_title=axes[0], height=300, single=True)
-        bad = np.argwhere(np.isinf(z))
+        bad, heights = np.argwhere(np.isinf(z)), z.astype(object)
+        heights[~np.isfinite(z)] = None
         panel.traces.append(
             {
                 "type": "heatmap",
                 "x": x.tolist(),
                 "y": y.tolist(),
-                "z": np.where(np.isfinite(z), z, None).tolist(),
+                "z": heights.tolist(),
                 "colorscale": "Viridis",
                 "colorbar": {"title": {"text": f"[{unit}]"}, "thickness": 12},
                 "hovertemplate": "%{x:.4g}, %{y:.4g}: %{z:.5g}<extra></extra>",

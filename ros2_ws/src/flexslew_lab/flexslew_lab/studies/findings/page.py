@@ -154,12 +154,12 @@ def _execution(found: dict[str, Any]) -> Iterator[Text]:
         )
     yield Text("How it was flown", " ".join([*words, f"Table: {found['table']}"]))
     if check := found["check"]:
-        words = (
+        verdict = (
             f"{check['trials']} trials of the lanes flown again by the ordinary bench: largest "
             f"difference {_digits(check['largest'])} ({check['metric']}, trial {check['index']}), "
             f"allowed {_digits(check['tolerance'])}."
         )
-        yield Text("Check of the lanes", words, "good" if check["ok"] else "bad")
+        yield Text("Check of the lanes", verdict, "good" if check["ok"] else "bad")
 
 
 def names_of(opened: Sequence[tuple[Study, Store]]) -> list[str]:
