@@ -35,7 +35,7 @@ def antennas_figures() -> dict[str, Group]:
 
 def _over_time(paths: dict[str, Matrix], step: float) -> dict[str, tuple[Vector, Matrix]]:
     return {
-        name: (_THIN * step * np.arange(len(path[::_THIN])), path[::_THIN])
+        name: (_THIN * step * np.arange(len(path[::_THIN]), dtype=np.float64), path[::_THIN])
         for name, path in paths.items()
     }
 
@@ -56,7 +56,7 @@ def _tips(example: str, paths: dict[str, Matrix]) -> Group:
 def _oscillator_gains() -> Group:
     case = flights.time_varying(3)
     r, exact = case.regulator, flights.exact_riccati_of(3)
-    t = flights.FINE * (np.arange(len(case.middle)) + 0.5)
+    t = flights.FINE * (np.arange(len(case.middle), dtype=np.float64) + 0.5)
     first = [0.5 * (a + b) - r.riccati for a, b in pairwise(exact)]
     gains_by_name = {
         "backward integration": [
