@@ -42,14 +42,20 @@ class Slopes(Protocol):
 def extremal_durations(slew: BangBang) -> Vector | None:
     """Return the arcs of the slew with the structure of the linear optimum; None if there is none.
 
+    A whole state that is to be insensitive may have none: the joint of a linear plant is as
+    sensitive as its modes. The slew then starts from that with insensitive modes.
+
     Raises:
         PlanFailed: the linear model takes too long.
     """
-    structure = linear_optimum(slew).structure
-    if structure is None:
-        return None
-    start = _coarse_durations(slew, structure)
-    return None if start is None else minimum_durations(slew, start, structure.curvature)
+    structure, found = linear_optimum(slew).structure, None
+    start = None if structure is None else _coarse_durations(slew, structure)
+    if structure is not None and start is not None:
+        found = minimum_durations(slew, start, structure.curvature)
+    if found is None and slew.robust and slew.insensitive == "state":
+        start = extremal_durations(replace(slew, insensitive="modes"))
+        found = None if start is None else minimum_durations(slew, start)
+    return found
 
 
 class KnownOptimum(NamedTuple):
